@@ -1,0 +1,1 @@
+"""From a measured loop to a linear actuator."""

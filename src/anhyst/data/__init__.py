@@ -1,0 +1,1 @@
+"""Measurements: reading, cleaning and judging loops."""

@@ -1,0 +1,17 @@
+"""The two ways a verb can end other than well."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """Bad input, told in one line: file, line or key; what is wrong; what to do.
+
+    The command line prints it as ``anhyst: error: ...`` and exits with 2.
+    """
+
+
+class NegativeResult(RuntimeError):
+    """The work was done and the answer is no, such as a model that fails its acceptance test.
+
+    The command line prints it and exits with 1.
+    """
