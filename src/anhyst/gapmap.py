@@ -1,0 +1,182 @@
+"""How a parameter runs over the scheduling variable: the gap, or any other named quantity.
+
+Between the nodes runs a monotone cubic (PCHIP, Fritsch and Carlson 1980), which cannot overshoot:
+between two nodes it never leaves the range of their two values. An ordinary spline does, and that
+is how the paper's Fig. 2 fails. Outside the nodes the curve goes on as a straight line with the
+slope it has at the last node. Two nodes make a straight line, one node a constant.
+
+All of this happens in the coordinate in which the parameter is closest to straight:
+
+- ``c_H`` through its reciprocal, since the ampere turns a flux needs grow linearly with the gap;
+- positive scale parameters (``M_s``, ``a``, ``k``, ``c_out``) through their logarithm;
+- every other one (``rho``, ``alpha``, ``c``, offsets) as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.errors import InputError
+
+FloatArray = NDArray[np.float64]
+Coordinate = Literal["reciprocal", "log", "plain"]
+
+COORDINATES: dict[str, Coordinate] = {
+    "c_H": "reciprocal",
+    "M_s": "log",
+    "a": "log",
+    "k": "log",
+    "c_out": "log",
+}
+
+
+def coordinate_of(parameter: str) -> Coordinate:
+    """Return the coordinate in which a parameter is interpolated.
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter as in :class:`anhyst.model.ActuatorModel`.
+
+    Returns
+    -------
+    str
+        ``"reciprocal"``, ``"log"`` or ``"plain"``.
+
+    Examples
+    --------
+    >>> coordinate_of("c_H"), coordinate_of("k"), coordinate_of("rho")
+    ('reciprocal', 'log', 'plain')
+    """
+    return COORDINATES.get(parameter, "plain")
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One parameter over the scheduling variable.
+
+    Parameters
+    ----------
+    name : str
+        The parameter; decides the coordinate of the interpolation.
+    nodes : ndarray, shape (g,)
+        Values of the scheduling variable, strictly ascending, SI.
+    values : ndarray, shape (g,)
+        The parameter at the nodes, SI. Positive unless the coordinate is ``"plain"``.
+
+    Raises
+    ------
+    InputError
+        Nodes not ascending, lengths that differ, no node, a value that is not finite, or a value
+        that has to be positive and is not.
+
+    Examples
+    --------
+    >>> curve = Curve("c_H", np.array([0.3e-3, 0.6e-3]), np.array([200.0, 100.0]))
+    >>> float(curve(np.array([0.45e-3]))[0])  # the reciprocal is straight
+    133.33333333333334
+    """
+
+    name: str
+    nodes: FloatArray
+    values: FloatArray
+
+    def __post_init__(self) -> None:
+        for field in ("nodes", "values"):
+            array = np.array(getattr(self, field), dtype=np.float64)
+            array.setflags(write=False)
+            object.__setattr__(self, field, array)
+        self._check()
+
+    def _check(self) -> None:
+        if self.nodes.ndim != 1 or self.nodes.shape != self.values.shape or not self.nodes.size:
+            raise InputError(
+                f"{self.name}: {self.values.size} values for {self.nodes.size} nodes; "
+                "give one value for each node"
+            )
+        if not (np.isfinite(self.nodes).all() and np.isfinite(self.values).all()):
+            raise InputError(f"{self.name}: a node or value is not finite; give plain numbers")
+        if (np.diff(self.nodes) <= 0.0).any():
+            raise InputError(f"{self.name}: the nodes do not ascend; sort them and drop repeats")
+        if coordinate_of(self.name) != "plain" and (self.values <= 0.0).any():
+            raise InputError(f"{self.name}: must be positive at every node")
+
+    def __call__(self, at: FloatArray) -> FloatArray:
+        """Return the parameter at any values of the scheduling variable.
+
+        Parameters
+        ----------
+        at : ndarray, shape (n,)
+            Scheduling variable, SI; any order, inside or outside the nodes.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The parameter, SI.
+
+        Raises
+        ------
+        InputError
+            So far outside the nodes that the straight line through the reciprocal of ``c_H`` has
+            reached zero.
+        """
+        query = np.asarray(at, dtype=np.float64)
+        if self.nodes.size == 1:
+            return np.full(query.shape, self.values[0])
+        if query.size and (query == query.flat[0]).all():  # a fixed gap: one evaluation
+            return np.full(query.shape, self._evaluate(query.reshape(-1)[:1])[0])
+        return self._evaluate(query)
+
+    def _evaluate(self, query: FloatArray) -> FloatArray:
+        inside, slopes = self._interpolant
+        low, high = self.nodes[0], self.nodes[-1]
+        straight = inside(np.clip(query, low, high))
+        straight += slopes[0] * np.minimum(query - low, 0.0)
+        straight += slopes[1] * np.maximum(query - high, 0.0)
+        result = self._from_straight(straight)
+        # Through a logarithm and back costs the last digit; at a node the value is known.
+        place = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)
+        return np.where(self.nodes[place] == query, self.values[place], result)
+
+    @cached_property
+    def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], tuple[float, float]]:
+        """Interpolant in the straight coordinate, and its slopes at the first and last node."""
+        heights = self._to_straight(self.values)
+        if self.nodes.size == 2:
+            slope = float(np.diff(heights)[0] / np.diff(self.nodes)[0])
+            return (lambda x: heights[0] + slope * (x - self.nodes[0])), (slope, slope)
+        # Only here: importing it takes longer than most predictions.
+        from scipy.interpolate import PchipInterpolator
+
+        pchip = PchipInterpolator(self.nodes, heights)
+        ends = pchip(self.nodes[[0, -1]], 1)
+        return pchip, (float(ends[0]), float(ends[1]))
+
+    def _to_straight(self, values: FloatArray) -> FloatArray:
+        match coordinate_of(self.name):
+            case "reciprocal":
+                return 1.0 / values
+            case "log":
+                return np.log(values)
+            case _:
+                return values
+
+    def _from_straight(self, straight: FloatArray) -> FloatArray:
+        match coordinate_of(self.name):
+            case "reciprocal":
+                if (straight <= 0.0).any():
+                    raise InputError(
+                        f"{self.name}: the straight line beyond the nodes {self.nodes[0]:g} to "
+                        f"{self.nodes[-1]:g} has reached zero; stay nearer to the nodes"
+                    )
+                return 1.0 / straight
+            case "log":
+                return np.exp(straight)
+            case _:
+                return straight
