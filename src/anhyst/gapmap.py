@@ -35,6 +35,8 @@ COORDINATES: dict[str, Coordinate] = {
     "c_out": "log",
 }
 
+LARGEST_LOGARITHM = 700.0  # exp overflows at 709.8
+
 
 def coordinate_of(parameter: str) -> Coordinate:
     """Return the coordinate in which a parameter is interpolated.
@@ -124,7 +126,7 @@ class Curve:
         ------
         InputError
             So far outside the nodes that the straight line through the reciprocal of ``c_H`` has
-            reached zero.
+            reached zero, or that through a logarithm the largest number.
         """
         query = np.asarray(at, dtype=np.float64)
         if self.nodes.size == 1:
@@ -171,12 +173,17 @@ class Curve:
         match coordinate_of(self.name):
             case "reciprocal":
                 if (straight <= 0.0).any():
-                    raise InputError(
-                        f"{self.name}: the straight line beyond the nodes {self.nodes[0]:g} to "
-                        f"{self.nodes[-1]:g} has reached zero; stay nearer to the nodes"
-                    )
+                    raise self._too_far()
                 return 1.0 / straight
             case "log":
+                if (np.abs(straight) > LARGEST_LOGARITHM).any():
+                    raise self._too_far()
                 return np.exp(straight)
             case _:
                 return straight
+
+    def _too_far(self) -> InputError:
+        return InputError(
+            f"{self.name}: the straight line beyond the nodes {self.nodes[0]:g} to "
+            f"{self.nodes[-1]:g} has left the range of the parameter; stay nearer to the nodes"
+        )
