@@ -1,0 +1,291 @@
+"""Simulate the force-current loops of this folder.
+
+The magnet is described in ``magnet.toml``. Its iron is a stack of pinned cells: cell ``i``
+follows the field only when it has moved by more than its threshold ``eta_i`` (a play operator),
+``h_i <- clip(h_i, H - eta_i, H + eta_i)``; all cells share one anhysteretic curve, and
+``M = sum_i w_i*M_an(h_i)``. The cells with ``eta = 0`` are the reversible fraction. Unlike a
+Jiles-Atherton material this one does not creep: a minor loop closes at once and stays.
+
+Run it again and the same bytes come out: ``python make_loops.py [--out DIR]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+HERE = Path(__file__).resolve().parent
+MU_0 = 4e-7 * np.pi
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Iron:
+    """Pinned cells: what they weigh, what pins them, and the curve they follow."""
+
+    length: float  # m
+    reversible_fraction: float
+    cells: int
+    pinning_scale: float  # A/m
+    pinning_shape: float
+    saturation_sharp: float  # T
+    knee_sharp: float  # A/m
+    saturation_slow: float  # T
+    knee_slow: float  # A/m
+
+    @property
+    def thresholds(self) -> Array:
+        """Pinning thresholds in A/m: zero for the reversible cell, then Weibull quantiles."""
+        quantile = (np.arange(self.cells) + 0.5) / self.cells
+        pinned = self.pinning_scale * (-np.log1p(-quantile)) ** (1 / self.pinning_shape)
+        return np.concatenate(([0.0], pinned))
+
+    @property
+    def weights(self) -> Array:
+        """Share of each cell in the magnetisation; they add up to one."""
+        pinned = np.full(self.cells, (1 - self.reversible_fraction) / self.cells)
+        return np.concatenate(([self.reversible_fraction], pinned))
+
+    def anhysteretic(self, field: Array) -> Array:
+        """Magnetisation without pinning in A/m, at a field in A/m."""
+        sharp = field / np.hypot(field, self.knee_sharp)
+        slow = 2 / np.pi * np.arctan(field / self.knee_slow)
+        return (self.saturation_sharp * sharp + self.saturation_slow * slow) / MU_0
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """Winding, poles, two gaps in series, leakage between the legs in parallel to them."""
+
+    turns: int
+    pole_width: float  # m
+    pole_depth: float  # m
+    leakage: float  # H
+
+    @property
+    def iron_area(self) -> float:
+        """Cross-section of the core in m^2."""
+        return self.pole_width * self.pole_depth
+
+    def gap_area(self, gap: float) -> float:
+        """Area of the gap flux in m^2: fringing widens the pole by half a gap on each side."""
+        return (self.pole_width + gap) * (self.pole_depth + gap)
+
+    def gap_reluctance(self, gap: float) -> float:
+        """Reluctance of the two gaps in series, in 1/H."""
+        return 2 * gap / (MU_0 * self.gap_area(gap))
+
+    def outer_reluctance(self, gap: float) -> float:
+        """Reluctance the iron flux has to pass outside the iron, leakage included, in 1/H."""
+        return 1 / (1 / self.gap_reluctance(gap) + self.leakage)
+
+    def force(self, iron_flux: float, gap: float) -> float:
+        """Pull on the armature in N, from the flux in the iron in Wb.
+
+        Maxwell stress over the whole gap flux. The fringes pull less than their flux suggests;
+        virtual work, ``F = (Phi_gap**2/2) * dR_gap/dgap``, counts them correctly.
+        """
+        gap_flux = iron_flux * self.outer_reluctance(gap) / self.gap_reluctance(gap)
+        area = self.gap_area(gap)
+        widening = self.pole_width + self.pole_depth + 2 * gap  # d(area)/d(gap)
+        return gap_flux**2 / (MU_0 * area) * (1 - gap * widening / area)
+
+
+class Magnet:
+    """Iron and circuit together, with the memory of the iron; starts demagnetised."""
+
+    def __init__(self, iron: Iron, circuit: Circuit) -> None:
+        self.iron = iron
+        self.circuit = circuit
+        self._thresholds = iron.thresholds
+        self._weights = iron.weights
+        self._cells = np.zeros(iron.cells + 1)
+        self.field = 0.0
+        self.flux_density = 0.0
+
+    def _moved_cells(self, field: float) -> Array:
+        return np.clip(self._cells, field - self._thresholds, field + self._thresholds)
+
+    def _flux_density_at(self, field: float) -> float:
+        magnetisation = self._weights @ self.iron.anhysteretic(self._moved_cells(field))
+        return MU_0 * (field + float(magnetisation))
+
+    def step(self, current: float, gap: float) -> float:
+        """Move to a current (A) at a gap (m) and give the force (N).
+
+        Exact for a step of any size, as long as the current does not turn back within it.
+        """
+        outside = self.circuit.iron_area * self.circuit.outer_reluctance(gap)
+
+        def excess(field: float) -> float:
+            used = self.iron.length * field + outside * self._flux_density_at(field)
+            return self.circuit.turns * current - used
+
+        # B never falls as H rises, so the field cannot move further than this: a bracket.
+        end = self.field + excess(self.field) / self.iron.length
+        if end != self.field:
+            self.field = float(brentq(excess, self.field, end, xtol=1e-11))
+        self.flux_density = self._flux_density_at(self.field)
+        self._cells = self._moved_cells(self.field)
+        return self.circuit.force(self.flux_density * self.circuit.iron_area, gap)
+
+
+@dataclass(frozen=True)
+class Record:
+    """One settled loop: what was true and what the sensors said at the same samples."""
+
+    label: str
+    gap: float  # m
+    time: Array  # s, on the clock of the whole campaign
+    current: Array  # A, true
+    force: Array  # N, true
+    read_current: Array  # A, with offset and noise
+    read_force: Array  # N, late, with drift and noise
+
+
+def load(path: Path = HERE / "magnet.toml") -> tuple[Magnet, dict[str, Any]]:
+    """Read the magnet file: a demagnetised magnet, and all settings."""
+    settings = tomllib.loads(path.read_text(encoding="utf-8"))
+    iron, circuit = settings["iron"], settings["circuit"]
+    return Magnet(
+        Iron(
+            length=iron["length_m"],
+            reversible_fraction=iron["reversible_fraction"],
+            cells=iron["cells"],
+            pinning_scale=iron["pinning_scale_A_per_m"],
+            pinning_shape=iron["pinning_shape"],
+            saturation_sharp=iron["saturation_sharp_T"],
+            knee_sharp=iron["knee_sharp_A_per_m"],
+            saturation_slow=iron["saturation_slow_T"],
+            knee_slow=iron["knee_slow_A_per_m"],
+        ),
+        Circuit(
+            turns=circuit["turns"],
+            pole_width=circuit["pole_width_m"],
+            pole_depth=circuit["pole_depth_m"],
+            leakage=circuit["leakage_H"],
+        ),
+    ), settings
+
+
+def settled_loop(
+    magnet: Magnet, gap: float, low: float, high: float, settings: dict[str, Any]
+) -> tuple[Array, Array, Array]:
+    """Run the conditioning cycles, then one triangle from low to high and back.
+
+    Returns
+    -------
+    current, force, late_force : ndarray, shape (n,)
+        Current (A) and force (N) at the samples of the cycle (its end is its first sample),
+        and the force one delay of the force channel earlier.
+    """
+    drive = settings["drive"]
+    late = settings["sensors"]["force_delay_s"] / drive["sample_s"]
+    half = round((high - low) / (drive["sweep_A_per_s"] * drive["sample_s"]))
+    current = high - (high - low) * np.abs(np.arange(2 * half) / half - 1)
+    for _ in range(drive["conditioning_cycles"]):
+        magnet.step(low, gap)
+        magnet.step(high, gap)
+    force, late_force = [], []
+    for before, here in zip(np.roll(current, 1), current, strict=True):
+        late_force.append(magnet.step(here + late * (before - here), gap))
+        force.append(magnet.step(here, gap))
+    return current, np.array(force), np.array(late_force)
+
+
+def measure(part: str, path: Path = HERE / "magnet.toml") -> list[Record]:
+    """Record all loops of one part of the magnet file, ``identification`` or ``unseen``."""
+    magnet, settings = load(path)
+    drive, sensors = settings["drive"], settings["sensors"]
+    rng = np.random.default_rng([sensors["seed"], *part.encode()])
+    records = []
+    clock = 0.0
+    for gap in settings[part]["gaps_m"]:
+        tared = clock
+        for loop in settings[part]["loops"]:
+            low, high = (loop[end] * drive["current_max_A"] for end in ("low", "high"))
+            current, force, late_force = settled_loop(magnet, gap, low, high, settings)
+            cycle = current.size * drive["sample_s"]
+            clock += drive["conditioning_cycles"] * cycle
+            time = clock + drive["sample_s"] * np.arange(current.size)
+            clock += cycle
+            current_noise, force_noise = rng.standard_normal((2, current.size))
+            current_error = sensors["current_offset_A"] + sensors["current_noise_A"] * current_noise
+            drift = sensors["force_drift_N_per_s"] * (time - tared)
+            records.append(
+                Record(
+                    label=f"{gap * 1e3:.2f}mm-{loop['name']}",
+                    gap=gap,
+                    time=time,
+                    current=current,
+                    force=force,
+                    read_current=current + current_error,
+                    read_force=late_force + drift + sensors["force_noise_N"] * force_noise,
+                )
+            )
+        clock += drive["pause_s"]
+    return records
+
+
+def csv_text(notes: str, rows: Iterable[str]) -> str:
+    """Lay out one file: notes as comments, the header, the rows."""
+    comments = [f"# {note}" for note in notes.splitlines()]
+    return "\n".join([*comments, "t_s,I_A,F_N,gap_m,loop", *rows, ""])
+
+
+def measured_rows(records: list[Record]) -> Iterable[str]:
+    """Rows as the sensors gave them, to the last digit of their converters."""
+    for r in records:
+        for time, current, force in zip(r.time, r.read_current, r.read_force, strict=True):
+            yield f"{time:.2f},{current:.4f},{force:.3f},{r.gap:.5f},{r.label}"
+
+
+def true_rows(records: list[Record], offset: float) -> Iterable[str]:
+    """Rows without any dirt but the zero of the current sensor, which a model has to share."""
+    for r in records:
+        for time, current, force in zip(r.time, r.current + offset, r.force, strict=True):
+            yield f"{time:.2f},{current:.6f},{force:.6f},{r.gap:.5f},{r.label}"
+
+
+MEASURED = """\
+simulated, see README.md: two-pole electromagnet, iron of pinned cells (not Jiles-Atherton)
+history: settled; one cycle of each loop, recorded after three conditioning cycles of the same loop
+as read: current offset and noise; force late, drifting since the tare at each gap, and noisy"""
+TRUTH = """\
+simulated, see README.md: the truth behind unseen.csv, same samples
+history: settled
+F_N: true force. I_A: true current plus the constant offset of the current sensor, no noise"""
+
+
+def files(path: Path = HERE / "magnet.toml") -> dict[str, str]:
+    """Text of every file of the example, by name."""
+    offset = load(path)[1]["sensors"]["current_offset_A"]
+    unseen = measure("unseen", path)
+    texts = {
+        "loops.csv": csv_text(MEASURED, measured_rows(measure("identification", path))),
+        "unseen.csv": csv_text(MEASURED, measured_rows(unseen)),
+        "unseen_truth.csv": csv_text(TRUTH, true_rows(unseen, offset)),
+    }
+    sidecars = {name.replace(".csv", ".toml"): 'history = "settled"\n' for name in texts}
+    return texts | sidecars
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Simulate the loops of the bundled example.")
+    parser.add_argument("--out", type=Path, default=HERE, help="folder to write to")
+    folder = parser.parse_args().out
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files().items():
+        (folder / name).write_bytes(text.encode())
+
+
+if __name__ == "__main__":
+    main()
