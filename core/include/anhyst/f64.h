@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Selects double precision for the generic headers and sources that follow.
+   No include guard: a file includes f64.h and f32.h in turn, so that both formats stand side by
+   side under their own names (_f64, _f32). */
+#undef ANHYST_REAL
+#undef ANHYST_NAME
+#undef ANHYST_EXP
+#undef ANHYST_LOG
+#undef ANHYST_SQRT
+#undef ANHYST_FABS
+#undef ANHYST_EPS
+#undef R
+#define ANHYST_REAL double
+#define ANHYST_NAME(base) base##_f64
+#define ANHYST_EXP exp
+#define ANHYST_LOG log
+#define ANHYST_SQRT sqrt
+#define ANHYST_FABS fabs
+#define ANHYST_EPS 2.220446049250313e-16
+#define R(literal) (literal)

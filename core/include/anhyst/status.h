@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Return codes of the core. Zero is success; every other value says why there is no result. */
+#ifndef ANHYST_STATUS_H
+#define ANHYST_STATUS_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum {
+  ANHYST_OK = 0,
+  /* A parameter is outside its stated range; nothing was computed. */
+  ANHYST_BAD_PARAMETER = -1,
+  /* The initial state is not one the law can reach: |L(p) - y| > kappa/3 or |x - p| > play. */
+  ANHYST_BAD_STATE = -2,
+  /* Even the reversible part would jump (-omega*c*A > 1): the equation has no meaning here. */
+  ANHYST_REFUSED = -3,
+  /* The solution lies beyond |x| = ANHYST_X_MAX, or an input was not finite. */
+  ANHYST_OUT_OF_RANGE = -4,
+  /* The iteration limit was reached; does not happen for admissible parameters. */
+  ANHYST_NOT_CONVERGED = -5,
+  /* A cycle did not close within the given number of repetitions. */
+  ANHYST_NOT_SETTLED = -6
+} anhyst_status;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/branch.h"
+
+#include <math.h>
+
+#include "anhyst/langevin.h"
+
+/* The branch and its derivative in kappa at one place, carried from left to right. */
+typedef struct {
+  double kappa;
+  double x;
+  double value;  /* A(x) */
+  double tilted; /* dA/dkappa */
+} walker;
+
+/* Value and two derivatives in x: what one end of a quintic piece needs. */
+typedef struct {
+  double f, f1, f2;
+} jet;
+
+/* Gauss-Legendre, 8 points on 0..1. */
+static const double gauss_at[8] = {
+    0.019855071751231884, 0.10166676129318664, 0.23723379504183550, 0.40828267875217511,
+    0.59171732124782489,  0.76276620495816450, 0.89833323870681336, 0.98014492824876812};
+static const double gauss_weight[8] = {
+    0.050614268145188130, 0.11119051722668724, 0.15685332293894364, 0.18134189168918099,
+    0.18134189168918099,  0.15685332293894364, 0.11119051722668724, 0.050614268145188130};
+
+/* exp(-40) is below the last place of any result here. */
+static const double memory = 40.0;
+static const double panel = 2.0;
+
+static walker walker_start(double kappa)
+{
+  /* Far left L(x) = -1 - 1/x, and A + 1 is an exponential integral: its asymptotic series. */
+  const double far = ANHYST_X_MAX * 1.01;
+  const double q = kappa / far;
+  walker w;
+  w.kappa = kappa;
+  w.x = -far;
+  w.value = -1.0 + (1.0 - q * (1.0 - 2.0 * q * (1.0 - 3.0 * q))) / far;
+  w.tilted = -(1.0 - 4.0 * q * (1.0 - 4.5 * q)) / (far * far);
+  return w;
+}
+
+static void walker_advance(walker *w, double x)
+{
+  const double length = (x - w->x) / w->kappa;
+  const double end = length < memory ? length : memory;
+  const int panels = (int)(end / panel) + 1;
+  const double width = end / panels;
+  double gained = 0.0;
+  double tilt = 0.0;
+  for (int i = 0; i < panels; i++) {
+    for (int j = 0; j < 8; j++) {
+      const double s = (i + gauss_at[j]) * width;
+      const double weight = gauss_weight[j] * width * exp(-s);
+      double slope;
+      gained += weight * anhyst_langevin_f64(x - w->kappa * s, &slope);
+      tilt += weight * s * slope;
+    }
+  }
+  const double kept = exp(-length);
+  double slope;
+  const double steepness = (anhyst_langevin_f64(w->x, &slope) - w->value) / w->kappa;
+  w->tilted = kept * (w->tilted - length * steepness) - tilt;
+  w->value = kept * w->value + gained;
+  w->x = x;
+}
+
+static jet walker_value(const walker *w)
+{
+  jet at;
+  double slope;
+  at.f = w->value;
+  at.f1 = (anhyst_langevin_f64(w->x, &slope) - at.f) / w->kappa;
+  at.f2 = (slope - at.f1) / w->kappa;
+  return at;
+}
+
+static jet walker_tilted(const walker *w)
+{
+  const jet value = walker_value(w);
+  jet at;
+  at.f = w->tilted;
+  at.f1 = (-value.f1 - at.f) / w->kappa;
+  at.f2 = (-value.f2 - at.f1) / w->kappa;
+  return at;
+}
+
+/* Derivatives by the place t in a piece, from derivatives by x and the map x(t). */
+static jet by_place(jet at, double x1, double x2)
+{
+  jet placed;
+  placed.f = at.f;
+  placed.f1 = at.f1 * x1;
+  placed.f2 = at.f2 * x1 * x1 + at.f1 * x2;
+  return placed;
+}
+
+static void quintic(jet p, jet q, double out[6])
+{
+  const double d = q.f - p.f;
+  out[0] = p.f;
+  out[1] = p.f1;
+  out[2] = 0.5 * p.f2;
+  out[3] = 10.0 * d - 6.0 * p.f1 - 4.0 * q.f1 - 1.5 * p.f2 + 0.5 * q.f2;
+  out[4] = -15.0 * d + 8.0 * p.f1 + 7.0 * q.f1 + 1.5 * p.f2 - q.f2;
+  out[5] = 6.0 * d - 3.0 * p.f1 - 3.0 * q.f1 - 0.5 * p.f2 + 0.5 * q.f2;
+}
+
+static double outer_node(int i)
+{
+  return ANHYST_BRANCH_EDGE * exp((double)i / ANHYST_BRANCH_PER_LOG);
+}
+
+static jet outer_jet(jet at, double x)
+{
+  const double x1 = x / ANHYST_BRANCH_PER_LOG;
+  return by_place(at, x1, x1 / ANHYST_BRANCH_PER_LOG);
+}
+
+static int kappa_allowed(double kappa)
+{
+  return kappa >= ANHYST_KAPPA_MIN && kappa <= ANHYST_KAPPA_MAX;
+}
+
+#include "anhyst/f64.h"
+#include "generic/branch.h"
+#include "anhyst/f32.h"
+#include "generic/branch.h"

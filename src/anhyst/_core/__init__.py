@@ -1,0 +1,5 @@
+"""The C core, bound: what every computation of the package runs on."""
+
+from anhyst._core._native import Iron, demagnetised, langevin, status_text
+
+__all__ = ["Iron", "demagnetised", "langevin", "status_text"]

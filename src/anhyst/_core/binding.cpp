@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+// The binding: converts and checks, no logic. Arrays are float64, C-contiguous, never converted
+// silently.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include "anhyst/circuit.h"
+#include "anhyst/langevin.h"
+
+namespace nb = nanobind;
+using nb::literals::operator""_a;
+
+namespace {
+
+using In = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Out = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
+
+Out make_array(size_t n) {
+  double *data = new double[n];
+  nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<double *>(p); });
+  return Out(data, {n}, owner);
+}
+
+void same_length(const In &first, const In &other, const char *what) {
+  if (first.shape(0) != other.shape(0)) {
+    throw std::invalid_argument(std::string(what) + " must have as many samples as the record");
+  }
+}
+
+anhyst_state_f64 to_state(const In &values) {
+  if (values.shape(0) != 3) {
+    throw std::invalid_argument("a state has three values: x/a, M_irr/M_s, p/a");
+  }
+  return {values(0), values(1), values(2)};
+}
+
+Out from_state(const anhyst_state_f64 &state) {
+  Out out = make_array(3);
+  out.data()[0] = state.x;
+  out.data()[1] = state.y;
+  out.data()[2] = state.p;
+  return out;
+}
+
+anhyst_step to_step(const std::string &law, const std::string &step) {
+  if (law == "jiles-atherton-1986") {
+    return ANHYST_STEP_JA1986;
+  }
+  if (law == "effective-field" && step == "exact") {
+    return ANHYST_STEP_EXACT;
+  }
+  if (law == "effective-field" && step == "linear") {
+    return ANHYST_STEP_LINEAR;
+  }
+  throw std::invalid_argument("unknown law or step: " + law + ", " + step);
+}
+
+const char *status_text(int status) {
+  switch (status) {
+    case ANHYST_OK:
+      return "ok";
+    case ANHYST_BAD_PARAMETER:
+      return "a parameter is outside its range";
+    case ANHYST_BAD_STATE:
+      return "the law cannot reach this initial state";
+    case ANHYST_REFUSED:
+      return "even the reversible part would jump; alpha*c*M_s/(3a) must stay below 1";
+    case ANHYST_OUT_OF_RANGE:
+      return "the effective field leaves the range of the law's tables";
+    case ANHYST_NOT_CONVERGED:
+      return "the equation of the law did not converge";
+    case ANHYST_NOT_SETTLED:
+      return "the cycle did not close within the given repetitions";
+    default:
+      return "unknown status";
+  }
+}
+
+class Iron {
+ public:
+  Iron(double m_s, double a, double k, double c, double alpha, double r_d, const std::string &law,
+       const std::string &step) {
+    const anhyst_step kind = to_step(law, step);
+    if (kind == ANHYST_STEP_EXACT) {
+      branch_ = std::make_unique<anhyst_branch_f64>();
+      if (!(a > 0.0) || anhyst_branch_build_f64(branch_.get(), k / a) != ANHYST_OK) {
+        throw std::invalid_argument("k/a must lie between 0.001 and 1000");
+      }
+    }
+    if (anhyst_iron_init_f64(&iron_, kind, m_s, a, k, c, alpha, r_d, branch_.get()) != ANHYST_OK) {
+      throw std::invalid_argument(
+          "parameters out of range: M_s, a, k > 0, 0.001 <= k/a <= 1000, 0 <= c <= 1, alpha < 1, "
+          "r_d >= 0, and for the law of 1986 alpha*c*M_s/a < 3");
+    }
+  }
+
+  nb::tuple record(int inverse, const In &given, const In &rho, const In &eddy,
+                   const In &state) const {
+    same_length(given, rho, "rho");
+    same_length(given, eddy, "eddy");
+    const size_t n = given.shape(0);
+    Out found = make_array(n);
+    Out field = make_array(n);
+    anhyst_state_f64 now = to_state(state);
+    size_t index = 0;
+    anhyst_status status = anhyst_state_check_f64(&iron_.law, &now);
+    if (status == ANHYST_OK) {
+      nb::gil_scoped_release release;
+      status = anhyst_record_f64(&iron_, &now, inverse, n, given.data(), rho.data(), eddy.data(),
+                                 found.data(), field.data(), &index);
+    }
+    return nb::make_tuple(found, field, from_state(now), static_cast<int>(status), index);
+  }
+
+  nb::tuple settle(const In &given, const In &rho, const In &eddy, const In &state, bool inverse,
+                   int max_cycles, double tol) const {
+    same_length(given, rho, "rho");
+    same_length(given, eddy, "eddy");
+    anhyst_state_f64 now = to_state(state);
+    size_t index = 0;
+    int cycles = 0;
+    anhyst_status status = anhyst_state_check_f64(&iron_.law, &now);
+    if (status == ANHYST_OK) {
+      nb::gil_scoped_release release;
+      status = anhyst_settle_f64(&iron_, &now, inverse, given.shape(0), given.data(), rho.data(),
+                                 eddy.data(), tol, max_cycles, &cycles, &index);
+    }
+    return nb::make_tuple(from_state(now), cycles, static_cast<int>(status));
+  }
+
+  int check_state(const In &state) const {
+    const anhyst_state_f64 now = to_state(state);
+    return anhyst_state_check_f64(&iron_.law, &now);
+  }
+
+  double flux_of(const In &state) const {
+    const anhyst_state_f64 now = to_state(state);
+    return anhyst_flux_of_f64(&iron_, &now);
+  }
+
+ private:
+  std::unique_ptr<anhyst_branch_f64> branch_;
+  anhyst_iron_f64 iron_;
+};
+
+}  // namespace
+
+
+NB_MODULE(_native, m) {
+  m.doc() = "The anhyst C core in double precision.";
+  nb::class_<Iron>(m, "Iron")
+      .def(nb::init<double, double, double, double, double, double, const std::string &,
+                    const std::string &>(),
+           "m_s"_a, "a"_a, "k"_a, "c"_a, "alpha"_a, "r_d"_a = 0.0, "law"_a = "effective-field",
+           "step"_a = "exact")
+      .def(
+          "forward",
+          [](const Iron &self, const In &drive, const In &rho, const In &eddy, const In &state) {
+            return self.record(0, drive, rho, eddy, state);
+          },
+          "drive"_a.noconvert(), "rho"_a.noconvert(), "eddy"_a.noconvert(), "state"_a.noconvert())
+      .def(
+          "inverse",
+          [](const Iron &self, const In &b, const In &rho, const In &eddy, const In &state) {
+            return self.record(1, b, rho, eddy, state);
+          },
+          "b"_a.noconvert(), "rho"_a.noconvert(), "eddy"_a.noconvert(), "state"_a.noconvert())
+      .def("settle", &Iron::settle, "given"_a.noconvert(), "rho"_a.noconvert(),
+           "eddy"_a.noconvert(), "state"_a.noconvert(), "inverse"_a = false,
+           "max_cycles"_a = 10000, "tol"_a = 1e-12)
+      .def("check_state", &Iron::check_state, "state"_a.noconvert())
+      .def("flux_of", &Iron::flux_of, "state"_a.noconvert());
+  m.def("demagnetised", [] { return from_state({0.0, 0.0, 0.0}); });
+  m.def("status_text", &status_text, "status"_a);
+  m.def(
+      "langevin",
+      [](const In &z) {
+        const size_t n = z.shape(0);
+        Out value = make_array(n);
+        Out slope = make_array(n);
+        for (size_t i = 0; i < n; i++) {
+          value.data()[i] = anhyst_langevin_f64(z(i), &slope.data()[i]);
+        }
+        return nb::make_tuple(value, slope);
+      },
+      "z"_a.noconvert());
+}
