@@ -1,0 +1,300 @@
+"""One scalar equation for every use of a law: ``x + w*M(x) = r``.
+
+The uses differ in ``w`` and ``r`` alone. With ``R = rho + e``, ``e`` the eddy coefficient:
+
+======================================== ========================= ===============================
+use                                      w                         r
+======================================== ========================= ===============================
+forward, field given                     ``-alpha``                ``H``
+inverse, flux density given              ``1 - alpha``             ``B/mu0``
+forward through the gap, current given   ``R/(1 + R) - alpha``     ``(c_H*I + memory)/(1 + R)``
+inverse through the gap                  ``1 - alpha``             ``B/mu0``
+======================================== ========================= ===============================
+
+after which the field is ``H = x - alpha*M`` and the drive through the gap
+``c_H*I = H + rho*B/mu0 + e*B/mu0 - memory``. The gap reluctance ratio is ``rho``; the eddy field
+``gamma*dB/dt`` is discretised as ``e*B/mu0 - memory``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from scipy.optimize import brentq
+
+from anhyst.errors import InputError
+from anhyst.laws.operator import Operator, State, Step
+
+MU_0 = 4.0e-7 * math.pi
+"""Magnetic constant in T m/A, the value that was exact before 2019."""
+
+_RTOL = 4.0 * 2.220446049250313e-16
+_SHORTEST_STRIDE = 1e-3
+
+
+class Use(NamedTuple):
+    """What one use of a law puts into the equation.
+
+    Attributes
+    ----------
+    w : float
+        Weight of the magnetisation, dimensionless.
+    r : float
+        Right side, A/m.
+    """
+
+    w: float
+    r: float
+
+
+class Eddy(NamedTuple):
+    """The eddy field ``gamma*dB/dt`` as ``e*B/mu0 - memory``.
+
+    Attributes
+    ----------
+    e : float
+        Coefficient of ``B/mu0``, dimensionless.
+    memory : float
+        Known part, from the sample before, A/m.
+    """
+
+    e: float
+    memory: float
+
+
+NO_EDDY = Eddy(0.0, 0.0)
+"""No eddy currents."""
+
+
+def backward_euler(gamma: float, dt: float, b0: float) -> Eddy:
+    """Return the eddy field with ``dB/dt = (B - B0)/dt``.
+
+    Parameters
+    ----------
+    gamma : float
+        Eddy current constant, A s/(m T).
+    dt : float
+        Time step, s.
+    b0 : float
+        Flux density of the sample before, T.
+
+    Returns
+    -------
+    Eddy
+        Coefficient and memory; first order in `dt`.
+    """
+    return Eddy(gamma * MU_0 / dt, gamma * b0 / dt)
+
+
+def trapezoid(gamma: float, dt: float, b0: float, rate0: float) -> Eddy:
+    """Return the eddy field with ``dB/dt = 2*(B - B0)/dt - rate0``.
+
+    Parameters
+    ----------
+    gamma : float
+        Eddy current constant, A s/(m T).
+    dt : float
+        Time step, s.
+    b0 : float
+        Flux density of the sample before, T.
+    rate0 : float
+        ``dB/dt`` of the sample before, T/s.
+
+    Returns
+    -------
+    Eddy
+        Coefficient and memory; second order in `dt`.
+    """
+    return Eddy(2.0 * gamma * MU_0 / dt, gamma * (2.0 * b0 / dt + rate0))
+
+
+def voltage_drive(
+    voltage: float, c_h: float, resistance: float, flux_per_tesla: float, eddy: Eddy, rate: Eddy
+) -> tuple[float, Eddy]:
+    """Return the drive and the eddy term that turn a current drive into a voltage drive.
+
+    From ``u = R_c*I + N*S*dB/dt`` follows ``c_H*I = c_H*u/R_c - (c_H*N*S/R_c)*dB/dt``: the winding
+    acts like one more eddy current.
+
+    Parameters
+    ----------
+    voltage : float
+        Voltage over the winding, V.
+    c_h : float
+        Field per current, 1/m.
+    resistance : float
+        Resistance of the winding, ohm.
+    flux_per_tesla : float
+        Turns times pole area, m^2.
+    eddy : Eddy
+        The eddy currents of the iron.
+    rate : Eddy
+        `backward_euler` or `trapezoid` for a `gamma` of 1.
+
+    Returns
+    -------
+    drive : float
+        What stands for ``c_H*I``, A/m.
+    eddy : Eddy
+        What stands for the eddy currents.
+    """
+    factor = c_h * flux_per_tesla / resistance
+    total = Eddy(eddy.e + factor * rate.e, eddy.memory + factor * rate.memory)
+    return c_h * voltage / resistance, total
+
+
+def forward_use(alpha: float, drive: float, rho: float = 0.0, eddy: Eddy = NO_EDDY) -> Use:
+    """Return the equation of the forward use, from the drive to the flux density.
+
+    Parameters
+    ----------
+    alpha : float
+        Coupling of eq. 2, dimensionless.
+    drive : float
+        Field, or ``c_H*I`` through a gap, A/m.
+    rho : float, optional
+        Reluctance of the gap over that of the iron path filled with air, dimensionless.
+    eddy : Eddy, optional
+        Eddy currents.
+
+    Returns
+    -------
+    Use
+        Weight and right side.
+    """
+    reluctance = rho + eddy.e
+    return Use(reluctance / (1.0 + reluctance) - alpha, (drive + eddy.memory) / (1.0 + reluctance))
+
+
+def inverse_use(alpha: float, b: float) -> Use:
+    """Return the equation of the inverse use, from the flux density to the field.
+
+    Parameters
+    ----------
+    alpha : float
+        Coupling of eq. 2, dimensionless.
+    b : float
+        Flux density, T.
+
+    Returns
+    -------
+    Use
+        Weight and right side.
+    """
+    return Use(1.0 - alpha, b / MU_0)
+
+
+def refuse(law: Operator, omega: float) -> None:
+    """Raise `InputError` where even the reversible part would jump, ``-w*c*A > 1``.
+
+    Parameters
+    ----------
+    law : Operator
+        The law, normalised.
+    omega : float
+        Weight of the magnetisation, ``w*M_s/a``.
+
+    Raises
+    ------
+    InputError
+        If the equation has no stable solution whatever the state.
+    """
+    if -omega * law.largest_reversible_slope > 1.0:
+        raise InputError("alpha: the reversible part jumps (-w*c*M_s/(3*a) > 1); lower alpha or c")
+
+
+def may_jump(law: Operator, omega: float) -> bool:
+    """Return whether the equation may have several solutions, ``1 + w*A <= 0``."""
+    return 1.0 + omega * law.largest_slope <= 0.0
+
+
+def solve(law: Operator, state: State, omega: float, r: float) -> Step:
+    """Return the step that solves ``x + omega*m(x) = r``; the state is not touched.
+
+    Parameters
+    ----------
+    law : Operator
+        The law, normalised.
+    state : State
+        A valid state to start from.
+    omega : float
+        Weight of the magnetisation, ``w*M_s/a``.
+    r : float
+        Right side over the shape field, ``r/a``.
+
+    Returns
+    -------
+    Step
+        The candidate. Committing it is to go on from its ``state``.
+
+    Raises
+    ------
+    InputError
+        If the set must be refused, see :func:`refuse`, or `r` is not finite.
+
+    Notes
+    -----
+    With ``0 <= dm/dx <= A`` and ``1 + omega*A > 0`` the root is unique and lies between ``d`` and
+    ``d/(1 + omega*A)`` from the start, ``d = r - x0 - omega*m0``. Otherwise there may be jumps and
+    the first root in the direction of ``d`` is searched along the path.
+    """
+    refuse(law, omega)
+    if not math.isfinite(r):
+        raise InputError("drive: not finite; remove the sample")
+    m0 = law.magnetisation(state)
+    d = r - state.x - omega * m0
+    if d == 0.0:
+        return law.step(state, state.x)
+
+    def residual(x: float) -> float:
+        return x + omega * law.step(state, x).m - r
+
+    if may_jump(law, omega):
+        return law.step(state, _walk(law, state, omega, r))
+    near, far = sorted((d, d / (1.0 + omega * law.largest_slope)), key=abs)
+    # Rounding may put the root a few last places outside; the ends are widened by that much.
+    slack = 8.0 * _RTOL * (abs(state.x) + abs(r) + abs(omega) * (1.0 + abs(m0)))
+    widen = math.copysign(slack, d)
+    first = state.x + (near - widen if abs(near) > slack else 0.0)
+    return law.step(state, _root(residual, first, state.x + far + widen))
+
+
+def _root(residual: Callable[[float], float], first: float, last: float) -> float:
+    """Return the root between two ends, or the better end where rounding leaves no sign change."""
+    at_first, at_last = residual(first), residual(last)
+    if at_first * at_last >= 0.0:
+        return first if abs(at_first) < abs(at_last) else last
+    return float(brentq(residual, first, last, xtol=1e-18, rtol=_RTOL, maxiter=300))
+
+
+def _walk(law: Operator, state: State, omega: float, r: float) -> float:
+    """Return the first root in the direction of travel where there may be several.
+
+    The weight is negative here, so along the path the residual climbs with a slope of 1 at most:
+    a stride as long as the residual is deep cannot pass a root. Where it gets shallow the strides
+    are short, and a fold (a summit between two of them) is looked at for a pair of roots.
+    """
+    sg = 1.0 if r - state.x - omega * law.magnetisation(state) > 0.0 else -1.0
+
+    def climb(x: float) -> float:
+        return sg * (x + omega * law.step(state, x).m - r)
+
+    def slope(x: float) -> float:
+        return 1.0 + omega * law.step(state, x).slope
+
+    shortest = _SHORTEST_STRIDE * law.length_scale
+    x = math.nextafter(state.x, sg * math.inf)
+    depth, steepness = climb(x), slope(x)
+    while depth < 0.0:
+        ahead = x + sg * max(-depth, shortest)
+        depth_ahead, steepness_ahead = climb(ahead), slope(ahead)
+        if depth_ahead >= 0.0:
+            return _root(climb, x, ahead)
+        if steepness > 0.0 > steepness_ahead:
+            summit = _root(slope, x, ahead)
+            if climb(summit) >= 0.0:
+                return _root(climb, x, summit)
+        x, depth, steepness = ahead, depth_ahead, steepness_ahead
+    return x

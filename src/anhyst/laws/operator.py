@@ -1,0 +1,70 @@
+"""What every hysteresis law looks like from outside: a state, a step, a slope."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+
+class State(NamedTuple):
+    """Everything a law remembers, in units that do not depend on the parameter set.
+
+    Attributes
+    ----------
+    x : float
+        Effective field over the shape field, ``H_e/a``.
+    y : float
+        Irreversible magnetisation over saturation, ``M_irr/M_s``.
+    p : float
+        Position of the play over the shape field, ``x_p/a``; equal to `x` without play.
+    """
+
+    x: float
+    y: float
+    p: float
+
+
+DEMAGNETISED = State(0.0, 0.0, 0.0)
+"""The state after demagnetising."""
+
+
+class Step(NamedTuple):
+    """Where a law arrives when the effective field moves to a new value.
+
+    Attributes
+    ----------
+    state : State
+        The new state.
+    m : float
+        Magnetisation over saturation there, ``M/M_s``.
+    slope : float
+        Slope of `m` against the new effective field, ``(a/M_s)*dM/dx``.
+    """
+
+    state: State
+    m: float
+    slope: float
+
+
+class Operator(Protocol):
+    """A hysteresis law in normalised form (``M_s = a = 1``)."""
+
+    @property
+    def largest_slope(self) -> float:
+        """Upper bound of the slope of every step from a valid state."""
+
+    @property
+    def largest_reversible_slope(self) -> float:
+        """Largest slope of the reversible part alone, ``c*A``."""
+
+    @property
+    def length_scale(self) -> float:
+        """Distance over which the slope changes by a good part of itself."""
+
+    def magnetisation(self, state: State) -> float:
+        """Return ``M/M_s`` in a state (eq. 8)."""
+
+    def check_state(self, state: State) -> None:
+        """Raise `InputError` for a state that the law cannot have reached."""
+
+    def step(self, state: State, x1: float) -> Step:
+        """Return where the law arrives when the effective field moves straight to `x1`."""
