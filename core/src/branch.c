@@ -5,12 +5,21 @@
 
 #include "anhyst/langevin.h"
 
+/* exp(-40) is below the last place of any result here. */
+static const double memory = 40.0;
+static const double panel = 4.0;
+#define MOST_PANELS 11
+
 /* The branch and its derivative in kappa at one place, carried from left to right. */
 typedef struct {
   double kappa;
   double x;
   double value;  /* A(x) */
   double tilted; /* dA/dkappa */
+  double span;   /* length for which places and weights below were made */
+  int points;
+  double place[8 * MOST_PANELS];  /* s, distance travelled in units of kappa */
+  double weight[8 * MOST_PANELS]; /* times exp(-s) */
 } walker;
 
 /* Value and two derivatives in x: what one end of a quintic piece needs. */
@@ -26,10 +35,6 @@ static const double gauss_weight[8] = {
     0.050614268145188130, 0.11119051722668724, 0.15685332293894364, 0.18134189168918099,
     0.18134189168918099,  0.15685332293894364, 0.11119051722668724, 0.050614268145188130};
 
-/* exp(-40) is below the last place of any result here. */
-static const double memory = 40.0;
-static const double panel = 2.0;
-
 static walker walker_start(double kappa)
 {
   /* Far left L(x) = -1 - 1/x, and A + 1 is an exponential integral: its asymptotic series. */
@@ -38,30 +43,41 @@ static walker walker_start(double kappa)
   walker w;
   w.kappa = kappa;
   w.x = -far;
+  w.span = -1.0;
+  w.points = 0;
   w.value = -1.0 + (1.0 - q * (1.0 - 2.0 * q * (1.0 - 3.0 * q))) / far;
   w.tilted = -(1.0 - 4.0 * q * (1.0 - 4.5 * q)) / (far * far);
   return w;
 }
 
+/* Gauss panels over 0 < s < span; most steps share their span, so they are kept. */
+static void walker_lay_panels(walker *w, double span)
+{
+  const int panels = (int)(span / panel) + 1;
+  const double width = span / panels;
+  w->span = span;
+  w->points = 8 * panels;
+  for (int i = 0; i < w->points; i++) {
+    w->place[i] = (i / 8 + gauss_at[i % 8]) * width;
+    w->weight[i] = gauss_weight[i % 8] * width * exp(-w->place[i]);
+  }
+}
+
 static void walker_advance(walker *w, double x)
 {
   const double length = (x - w->x) / w->kappa;
-  const double end = length < memory ? length : memory;
-  const int panels = (int)(end / panel) + 1;
-  const double width = end / panels;
+  const double span = length < memory ? length : memory;
   double gained = 0.0;
   double tilt = 0.0;
-  for (int i = 0; i < panels; i++) {
-    for (int j = 0; j < 8; j++) {
-      const double s = (i + gauss_at[j]) * width;
-      const double weight = gauss_weight[j] * width * exp(-s);
-      double slope;
-      gained += weight * anhyst_langevin_f64(x - w->kappa * s, &slope);
-      tilt += weight * s * slope;
-    }
+  double slope;
+  if (fabs(span - w->span) > 0.0) {
+    walker_lay_panels(w, span);
+  }
+  for (int i = 0; i < w->points; i++) {
+    gained += w->weight[i] * anhyst_langevin_f64(x - w->kappa * w->place[i], &slope);
+    tilt += w->weight[i] * w->place[i] * slope;
   }
   const double kept = exp(-length);
-  double slope;
   const double steepness = (anhyst_langevin_f64(w->x, &slope) - w->value) / w->kappa;
   w->tilted = kept * (w->tilted - length * steepness) - tilt;
   w->value = kept * w->value + gained;

@@ -17,6 +17,7 @@ static ANHYST_REAL ANHYST_NAME(residual)(ANHYST_NAME(search) * find, ANHYST_REAL
   return x + find->omega * at->m - find->r;
 }
 
+/* What rounding alone leaves of the residual. */
 static ANHYST_REAL ANHYST_NAME(rounding)(const ANHYST_NAME(search) * find,
                                          const ANHYST_NAME(anhyst_answer) * at)
 {
@@ -48,6 +49,7 @@ static anhyst_status ANHYST_NAME(polish)(ANHYST_NAME(search) * find, ANHYST_REAL
   const ANHYST_REAL kappa = find->path.law->kappa;
   const ANHYST_REAL tangent =
       ANHYST_EPS * (R(8.0) + ANHYST_FABS(x)) * kappa / (R(1.0) + kappa);
+  ANHYST_REAL longest = ANHYST_FABS(find->beyond - find->before);
   for (int i = 0; i < 200; i++) {
     ANHYST_NAME(anhyst_answer) at;
     const ANHYST_REAL g = ANHYST_NAME(residual)(find, x, &at);
@@ -69,10 +71,13 @@ static anhyst_status ANHYST_NAME(polish)(ANHYST_NAME(search) * find, ANHYST_REAL
       ANHYST_NAME(accept)(find, &at, step, candidate);
       return ANHYST_OK;
     }
-    if (inside) {
+    if (inside && ANHYST_FABS(step) <= longest) {
+      /* Steps must halve: Newton can swing to and fro across the two bends of the curve. */
+      longest = R(0.5) * ANHYST_FABS(step);
       x = next;
       continue;
     }
+    longest = R(0.5) * width;
     const ANHYST_REAL near = ANHYST_FABS(find->before - start);
     const ANHYST_REAL far = ANHYST_FABS(find->beyond - start);
     x = near > R(0.0) && far > R(4.0) * near ? start + sign * ANHYST_SQRT(near) * ANHYST_SQRT(far)
