@@ -1,1 +1,21 @@
 """Measurements: reading, cleaning and judging loops."""
+
+from __future__ import annotations
+
+from anhyst.data.files import atomic_writer, write_csv
+from anhyst.data.history import History
+from anhyst.data.loopset import Loop, LoopSet, Source
+from anhyst.data.table import Table, read_columns
+from anhyst.data.units import Quantity
+
+__all__ = [
+    "History",
+    "Loop",
+    "LoopSet",
+    "Quantity",
+    "Source",
+    "Table",
+    "atomic_writer",
+    "read_columns",
+    "write_csv",
+]

@@ -1,0 +1,95 @@
+"""Writing files whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.layout import PathLike
+from anhyst.data.rawtable import Texts
+from anhyst.errors import InputError
+
+Column = NDArray[np.float64] | NDArray[np.bool_] | Texts
+
+_BLOCK = 1 << 16
+
+
+@contextlib.contextmanager
+def atomic_writer(path: PathLike) -> Iterator[TextIO]:
+    """Open a text file for writing that appears under its name only when complete.
+
+    Raises
+    ------
+    InputError
+        If the folder is missing or read-only, or the disk is full. Nothing is left behind, also
+        when the writing is interrupted.
+    """
+    path = Path(path)
+    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with draft.open("x", encoding="utf-8", newline="\n") as file:
+            yield file
+        draft.replace(path)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{path}: cannot be written: {reason}; choose another --out") from error
+    finally:
+        with contextlib.suppress(OSError):
+            draft.unlink(missing_ok=True)
+
+
+def write_csv(path: PathLike, columns: Mapping[str, Column]) -> None:
+    """Write columns of equal length as CSV, numbers to full precision, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The file; one that exists is replaced.
+    columns
+        Header and values of each column: float64 or bool (written 0 and 1) of shape (n,), or
+        `Texts`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    ValueError
+        If the columns differ in length.
+    """
+    lengths = {len(column) for column in columns.values()}
+    if len(lengths) != 1:
+        raise ValueError(f"columns of different lengths: {sorted(lengths)}")
+    rows = lengths.pop()
+    with atomic_writer(path) as file:
+        file.write(",".join(_quote(header) for header in columns) + "\n")
+        for start in range(0, rows, _BLOCK):
+            stop = min(start + _BLOCK, rows)
+            fields = [_texts_of(column, start, stop) for column in columns.values()]
+            file.write("\n".join(map(",".join, zip(*fields, strict=True))) + "\n")
+
+
+def _texts_of(column: Column, start: int, stop: int) -> list[str]:
+    if isinstance(column, Texts):
+        quoted = [_quote(value) for value in column.values]
+        return [quoted[code] for code in column.codes[start:stop].tolist()]
+    if column.dtype == np.bool_:
+        return [("0", "1")[value] for value in column[start:stop].tolist()]
+    # Integral values are written without ".0": tables of counts and labels stay as they were.
+    return list(map(_number, column[start:stop].tolist()))
+
+
+def _number(value: float) -> str:
+    text = repr(value)
+    return text.removesuffix(".0")
+
+
+def _quote(text: str) -> str:
+    if any(sign in text for sign in ',;"\t\r\n#') or text != text.strip():
+        return '"' + text.replace('"', '""') + '"'
+    return text

@@ -1,0 +1,228 @@
+"""How a text table is laid out: encoding, delimiter, decimal sign, header, unit row, notes."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from anhyst.data.units import find_unit
+from anhyst.errors import InputError
+
+PathLike = str | os.PathLike[str]
+
+_HEAD_BYTES = 1 << 16
+_HEADER_ADVICE = "name the columns in the first line, such as 'I_A,F_N,gap_m'"
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What the first lines of a text table say about the rest.
+
+    ``delimiter`` is ``None`` for blanks of any number. ``units`` is the unit row, one entry a
+    column, or ``None``. Data start at byte ``offset``, which is line ``line`` (the first is 1).
+    """
+
+    path: Path
+    size: int
+    encoding: str
+    eol: bytes
+    delimiter: str | None
+    header: tuple[str, ...]
+    units: tuple[str, ...] | None
+    notes: tuple[str, ...]
+    offset: int
+    line: int
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return len(self.header)
+
+    def split(self, text: str) -> list[str]:
+        """Split one line into its fields, quotes and surrounding blanks removed."""
+        return split_line(text, self.delimiter)
+
+
+def split_line(text: str, delimiter: str | None) -> list[str]:
+    """Split one line of text at a delimiter (``None``: at blanks) with CSV quoting."""
+    if delimiter is None:
+        return text.replace('"', "").split()
+    if '"' in text:
+        return [field.strip() for field in next(csv.reader([text], delimiter=delimiter))]
+    return [field.strip() for field in text.split(delimiter)]
+
+
+def is_number(text: str) -> bool:
+    """Whether a field reads as a number, with decimal point or comma (NaN and Inf included)."""
+    try:
+        float(text.replace(",", ".", 1))
+    except ValueError:
+        return False
+    return "_" not in text
+
+
+def read_layout(path: PathLike) -> Layout:
+    """Look at the beginning of a text table.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, no text, has no header, one column only or no data.
+    """
+    path = Path(path)
+    head, size = _read_head(path)
+    _refuse_binary(path, head)
+    encoding = "utf-8-sig" if head.startswith(codecs.BOM_UTF8) else _encoding(head)
+    start = len(codecs.BOM_UTF8) if encoding == "utf-8-sig" else 0
+    eol = b"\n" if b"\n" in head or b"\r" not in head else b"\r"
+    lines = _lines(head[start:], eol, encoding, complete=size <= len(head))
+    notes, first = _skip_comments(lines, 0)
+    if first == len(lines):
+        raise InputError(f"{path}: holds no table, only blank lines and comments; {_HEADER_ADVICE}")
+    delimiter = _delimiter(lines[first][0])
+    header = _fields(lines[first][0], delimiter)
+    after = first + 1
+    if all(is_number(field) for field in header if field):
+        header, delimiter = _header_from_comment(path, lines, first, header)
+        notes, after = notes[:-1], first
+    header = _drop_empty_tail(header)
+    if len(header) < 2:
+        raise InputError(
+            f"{path}: line {first + 1}: one column only ('{_short(header[0])}'); a loop needs an "
+            "input and an output column, separated by comma, semicolon, tab or blanks"
+        )
+    more, after = _skip_comments(lines, after)
+    units = _unit_row(lines[after][0], delimiter, header) if after < len(lines) else None
+    if units is not None:
+        even_more, after = _skip_comments(lines, after + 1)
+        more = more + even_more
+    if after == len(lines):
+        raise InputError(f"{path}: has a header but no data; nothing to read")
+    offset = start + lines[after][1]
+    found = tuple(notes + more)
+    return Layout(
+        path, size, encoding, eol, delimiter, tuple(header), units, found, offset, after + 1
+    )
+
+
+def _read_head(path: Path) -> tuple[bytes, int]:
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+            size = os.fstat(file.fileno()).st_size
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; check the path") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a folder, not a file; name the file in it") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if not head.strip():
+        raise InputError(f"{path}: is empty; {_HEADER_ADVICE}")
+    return head, size
+
+
+def _refuse_binary(path: Path, head: bytes) -> None:
+    sample = head[:4096]
+    utf16 = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    nulls = sample.count(0)
+    if not utf16 and nulls:
+        even, odd = sample[::2].count(0), sample[1::2].count(0)
+        utf16 = nulls > len(sample) // 4 and min(even, odd) <= len(sample) // 100
+    if utf16:
+        raise InputError(f"{path}: is UTF-16 text; save it again as UTF-8")
+    if head.startswith(b"PK\x03\x04"):
+        raise InputError(f"{path}: is a zip archive or a workbook, no text; export it as CSV")
+    control = sum(sample.count(code) for code in range(32) if code not in {9, 10, 12, 13})
+    if control > len(sample) // 200:
+        raise InputError(f"{path}: is a binary file, no text table; export it as CSV")
+
+
+def _encoding(head: bytes) -> str:
+    """UTF-8 if it decodes as such (the last character may be cut), else Latin-1."""
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8"
+
+
+def _lines(head: bytes, eol: bytes, encoding: str, *, complete: bool) -> list[tuple[str, int]]:
+    """Lines of the head with their byte offsets, without a last line that may be cut."""
+    lines: list[tuple[str, int]] = []
+    offset = 0
+    pieces = head.split(eol)
+    for piece in pieces:
+        lines.append((piece.decode(encoding, "replace").rstrip("\r"), offset))
+        offset += len(piece) + len(eol)
+    return lines if complete or len(lines) == 1 else lines[:-1]
+
+
+def _skip_comments(lines: list[tuple[str, int]], start: int) -> tuple[list[str], int]:
+    notes = []
+    for index in range(start, len(lines)):
+        text = lines[index][0].strip()
+        if text.startswith("#"):
+            notes.append(text.lstrip("# ").rstrip())
+        elif text:
+            return notes, index
+    return notes, len(lines)
+
+
+def _delimiter(line: str) -> str | None:
+    outside = re.sub(r'"[^"]*"', "", line)
+    for candidate in (";", "\t", ","):
+        if candidate in outside:
+            return candidate
+    return None
+
+
+def _fields(line: str, delimiter: str | None) -> list[str]:
+    """Fields of a header line; between blanks, a unit in brackets belongs to its name."""
+    fields: list[str] = []
+    for field in split_line(line, delimiter):
+        if delimiter is None and fields and field.startswith(("[", "(")):
+            fields[-1] += " " + field
+        else:
+            fields.append(field)
+    return fields
+
+
+def _drop_empty_tail(fields: list[str]) -> list[str]:
+    kept = list(fields)
+    while len(kept) > 1 and not kept[-1]:
+        kept.pop()
+    return kept
+
+
+def _header_from_comment(
+    path: Path, lines: list[tuple[str, int]], first: int, row: list[str]
+) -> tuple[list[str], str | None]:
+    """Take the header from the last comment before the data, as numpy.savetxt writes it."""
+    comments = [text for text, _ in lines[:first] if text.strip().startswith("#")]
+    if comments:
+        text = comments[-1].strip().lstrip("# ")
+        delimiter = _delimiter(text)
+        fields = _fields(text, delimiter)
+        if len(fields) == len(row) and not any(is_number(field) for field in fields):
+            return fields, _delimiter(lines[first][0])
+    raise InputError(f"{path}: line {first + 1}: numbers where the header should be; "
+                     f"{_HEADER_ADVICE}")  # fmt: skip
+
+
+def _unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple[str, ...] | None:
+    """Read a row that holds units only, or nothing if it is a row of data."""
+    fields = split_line(line, delimiter)
+    if len(fields) < len(header) or any(is_number(field) for field in fields):
+        return None
+    units = [field.strip("[]() ") for field in fields[: len(header)]]
+    if not any(find_unit(unit) for unit in units if unit):
+        return None
+    return tuple(units)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else text[:37] + "..."

@@ -1,0 +1,80 @@
+"""The path a signal takes: its turning points, with wobble below a threshold ignored."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def turning_points(values: NDArray[np.float64], threshold: float) -> NDArray[np.intp]:
+    """Find the first sample, every reversal larger than the threshold, and the last sample.
+
+    Parameters
+    ----------
+    values
+        Signal of shape (n,), n >= 1.
+    threshold
+        A reversal counts once the signal has come back by more than this, in its own unit.
+
+    Returns
+    -------
+    Indices, strictly ascending; of equal extremes the first.
+
+    Examples
+    --------
+    >>> turning_points(np.array([0.0, 1.0, 0.99, 2.0, 1.0, 0.0]), 0.1).tolist()
+    [0, 3, 5]
+    """
+    extremes = _local_extremes(values)
+    heights = values[extremes].tolist()
+    kept = [0]
+    low = high = direction = 0
+    for place, height in enumerate(heights):
+        if direction <= 0 and height < heights[low]:
+            low = place
+        if direction >= 0 and height > heights[high]:
+            high = place
+        if direction <= 0 and height - heights[low] > threshold:
+            kept.append(low)
+            direction, high = 1, place
+        elif direction >= 0 and heights[high] - height > threshold:
+            kept.append(high)
+            direction, low = -1, place
+    places = np.unique(np.array([*kept, len(heights) - 1], dtype=np.intp))
+    return extremes[places]
+
+
+def reversal_count(values: NDArray[np.float64], threshold: float) -> int:
+    """Count the reversals larger than a threshold."""
+    return max(0, turning_points(values, threshold).size - 2)
+
+
+def crossings(
+    values: NDArray[np.float64], other: NDArray[np.float64], level: float, *, rising: bool
+) -> NDArray[np.float64]:
+    """Interpolate ``other`` where ``values`` crosses a level in one direction.
+
+    Parameters
+    ----------
+    values, other
+        Two signals of shape (n,), sampled together.
+    level
+        The level of ``values`` to cross.
+    rising
+        Whether to take the upward or the downward crossings.
+    """
+    below = values < level if rising else values > level
+    place = np.flatnonzero(below[:-1] & ~below[1:])
+    share = (level - values[place]) / (values[place + 1] - values[place])
+    return other[place] + share * (other[place + 1] - other[place])
+
+
+def _local_extremes(values: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Find the first and the last sample and every local extreme (first of equals)."""
+    moving = np.flatnonzero(np.diff(values) != 0.0)
+    if moving.size == 0:
+        return np.array([0] if values.size == 1 else [0, values.size - 1], dtype=np.intp)
+    up = values[moving + 1] > values[moving]
+    turned = np.flatnonzero(up[1:] != up[:-1])
+    inner = moving[turned] + 1
+    return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)

@@ -1,0 +1,415 @@
+"""From files to loops: rows that belong together, files that belong together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.history import History, propose_history
+from anhyst.data.layout import PathLike, is_number, read_layout
+from anhyst.data.loopset import Loop, LoopSet, Source, time_fault
+from anhyst.data.rawtable import Progress, Texts, read_raw, row_line
+from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
+from anhyst.data.sidecar import Reading
+from anhyst.data.table import map_headers
+from anhyst.data.units import QUANTITIES, Header, Quantity
+from anhyst.errors import InputError
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+_DWELL = 12
+"""Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
+_ALONE = "1"
+"""Label of a loop that nobody labelled."""
+_SUFFIXES = (".csv", ".tsv", ".txt", ".dat")
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """The columns of one source in SI units, not yet cut into loops.
+
+    ``where`` turns a row into words for a message, such as ``file.csv: line 12``.
+    """
+
+    place: str
+    input: Floats
+    output: Floats
+    schedule: Floats | None
+    time: Floats | None
+    labels: Texts
+    where: Callable[[int], str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """The loops of one source."""
+
+    place: str
+    loops: tuple[Loop, ...]
+    input: Quantity
+    output: Quantity
+    schedule: Quantity | None
+    source: Source | None
+    notes: tuple[str, ...]
+
+
+def read_loops(
+    paths: PathLike | Sequence[PathLike],
+    told: Reading | None = None,
+    *,
+    sidecar: PathLike | None = None,
+    progress: Progress | None = None,
+) -> LoopSet:
+    """Read loops from one or several text tables, or from all in a folder.
+
+    Parameters
+    ----------
+    paths
+        Files or folders. Loops of several files join into one set.
+    told
+        What the headers do not say; goes before what a sidecar says.
+    sidecar
+        TOML file that describes all the files. Without it, ``<stem>.toml`` beside each file is
+        used where there is one.
+    progress
+        Called with bytes read and size of the present file.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or understood, the files do not fit together, or the same loop at
+        the same gap comes twice with different data.
+    """
+    told = told or Reading()
+    beside = Reading.from_toml(sidecar) if sidecar is not None else None
+    files = _expand(paths)
+    parts = []
+    for path in files:
+        reading = told.over(beside if beside is not None else _find_sidecar(path))
+        parts.append(_read_file(path, reading, progress, alone=len(files) == 1))
+    return _join(parts)
+
+
+def loops_of_frame(frame: Any, told: Reading) -> LoopSet:
+    """Take loops from a data frame (anything with ``columns`` and ``[name]``).
+
+    Raises
+    ------
+    InputError
+        If a column is missing, holds text or cannot be understood.
+    """
+    place = "data frame"
+    texts = [str(name) for name in frame.columns]
+    headers = map_headers(place, texts, told.columns)
+    roles = find_roles(place, headers, told)
+
+    def values(index: int | None) -> Floats | None:
+        if index is None:
+            return None
+        try:
+            column = np.asarray(frame[list(frame.columns)[index]], dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(f"{place}: column '{texts[index]}' holds text, not numbers") from None
+        unit = headers[index].unit
+        return unit.to_si(column) if unit else column
+
+    drive, answer = values(roles.input), values(roles.output)
+    assert drive is not None
+    assert answer is not None
+    if roles.label is None:
+        labels = _one_label(roles.fixed_label or _ALONE, drive.size)
+    else:
+        names = [str(name) for name in frame[list(frame.columns)[roles.label]]]
+        order = {name: code for code, name in enumerate(dict.fromkeys(names))}
+        labels = Texts(tuple(order), np.array([order[name] for name in names], np.int32))
+    columns = _Columns(
+        place,
+        drive,
+        answer,
+        _schedule_values(roles, values(roles.schedule), drive.size),
+        values(roles.time),
+        labels,
+        lambda row: f"{place}: row {row}",
+    )
+    return _join([_cut(columns, headers, roles, told, None, ())])
+
+
+def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
+    listed = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
+    files: list[Path] = []
+    for path in map(Path, listed):
+        if path.is_dir():
+            found = sorted(f for f in path.iterdir() if f.suffix.lower() in _SUFFIXES)
+            if not found:
+                raise InputError(f"{path}: this folder holds no {', '.join(_SUFFIXES)} file")
+            files += found
+        else:
+            files.append(path)
+    if not files:
+        raise InputError("no files given: name at least one")
+    return files
+
+
+def _find_sidecar(path: Path) -> Reading:
+    sidecar = path.with_suffix(".toml")
+    return Reading.from_toml(sidecar) if sidecar != path and sidecar.is_file() else Reading()
+
+
+def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: bool) -> _Part:
+    layout = read_layout(path)
+    told = with_file_name(path, told)
+    headers = map_headers(str(path), layout.header, told.columns, layout.units)
+    roles = find_roles(str(path), headers, told)
+    numbers = [roles.input, roles.output]
+    numbers += [index for index in (roles.time, roles.schedule) if index is not None]
+    chosen = {name: find_column(str(path), headers, name) for name in told.select}
+    texts = {*chosen.values(), *(() if roles.label is None else (roles.label,))}
+    raw = read_raw(layout, numbers, sorted(texts), progress)
+    keep = _selection(str(path), told, {name: raw.texts[i] for name, i in chosen.items()})
+
+    def where(row: int) -> str:
+        return f"{path}: line {row_line(layout, row if keep is None else int(keep[row]))}"
+
+    def values(index: int | None) -> Floats | None:
+        if index is None:
+            return None
+        column = raw.numbers[index] if keep is None else raw.numbers[index][keep]
+        unit = headers[index].unit
+        return column if unit is None else unit.to_si(column)
+
+    drive, answer = values(roles.input), values(roles.output)
+    assert drive is not None
+    assert answer is not None
+    if roles.label is None:
+        # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
+        # there is to tell them apart by.
+        name = _ALONE if alone or roles.quantity is not None else path.stem
+        labels = _one_label(roles.fixed_label or name, drive.size)
+    else:
+        labels = raw.texts[roles.label]
+        if keep is not None:
+            labels = Texts(labels.values, labels.codes[keep])
+    schedule = _schedule_values(roles, values(roles.schedule), drive.size)
+    columns = _Columns(str(path), drive, answer, schedule, values(roles.time), labels, where)
+    source = Source(str(path), raw.sha256, dict(told.columns))
+    return _cut(columns, headers, roles, told, source, raw.notes)
+
+
+def _one_label(label: str, rows: int) -> Texts:
+    return Texts((label,), np.zeros(rows, np.int32))
+
+
+def _schedule_values(roles: Roles, column: Floats | None, rows: int) -> Floats | None:
+    return np.full(rows, roles.fixed) if roles.fixed is not None else column
+
+
+def _selection(place: str, told: Reading, columns: dict[str, Texts]) -> Rows | None:
+    """Rows whose columns hold one of the selected values; ``None`` for all."""
+    if not columns:
+        return None
+    kept: NDArray[np.bool_] | None = None
+    for name, column in columns.items():
+        wanted = told.select[name]
+        codes = [
+            code
+            for code, text in enumerate(column.values)
+            if any(_same(text, value) for value in wanted)
+        ]
+        match = np.isin(column.codes, codes)
+        kept = match if kept is None else kept & match
+    rows = np.flatnonzero(np.asarray(kept))
+    if rows.size == 0:
+        asked = ", ".join(f"{name} = {list(values)}" for name, values in told.select.items())
+        raise InputError(f"{place}: no row has {asked}; correct the selection")
+    return rows
+
+
+def _same(text: str, value: str | float) -> bool:
+    if isinstance(value, str):
+        return text == value
+    return is_number(text) and float(text.replace(",", ".")) == value
+
+
+def _cut(
+    columns: _Columns,
+    headers: Sequence[Header],
+    roles: Roles,
+    told: Reading,
+    source: Source | None,
+    notes: Sequence[str],
+) -> _Part:
+    """Cut the columns of one source into loops, by label and scheduling value."""
+    drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
+    assert drive is not None
+    assert answer is not None
+    quantity, found = roles.quantity, list(roles.notes) + list(notes)
+    if quantity == QUANTITIES["gap"]:
+        _refuse_negative_gaps(columns)
+    blocks = _blocks(columns)
+    moving = columns.schedule is not None and any(
+        np.ptp(columns.schedule[rows]) != 0.0 for rows in blocks
+    )
+    if moving and quantity is not None and not roles.chosen and quantity.name != "gap":
+        found.append(f"{quantity.name} varies within a loop: not scheduled by unless asked for")
+        columns, quantity = replace(columns, schedule=None), None
+        blocks = _blocks(columns)
+    loops = []
+    for rows in blocks:
+        loop, note = _loop(columns, rows, told)
+        loops.append(loop)
+        found += [note] if note else []
+    texts = tuple(f"{columns.place}: {text}" for text in found)
+    return _Part(columns.place, tuple(loops), drive, answer, quantity, source, texts)
+
+
+def _refuse_negative_gaps(columns: _Columns) -> None:
+    assert columns.schedule is not None
+    below = np.flatnonzero(columns.schedule < 0.0)
+    if below.size:
+        row = int(below[0])
+        raise InputError(
+            f"{columns.where(row)}: negative gap {columns.schedule[row]:g} m; gaps count from "
+            "contact, 0 and up"
+        )
+
+
+def _blocks(columns: _Columns) -> list[Rows]:
+    """Rows of each loop, in their order."""
+    blocks: list[Rows] = []
+    for code in range(len(columns.labels.values)):
+        rows = np.flatnonzero(columns.labels.codes == code)
+        if columns.schedule is None or rows.size == 0:
+            blocks += [rows] if rows.size else []
+            continue
+        blocks += _by_value(columns, columns.schedule[rows], rows)
+    return blocks
+
+
+def _by_value(columns: _Columns, values: Floats, rows: Rows) -> list[Rows]:
+    """Cut rows of one label where the scheduling value steps; a value that moves stays whole."""
+    steps = np.flatnonzero(np.diff(values) != 0.0) + 1
+    runs = steps.size + 1
+    if runs == 1 or rows.size < _DWELL * runs:
+        return [rows]
+    if runs == np.unique(values).size:
+        return np.split(rows, steps)
+    if columns.time is not None and time_fault(columns.time[rows]) is None:
+        return [rows]  # one record in time through which the value steps to and fro
+    seen: dict[float, int] = {}
+    for start in [0, *steps.tolist()]:
+        value = float(values[start])
+        if value in seen:
+            raise InputError(
+                f"{columns.where(int(rows[start]))}: the value {value:g} comes again after others "
+                f"(first in the row of {columns.where(seen[value])}); tell the loops apart by a "
+                "column 'loop'"
+            )
+        seen[value] = int(rows[start])
+    return [rows]
+
+
+def _loop(columns: _Columns, rows: Rows, told: Reading) -> tuple[Loop, str | None]:
+    """Make one loop, and a note if its history is only proposed."""
+    whole = rows.size == columns.input.size
+    label = columns.labels.values[columns.labels.codes[rows[0]]]
+
+    def part(values: Floats | None) -> Floats | None:
+        if values is None:
+            return None
+        taken = values if whole else values[rows]
+        taken.flags.writeable = False
+        return taken
+
+    time = part(columns.time)
+    if time is not None and (back := time_fault(time)) is not None:
+        raise InputError(
+            f"{columns.where(int(rows[back]))}: time going backwards ({time[back]:g} s after "
+            f"{time[back - 1]:g} s); sort the rows, or tell loops apart by a column 'loop'"
+        )
+    drive, answer = part(columns.input), part(columns.output)
+    assert drive is not None
+    assert answer is not None
+    try:
+        loop = Loop(label, drive, answer, part(columns.schedule), time)
+    except InputError as error:
+        raise InputError(f"{columns.place}: {error}") from None
+    stated: History | None = told.histories.get(label, told.history)
+    if stated is not None:
+        return replace(loop, history=stated), None
+    history, reason = propose_history(drive, answer)
+    note = f"history of loop '{label}' taken as {history}: {reason}"
+    return replace(loop, history=history), note
+
+
+def _join(parts: Sequence[_Part]) -> LoopSet:
+    """Join the loops of several sources into one set."""
+    first = parts[0]
+    for part in parts[1:]:
+        _must_agree(first, part)
+    notes = [note for part in parts for note in part.notes]
+    kept: list[tuple[Loop, str]] = []
+    for part in parts:
+        for loop in part.loops:
+            snapped = _snap(loop, kept)
+            twin = _find_twin(snapped, kept, part.place)
+            if twin is None:
+                kept.append((snapped, part.place))
+            else:
+                notes.append(f"{part.place}: loop '{loop.label}' is the one in {twin}: left out")
+    loops = tuple(loop for loop, _ in kept)
+    sources = tuple(part.source for part in parts if part.source is not None)
+    return LoopSet(loops, first.input, first.output, first.schedule, sources, tuple(notes))
+
+
+def _must_agree(first: _Part, part: _Part) -> None:
+    for role in ("input", "output", "schedule"):
+        mine, theirs = getattr(first, role), getattr(part, role)
+        if mine != theirs:
+            texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
+            raise InputError(
+                f"{part.place}: its {role} is {texts[1]} but that of {first.place} is {texts[0]}; "
+                "files read together must hold the same quantities"
+            )
+
+
+def _snap(loop: Loop, kept: Sequence[tuple[Loop, str]]) -> Loop:
+    """Give a scheduling value that differs from an earlier one by rounding only that value."""
+    value = loop.schedule_value
+    if value is None:
+        return loop
+    for other, _ in kept:
+        near = other.schedule_value
+        if near is not None and near != value and abs(near - value) <= 1e-9 * abs(near):
+            return replace(loop, schedule=np.full(loop.n, near))
+    return loop
+
+
+def _find_twin(loop: Loop, kept: Sequence[tuple[Loop, str]], place: str) -> str | None:
+    """Name the file that holds the same loop already; refuse contradictions."""
+    for other, file in kept:
+        same_place = other.schedule_value == loop.schedule_value and (
+            loop.schedule is None or loop.schedule_value is not None
+        )
+        same_data = np.array_equal(loop.input, other.input) and np.array_equal(
+            loop.output, other.output
+        )
+        if same_data and same_place and file != place:
+            return file
+        if same_data and not same_place and loop.schedule_value is not None:
+            raise InputError(
+                f"{place}: holds the same data at {loop.schedule_value:g} as {file} at "
+                f"{other.schedule_value}; one of the two is mislabelled"
+            )
+        if same_place and other.label == loop.label:
+            at = "" if loop.schedule_value is None else f" at {loop.schedule_value:g}"
+            raise InputError(
+                f"{place}: loop '{loop.label}'{at} is also in {file}, with other data; leave one "
+                "out, or tell them apart by a column 'loop'"
+            )
+    return None

@@ -1,0 +1,217 @@
+"""Which column of a table is input, output, time, loop label and scheduling variable."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from anhyst.data.sidecar import Reading
+from anhyst.data.units import INPUTS, OUTPUTS, Header, Quantity, parse_header
+from anhyst.errors import InputError
+
+_NO_SCHEDULE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Roles:
+    """Indices of the columns that play a part.
+
+    The scheduling variable is a column (``schedule``) or a constant of the whole file
+    (``fixed``, in SI units); ``quantity`` says which, ``None`` if nothing is scheduled. ``chosen``
+    is true if it was asked for by name.
+    """
+
+    input: int
+    output: int
+    time: int | None
+    label: int | None
+    fixed_label: str | None
+    schedule: int | None
+    fixed: float | None
+    quantity: Quantity | None
+    chosen: bool
+    notes: tuple[str, ...]
+
+
+def find_roles(place: str, headers: Sequence[Header], told: Reading) -> Roles:
+    """Decide what each column is.
+
+    Parameters
+    ----------
+    place
+        File name, for messages.
+    headers
+        The headers, mapped.
+    told
+        Names of the label column and the scheduling variable, constants.
+
+    Raises
+    ------
+    InputError
+        If input or output are missing, one comes twice, or a column that matters has no usable
+        unit.
+    """
+    drive = _first(place, headers, INPUTS, "an input", "'I_A', 'H_A_per_m' or 'u_V'")
+    answer = _first(place, headers, OUTPUTS, "an output", "'F_N', 'B_T', 'psi_Wb' or 'x_m'")
+    time = _only(place, headers, "time")
+    label = _label(place, headers, told)
+    fixed_label = _fixed_label(told.constants)
+    if label is not None and fixed_label is not None:
+        raise InputError(f"{place}: the loop label is both a column and a constant; keep one")
+    schedule, fixed, quantity = _schedule(place, headers, told)
+    used = {drive, answer, time, label, schedule}
+    idle = [header.text for index, header in enumerate(headers) if index not in used]
+    idle = [text for text in idle if text and text not in told.select]
+    notes = (f"columns not used: {', '.join(idle)}",) if idle else ()
+    asked = told.schedule is not None
+    return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, asked, notes)
+
+
+def find_column(place: str, headers: Sequence[Header], name: str) -> int:
+    """Index of a column by the header as it stands in the file.
+
+    Raises
+    ------
+    InputError
+        If there is no such column.
+    """
+    for index, header in enumerate(headers):
+        if header.text == name:
+            return index
+    raise InputError(f"{place}: has no column '{name}' ({_have(headers)})")
+
+
+def with_file_name(path: Path, told: Reading) -> Reading:
+    """Add the constants that the file's name holds, by the pattern ``file_name``.
+
+    Raises
+    ------
+    InputError
+        If the name does not fit the pattern, or holds text where a number should be.
+    """
+    if told.file_name is None:
+        return told
+    pieces = re.split(r"\{([^{}]+)\}", told.file_name)
+    keys = pieces[1::2]
+    pattern = "(.+)".join(re.escape(piece) for piece in pieces[::2])
+    match = re.fullmatch(pattern, path.stem) or re.fullmatch(pattern, path.name)
+    if not keys or match is None:
+        raise InputError(
+            f"{path}: the name does not fit file_name = '{told.file_name}'; a pattern is like "
+            "'gd_T{T_C}C'"
+        )
+    constants: dict[str, float | str] = dict(told.constants)
+    for key, text in zip(keys, match.groups(), strict=True):
+        if parse_header(key).is_label:
+            constants[key] = text
+            continue
+        try:
+            constants[key] = float(text)
+        except ValueError:
+            raise InputError(f"{path}: '{text}' in the name is no number for {key}") from None
+    return replace(told, constants=constants)
+
+
+def _first(
+    place: str, headers: Sequence[Header], names: Sequence[str], what: str, examples: str
+) -> int:
+    for name in names:
+        index = _only(place, headers, name)
+        if index is not None:
+            return index
+    raise InputError(
+        f"{place}: has no column for {what} ({_have(headers)}); name it {examples}, or map one "
+        f"with columns = {{'{headers[-1].text}': ...}}"
+    )
+
+
+def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
+    """Index of the one usable column of a quantity; ``None`` if the table has none."""
+    found = [i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name]
+    healthy = [index for index in found if headers[index].problem is None]
+    if len(healthy) > 1:
+        texts = " and ".join(f"'{headers[index].text}'" for index in healthy)
+        raise InputError(f"{place}: columns {texts} are both {name}; leave one out (map it to '')")
+    if found and not healthy:
+        header = headers[found[0]]
+        raise InputError(f"{place}: column '{header.text}': {header.problem}")
+    return healthy[0] if healthy else None
+
+
+def _label(place: str, headers: Sequence[Header], told: Reading) -> int | None:
+    if told.loop is not None:
+        return find_column(place, headers, told.loop)
+    found = [index for index, header in enumerate(headers) if header.is_label]
+    if len(found) > 1:
+        texts = " and ".join(f"'{headers[index].text}'" for index in found)
+        raise InputError(f"{place}: columns {texts} both label loops; leave one out")
+    return found[0] if found else None
+
+
+def _fixed_label(constants: Mapping[str, float | str]) -> str | None:
+    for key, value in constants.items():
+        if parse_header(key).is_label:
+            return str(value)
+    return None
+
+
+def _fixed_values(
+    place: str, constants: Mapping[str, float | str]
+) -> dict[str, tuple[Quantity, float]]:
+    """Constants of the whole file in SI units, by the name of their quantity."""
+    values: dict[str, tuple[Quantity, float]] = {}
+    for key, value in constants.items():
+        header = parse_header(key)
+        if header.quantity is None:
+            continue
+        if header.problem:
+            raise InputError(f"{place}: constant '{key}': {header.problem}")
+        try:
+            number = float(value)
+        except ValueError:
+            raise InputError(f"{place}: constant '{key}': '{value}' is no number") from None
+        if header.unit:
+            number = header.unit.value_to_si(number)
+        values[header.quantity.name] = (header.quantity, number)
+    return values
+
+
+def _schedule(
+    place: str, headers: Sequence[Header], told: Reading
+) -> tuple[int | None, float | None, Quantity | None]:
+    """Find the scheduling variable: what was asked for, else the gap, else the temperature."""
+    if told.schedule == _NO_SCHEDULE:
+        return None, None, None
+    fixed = _fixed_values(place, told.constants)
+    for name in fixed:
+        if any(h.quantity is not None and h.quantity.name == name for h in headers):
+            raise InputError(f"{place}: {name} is both a column and a constant; keep one")
+    names = ["gap", "temperature"] if told.schedule is None else [_meant(told.schedule, headers)]
+    for name in names:
+        if name in fixed:
+            quantity, value = fixed[name]
+            return None, value, quantity
+        index = _only(place, headers, name)
+        if index is not None:
+            return index, None, headers[index].quantity
+    if told.schedule is not None:
+        raise InputError(
+            f"{place}: has no column or constant '{told.schedule}' to schedule by "
+            f"({_have(headers)})"
+        )
+    return None, None, None
+
+
+def _meant(schedule: str, headers: Sequence[Header]) -> str:
+    """Name of the quantity that a scheduling variable is asked for by."""
+    for header in headers:
+        if header.text == schedule and header.quantity is not None:
+            return header.quantity.name
+    quantity = parse_header(schedule).quantity
+    return quantity.name if quantity is not None else schedule
+
+
+def _have(headers: Sequence[Header]) -> str:
+    return "columns: " + ", ".join(header.text for header in headers)

@@ -1,0 +1,133 @@
+"""What is told about a file beyond its headers: by arguments, or by a small TOML beside it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from anhyst.data.history import History
+from anhyst.data.layout import PathLike
+from anhyst.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What is told about files beyond their headers, by arguments or by a sidecar TOML."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    loop: str | None = None
+    schedule: str | None = None
+    history: History | None = None
+    histories: Mapping[str, History] = field(default_factory=dict)
+    constants: Mapping[str, float | str] = field(default_factory=dict)
+    select: Mapping[str, tuple[str | float, ...]] = field(default_factory=dict)
+    file_name: str | None = None
+
+    @classmethod
+    def from_arguments(
+        cls,
+        *,
+        columns: Mapping[str, str] | None = None,
+        history: History | str | None = None,
+        schedule: str | None = None,
+        loop: str | None = None,
+        constants: Mapping[str, float | str] | None = None,
+        select: Mapping[str, object] | None = None,
+        file_name: str | None = None,
+    ) -> Reading:
+        """Collect keyword arguments.
+
+        Raises
+        ------
+        InputError
+            If a history or a selection makes no sense.
+        """
+        return cls(
+            columns=dict(columns or {}),
+            loop=loop,
+            schedule=schedule,
+            history=History.parse(history) if isinstance(history, str) else history,
+            constants=dict(constants or {}),
+            select={name: _choices(name, value) for name, value in (select or {}).items()},
+            file_name=file_name,
+        )
+
+    @classmethod
+    def from_toml(cls, path: PathLike) -> Reading:
+        """Read a sidecar.
+
+        Keys: ``columns`` (table: file column = our column), ``loop`` (name of the label column),
+        ``schedule``, ``history`` (text, or a table: label = text), ``constants`` (table:
+        ``T_C = -15``), ``select`` (table: column = value or list of values), ``file_name``
+        (pattern such as ``"gd_T{T_C}C"`` that takes constants from the file's name).
+
+        Raises
+        ------
+        InputError
+            If the file is missing, no TOML, or a key is unknown or of the wrong type.
+        """
+        path = Path(path)
+        try:
+            found = tomllib.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: is no valid TOML: {error}") from None
+        return cls._from_keys(path, found)
+
+    @classmethod
+    def _from_keys(cls, path: Path, found: Mapping[str, Any]) -> Reading:
+        kinds = {
+            "columns": dict,
+            "loop": str,
+            "schedule": str,
+            "history": str | dict,
+            "constants": dict,
+            "select": dict,
+            "file_name": str,
+        }
+        for key, value in found.items():
+            if key not in kinds:
+                raise InputError(f"{path}: key '{key}' is not known; use {', '.join(kinds)}")
+            if not isinstance(value, kinds[key]):
+                raise InputError(f"{path}: key '{key}' is of the wrong kind; see the reference")
+        _check_members(path, "columns", found, str)
+        _check_members(path, "constants", found, int | float | str)
+        told = dict(found)
+        history = told.pop("history", None)
+        try:
+            reading = cls.from_arguments(**told)
+            if isinstance(history, dict):
+                _check_members(path, "history", found, str)
+                by_label = {label: History.parse(text) for label, text in history.items()}
+                return replace(reading, histories=by_label)
+            return replace(reading, history=History.parse(history) if history else None)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+    def over(self, other: Reading) -> Reading:
+        """Combine with another reading; what this one says goes first."""
+        if self.history is not None:
+            other = replace(other, histories={})
+        merged: dict[str, Any] = {}
+        for item in fields(self):
+            mine, theirs = getattr(self, item.name), getattr(other, item.name)
+            merged[item.name] = {**theirs, **mine} if isinstance(mine, dict) else mine or theirs
+        return Reading(**merged)
+
+
+def _check_members(path: Path, key: str, found: Mapping[str, Any], kind: Any) -> None:
+    for name, value in found.get(key, {}).items():
+        if not isinstance(value, kind) or isinstance(value, bool):
+            raise InputError(f"{path}: key '{key}.{name}' is of the wrong kind: {value!r}")
+
+
+def _choices(name: str, value: object) -> tuple[str | float, ...]:
+    values = value if isinstance(value, list | tuple) else (value,)
+    for one in values:
+        if not isinstance(one, str | int | float) or isinstance(one, bool):
+            raise InputError(f"key 'select.{name}' must be a text, a number or a list of them")
+    return tuple(values)

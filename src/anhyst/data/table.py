@@ -1,0 +1,212 @@
+"""Tables read whole, with their columns understood: drives, demands and whole measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from anhyst.data.layout import Layout, PathLike, is_number, read_layout
+from anhyst.data.rawtable import (
+    Floats,
+    Progress,
+    TextInNumbersError,
+    Texts,
+    read_raw,
+    row_line,
+    shown,
+    split_lines,
+)
+from anhyst.data.units import Header, Quantity, parse_header
+from anhyst.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table read whole: numbers in SI by quantity, and the columns as they stood.
+
+    ``headers`` and ``columns`` belong together: numbers in the file's own units as read-only
+    arrays of shape (rows,), text as `Texts`. Use `get` or `need` for SI values.
+    """
+
+    path: str
+    sha256: str
+    headers: tuple[Header, ...]
+    columns: tuple[Floats | Texts, ...]
+    notes: tuple[str, ...]
+    layout: Layout
+
+    def __len__(self) -> int:
+        return len(self.columns[0])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the quantities held, one a column (``loop`` for the label)."""
+        return tuple(
+            header.quantity.name if header.quantity else header.name for header in self.headers
+        )
+
+    def get(self, name: str) -> Floats | None:
+        """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent.
+
+        Raises
+        ------
+        InputError
+            If the column is there but its unit is missing or unknown, or it holds text.
+        """
+        found = [place for place, other in enumerate(self.names) if other == name]
+        healthy = [place for place in found if self.headers[place].problem is None]
+        if len(healthy) > 1:
+            texts = " and ".join(f"'{self.headers[place].text}'" for place in healthy)
+            raise InputError(f"{self.path}: columns {texts} both hold {name}; keep one")
+        if not found:
+            return None
+        header, column = self.headers[(healthy or found)[0]], self.columns[(healthy or found)[0]]
+        if header.problem:
+            raise InputError(f"{self.path}: column '{header.text}': {header.problem}")
+        if isinstance(column, Texts):
+            bad = next((r for r, text in enumerate(column.rows()) if not is_number(text)), 0)
+            raise InputError(
+                f"{self.path}: line {row_line(self.layout, bad)}, column '{header.text}': "
+                f"'{shown(column.values[column.codes[bad]])}' is not a number; correct or "
+                "remove the line"
+            )
+        values = header.unit.to_si(column) if header.unit else column
+        values.flags.writeable = False
+        return values
+
+    def need(self, name: str, example: str) -> Floats:
+        """SI values of a quantity that must be there; ``example`` is a header to advise.
+
+        Raises
+        ------
+        InputError
+            If no column holds the quantity.
+        """
+        values = self.get(name)
+        if values is None:
+            have = ", ".join(header.text for header in self.headers)
+            raise InputError(
+                f"{self.path}: has no column of {name.replace('_', ' ')} (columns: {have}); "
+                f"name it '{example}' or map it"
+            )
+        return values
+
+    def as_columns(self) -> dict[str, Floats | Texts]:
+        """Columns as they stood in the file by header, ready for `write_csv` to repeat."""
+        names = {}
+        for place, (text, column) in enumerate(zip(self.layout.header, self.columns, strict=True)):
+            unit = self.layout.units[place] if self.layout.units else ""
+            names[f"{text} [{unit}]" if unit else text] = column
+        return names
+
+
+def read_columns(
+    path: PathLike,
+    columns: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+) -> Table:
+    """Read every column of a text table, such as a drive or a demand.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        What the file's columns are, where their headers do not say: ``{"U_M_V": "psi_Wb"}``.
+    progress
+        Called with bytes read and file size.
+
+    Raises
+    ------
+    InputError
+        As `read_raw`; also if ``columns`` names a column that is not there.
+    """
+    layout = read_layout(path)
+    headers = map_headers(str(layout.path), layout.header, columns or {}, layout.units)
+    first = _first_row(layout)
+    known = {place for place, header in enumerate(headers) if header.is_known}
+    texts = {
+        place
+        for place, header in enumerate(headers)
+        if header.is_label or (place not in known and not is_number(first[place]))
+    }
+    while True:
+        numbers = [place for place in range(layout.width) if place not in texts]
+        try:
+            raw = read_raw(layout, numbers, sorted(texts), progress)
+            break
+        except TextInNumbersError as error:
+            if error.column in known:
+                raise
+            texts.add(error.column)  # a column nobody asked for may hold anything
+    held: list[Floats | Texts] = []
+    for place in range(layout.width):
+        if place in texts:
+            held.append(raw.texts[place])
+        else:
+            raw.numbers[place].flags.writeable = False
+            held.append(raw.numbers[place])
+    return Table(str(layout.path), raw.sha256, headers, tuple(held), raw.notes, layout)
+
+
+def _first_row(layout: Layout) -> list[str]:
+    with layout.path.open("rb") as file:
+        file.seek(layout.offset)
+        line = next(split_lines(file, layout.eol)).decode(layout.encoding, "replace")
+    fields = layout.split(line.rstrip("\r\n"))
+    return fields + [""] * (layout.width - len(fields))
+
+
+def map_headers(
+    place: str,
+    texts: Sequence[str],
+    columns: Mapping[str, str],
+    units: Sequence[str] | None = None,
+) -> tuple[Header, ...]:
+    """Understand the headers of a table, as told by ``columns`` where it says something.
+
+    Parameters
+    ----------
+    place
+        Where the headers stand, for messages.
+    texts
+        The headers.
+    columns
+        What some of them mean. A target without a unit (``psi``) keeps the unit of the file's
+        header; an empty target leaves the column out.
+    units
+        The unit row, if there is one.
+
+    Raises
+    ------
+    InputError
+        If a mapped column is not there, or is mapped to another unit of the same kind.
+    """
+    rows = units or (None,) * len(texts)
+    headers = [parse_header(text, unit) for text, unit in zip(texts, rows, strict=True)]
+    for source, target in columns.items():
+        found = [index for index, text in enumerate(texts) if text == source]
+        if not found:
+            have = ", ".join(texts)
+            raise InputError(f"{place}: has no column '{source}' to map (columns: {have})")
+        headers[found[0]] = _map_header(place, headers[found[0]], target)
+    return tuple(headers)
+
+
+def _map_header(place: str, own: Header, target: str) -> Header:
+    if not target.strip():
+        return Header(own.text, "", Quantity("", "", "1"), None)
+    meant = parse_header(target)
+    if meant.problem and not meant.unit and own.unit:
+        meant = parse_header(target, own.unit.symbol)
+    where = f"{place}: column '{own.text}' mapped to '{target}'"
+    if meant.problem:
+        raise InputError(f"{where}: {meant.problem}")
+    if meant.unit and own.unit and meant.unit.dimension == own.unit.dimension:
+        same = (meant.unit.scale, meant.unit.offset) == (own.unit.scale, own.unit.offset)
+        if not same:
+            raise InputError(
+                f"{where}: the file says {own.unit.symbol}, the mapping {meant.unit.symbol}; "
+                f"map it to '{meant.name}' to convert it"
+            )
+    return Header(own.text, meant.name, meant.quantity, meant.unit)
