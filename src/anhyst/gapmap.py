@@ -81,8 +81,8 @@ class Curve:
     Examples
     --------
     >>> curve = Curve("c_H", np.array([0.3e-3, 0.6e-3]), np.array([200.0, 100.0]))
-    >>> float(curve(np.array([0.45e-3]))[0])  # the reciprocal is straight
-    133.33333333333334
+    >>> curve(np.array([0.45e-3])).round(6)  # the reciprocal is straight
+    array([133.333333])
     """
 
     name: str

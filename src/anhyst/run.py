@@ -1,0 +1,450 @@
+"""A model over a whole record: drive to output, and output to drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from anhyst._core import status_text
+from anhyst.data.history import History
+from anhyst.data.units import Quantity
+from anhyst.errors import InputError, NegativeResult
+
+if TYPE_CHECKING:
+    from anhyst._core import Iron
+    from anhyst.model import ActuatorModel, Circuit
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Given = Literal["drive", "demand"]
+
+OK = 0
+NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
+
+SHORTEST_RUN = 8
+"""A scheduling variable that rests for fewer samples than this is moving, not stepping."""
+
+MOST_CYCLES = 10_000
+CLOSED = 1e-12
+"""A cycle is closed when the state returns this well (in units of a and M_s)."""
+
+GIVEN_MARGIN = 1e-9
+COMPUTED_MARGIN = 0.02
+"""What a value may exceed the valid range by, in parts of the range, and count as inside. A
+computed one gets more: the model of the largest measured loop does not end on its largest sample.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a model computed over a record; all arrays of shape (n,).
+
+    Parameters
+    ----------
+    drive : ndarray
+        Input of the actuator, in units of the input.
+    output : ndarray
+        Output of the actuator, in units of the output. After ``invert``, what the drive really
+        gives: the demand, except where the demand has no answer.
+    flux_density : ndarray
+        T.
+    field : ndarray
+        Field in the iron, A/m.
+    valid : ndarray of bool
+        Whether the sample lies inside the valid range of the model.
+    state : ndarray, shape (3,)
+        State of the iron after the last sample (``x/a``, ``M_irr/M_s``, play ``/a``).
+    cycles : int
+        Repetitions it took to settle; 0 for another history.
+    history : History
+        What was assumed to have happened before.
+    warnings : tuple of str
+        What a reader has to know, one sentence each.
+    """
+
+    drive: FloatArray
+    output: FloatArray
+    flux_density: FloatArray
+    field: FloatArray
+    valid: BoolArray
+    state: FloatArray
+    cycles: int
+    history: History
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Result of one run without interruption."""
+
+    found: FloatArray
+    flux_density: FloatArray
+    field: FloatArray
+    reachable: BoolArray
+    state: FloatArray
+    cycles: int
+
+
+def predict(
+    model: ActuatorModel,
+    drive: ArrayLike,
+    schedule: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    history: History | str | None = None,
+) -> Prediction:
+    """Compute the output that a drive gives.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    drive : array_like, shape (n,)
+        Input of the actuator, in units of the input (A for a current).
+    schedule : array_like, shape (n,) or a single number, optional
+        Scheduling variable, SI. It may move from sample to sample, except with a ``free`` gap map
+        in which the iron itself varies: there every stretch at rest starts again from the history.
+    time : array_like, shape (n,), optional
+        Ascending, s; needed only by a model with eddy currents.
+    history : History or str, optional
+        What happened before the first sample, instead of what the model says. ``"settled"``
+        repeats the whole record until it closes.
+
+    Returns
+    -------
+    Prediction
+        With every sample outside the valid range flagged.
+
+    Raises
+    ------
+    InputError
+        Arrays that are empty, differ in length or hold NaN; a missing schedule or time; a path
+        the core refuses, with the sample.
+    NegativeResult
+        A settled cycle was asked for and does not close.
+    """
+    return _run(model, "drive", drive, schedule, time, history)
+
+
+def invert(
+    model: ActuatorModel,
+    demand: ArrayLike,
+    schedule: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    history: History | str | None = None,
+) -> Prediction:
+    """Compute the drive that a demanded output needs.
+
+    A force has two answers, a flux density and its negative; the positive one is taken, so the
+    drive is unipolar. A demanded force below ``out_0`` has no answer: the flux density is then
+    zero and the sample flagged.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    demand : array_like, shape (n,)
+        Wanted output, in units of the output (N for a force).
+    schedule, time, history
+        As in :func:`predict`; ``"settled"`` repeats the demand until it closes.
+
+    Returns
+    -------
+    Prediction
+        ``drive`` is the answer.
+
+    Raises
+    ------
+    InputError, NegativeResult
+        As :func:`predict`.
+    """
+    return _run(model, "demand", demand, schedule, time, history)
+
+
+def _run(
+    model: ActuatorModel,
+    kind: Given,
+    values: ArrayLike,
+    schedule: ArrayLike | None,
+    time: ArrayLike | None,
+    history: History | str | None,
+) -> Prediction:
+    given = as_samples(values, kind)
+    at = None if schedule is None else as_samples(schedule, "schedule", given.size)
+    rate = eddy_rate(model, time, given.size)
+    past = as_history(history, model)
+    if at is None:
+        model.schedule_or_default(None)
+    runs = list(_runs(model, at, given.size))
+    parts = [
+        _one_run(model, kind, given[run], None if at is None else at[run], rate[run], past, run)
+        for run in runs
+    ]
+    found, flux, field, reachable = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("found", "flux_density", "field", "reachable")
+    )
+    drive, output = (given, found) if kind == "drive" else (found, given)
+    if kind == "demand" and not reachable.all():
+        output = np.where(reachable, given, model.circuit(at, np.zeros(given.size)).output(flux))
+    valid, warnings = flag(model, kind, drive, given if kind == "demand" else output, at, reachable)
+    if len(runs) > 1:
+        warnings.append(
+            f"the schedule changes {len(runs) - 1} times; the iron of this model changes with it, "
+            f"so each stretch starts again ({past})"
+        )
+    if past.kind == "settled" and any(_is_open(given[run]) for run in runs):
+        warnings.append(
+            f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
+        )
+    return Prediction(
+        drive=drive,
+        output=output,
+        flux_density=flux,
+        field=field,
+        valid=valid,
+        state=parts[-1].state,
+        cycles=max(part.cycles for part in parts),
+        history=past,
+        warnings=tuple(warnings),
+    )
+
+
+def _one_run(
+    model: ActuatorModel,
+    kind: Given,
+    given: FloatArray,
+    schedule: FloatArray | None,
+    rate: FloatArray,
+    history: History,
+    run: slice,
+) -> _Part:
+    """Take one uninterrupted run through the core."""
+    start = None if schedule is None else float(schedule[0])
+    iron = model.iron_at(start)
+    settled = history.kind == "settled"
+    if settled and given.size > 1:
+        rate = np.concatenate([[np.median(rate[1:])], rate[1:]])  # the way back to the start
+    circuit = model.circuit(schedule, rate)
+    if kind == "drive":
+        core, reachable = circuit.magnetomotive(given), np.ones(given.shape, dtype=np.bool_)
+        step: Callable[..., tuple[FloatArray, FloatArray, FloatArray, int, int]] = iron.forward
+    else:
+        (core, reachable), step = circuit.flux_density(given), iron.inverse
+    state, cycles = initial_state(model, iron, history, start), 0
+    if settled:
+        state, cycles = _settle(iron, kind, core, circuit, state)
+    other, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
+    check(status, kind, run.start + index, given)
+    if kind == "drive":
+        return _Part(circuit.output(other), other, field, reachable, state, cycles)
+    return _Part(circuit.drive(other), core, field, reachable, state, cycles)
+
+
+def initial_state(
+    model: ActuatorModel, iron: Iron, history: History, schedule: float | None
+) -> FloatArray:
+    """Return the state of the iron before the first sample.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    iron : Iron
+        Its iron at this value of the scheduling variable.
+    history : History
+        ``settled`` gives the demagnetised state, from which the cycle is then repeated.
+    schedule : float or None
+        Scheduling variable during the conditioning, SI.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        The state.
+    """
+    state = np.zeros(3)
+    if history.kind != "conditioned":
+        return state
+    # The exact step does not care how a path is cut: turning points say all.
+    points = np.array(history.turning_points)
+    at = None if schedule is None else np.full(points.shape, schedule)
+    circuit = model.circuit(at, np.zeros(points.shape))
+    drive = circuit.magnetomotive(points)
+    conditioned: FloatArray
+    _, _, conditioned, status, index = iron.forward(drive, circuit.rho, circuit.eddy, state)
+    check(status, "turning point", index, points)
+    return conditioned
+
+
+def _settle(
+    iron: Iron, kind: Given, core: FloatArray, circuit: Circuit, state: FloatArray
+) -> tuple[FloatArray, int]:
+    """Repeat a cycle until the state returns."""
+    state, cycles, status = iron.settle(
+        core, circuit.rho, circuit.eddy, state, kind == "demand", MOST_CYCLES, CLOSED
+    )
+    if status == NOT_SETTLED:
+        raise NegativeResult(
+            f"the {kind} was repeated {cycles} times and the cycle still does not close: "
+            "it is too small against the pinning of the model; use another history"
+        )
+    check(status, kind, 0, core)
+    return state, cycles
+
+
+def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatArray:
+    """Return values as a clean array of samples.
+
+    Parameters
+    ----------
+    values : array_like
+        Samples, or a single number if ``size`` is given.
+    name : str
+        For the message.
+    size : int, optional
+        How many there must be.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Contiguous.
+
+    Raises
+    ------
+    InputError
+        Empty, not one-dimensional, of another length, or not finite.
+    """
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if size is not None and np.ndim(values) == 0:
+        array = np.full(size, float(array.reshape(-1)[0]))
+    if array.ndim != 1 or not array.size:
+        raise InputError(f"{name}: has shape {array.shape}; give one row of samples")
+    if size is not None and array.size != size:
+        raise InputError(f"{name}: has {array.size} samples for {size}; give one for each")
+    finite = np.isfinite(array)
+    if not finite.all():
+        raise InputError(f"{name}: sample {int(np.argmin(finite))} is not a finite number; mend it")
+    return array
+
+
+def as_history(history: History | str | None, model: ActuatorModel) -> History:
+    """Return the history that a call asks for, or that of the model."""
+    if history is None:
+        return model.history
+    return History.parse(history) if isinstance(history, str) else history
+
+
+def eddy_rate(model: ActuatorModel, time: ArrayLike | None, size: int) -> FloatArray:
+    """Return 1/dt of each sample, 1/s; zeros for a model without eddy currents.
+
+    The first sample has no predecessor: its flux density is taken to be approached slowly.
+
+    Raises
+    ------
+    InputError
+        The model has eddy currents and there is no time, or it does not ascend.
+    """
+    gamma = model.parameters["gamma"]
+    if not np.any(gamma):
+        return np.zeros(size)
+    if time is None:
+        raise InputError(
+            "the model has eddy currents (gamma): give the time, in a file as column t_s"
+        )
+    steps = np.diff(as_samples(time, "time", size))
+    if (steps <= 0.0).any():
+        raise InputError(f"time: does not ascend at sample {int(np.argmax(steps <= 0.0)) + 1}")
+    return np.concatenate([[0.0], 1.0 / steps])
+
+
+def check(status: int, name: str, index: int, given: FloatArray) -> None:
+    """Turn a return code of the core into an error that names the sample."""
+    if status == OK:
+        return
+    value = f" ({given[index]:g})" if 0 <= index < given.size else ""
+    text = f"{name}: sample {index}{value}: {status_text(status)}"
+    raise NegativeResult(text) if status in {NOT_CONVERGED, NOT_SETTLED} else InputError(text)
+
+
+def _runs(model: ActuatorModel, schedule: FloatArray | None, size: int) -> Iterator[slice]:
+    """Cut a record where it cannot be run through: only where the iron itself would change."""
+    if schedule is None or not model.fixed_gap_only:
+        yield slice(0, size)
+        return
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(schedule)) + 1, [size]])
+    lengths = np.diff(edges)
+    if len(lengths) > 1 and lengths.min() < SHORTEST_RUN:
+        raise InputError(
+            f"the schedule moves at sample {int(edges[1])}, but in this model (gap map 'free') the "
+            f"iron itself varies with it ({', '.join(model.varying)}): run each value by itself, "
+            "or identify with the gap map scaling or reluctance"
+        )
+    for start, stop in pairwise(edges):
+        yield slice(int(start), int(stop))
+
+
+def _is_open(given: FloatArray) -> bool:
+    """Whether a record ends farther from its start than from sample to sample."""
+    return given.size > 2 and bool(abs(given[-1] - given[0]) > 2.0 * np.abs(np.diff(given)).max())
+
+
+def flag(
+    model: ActuatorModel,
+    kind: Given,
+    drive: FloatArray,
+    output: FloatArray,
+    schedule: FloatArray | None,
+    reachable: BoolArray,
+) -> tuple[BoolArray, list[str]]:
+    """Flag samples outside the valid range, and say so.
+
+    Returns
+    -------
+    valid : ndarray of bool, shape (n,)
+        True inside.
+    warnings : list of str
+        One sentence for each quantity that leaves its range.
+    """
+    valid, warnings = reachable.copy(), []
+    if not reachable.all():
+        first = int(np.argmin(reachable))
+        warnings.append(
+            f"{int((~reachable).sum())} of {drive.size} samples demand less than any drive can "
+            f"give (first: sample {first}, {output[first]:g} {model.output.unit})"
+        )
+    if model.valid is None:
+        return valid, warnings
+    computed = {"drive": model.output, "demand": model.input}[kind]
+    ranges = (
+        (model.input, drive, model.valid.input),
+        (model.output, output, model.valid.output),
+        (model.schedule, schedule, model.valid.schedule),
+    )
+    for quantity, values, limits in ranges:
+        if quantity is None or values is None or limits is None:
+            continue
+        margin = COMPUTED_MARGIN if quantity is computed else GIVEN_MARGIN
+        inside, warning = _inside(quantity, values, limits, margin)
+        valid &= inside
+        warnings.extend(warning)
+    return valid, warnings
+
+
+def _inside(
+    quantity: Quantity, values: FloatArray, limits: tuple[float, float], margin: float
+) -> tuple[BoolArray, list[str]]:
+    low, high = limits
+    allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
+    inside = (values >= low - allowance) & (values <= high + allowance)
+    if inside.all():
+        return inside, []
+    first = int(np.argmin(inside))
+    name = quantity.name.replace("_", " ")
+    return inside, [
+        f"{int((~inside).sum())} of {values.size} samples lie outside the valid range of {name}, "
+        f"{low:g} to {high:g} {quantity.unit} (first: sample {first}, {values[first]:g})"
+    ]

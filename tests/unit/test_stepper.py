@@ -1,0 +1,133 @@
+"""Solve, then commit: what-ifs cost nothing, and what was applied is what counts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anhyst.data.units import QUANTITIES
+from anhyst.errors import InputError
+from anhyst.model import ActuatorModel, GapMap, Parameter
+from anhyst.record import ValidRange
+
+GAPS = (0.3e-3, 0.6e-3)
+LIMIT = 0.45
+
+
+def magnet(gap_map: GapMap = "reluctance", gamma: float = 0.0) -> ActuatorModel:
+    iron: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.15, "c_H": 9000.0}
+    varying: dict[str, Parameter] = {"rho": (0.004, 0.008)}
+    if gap_map == "free":
+        varying = {"k": (300.0, 250.0)}
+    return ActuatorModel(
+        name="magnet",
+        input=QUANTITIES["current"],
+        output=QUANTITIES["force"],
+        parameters=iron | varying | {"c_out": 60.0, "gamma": gamma},
+        gap_map=gap_map,
+        schedule=QUANTITIES["gap"],
+        nodes=GAPS,
+        valid=ValidRange((0.0, 2.0), (0.0, 100.0), (GAPS[0], GAPS[-1])),
+    )
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.5])
+@pytest.mark.parametrize("history", ["demagnetised", "conditioned:0,2,0", "settled"])
+def test_committing_a_limited_drive_is_predicting_it(gamma: float, history: str) -> None:
+    model, rng = magnet(gamma=gamma), np.random.default_rng(1)
+    demand = 40.0 * rng.random(200)
+    gap = 0.45e-3 + 0.1e-3 * rng.random(200)
+    stepper = model.stepper(gap[0], history)
+    applied, output = np.zeros(200), np.zeros(200)
+    for i in range(200):
+        dt = 1e-3 if i else None
+        for what_if in (1.0, demand[i]):
+            drive = stepper.solve(what_if, gap[i], dt).drive
+        applied[i] = min(drive, LIMIT)
+        output[i] = stepper.commit(applied[i], gap[i], dt)
+    assert 20 < (applied == LIMIT).sum() < 180
+    past = {"settled": "conditioned:0,2,0,2,0,2,0,2,0"}.get(history, history)
+    whole = model.predict(applied, gap, 1e-3 * np.arange(200.0), past)
+    assert np.abs(output - whole.output).max() < 1e-9 * output.max()
+    assert np.array_equal(stepper.state, whole.state) or history == "settled"
+
+
+def test_solving_does_not_touch_the_state() -> None:
+    stepper = magnet().stepper(0.4e-3)
+    stepper.commit(1.0)
+    before, output = stepper.state, stepper.output
+    answers = {stepper.solve(demand).drive for demand in (5.0, 30.0, 5.0)}
+    assert len(answers) == 2
+    assert np.array_equal(stepper.state, before)
+    assert stepper.output == output
+
+
+def test_committing_the_solution_gives_the_demand() -> None:
+    stepper = magnet().stepper(0.4e-3)
+    for demand in (1.0, 20.0, 5.0, 40.0):
+        candidate = stepper.solve(demand)
+        assert candidate.valid
+        assert candidate.output == demand
+        assert stepper.commit(candidate.drive) == pytest.approx(demand, rel=1e-9)
+        assert stepper.output == pytest.approx(demand, rel=1e-9)
+
+
+def test_state_handed_out_is_a_copy() -> None:
+    stepper = magnet().stepper(0.4e-3)
+    stepper.commit(1.0)
+    stepper.state[:] = 0.0
+    assert stepper.state.any()
+
+
+def test_gap_is_remembered_until_it_is_given_again() -> None:
+    stepper = magnet().stepper(0.4e-3)
+    stepper.commit(1.0, 0.5e-3)
+    assert stepper.schedule == 0.5e-3
+    assert stepper.solve(5.0) == stepper.solve(5.0, 0.5e-3) != stepper.solve(5.0, 0.4e-3)
+
+
+def test_demand_outside_the_valid_range_is_flagged() -> None:
+    stepper = magnet().stepper(0.4e-3)
+    assert not stepper.solve(150.0).valid
+    assert not stepper.solve(5.0, 0.9e-3).valid
+    below = stepper.solve(-1.0)
+    assert not below.valid
+    assert below.flux_density == below.output == 0.0
+
+
+def test_refused_commit_leaves_the_state() -> None:
+    stepper = magnet().stepper(0.4e-3)
+    stepper.commit(1.0)
+    before = stepper.state
+    with pytest.raises(InputError, match=r"applied drive: sample 0 \(1e\+12\)"):
+        stepper.commit(1e12, 0.5e-3)
+    assert np.array_equal(stepper.state, before)
+    assert stepper.schedule == 0.4e-3
+
+
+def test_free_map_cannot_move_during_a_run() -> None:
+    stepper = magnet("free").stepper(0.4e-3)
+    stepper.commit(1.0, 0.4e-3)
+    with pytest.raises(InputError, match="the iron itself varies"):
+        stepper.commit(1.0, 0.5e-3)
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(InputError, match="the model runs over gap"):
+        magnet().stepper()
+    stepper = magnet().stepper(0.4e-3)
+    with pytest.raises(InputError, match="demand: sample 0 is not a finite number"):
+        stepper.solve(float("nan"))
+    with pytest.raises(InputError, match="dt: is 0 s"):
+        stepper.commit(1.0, dt=0.0)
+
+
+def test_settled_start_needs_a_range_to_cycle_over() -> None:
+    model = ActuatorModel(
+        "core",
+        QUANTITIES["field"],
+        QUANTITIES["flux_density"],
+        {"M_s": 4e5, "a": 30.0, "k": 20.0, "c": 0.2, "c_H": 1.0, "c_out": 1.0},
+    )
+    with pytest.raises(InputError, match="cannot start settled"):
+        model.stepper(history="settled")
