@@ -1,0 +1,111 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from anhyst.errors import InputError
+
+PathLike = str | os.PathLike[str]
+
+_REASONS = {
+    errno.ENOSPC: "the disk is full; make room",
+    errno.EDQUOT: "your quota is used up; make room",
+    errno.EFBIG: "the file would be larger than allowed; raise the limit",
+    errno.EROFS: "the file system is read-only; write somewhere else",
+    errno.EACCES: "no permission to write there; write somewhere else",
+    errno.EPERM: "no permission to write there; write somewhere else",
+    errno.ENOENT: "the folder does not exist; create it",
+    errno.ENOTDIR: "the folder is not a folder; write somewhere else",
+    errno.EISDIR: "is a folder; name a file",
+    errno.ENAMETOOLONG: "the name is too long; shorten it",
+}
+
+
+def write_error(path: PathLike, error: OSError) -> InputError:
+    """Say why a file could not be written, in one line."""
+    reason = _REASONS.get(error.errno or 0, error.strerror or str(error))
+    return InputError(f"{path}: cannot be written: {reason}")
+
+
+@contextmanager
+def atomic_writer(path: PathLike) -> Iterator[IO[str]]:
+    """Open a file that appears under its name only when it is complete.
+
+    It is written beside its place under a temporary name, flushed to the disk and renamed. After
+    any failure, ctrl-C included, what stood there before still stands there, and nothing else. A
+    device or a pipe is written directly.
+
+    Parameters
+    ----------
+    path : path-like
+        Where the file is to appear.
+
+    Yields
+    ------
+    file
+        Text, UTF-8, line ends as written.
+
+    Raises
+    ------
+    InputError
+        The place cannot be written, or the disk is full.
+    """
+    target = Path(os.path.realpath(path))  # a link keeps pointing where it points
+    try:
+        if target.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "is a folder")
+        if target.exists() and not target.is_file():
+            with target.open("w", encoding="utf-8", newline="") as stream:
+                yield stream
+            return
+        beside = _beside(target)
+        try:
+            with beside.open("x", encoding="utf-8", newline="") as stream:
+                yield stream
+                stream.flush()
+                os.fsync(stream.fileno())
+            if target.exists():
+                beside.chmod(target.stat().st_mode & 0o7777)
+            beside.replace(target)
+        except BaseException:
+            with suppress(OSError):
+                beside.unlink()
+            raise
+    except OSError as error:
+        raise write_error(path, error) from error
+
+
+def check_writable(path: PathLike) -> None:
+    """Find out before long work whether a file can be written.
+
+    Parameters
+    ----------
+    path : path-like
+        Where the file is to appear. What stands there is not touched.
+
+    Raises
+    ------
+    InputError
+        It cannot, and why.
+    """
+    target = Path(os.path.realpath(path))
+    try:
+        if target.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "is a folder")
+        if target.exists() and not target.is_file():
+            return
+        beside = _beside(target)
+        beside.open("x").close()
+        beside.unlink()
+    except OSError as error:
+        raise write_error(path, error) from error
+
+
+def _beside(target: Path) -> Path:
+    return target.with_name(f".{target.name}.{os.getpid()}.part")
