@@ -12,6 +12,7 @@ from anhyst.record import ValidRange
 
 GAPS = (0.3e-3, 0.6e-3)
 LIMIT = 0.45
+STEP = 2.0**-10  # a power of two: differences of times are exact
 
 
 def magnet(gap_map: GapMap = "reluctance", gamma: float = 0.0) -> ActuatorModel:
@@ -40,14 +41,14 @@ def test_committing_a_limited_drive_is_predicting_it(gamma: float, history: str)
     stepper = model.stepper(gap[0], history)
     applied, output = np.zeros(200), np.zeros(200)
     for i in range(200):
-        dt = 1e-3 if i else None
+        dt = STEP if i else None
         for what_if in (1.0, demand[i]):
             drive = stepper.solve(what_if, gap[i], dt).drive
         applied[i] = min(drive, LIMIT)
         output[i] = stepper.commit(applied[i], gap[i], dt)
     assert 20 < (applied == LIMIT).sum() < 180
     past = {"settled": "conditioned:0,2,0,2,0,2,0,2,0"}.get(history, history)
-    whole = model.predict(applied, gap, 1e-3 * np.arange(200.0), past)
+    whole = model.predict(applied, gap, STEP * np.arange(200.0), past)
     assert np.abs(output - whole.output).max() < 1e-9 * output.max()
     assert np.array_equal(stepper.state, whole.state) or history == "settled"
 
