@@ -1,0 +1,230 @@
+"""What a model file may hold: its tables, their types, and keys that carry units."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PlainValidator
+from pydantic_core import PydanticCustomError
+
+from anhyst.data.units import Quantity
+
+FORMAT = "anhyst-model"
+VERSION = 1
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _number(value: Any) -> Any:
+    """Accept a number or a list of numbers; one finding, whatever is wrong."""
+    if _is_number(value) or (isinstance(value, list) and value and all(map(_is_number, value))):
+        return value
+    raise PydanticCustomError("number", "must be a finite number, or one for each node")
+
+
+def _setting(value: Any) -> Any:
+    if isinstance(value, str | bool) or _is_number(value):
+        return value
+    raise PydanticCustomError("setting", "must be a text, a truth value or a finite number")
+
+
+Number = Annotated[float | list[float], PlainValidator(_number)]
+Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
+Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
+Names = dict[str, tuple[str, str]]
+"""For each field of a table whose key carries a unit: the key without and with it."""
+
+
+class Table(BaseModel):
+    """A table of the file: nothing unknown, nothing converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class QuantityTable(Table):
+    """``[input]``, ``[output]``: what is measured, its symbol and its SI unit."""
+
+    quantity: str
+    symbol: str
+    unit: str
+
+
+class ScheduleTable(QuantityTable):
+    """``[schedule]``: the scheduling variable and its nodes."""
+
+    nodes: list[FiniteFloat] = []
+
+
+class ParameterTable(Table):
+    """``[parameters]``: one number, or one for each node."""
+
+    M_s: Number
+    a: Number
+    k: Number
+    c: Number
+    alpha: Number = 0.0
+    r_d: Number = 0.0
+    c_H: Number  # noqa: N815
+    rho: Number = 0.0
+    gamma: Number = 0.0
+    c_out: Number
+    in_0: Number = 0.0
+    out_0: Number = 0.0
+
+
+class ValidTable(Table):
+    """``[valid]``: smallest and largest measured values."""
+
+    input: Pair
+    output: Pair
+    schedule: Pair | None = None
+
+
+class LoopTable(Table):
+    """``[[fit.loop]]``: deviation on one loop."""
+
+    label: str
+    schedule: FiniteFloat | None = None
+    samples: int
+    largest_output: FiniteFloat
+    mean_abs: FiniteFloat
+    rms: FiniteFloat
+    worst: FiniteFloat
+
+
+class FitTable(Table):
+    """``[fit]``: deviation over all loops."""
+
+    largest_output: FiniteFloat
+    mean_abs: FiniteFloat
+    rms: FiniteFloat
+    worst: FiniteFloat
+    left_out: dict[str, FiniteFloat] = {}
+    monotone: bool | None = None
+    loop: list[LoopTable] = []
+
+
+class UncertaintyTable(Table):
+    """``[uncertainty]``: infinite where the data say nothing."""
+
+    names: list[str]
+    values: list[float]
+    std: list[float]
+    correlation: list[list[float]] = []
+    statements: list[str] = []
+
+
+class ReductionTable(Table):
+    """``[[reduction]]``: one parameter frozen."""
+
+    frozen: str
+    cost_before: FiniteFloat
+    cost_after: FiniteFloat
+    candidates: dict[str, FiniteFloat] = {}
+
+
+class SourceTable(Table):
+    """``[[provenance.source]]``: one measurement file."""
+
+    path: str
+    sha256: str
+    columns: dict[str, str] = {}
+
+
+class ProvenanceTable(Table):
+    """``[provenance]``: where the model came from."""
+
+    version: str = ""
+    seed: int | None = None
+    settings: dict[str, Setting] = {}
+    source: list[SourceTable] = []
+
+
+class ModelTable(Table):
+    """The whole file, its keys without units."""
+
+    format: Literal["anhyst-model"]
+    version: Literal[1]
+    name: str
+    law: Literal["effective-field", "jiles-atherton-1986"]
+    gap_map: Literal["none", "scaling", "reluctance", "free"]
+    history: str
+    input: QuantityTable
+    output: QuantityTable
+    schedule: ScheduleTable | None = None
+    parameters: ParameterTable
+    valid: ValidTable | None = None
+    fit: FitTable | None = None
+    uncertainty: UncertaintyTable | None = None
+    reduction: list[ReductionTable] = []
+    provenance: ProvenanceTable = ProvenanceTable()
+
+
+def column(name: str, unit: str) -> str:
+    """Return a key with its unit, such as ``k_A_per_m``."""
+    return Quantity("", name, unit).column
+
+
+def parameter_names(given: Quantity, answer: Quantity) -> Names:
+    """Return the keys of ``[parameters]`` for an input and an output."""
+    power = "2" if answer.name == "force" else ""
+    turns = {"A": "c_H_per_m", "A/m": "c_H"}.get(given.unit, f"c_H_A_per_m_{given.unit}")
+    ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power}"
+    return {
+        **{name: (name, column(name, "A/m")) for name in ("M_s", "a", "k", "r_d")},
+        **{name: (name, name) for name in ("c", "alpha", "rho")},
+        "c_H": ("c_H", turns),
+        "gamma": ("gamma", "gamma_A_s_per_m_T"),
+        "c_out": (f"c_{answer.symbol}", "c_B" if answer.unit == "T" else ratio),
+        "in_0": (f"{given.symbol}_0", column(f"{given.symbol}_0", given.unit)),
+        "out_0": (f"{answer.symbol}_0", column(f"{answer.symbol}_0", answer.unit)),
+    }
+
+
+def section_names(
+    given: Quantity, answer: Quantity, schedule: Quantity | None
+) -> dict[tuple[str, ...], Names]:
+    """Return the keys that carry units, table by table (``[[fit.loop]]`` as ``fit, loop``)."""
+    deviations = {
+        name: (name, column(name, answer.unit))
+        for name in ("largest_output", "mean_abs", "rms", "worst")
+    }
+    ranges = {"input": (given.symbol, given.column), "output": (answer.symbol, answer.column)}
+    nodes: Names = {}
+    if schedule is not None:
+        ranges["schedule"] = (schedule.symbol, schedule.column)
+        nodes["nodes"] = ("nodes", column("nodes", schedule.unit))
+    at = {"schedule": ranges["schedule"]} if schedule is not None else {}
+    return {
+        ("schedule",): nodes,
+        ("parameters",): parameter_names(given, answer),
+        ("valid",): ranges,
+        ("fit",): deviations,
+        ("fit", "loop"): deviations | at,
+    }
+
+
+def explain(error: dict[str, Any]) -> str:
+    """Turn one finding of the validation into a clause that says what to do."""
+    kind, value = error["type"], error.get("input")
+    if kind == "missing":
+        return "is missing; add it"
+    if kind == "extra_forbidden":
+        return "is unknown; remove it or correct its name"
+    text = str(error["msg"]).replace("Input should be", "must be", 1)
+    text = text[0].lower() + text[1:]
+    shown = repr(value)
+    return f"{text}, is {shown}" if len(shown) <= 40 else text
+
+
+def meant(key: str, names: Names) -> str | None:
+    """Return the field that a key without its unit, or with another one, stands for, if any."""
+    for field, (bare, full) in names.items():
+        if key == full:
+            continue
+        if key in {field, bare} or (bare != full and key.startswith(f"{bare}_")):
+            return field
+    return None
