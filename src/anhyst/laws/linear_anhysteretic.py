@@ -155,6 +155,8 @@ class LinearAnhysteretic:
         float
             Bounded state after, exact for a change of any size.
         """
+        if change == 0.0:
+            return u
         direction = math.copysign(1.0, change)
         p = direction * u
         way = abs(change) / MU_0 / (self.k * self.lam)

@@ -1,0 +1,1 @@
+"""Claims about the physics of the laws."""

@@ -1,0 +1,77 @@
+"""Random parameter sets and drives, the same in every run."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.laws.effective_field import StepKind
+from anhyst.laws.iron import Iron, LawName
+from anhyst.laws.operator import DEMAGNETISED, State
+
+
+class Case(NamedTuple):
+    """A parameter set and the amplitude of the field to drive it with, A/m."""
+
+    iron: Iron
+    amplitude: float
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def random_cases(
+    count: int,
+    seed: int,
+    *,
+    law: LawName = "effective-field",
+    step: StepKind = "exact",
+    jumping: bool = False,
+    play: bool = False,
+) -> list[Case]:
+    """Return sets from strong negative to strong positive coupling, thin to fat, small to saturated.
+
+    `jumping` sets have ``alpha*A`` above 1, so that the magnetisation jumps under a field.
+    """
+    rng = np.random.default_rng(seed)
+    cases: list[Case] = []
+    while len(cases) < count:
+        m_s, a = log_uniform(rng, 1e4, 2e6), log_uniform(rng, 1.0, 1e4)
+        kappa = log_uniform(rng, 0.1 if law == "jiles-atherton-1986" else 0.05, 5.0)
+        c = float(rng.choice([0.0, rng.uniform(0.0, 0.9)], p=[0.1, 0.9]))
+        if jumping:
+            coupling = rng.uniform(1.05, 6.0)
+        else:
+            coupling = rng.choice([rng.uniform(-10.0, 0.0), rng.uniform(0.0, 0.95)])
+        alpha = 3.0 * a * float(coupling) / m_s
+        if alpha >= 1.0 or c * coupling > 0.95:
+            continue
+        r_d = a * kappa * rng.uniform(0.01, 0.5) if play else 0.0
+        iron = Iron(m_s, a, kappa * a, c, alpha, r_d, law, step)
+        shear = a + max(-alpha, 0.0) * m_s / 3.0
+        cases.append(Case(iron, log_uniform(rng, 0.3, 30.0) * shear))
+    return cases
+
+
+def sine(amplitude: float, samples: int, cycles: int = 1) -> NDArray[np.float64]:
+    """Return whole cycles of a sine that starts after zero, `samples` a cycle."""
+    phase = 2.0 * np.pi * np.arange(1, samples * cycles + 1) / samples
+    return np.asarray(amplitude * np.sin(phase))
+
+
+def random_walk(amplitude: float, samples: int, seed: int) -> NDArray[np.float64]:
+    """Return turning points drawn from the whole range: many reversals, steps of every size."""
+    rng = np.random.default_rng(seed)
+    return np.asarray(amplitude * rng.uniform(-1.0, 1.0, samples) * rng.uniform(0, 1, samples))
+
+
+def wandered(iron: Iron, seed: int) -> State:
+    """Return a state that lies somewhere inside the major loop."""
+    rng = np.random.default_rng(seed)
+    state = DEMAGNETISED
+    for x in rng.normal(scale=3.0, size=6).tolist():
+        state = iron.operator.step(state, x).state
+    return state

@@ -1,0 +1,134 @@
+"""No loop gives energy back: heat, loop area and the bounds of the slope."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from anhyst.laws.equation import MU_0
+from anhyst.laws.iron import Iron
+from anhyst.laws.langevin import inverse_langevin_scalar, langevin_slope_scalar
+from anhyst.laws.operator import DEMAGNETISED, State
+
+from .sets import Case, random_cases, random_walk, sine, wandered
+
+LAWS = ("effective-field", "jiles-atherton-1986")
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+def settle(iron: Iron, drive: NDArray[np.float64], cycles: int = 60) -> State:
+    """Repeat a cycle until the irreversible part comes back to itself."""
+    state = DEMAGNETISED
+    for _ in range(cycles):
+        before = state
+        state = iron.forward(drive, state=state)[2]
+        if abs(state.y - before.y) < 1e-12:
+            break
+    return state
+
+
+def heat_rates(iron: Iron, state: State, x1: float) -> NDArray[np.float64]:
+    """Return the heat per distance at quadrature nodes of a straight path, over ``mu0*M_s*a``.
+
+    It is the way from the anhysteretic curve at the same irreversible part to the field, times what
+    the irreversible part moves.
+    """
+    rates = []
+    for x in (0.5 * (state.x + x1) + 0.5 * (x1 - state.x) * NODES).tolist():
+        step = iron.operator.step(state, x)
+        irreversible = step.slope - iron.c * langevin_slope_scalar(x)
+        rates.append((x - inverse_langevin_scalar(step.state.y)) * irreversible)
+    return np.array(rates)
+
+
+def polygon_area(h: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Return the area of the closed polygon through the samples, J/m^3."""
+    return float(0.5 * np.sum((np.roll(b, -1) - b) * (np.roll(h, -1) + h)))
+
+
+@pytest.mark.parametrize("samples", [6, 12])
+@pytest.mark.parametrize("kind", ["plain", "play", "jumping"])
+def test_settled_loop_area_is_positive(samples: int, kind: str) -> None:
+    for case in random_cases(60, seed=11, play=kind == "play", jumping=kind == "jumping"):
+        drive = sine(case.amplitude, samples)
+        b, h, _ = case.iron.forward(drive, state=settle(case.iron, drive))
+        # A loop that stays within the play encloses nothing but rounding.
+        least = -1e-14 * case.amplitude * np.max(np.abs(b)) if kind == "play" else 0.0
+        assert polygon_area(h, b) > least, case
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("play", [False, True])
+def test_heat_of_every_step_is_not_negative(law: str, play: bool) -> None:
+    for number, case in enumerate(random_cases(12, seed=14, law=law, play=play)):  # type: ignore[arg-type]
+        state = wandered(case.iron, number)
+        x1 = state.x + float(np.random.default_rng(number).normal(scale=2.0))
+        rates = heat_rates(case.iron, state, x1) * np.sign(x1 - state.x)
+        assert np.all(rates >= -1e-15)
+
+
+def test_loop_area_is_the_heat_of_its_steps() -> None:
+    iron = Iron(m_s=1.2e6, a=300.0, k=200.0, c=0.3, alpha=4e-4)
+    drive = sine(1500.0, 400)
+    state = settle(iron, drive)
+    b, h, _ = iron.forward(drive, state=state)
+    heat = 0.0
+    for drive_now in drive.tolist():
+        after = iron.solve_forward(state, drive_now).state
+        length = after.x - state.x
+        heat += 0.5 * length * float(WEIGHTS @ heat_rates(iron, state, after.x))
+        state = after
+    assert heat * MU_0 * iron.m_s * iron.a == pytest.approx(polygon_area(h, b), rel=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("law", "step"), [(LAWS[0], "exact"), (LAWS[0], "linear"), (LAWS[1], "exact")]
+)
+@pytest.mark.parametrize("play", [False, True])
+def test_slope_lies_between_zero_and_its_bound(law: str, step: str, play: bool) -> None:
+    rng = np.random.default_rng(15)
+    for number, case in enumerate(random_cases(40, seed=15, law=law, step=step, play=play)):  # type: ignore[arg-type]
+        operator = case.iron.operator
+        state = wandered(case.iron, number)
+        operator.check_state(state)
+        for x1 in state.x + rng.normal(size=6) * np.exp(rng.normal(size=6)):
+            slope = operator.step(state, float(x1)).slope
+            assert 0.0 <= slope <= operator.largest_slope * (1.0 + 1e-12)
+
+
+def test_bound_of_the_slope_is_a_third_for_the_default_law() -> None:
+    assert Iron(1.0, 1.0, 0.5, 0.3, 0.2).operator.largest_slope == 1.0 / 3.0
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_slope_is_the_derivative_of_the_step(law: str) -> None:
+    for number, case in enumerate(random_cases(30, seed=16, law=law)):  # type: ignore[arg-type]
+        operator = case.iron.operator
+        state = wandered(case.iron, number)
+        x1 = state.x + float(np.random.default_rng(number).normal())
+        d = 1e-5 * operator.length_scale
+        found = operator.step(state, x1).slope
+        difference = (operator.step(state, x1 + d).m - operator.step(state, x1 - d).m) / (2.0 * d)
+        assert found == pytest.approx(difference, abs=2e-7)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_law_is_odd(law: str) -> None:
+    for number, case in enumerate(random_cases(4, seed=17, law=law)):  # type: ignore[arg-type]
+        drive = random_walk(case.amplitude, 12, number)
+        b, h, state = case.iron.forward(drive)
+        mirrored_b, mirrored_h, mirrored = case.iron.forward(-drive)
+        np.testing.assert_array_equal(mirrored_b, -b)
+        np.testing.assert_array_equal(mirrored_h, -h)
+        assert mirrored == State(*(-value for value in state))
+
+
+@pytest.mark.parametrize("jumping", [False, True])
+def test_nothing_blows_up(jumping: bool) -> None:
+    for number, case in enumerate(random_cases(40, seed=18, jumping=jumping)):
+        iron = case.iron
+        drive = random_walk(1e3 * case.amplitude, 6, number)
+        b, h, _ = iron.forward(np.concatenate([drive, 1e-6 * drive]))
+        magnetisation = b / MU_0 - h
+        assert np.all(np.abs(magnetisation) <= iron.m_s * (1.0 + 1e-9) + 1e-12 * np.abs(b / MU_0))
