@@ -6,15 +6,42 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/branch.c"
   "${ANHYST_CORE_DIR}/src/operator.c"
   "${ANHYST_CORE_DIR}/src/solver.c"
-  "${ANHYST_CORE_DIR}/src/circuit.c")
+  "${ANHYST_CORE_DIR}/src/circuit.c"
+  "${ANHYST_CORE_DIR}/src/sensitivity.c"
+  "${ANHYST_CORE_DIR}/src/batch_dispatch.c")
 
-add_library(anhyst_core STATIC ${ANHYST_CORE_SOURCES})
+set(ANHYST_WARNINGS
+  -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)
+
+# The batch is compiled once for each instruction set; batch_dispatch.c picks one at run time.
+set(ANHYST_BATCH_OBJECTS)
+function(anhyst_batch name)
+  add_library(anhyst_batch_${name} OBJECT "${ANHYST_CORE_DIR}/src/batch.c")
+  target_include_directories(anhyst_batch_${name} PRIVATE "${ANHYST_CORE_DIR}/include")
+  target_compile_definitions(anhyst_batch_${name} PRIVATE ANHYST_BATCH_NAME=_${name})
+  target_compile_options(anhyst_batch_${name} PRIVATE -O3 ${ANHYST_WARNINGS}
+    -fno-math-errno -fno-trapping-math -ffp-contract=fast ${ARGN})
+  set_target_properties(anhyst_batch_${name} PROPERTIES
+    C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+  set(ANHYST_BATCH_OBJECTS ${ANHYST_BATCH_OBJECTS} $<TARGET_OBJECTS:anhyst_batch_${name}>
+    PARENT_SCOPE)
+endfunction()
+anhyst_batch(base)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  anhyst_batch(avx2 -mavx2 -mfma)
+  anhyst_batch(avx512 -mavx512f -mavx512dq -mavx512vl -mfma -mprefer-vector-width=512)
+endif()
+
+add_library(anhyst_core STATIC ${ANHYST_CORE_SOURCES} ${ANHYST_BATCH_OBJECTS})
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  target_compile_definitions(anhyst_core PRIVATE ANHYST_BATCH_X86)
+endif()
 target_include_directories(anhyst_core
   PUBLIC "${ANHYST_CORE_DIR}/include" PRIVATE "${ANHYST_CORE_DIR}/src")
 set_target_properties(anhyst_core PROPERTIES
   C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
 target_compile_options(anhyst_core PRIVATE
-  -O3 -fno-math-errno -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)
+  -O3 -fno-math-errno ${ANHYST_WARNINGS})
 if(UNIX)
   target_link_libraries(anhyst_core PUBLIC m)
 endif()

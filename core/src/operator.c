@@ -6,6 +6,8 @@
 #include "anhyst/langevin.h"
 
 #include "anhyst/f64.h"
+#include "generic/weights.h"
 #include "generic/operator.h"
 #include "anhyst/f32.h"
+#include "generic/weights.h"
 #include "generic/operator.h"

@@ -1,5 +1,21 @@
 """The C core, bound: what every computation of the package runs on."""
 
-from anhyst._core._native import Iron, demagnetised, langevin, status_text
+from anhyst._core._native import (
+    Iron,
+    Operator,
+    batch,
+    batch_functions,
+    demagnetised,
+    langevin,
+    status_text,
+)
 
-__all__ = ["Iron", "demagnetised", "langevin", "status_text"]
+__all__ = [
+    "Iron",
+    "Operator",
+    "batch",
+    "batch_functions",
+    "demagnetised",
+    "langevin",
+    "status_text",
+]

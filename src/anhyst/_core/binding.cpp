@@ -1,53 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The binding: converts and checks, no logic. Arrays are float64, C-contiguous, never converted
-// silently.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/pair.h>
+// The binding: converts and checks, no logic.
 #include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
 
 #include <memory>
-#include <stdexcept>
-#include <string>
 
 #include "anhyst/circuit.h"
+#include "arrays.h"
 #include "anhyst/langevin.h"
-
-namespace nb = nanobind;
-using nb::literals::operator""_a;
-
-namespace {
-
-using In = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Out = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
-
-Out make_array(size_t n) {
-  double *data = new double[n];
-  nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<double *>(p); });
-  return Out(data, {n}, owner);
-}
-
-void same_length(const In &first, const In &other, const char *what) {
-  if (first.shape(0) != other.shape(0)) {
-    throw std::invalid_argument(std::string(what) + " must have as many samples as the record");
-  }
-}
-
-anhyst_state_f64 to_state(const In &values) {
-  if (values.shape(0) != 3) {
-    throw std::invalid_argument("a state has three values: x/a, M_irr/M_s, p/a");
-  }
-  return {values(0), values(1), values(2)};
-}
-
-Out from_state(const anhyst_state_f64 &state) {
-  Out out = make_array(3);
-  out.data()[0] = state.x;
-  out.data()[1] = state.y;
-  out.data()[2] = state.p;
-  return out;
-}
 
 anhyst_step to_step(const std::string &law, const std::string &step) {
   if (law == "jiles-atherton-1986") {
@@ -61,6 +20,8 @@ anhyst_step to_step(const std::string &law, const std::string &step) {
   }
   throw std::invalid_argument("unknown law or step: " + law + ", " + step);
 }
+
+namespace {
 
 const char *status_text(int status) {
   switch (status) {
@@ -103,8 +64,8 @@ class Iron {
 
   nb::tuple record(int inverse, const In &given, const In &rho, const In &eddy,
                    const In &state) const {
-    same_length(given, rho, "rho");
-    same_length(given, eddy, "eddy");
+    same_length(given.shape(0), rho.shape(0), "rho");
+    same_length(given.shape(0), eddy.shape(0), "eddy");
     const size_t n = given.shape(0);
     Out found = make_array(n);
     Out field = make_array(n);
@@ -121,8 +82,8 @@ class Iron {
 
   nb::tuple settle(const In &given, const In &rho, const In &eddy, const In &state, bool inverse,
                    int max_cycles, double tol) const {
-    same_length(given, rho, "rho");
-    same_length(given, eddy, "eddy");
+    same_length(given.shape(0), rho.shape(0), "rho");
+    same_length(given.shape(0), eddy.shape(0), "eddy");
     anhyst_state_f64 now = to_state(state);
     size_t index = 0;
     int cycles = 0;
@@ -191,4 +152,5 @@ NB_MODULE(_native, m) {
         return nb::make_tuple(value, slope);
       },
       "z"_a.noconvert());
+  bind_identification(m);
 }
