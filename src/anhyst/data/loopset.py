@@ -42,6 +42,8 @@ class Loop:
         Time of each sample in s, never going backwards, or ``None`` if not recorded.
     history
         What happened before the first sample.
+    source
+        File it came from, for messages; empty if none.
 
     Raises
     ------
@@ -56,6 +58,7 @@ class Loop:
     schedule: Floats | None = None
     time: Floats | None = None
     history: History = SETTLED
+    source: str = ""
 
     def __post_init__(self) -> None:
         for name in ("input", "output", "schedule", "time"):
@@ -161,7 +164,7 @@ class LoopSet:
                 raise InputError(f"loop '{loop.label}': negative gap {least:g} m")
             key = (loop.label, loop.schedule_value)
             if key in seen and (loop.schedule is None or key[1] is not None):
-                raise InputError(f"two loops are both called '{loop.label}'; rename one")
+                raise InputError(f"two loops are both called '{self.describe(loop)}'; rename one")
             seen.add(key)
 
     def __len__(self) -> int:
@@ -304,17 +307,17 @@ class LoopSet:
         for loop in self.loops:
             if not loop.reverses:
                 raise InputError(
-                    f"{self._place(loop)}: the {self.input.name} never reverses, so there is no "
+                    f"{self.describe(loop)}: the {self.input.name} never reverses, so there is no "
                     "hysteresis to see; record at least one way up and back"
                 )
 
-    def _place(self, loop: Loop) -> str:
+    def describe(self, loop: Loop) -> str:
+        """Name a loop for a message: its file, its label and its scheduling value."""
+        place = f"{loop.source}: " if loop.source else ""
         value = loop.schedule_value
-        where = f" at {self.schedule.symbol} {value:g} {self.schedule.unit}" if (
-            self.schedule is not None and value is not None
-        ) else ""  # fmt: skip
-        files = ", ".join(source.path for source in self.sources)
-        return (f"{files}: " if files else "") + f"loop '{loop.label}'{where}"
+        if self.schedule is None or value is None:
+            return f"{place}loop '{loop.label}'"
+        return f"{place}loop '{loop.label}' at {self.schedule.show(value)}"
 
     def to_columns(self) -> dict[str, Column]:
         """All loops one below the other, as columns of SI values by header."""

@@ -297,7 +297,7 @@ def _by_value(columns: _Columns, values: Floats, rows: Rows) -> list[Rows]:
     runs = steps.size + 1
     if runs == 1 or rows.size < _DWELL * runs:
         return [rows]
-    if runs == np.unique(values).size:
+    if runs == np.unique(values[np.concatenate(([0], steps))]).size:
         return np.split(rows, steps)
     if columns.time is not None and time_fault(columns.time[rows]) is None:
         return [rows]  # one record in time through which the value steps to and fro
@@ -316,13 +316,14 @@ def _by_value(columns: _Columns, values: Floats, rows: Rows) -> list[Rows]:
 
 def _loop(columns: _Columns, rows: Rows, told: Reading) -> tuple[Loop, str | None]:
     """Make one loop, and a note if its history is only proposed."""
-    whole = rows.size == columns.input.size
     label = columns.labels.values[columns.labels.codes[rows[0]]]
 
     def part(values: Floats | None) -> Floats | None:
         if values is None:
             return None
-        taken = values if whole else values[rows]
+        start, stop = int(rows[0]), int(rows[-1]) + 1
+        # Rows in one piece are a view: long records are not copied.
+        taken = values[start:stop] if stop - start == rows.size else values[rows]
         taken.flags.writeable = False
         return taken
 
@@ -336,7 +337,7 @@ def _loop(columns: _Columns, rows: Rows, told: Reading) -> tuple[Loop, str | Non
     assert drive is not None
     assert answer is not None
     try:
-        loop = Loop(label, drive, answer, part(columns.schedule), time)
+        loop = Loop(label, drive, answer, part(columns.schedule), time, source=columns.place)
     except InputError as error:
         raise InputError(f"{columns.place}: {error}") from None
     stated: History | None = told.histories.get(label, told.history)

@@ -29,7 +29,12 @@ class Unit:
     offset: float = 0.0
 
     def to_si(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Convert values in this unit to SI (temperature: degrees Celsius)."""
+        """Convert values in this unit to SI (temperature: degrees Celsius).
+
+        Values that are SI already come back as they are, not copied.
+        """
+        if self.scale == 1.0 and self.offset == 0.0:
+            return values
         # Dividing by 1000 gives the float nearest to what was written; times 0.001 does not.
         inverse = round(1.0 / self.scale)
         exact = inverse > 1 and math.isclose(inverse * self.scale, 1.0, rel_tol=1e-12)
@@ -122,6 +127,14 @@ class Quantity:
         unit = "°C" if self.unit == "degC" else self.unit
         name = self.name.replace("_", " ")
         return f"{name} [{unit}]" if name == self.symbol else f"{name} {self.symbol} [{unit}]"
+
+    def show(self, value: float) -> str:
+        """Text for a value, lengths in mm: ``gap 0.3 mm``, ``temperature -15 °C``."""
+        name = self.name.replace("_", " ")
+        if self.unit == "m":
+            return f"{name} {value * 1e3:.4g} mm"
+        unit = {"degC": " °C", "1": ""}.get(self.unit, f" {self.unit}")
+        return f"{name} {value:.4g}{unit}"
 
 
 QUANTITIES = MappingProxyType(

@@ -1,0 +1,116 @@
+"""A loop as branches: stretches over which the input only rises or only falls."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.path import turning_points
+
+Floats = NDArray[np.float64]
+
+_WOBBLE = 0.05
+"""Input reversals below this share of its range are noise, not branches."""
+_ALIKE = 0.03
+"""Branches repeat each other if their ends agree within this share of the range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """Samples ``start`` to ``stop`` (exclusive) of a loop, over which the input goes one way."""
+
+    start: int
+    stop: int
+    rising: bool
+
+    @property
+    def rows(self) -> slice:
+        """The branch's samples."""
+        return slice(self.start, self.stop)
+
+
+def branches(drive: Floats) -> list[Branch]:
+    """Cut a record at its reversals; neighbours share the turning point.
+
+    Parameters
+    ----------
+    drive
+        Input of shape (n,).
+    """
+    turns = turning_points(drive, _WOBBLE * float(np.ptp(drive))).tolist()
+    pairs = itertools.pairwise(turns)
+    return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in pairs]
+
+
+def repeats(drive: Floats, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
+    """Pairs of branches, one cycle apart, that start and end at the same input."""
+    near = _ALIKE * float(np.ptp(drive))
+    return [
+        (one, two)
+        for one, two in zip(parts, parts[2:], strict=False)
+        if abs(drive[one.start] - drive[two.start]) <= near
+        and abs(drive[one.stop - 1] - drive[two.stop - 1]) <= near
+    ]
+
+
+def smooth(drive: Floats, answer: Floats, bins: int = 100) -> tuple[Floats, Floats]:
+    """Average one branch in equal bins of the input.
+
+    Parameters
+    ----------
+    drive, answer
+        The samples of a branch, shape (m,).
+    bins
+        Most points to return; bins without samples are left out.
+
+    Returns
+    -------
+    Input, ascending, and output.
+    """
+    low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
+    count = min(bins, drive.size)
+    place = np.minimum(((drive - low) / span * count).astype(np.intp), count - 1)
+    number = np.bincount(place, minlength=count)
+    filled = number > 0
+    x = np.bincount(place, weights=drive, minlength=count)[filled] / number[filled]
+    y = np.bincount(place, weights=answer, minlength=count)[filled] / number[filled]
+    return x, y
+
+
+def separation(
+    drive: Floats, answer: Floats, one: Branch, two: Branch
+) -> tuple[Floats, Floats] | None:
+    """Output of the falling branch minus that of the rising one, over the input they share.
+
+    Positive where the loop runs as one that loses energy. ``None`` if they share nothing.
+    """
+    up, down = (one, two) if one.rising else (two, one)
+    x1, y1 = smooth(drive[up.rows], answer[up.rows])
+    x2, y2 = smooth(drive[down.rows], answer[down.rows])
+    low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
+    if high <= low:
+        return None
+    grid = np.linspace(low, high, 101)
+    return grid, np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
+
+
+def is_bipolar(drive: Floats) -> bool:
+    """Whether the input takes both signs, by more than a tenth of the larger."""
+    low, high = float(drive.min()), float(drive.max())
+    return low < 0.0 < high and min(-low, high) > 0.1 * max(-low, high)
+
+
+def is_even(loopset: LoopSet) -> bool:
+    """Whether the output cannot tell the sign of the input, as force cannot."""
+    return loopset.output.name == "force"
+
+
+def folded(loop: Loop, *, even: bool) -> tuple[Floats, Floats]:
+    """Input and output of a loop; an even output over the size of a bipolar input."""
+    if even and is_bipolar(loop.input):
+        return np.abs(loop.input), loop.output
+    return loop.input, loop.output

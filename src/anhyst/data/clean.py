@@ -1,0 +1,250 @@
+"""Cleaning steps: each named, each optional, each telling what it did."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import estimates
+from anhyst.data.branches import branches, is_even
+from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.path import turning_points
+from anhyst.errors import InputError
+
+Floats = NDArray[np.float64]
+
+MOST_POINTS = 4000
+"""Samples that thinning leaves of a loop at most."""
+
+_STEADY = 0.02
+_SPIKE_SIGMA = 8.0
+_SPIKE_SHARE = 0.01
+
+
+def clean(loopset: LoopSet, steps: Sequence[str] | None = None) -> LoopSet:
+    """Apply cleaning steps in the order given.
+
+    Parameters
+    ----------
+    loopset
+        The loops.
+    steps
+        Names out of `STEPS`; `DEFAULT_STEPS` if ``None``.
+
+    Returns
+    -------
+    LoopSet
+        With one line in ``repairs`` for each step that changed something.
+
+    Raises
+    ------
+    InputError
+        If a step is not known.
+    """
+    for name in DEFAULT_STEPS if steps is None else steps:
+        if name not in STEPS:
+            raise InputError(f"cleaning step '{name}' is not known; there are: {', '.join(STEPS)}")
+        loopset = STEPS[name](loopset)
+    return loopset
+
+
+def dedupe(loopset: LoopSet) -> LoopSet:
+    """Drop samples that repeat the one before (the same time, or without time the same values)."""
+
+    def repeated(loop: Loop) -> NDArray[np.bool_]:
+        if loop.time is not None:
+            return _stays(loop.time)
+        same = _stays(loop.input) & _stays(loop.output)
+        return same if loop.schedule is None else same & _stays(loop.schedule)
+
+    keep = [np.concatenate(([True], ~repeated(loop))) for loop in loopset.loops]
+    return _kept(loopset, keep, "dedupe: {} repeated samples dropped")
+
+
+def spikes(loopset: LoopSet) -> LoopSet:
+    """Drop single output samples far from their neighbours, away from reversals."""
+
+    def good(loop: Loop) -> NDArray[np.bool_]:
+        padded = np.pad(loop.output, 2, mode="edge")
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
+        away = np.abs(loop.output - np.median(windows, axis=1))
+        limit = max(
+            _SPIKE_SIGMA * estimates.noise(loop.output), _SPIKE_SHARE * float(np.ptp(loop.output))
+        )
+        spike = away > limit
+        for turn in turning_points(loop.input, 0.02 * float(np.ptp(loop.input))):
+            spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is no spike
+        return ~spike
+
+    return _kept(loopset, [good(loop) for loop in loopset.loops], "spikes: {} samples dropped")
+
+
+def steady(loopset: LoopSet) -> LoopSet:
+    """Settle a scheduling value that wobbles by less than 2 % within a loop to its median."""
+    loops = list(loopset.loops)
+    settled = 0
+    for place, loop in enumerate(loops):
+        values = loop.schedule
+        if values is not None and 0.0 < np.ptp(values) <= _STEADY * float(np.max(np.abs(values))):
+            middle = np.full(loop.n, float(np.median(values)))
+            loops[place] = replace(loop, schedule=middle)
+            settled += 1
+    if not settled:
+        return loopset
+    name = loopset.schedule.name if loopset.schedule else ""
+    return loopset.with_loops(loops, f"steady: {name} of {settled} loops settled to its median")
+
+
+def drift(loopset: LoopSet) -> LoopSet:
+    """Take a linear drift out of the output, so that repeated branches lie on each other."""
+    loops, told = list(loopset.loops), []
+    for place, loop in enumerate(loops):
+        total = estimates.drift(loop)
+        if total:
+            clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
+            share = (clock - clock[0]) / (clock[-1] - clock[0]) - 0.5
+            loops[place] = replace(loop, output=loop.output - total * share)
+            told.append(f"{total:.3g} {loopset.output.unit} in loop '{loop.label}'")
+    if not told:
+        return loopset
+    return loopset.with_loops(loops, f"drift: {_some(told)} removed from the output")
+
+
+def offset(loopset: LoopSet) -> LoopSet:
+    """Centre symmetric loops of an odd output: one input offset for all, one output offset each."""
+    if is_even(loopset):
+        return loopset
+    found = [estimates.offsets(loop) for loop in loopset.loops]
+    centres = [centre for centre in found if centre is not None]
+    if not centres:
+        return loopset
+    shift = float(np.median([centre[0] for centre in centres]))
+    loops, told = [], []
+    for loop, centre in zip(loopset.loops, found, strict=True):
+        zero = centre[1] if centre is not None else 0.0
+        loops.append(replace(loop, input=loop.input - shift, output=loop.output - zero))
+        told.append(f"{zero:.3g} {loopset.output.unit} in loop '{loop.label}'")
+    return loopset.with_loops(
+        loops, f"offset: {shift:.3g} {loopset.input.unit} of the input, output {_some(told)}"
+    )
+
+
+def skew(loopset: LoopSet) -> LoopSet:
+    """Shift the output by its delay behind the input (one delay for all loops, their median)."""
+    found = [estimates.skew(loop) for loop in loopset.loops]
+    delays = [delay for delay in found if delay is not None]
+    delay = float(np.median(delays)) if delays else 0.0
+    if delay == 0.0:
+        return loopset
+    loops = []
+    for loop in loopset.loops:
+        rows = np.arange(loop.n, dtype=np.float64)
+        inside = (rows + delay >= 0.0) & (rows + delay <= loop.n - 1)
+        shifted = np.interp(rows + delay, rows, loop.output)
+        loops.append(_taken(replace(loop, output=shifted), inside))
+    return loopset.with_loops(loops, f"skew: output moved by {-delay:.2f} samples")
+
+
+def thin(loopset: LoopSet, most: int = MOST_POINTS) -> LoopSet:
+    """Average long loops down to ``most`` samples along their path, reversals kept as measured.
+
+    Parameters
+    ----------
+    loopset
+        The loops.
+    most
+        Samples to leave of a loop at most (more only if it has more reversals).
+    """
+    counts = [loop.n for loop in loopset.loops if loop.n > most]
+    if not counts:
+        return loopset
+    loops = [_thinned(loop, most) if loop.n > most else loop for loop in loopset.loops]
+    return loopset.with_loops(
+        loops, f"thin: {len(counts)} loops averaged to {most} samples (from up to {max(counts)})"
+    )
+
+
+STEPS: Mapping[str, Callable[[LoopSet], LoopSet]] = MappingProxyType(
+    {
+        "dedupe": dedupe,
+        "spikes": spikes,
+        "steady": steady,
+        "drift": drift,
+        "offset": offset,
+        "skew": skew,
+        "thin": thin,
+    }
+)
+"""All cleaning steps by name."""
+
+DEFAULT_STEPS = ("dedupe", "thin")
+"""The steps taken unless told otherwise: those that lose nothing."""
+
+
+def _thinned(loop: Loop, most: int) -> Loop:
+    parts = branches(loop.input)
+    height, span = float(np.ptp(loop.output)) or 1.0, float(np.ptp(loop.input))
+    # Progress along the path, in ranges of input and output: steep and flat parts keep points.
+    progress = np.zeros(loop.n)
+    fixed = np.zeros(loop.n, bool)
+    for part in parts:
+        rows = part.rows
+        way = np.zeros(part.stop - part.start)
+        for values, size in ((loop.input[rows], span), (loop.output[rows], height)):
+            sign = 1.0 if values[-1] >= values[0] else -1.0
+            way += np.maximum.accumulate(sign * (values - values[0])) / size
+        progress[rows] = progress[part.start] + way
+        fixed[[part.start, part.stop - 1]] = True
+    room = max(1, most - 2 * len(parts) - 1)
+    bins = np.minimum((progress / progress[-1] * room).astype(np.intp), room - 1)
+    # A turning point stands alone; what follows it starts a new bin.
+    edge = np.concatenate(([True], (np.diff(bins) != 0) | fixed[1:] | fixed[:-1]))
+    starts = np.flatnonzero(edge)
+    counts = np.diff(np.concatenate((starts, [loop.n])))
+
+    def mean(values: Floats | None) -> Floats | None:
+        return None if values is None else np.add.reduceat(values, starts) / counts
+
+    drive, answer = mean(loop.input), mean(loop.output)
+    assert drive is not None
+    assert answer is not None
+    schedule = loop.schedule
+    if schedule is not None:
+        constant = loop.schedule_value is not None
+        schedule = np.full(starts.size, schedule[0]) if constant else mean(schedule)
+    return replace(loop, input=drive, output=answer, schedule=schedule, time=mean(loop.time))
+
+
+def _stays(values: Floats) -> NDArray[np.bool_]:
+    still: NDArray[np.bool_] = np.diff(values) == 0.0
+    return still
+
+
+def _kept(loopset: LoopSet, keep: Sequence[NDArray[np.bool_]], text: str) -> LoopSet:
+    dropped = sum(int(np.count_nonzero(~mask)) for mask in keep)
+    if not dropped:
+        return loopset
+    pairs = zip(loopset.loops, keep, strict=True)
+    loops = [_taken(loop, mask) for loop, mask in pairs]
+    return loopset.with_loops(loops, text.format(dropped))
+
+
+def _taken(loop: Loop, mask: NDArray[np.bool_]) -> Loop:
+    return replace(
+        loop,
+        input=loop.input[mask],
+        output=loop.output[mask],
+        schedule=None if loop.schedule is None else loop.schedule[mask],
+        time=None if loop.time is None else loop.time[mask],
+    )
+
+
+def _some(texts: Sequence[str]) -> str:
+    """Join texts, the first few of many."""
+    if len(texts) <= 4:
+        return ", ".join(texts)
+    return ", ".join(texts[:3]) + f" and {len(texts) - 3} more"

@@ -1,0 +1,225 @@
+"""What can be told from a record alone: noise, drift, closure, offsets, skew, saturation."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.branches import Branch, branches, is_bipolar, repeats, smooth
+from anhyst.data.loopset import Loop
+from anhyst.data.path import crossings
+
+Floats = NDArray[np.float64]
+
+_TO_SIGMA = 1.4826
+"""Median absolute deviation to standard deviation, normal distribution."""
+_MOST_SKEW = 8.0
+"""Largest delay between channels looked for, in samples."""
+_CLEARLY = 0.5
+"""A delay is claimed if it explains at least half of the misfit around the reversals."""
+_DRIFTING = 0.05
+"""A closure error above this share of the height is no drift but another history."""
+_TIPS = 40
+_SYMMETRIC = 0.1
+"""Tips of a symmetric loop agree in size within this share."""
+
+
+def noise(values: Floats) -> float:
+    """Estimate the standard deviation of white noise on a smooth signal, from differences.
+
+    Differences of any order (2 to 5 are taken) hold the noise and what is left of the signal, so
+    that the smallest of the estimates is the nearest. Robust against spikes and steps (median).
+
+    Parameters
+    ----------
+    values
+        Evenly sampled signal of shape (n,); below 12 samples the answer is 0.
+    """
+    if values.size < 12:
+        return 0.0
+    found = []
+    difference = np.diff(values)
+    gain = 2.0
+    for order in range(2, 6):
+        difference = np.diff(difference)
+        gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
+        found.append(_TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
+    return float(min(found))
+
+
+def drift(loop: Loop) -> float | None:
+    """Linear drift of the output over the whole record, ``None`` if no cycle repeats.
+
+    From branches that repeat each other; in a single settled cycle from its closure.
+    """
+    parts = branches(loop.input)
+    clock = _clock(loop)
+    slopes = []
+    for one, two in repeats(loop.input, parts):
+        gap = _shift(loop, one, two)
+        lapse = clock[two.start : two.stop].mean() - clock[one.start : one.stop].mean()
+        slopes.append(gap / lapse)
+    if slopes:
+        return float(np.median(slopes)) * float(clock[-1] - clock[0])
+    missed = closure(loop) if loop.history.kind == "settled" else None
+    if missed is None or abs(missed) > _DRIFTING * float(np.ptp(loop.output)):
+        return None
+    return missed
+
+
+def closure(loop: Loop) -> float | None:
+    """Output at the end of the last full cycle minus output at its start, at the same input.
+
+    ``None`` if the record never passes its first input again in the direction it started in.
+    """
+    parts = branches(loop.input)
+    if len(parts) < 2:
+        return None
+    first = parts[0]
+    later = slice(first.stop - 1, None)
+    level = float(loop.input[0])
+    again = crossings(loop.input[later], loop.output[later], level, rising=first.rising)
+    if again.size:
+        return float(again[-1] - loop.output[0])
+    if abs(loop.input[-1] - level) <= 0.02 * float(np.ptp(loop.input)):
+        return float(loop.output[-1] - loop.output[0])
+    return None
+
+
+def offsets(loop: Loop) -> tuple[float, float] | None:
+    """Centre of a symmetric loop: offset of input and of output, ``None`` if it is not symmetric.
+
+    Meaningful for outputs that are odd in the input (flux, flux density), not for force.
+    """
+    if not is_bipolar(loop.input) or not loop.reverses:
+        return None
+    shift_in = shift_out = 0.0
+    for _ in range(4):
+        drive, answer = loop.input - shift_in, loop.output - shift_out
+        size = min(-float(drive.min()), float(drive.max()))
+        if max(-float(drive.min()), float(drive.max())) > (1.0 + _SYMMETRIC) * size:
+            return None
+        tips = [_tip_output(drive, answer, sign * 0.98 * size) for sign in (1.0, -1.0)]
+        zero = 0.5 * (tips[0] + tips[1])
+        shift_out += zero
+        at = [crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
+        if not at[0].size or not at[1].size:
+            return None
+        shift_in += 0.5 * float(np.median(at[0]) + np.median(at[1]))
+    return shift_in, shift_out
+
+
+def skew(loop: Loop) -> float | None:
+    """Delay of the output behind the input in samples, ``None`` if it cannot be told.
+
+    At a reversal the output of any rate-independent law turns with the input: near it, the output
+    is a smooth function of the (delayed) input on each side, with one common tip. The delay sought
+    is the one that makes this fit best over all reversals.
+    """
+    parts = branches(loop.input)[: _TIPS + 1]
+    windows = [
+        (one.stop - 1, min(len_of(one), len_of(two)) // 4) for one, two in itertools.pairwise(parts)
+    ]
+    reach = int(_MOST_SKEW) + 1
+    usable = [
+        (tip, min(width, 200))
+        for tip, width in windows
+        if width >= 8 and tip - width >= reach and tip + width + reach < loop.n
+    ]
+    if not usable:
+        return None
+    trial = np.arange(-_MOST_SKEW, _MOST_SKEW + 0.05, 0.1)
+    costs = np.array([sum(_tip_misfit(loop, t, w, d) for t, w in usable) for d in trial])
+    best = int(np.argmin(costs))
+    # Without a clear minimum noise or sampling decide: then no delay is claimed.
+    if costs[best] > _CLEARLY * costs[trial.size // 2]:
+        return 0.0
+    if best in {0, trial.size - 1}:
+        return None
+    left, here, right = costs[best - 1 : best + 2]
+    bend = left - 2.0 * here + right
+    return float(trial[best] + 0.05 * (left - right) / bend) if bend > 0.0 else float(trial[best])
+
+
+def saturation(loop: Loop) -> float | None:
+    """Slope of the output at the largest input over the largest slope of that branch.
+
+    1 where the curve is steepest at its tip, near 0 in saturation; ``None`` for short records.
+    """
+    parts = branches(loop.input)
+    longest = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))
+    x, y = smooth(loop.input[longest.rows], loop.output[longest.rows], bins=30)
+    if x.size < 8:
+        return None
+    slopes = np.diff(y) / np.diff(x)
+    tip = -2 if abs(x[-1]) >= abs(x[0]) else 0
+    steepest = float(np.max(np.abs(slopes)))
+    return float(abs(np.mean(slopes[tip:][:2]))) / steepest if steepest else None
+
+
+def len_of(branch: Branch) -> int:
+    """Count the samples of a branch."""
+    return branch.stop - branch.start
+
+
+def _clock(loop: Loop) -> Floats:
+    return loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
+
+
+def _shift(loop: Loop, one: Branch, two: Branch) -> float:
+    """Median distance in output between two branches that repeat each other."""
+    x1, y1 = smooth(loop.input[one.rows], loop.output[one.rows])
+    x2, y2 = smooth(loop.input[two.rows], loop.output[two.rows])
+    low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
+    grid = np.linspace(low, high, 51)
+    return float(np.median(np.interp(grid, x2, y2) - np.interp(grid, x1, y1)))
+
+
+def _tip_output(drive: Floats, answer: Floats, level: float) -> float:
+    """Mean output where the input passes a level near its tip, up and down."""
+    up = crossings(drive, answer, level, rising=True)
+    down = crossings(drive, answer, level, rising=False)
+    found = [float(np.median(values)) for values in (up, down) if values.size]
+    if found:
+        return float(np.mean(found))
+    return float(answer[int(np.argmax(drive * np.sign(level)))])
+
+
+def _tip_misfit(loop: Loop, tip: int, width: int, delay: float) -> float:
+    """Squared misfit of the output around a reversal of the input delayed by ``delay`` samples."""
+    rows = np.arange(tip - width, tip + width + 1)
+    whole = int(np.floor(delay))
+    share = delay - whole
+    # Input delayed by d samples: in(k - d), between its neighbours.
+    drive = (1.0 - share) * loop.input[rows - whole] + share * loop.input[rows - whole - 1]
+    answer = loop.output[rows]
+    span = float(np.ptp(drive)) or 1.0
+    u = (drive - loop.input[tip]) / span
+    after = rows > tip + delay
+    parts = [np.ones_like(u)]
+    for side in (after, ~after):
+        parts += [np.where(side, u, 0.0), np.where(side, u * u, 0.0)]
+    basis = np.stack(parts, axis=1)
+    fit, *_ = np.linalg.lstsq(basis, answer, rcond=None)
+    return float(np.sum((answer - basis @ fit) ** 2)) / (float(np.var(answer)) or 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """How a loop was sampled: median step in s (``None`` without time) and its unevenness."""
+
+    step: float | None
+    uneven: float | None
+
+
+def sampling(loop: Loop) -> Sampling:
+    """Median time step and the largest deviation from it, relative."""
+    if loop.time is None:
+        return Sampling(None, None)
+    steps = np.diff(loop.time)
+    middle = float(np.median(steps))
+    uneven = float(np.max(np.abs(steps - middle))) / middle if middle > 0.0 else None
+    return Sampling(middle, uneven)

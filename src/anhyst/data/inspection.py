@@ -1,0 +1,241 @@
+"""What was measured, in figures, and what to think of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from anhyst.data import estimates
+from anhyst.data.branches import branches, is_even
+from anhyst.data.history import History, propose_history
+from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.plausibility import check_plausible
+from anhyst.data.units import Quantity
+from anhyst.data.verdict import Verdict, judge, loop_width, single_valued
+
+
+@dataclass(frozen=True, slots=True)
+class LoopFigures:
+    """Figures of one loop, SI units of its input and output; ``None`` where it cannot be told.
+
+    Attributes
+    ----------
+    cycles
+        Up-and-down pairs of the input.
+    step, uneven
+        Median time step in s, and the largest deviation from it, relative.
+    input_offset, output_offset
+        Centre of a symmetric loop of an odd output.
+    drift
+        Linear drift of the output over the record.
+    closure
+        Output at the end of the last full cycle minus output at its start.
+    noise
+        Standard deviation of the noise of the output.
+    skew
+        Delay of the output behind the input, in samples.
+    saturation
+        Slope at the largest input over the largest slope: 1 none, near 0 saturated.
+    width, height
+        Largest distance of neighbouring branches in input and in output.
+    single_mean, single_worst
+        Mean and worst deviation from the best single-valued curve.
+    history, proposed, reason
+        Past as declared, as proposed from the record, and why.
+    """
+
+    label: str
+    schedule: float | None
+    samples: int
+    cycles: float
+    input_low: float
+    input_high: float
+    output_low: float
+    output_high: float
+    step: float | None
+    uneven: float | None
+    input_offset: float | None
+    output_offset: float | None
+    drift: float | None
+    closure: float | None
+    noise: float
+    skew: float | None
+    saturation: float | None
+    width: float
+    height: float
+    single_mean: float
+    single_worst: float
+    history: History
+    proposed: History
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """What was understood of a set of loops.
+
+    Attributes
+    ----------
+    loops
+        Figures of each loop, in the order of the set.
+    schedule_values
+        Distinct constant scheduling values, SI units, ascending.
+    notes, repairs
+        From reading and cleaning.
+    warnings
+        What looks odd, one sentence each.
+    verdict
+        Whether a hysteresis model is worth it.
+    """
+
+    input: Quantity
+    output: Quantity
+    schedule: Quantity | None
+    schedule_values: tuple[float, ...]
+    loops: tuple[LoopFigures, ...]
+    notes: tuple[str, ...]
+    repairs: tuple[str, ...]
+    warnings: tuple[str, ...]
+    verdict: Verdict
+
+    def as_dict(self) -> dict[str, Any]:
+        """All of it, ready for JSON, with units in the keys (``width_A``, ``noise_N``, ...)."""
+        units = self._units()
+        verdict = {
+            _key(field.name, units): getattr(self.verdict, field.name)
+            for field in fields(self.verdict)
+        }
+        return {
+            "input": self.input.column,
+            "output": self.output.column,
+            "schedule": self.schedule.column if self.schedule else None,
+            "schedule_values": list(self.schedule_values),
+            "samples": sum(loop.samples for loop in self.loops),
+            "loops": [
+                {
+                    _key(field.name, units): _plain(getattr(loop, field.name))
+                    for field in fields(loop)
+                }
+                for loop in self.loops
+            ],
+            "verdict": {name: _plain(value) for name, value in verdict.items()}
+            | {"worthwhile": self.verdict.worthwhile},
+            "warnings": list(self.warnings),
+            "repairs": list(self.repairs),
+            "notes": list(self.notes),
+        }
+
+    def _units(self) -> dict[str, str]:
+        """Return the unit suffix of each figure that has one."""
+        drive, answer = _suffix(self.input), _suffix(self.output)
+        units = dict.fromkeys(("input_low", "input_high", "input_offset", "width"), drive)
+        names = ("output_low", "output_high", "output_offset", "drift", "closure", "noise",
+                 "height", "single_mean", "single_worst", "noise_mean")  # fmt: skip
+        units |= dict.fromkeys(names, answer)
+        units |= {"step": "s", "skew": "samples"}
+        if self.schedule is not None:
+            units["schedule"] = _suffix(self.schedule)
+        return units
+
+
+def inspect(loopset: LoopSet) -> Inspection:
+    """Look at loops: figures of each, warnings, and whether a hysteresis model is worth it.
+
+    Noise and delay are those of the record as it is: inspect before thinning it.
+
+    Raises
+    ------
+    InputError
+        If the record cannot be what its headers say, as `check_plausible`.
+    """
+    warnings = list(check_plausible(loopset))
+    residuals = {id(loop): residual for loop, residual in single_valued(loopset)}
+    figures = tuple(
+        _figures(loop, np.abs(residuals[id(loop)]), even=is_even(loopset)) for loop in loopset.loops
+    )
+    warnings += _warnings(loopset, figures)
+    return Inspection(
+        loopset.input,
+        loopset.output,
+        loopset.schedule,
+        loopset.schedule_values,
+        figures,
+        loopset.notes,
+        loopset.repairs,
+        tuple(warnings),
+        judge(loopset),
+    )
+
+
+def _figures(loop: Loop, deviation: estimates.Floats, *, even: bool) -> LoopFigures:
+    proposed, reason = propose_history(loop.input, loop.output)
+    centre = None if even else estimates.offsets(loop)
+    width = loop_width(loop, even=even)
+    steps = estimates.sampling(loop)
+    return LoopFigures(
+        label=loop.label,
+        schedule=loop.schedule_value,
+        samples=loop.n,
+        cycles=len(branches(loop.input)) / 2.0,
+        input_low=float(loop.input.min()),
+        input_high=float(loop.input.max()),
+        output_low=float(loop.output.min()),
+        output_high=float(loop.output.max()),
+        step=steps.step,
+        uneven=steps.uneven,
+        input_offset=centre[0] if centre else None,
+        output_offset=centre[1] if centre else None,
+        drift=estimates.drift(loop),
+        closure=estimates.closure(loop),
+        noise=estimates.noise(loop.output),
+        skew=estimates.skew(loop),
+        saturation=estimates.saturation(loop),
+        width=width.width,
+        height=width.height,
+        single_mean=float(deviation.mean()),
+        single_worst=float(deviation.max()),
+        history=loop.history,
+        proposed=proposed,
+        reason=reason,
+    )
+
+
+def _warnings(loopset: LoopSet, figures: tuple[LoopFigures, ...]) -> list[str]:
+    found = []
+    for loop, one in zip(loopset.loops, figures, strict=True):
+        name = loopset.describe(loop)
+        height = one.output_high - one.output_low
+        if one.skew is not None and abs(one.skew) >= 0.3:
+            found.append(
+                f"{name}: the output lags by {one.skew:.1f} samples (cleaning step 'skew' shifts "
+                "it, if the measurement is to blame and not the device)"
+            )
+        if one.drift is not None and abs(one.drift) > max(0.005 * height, 4.0 * one.noise):
+            found.append(
+                f"{name}: the output drifts by {one.drift / height:.1%} of its height over the "
+                "record (cleaning step 'drift' takes it out)"
+            )
+        if one.samples < 40:
+            found.append(f"{name}: {one.samples} samples are few; 100 a loop are comfortable")
+        if one.history.kind == "settled" and one.proposed.kind == "demagnetised":
+            found.append(f"{name}: declared settled, but {one.reason}")
+    if loopset.schedule is not None and len(loopset.schedule_values) == 1:
+        found.append(f"one {loopset.schedule.name} only: nothing can be learned about others")
+    return found
+
+
+def _suffix(quantity: Quantity) -> str:
+    return quantity.column.removeprefix(quantity.symbol).lstrip("_")
+
+
+def _key(name: str, units: dict[str, str]) -> str:
+    unit = units.get(name)
+    return f"{name}_{unit}" if unit else name
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, History):
+        return str(value)
+    return list(value) if isinstance(value, tuple) else value

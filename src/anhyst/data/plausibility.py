@@ -1,0 +1,138 @@
+"""Is a record what its headers say? Swapped channels and flipped signs give themselves away."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.branches import branches, folded, is_bipolar, is_even, separation
+from anhyst.data.loopset import Loop, LoopSet
+from anhyst.errors import InputError
+
+Floats = NDArray[np.float64]
+
+_MAGNETIC = ("force", "flux_density", "flux_linkage")
+_SWAP_ADVICE = "are the columns of current and force swapped?"
+_FLAT = 0.3
+_STRONG = 0.8
+
+
+def check_plausible(loopset: LoopSet) -> tuple[str, ...]:
+    """Refuse records that cannot be what they claim, and warn about odd ones.
+
+    The attraction of an electromagnet grows with the square of the flux: force falls nowhere as
+    the size of the current grows, and starts flat. Flux grows with its field, and energy is lost,
+    not won.
+
+    Returns
+    -------
+    Warnings, one sentence each.
+
+    Raises
+    ------
+    InputError
+        If the sign of the output is flipped, or input and output are swapped.
+    """
+    warnings: list[str] = []
+    for loop in loopset.loops:
+        name = loopset.describe(loop)
+        if loopset.output.name == "force":
+            _check_force_sign(loopset, loop, name)
+            if loopset.input.name == "current":
+                warnings += _check_swap(loop, name)
+        elif loopset.output.name in _MAGNETIC:
+            _check_flux_sign(loopset, loop, name)
+        warnings += _check_sense(loopset, loop, name)
+        if not loop.reverses:
+            warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
+    return tuple(warnings)
+
+
+def _correlation(one: Floats, two: Floats) -> float:
+    a, b = one - one.mean(), two - two.mean()
+    scale = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
+    return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
+
+
+def _check_force_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
+    low, high = float(loop.output.min()), float(loop.output.max())
+    falls = _correlation(loop.input**2, loop.output) < -0.5
+    if low < 0.0 and (falls or high <= 0.0 or -low > 5.0 * high):
+        unit = loopset.output.unit
+        raise InputError(
+            f"{name}: the force is negative ({low:.4g} to {high:.4g} {unit}) and falls as the "
+            f"{loopset.input.name} grows; flip its sign (attraction counts positive)"
+        )
+
+
+def _check_flux_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
+    if _correlation(loop.input, loop.output) < -0.5:
+        what = loopset.output.name.replace("_", " ")
+        raise InputError(
+            f"{name}: the {what} falls as the {loopset.input.name} grows; flip the sign of one"
+        )
+
+
+def _check_swap(loop: Loop, name: str) -> list[str]:
+    drive, answer = loop.input, loop.output
+    if not is_bipolar(drive) and is_bipolar(answer):
+        even = _correlation(drive, answer**2)
+        if abs(_correlation(drive, answer)) < _FLAT and even > _STRONG:
+            raise InputError(
+                f"{name}: the force takes both signs at the same current; {_SWAP_ADVICE}"
+            )
+    steep = _initial_steepness(loop)
+    if steep is None:
+        return []
+    if steep > 1.5:
+        raise InputError(
+            f"{name}: the force rises steepest at the smallest current, as a current over force "
+            f"would; {_SWAP_ADVICE}"
+        )
+    if steep > 1.0:
+        return [f"{name}: the force does not start flat as a square does; {_SWAP_ADVICE}"]
+    return []
+
+
+def _initial_steepness(loop: Loop) -> float | None:
+    """Mean slope over the first tenth of a unipolar input, over that of the next two tenths."""
+    size, answer = folded(loop, even=True)
+    if is_bipolar(loop.input) and is_bipolar(answer):
+        return None
+    span = float(np.ptp(size))
+    if float(size.min()) > 0.05 * float(size.max()):
+        return None  # a record that does not start near zero cannot tell
+    heights = []
+    for level in (0.0, 0.1, 0.3):
+        near = np.abs(size - size.min() - level * span) <= 0.02 * span
+        if np.count_nonzero(near) < 2:
+            return None
+        heights.append(float(np.mean(answer[near])))
+    next_slope = (heights[2] - heights[1]) / 0.2
+    first_slope = (heights[1] - heights[0]) / 0.1
+    if next_slope <= 0.02 * float(np.ptp(answer)):
+        return None
+    return first_slope / next_slope
+
+
+def _check_sense(loopset: LoopSet, loop: Loop, name: str) -> list[str]:
+    """Warn of a settled cycle whose input runs ahead the wrong way: it would win energy."""
+    if loopset.output.name not in _MAGNETIC or not loop.reverses:
+        return []
+    size, answer = folded(loop, even=is_even(loopset))
+    height = float(np.ptp(answer))
+    total = weight = 0.0
+    for one, two in itertools.pairwise(branches(size)):
+        found = separation(size, answer, one, two)
+        if found is not None:
+            share = float(np.ptp(found[0]))
+            total += share * float(np.mean(found[1]))
+            weight += share
+    if total < -0.005 * height * weight:
+        return [
+            f"{name}: the loop runs the wrong way round (it would win energy): channels skewed, "
+            "samples in reverse order, or a sign flipped"
+        ]
+    return []

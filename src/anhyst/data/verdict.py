@@ -1,0 +1,248 @@
+"""Is it worth it? What the best curve without memory would leave over."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.branches import branches, folded, is_even, separation, smooth
+from anhyst.data.estimates import noise
+from anhyst.data.loopset import Loop, LoopSet
+
+Floats = NDArray[np.float64]
+Level = Literal["yes", "little", "no"]
+
+_MEAN_OF_NORMAL = 0.7979
+"""Mean absolute value of a normal variable of unit standard deviation."""
+_BINS = 4000
+_RUN_IN = 6
+"""With more branches than this, the first is left out of the loop's width."""
+
+
+@dataclass(frozen=True, slots=True)
+class Width:
+    """How far apart the branches of a loop are at most.
+
+    ``width`` in the input's unit, at equal output; ``height`` in the output's unit, at equal input.
+    """
+
+    width: float
+    height: float
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a hysteresis model can gain over the best single-valued curve.
+
+    All figures of the output are in its SI unit; relative ones refer to `largest_output`, those
+    of the input to its largest range.
+
+    Attributes
+    ----------
+    level
+        ``yes``, ``little`` or ``no``.
+    width, height
+        Largest loop width (input) and height (output) of all loops.
+    single_mean, single_worst
+        Mean and worst deviation of the best monotone curve, one a scheduling value.
+    noise_mean
+        Mean deviation that the noise alone causes: no model gets below.
+    gain
+        Share of the mean deviation that a perfect hysteresis model takes away at most.
+    sentences
+        The same in words.
+    """
+
+    level: Level
+    width: float
+    width_relative: float
+    height: float
+    height_relative: float
+    single_mean: float
+    single_mean_relative: float
+    single_worst: float
+    single_worst_relative: float
+    noise_mean: float
+    noise_relative: float
+    gain: float
+    sentences: tuple[str, ...]
+
+    @property
+    def worthwhile(self) -> bool:
+        """Whether a hysteresis model is worth having."""
+        return self.level == "yes"
+
+
+def monotone_fit(values: Floats, weights: Floats) -> Floats:
+    """Best non-decreasing sequence in the weighted least-squares sense (pool adjacent violators).
+
+    Parameters
+    ----------
+    values, weights
+        Shape (n,); weights positive.
+
+    Examples
+    --------
+    >>> monotone_fit(np.array([1.0, 3.0, 2.0]), np.ones(3)).tolist()
+    [1.0, 2.5, 2.5]
+    """
+    means: list[float] = []
+    sums: list[float] = []
+    sizes: list[int] = []
+    for value, weight in zip(values.tolist(), weights.tolist(), strict=True):
+        mean, total, size = value, weight, 1
+        while means and means[-1] >= mean:
+            before = sums.pop()
+            mean = (means.pop() * before + mean * total) / (before + total)
+            total += before
+            size += sizes.pop()
+        means.append(mean)
+        sums.append(total)
+        sizes.append(size)
+    return np.repeat(np.array(means), sizes)
+
+
+def single_valued(loopset: LoopSet) -> list[tuple[Loop, Floats]]:
+    """Deviation of each loop's output from the best monotone curve of its scheduling value.
+
+    Returns
+    -------
+    Each loop with its residual, shape (n,), in the output's unit.
+    """
+    even = is_even(loopset)
+    groups: dict[float | None, list[Loop]] = {}
+    for loop in loopset.loops:
+        groups.setdefault(loop.schedule_value, []).append(loop)
+    return [pair for loops in groups.values() for pair in _residuals(loops, even=even)]
+
+
+def loop_width(loop: Loop, *, even: bool) -> Width:
+    """Largest distance between neighbouring branches of a loop, noise averaged out."""
+    size, answer = folded(loop, even=even)
+    span, height = float(np.ptp(size)), float(np.ptp(answer))
+    parts = branches(size)
+    if len(parts) > _RUN_IN:
+        parts = parts[1:]  # how the record got going says nothing about the cycles after it
+    widest = highest = 0.0
+    for one, two in itertools.pairwise(parts):
+        found = separation(size, answer, one, two)
+        if found is None or np.ptp(found[0]) < 0.2 * span:
+            continue
+        highest = max(highest, float(np.max(np.abs(found[1]))))
+        sideways = separation_sideways(size, answer, one.rows, two.rows, height)
+        widest = max(widest, sideways)
+    return Width(widest, highest)
+
+
+def separation_sideways(
+    size: Floats, answer: Floats, one: slice, two: slice, height: float
+) -> float:
+    """Largest distance in input between two branches at equal output, outer tenths left out."""
+    curves = []
+    for rows in (one, two):
+        x, y = smooth(size[rows], answer[rows], bins=200)
+        if y[-1] < y[0]:
+            y = -y
+        curves.append((x, np.maximum.accumulate(y)))
+    (x1, y1), (x2, y2) = curves
+    low, high = max(y1[0], y2[0]) + 0.1 * height, min(y1[-1], y2[-1]) - 0.1 * height
+    if high <= low:
+        return 0.0
+    levels = np.linspace(low, high, 101)
+    return float(np.max(np.abs(np.interp(levels, y1, x1) - np.interp(levels, y2, x2))))
+
+
+def largest_output(loopset: LoopSet) -> float:
+    """What deviations of the output are related to: its largest size in all loops.
+
+    A displacement has no natural zero: there it is the largest range.
+    """
+    if loopset.output.name == "displacement":
+        return max(float(np.ptp(loop.output)) for loop in loopset.loops) or 1.0
+    return max(float(np.max(np.abs(loop.output))) for loop in loopset.loops) or 1.0
+
+
+def judge(loopset: LoopSet) -> Verdict:
+    """Weigh loop width, the best single-valued curve and the noise against each other."""
+    even = is_even(loopset)
+    widths = [loop_width(loop, even=even) for loop in loopset.loops]
+    residuals = [residual for _, residual in single_valued(loopset)]
+    pooled = np.abs(np.concatenate(residuals))
+    mean, worst = float(pooled.mean()), float(pooled.max())
+    counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
+    sigmas = np.array([noise(loop.output) for loop in loopset.loops])
+    floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
+    largest = largest_output(loopset)
+    span = max(float(np.ptp(loop.input)) for loop in loopset.loops)
+    gain = max(0.0, 1.0 - floor / mean) if mean > 0.0 else 0.0
+    width = max(one.width for one in widths)
+    height = max(one.height for one in widths)
+    level: Level = "yes"
+    if mean < 5e-4 * largest or gain < 0.3:
+        level = "no"
+    elif mean < 2e-3 * largest or gain < 0.6:
+        level = "little"
+    figures = Verdict(
+        level=level,
+        width=width,
+        width_relative=width / span,
+        height=height,
+        height_relative=height / largest,
+        single_mean=mean,
+        single_mean_relative=mean / largest,
+        single_worst=worst,
+        single_worst_relative=worst / largest,
+        noise_mean=floor,
+        noise_relative=floor / largest,
+        gain=gain,
+        sentences=(),
+    )
+    return _worded(loopset, figures)
+
+
+def _worded(loopset: LoopSet, figures: Verdict) -> Verdict:
+    drive, answer = loopset.input, loopset.output
+    what = answer.name.replace("_", " ")
+    reference = f"range of the {what}" if what == "displacement" else f"largest {what}"
+    conclusion = {
+        "yes": "A hysteresis model is worth it",
+        "little": "A hysteresis model gains little",
+        "no": "A hysteresis model is not worth it",
+    }[figures.level]
+    sentences = (
+        f"The widest loop is {figures.width:.3g} {drive.unit} wide ({figures.width_relative:.1%} "
+        f"of the {drive.name.replace('_', ' ')}'s range) and {figures.height:.3g} {answer.unit} "
+        f"high ({figures.height_relative:.1%} of the {reference}).",
+        f"The best single-valued curve misses by {figures.single_mean_relative:.2%} on average and "
+        f"{figures.single_worst_relative:.2%} at worst.",
+        f"The noise alone makes {figures.noise_relative:.3%}, which no model gets below.",
+        f"{conclusion}: it can take away at most {figures.gain:.0%} of the mean error of the best "
+        "single-valued curve.",
+    )
+    values = {name: getattr(figures, name) for name in Verdict.__slots__}
+    return Verdict(**{**values, "sentences": sentences})
+
+
+def _residuals(loops: list[Loop], *, even: bool) -> list[tuple[Loop, Floats]]:
+    pairs = [folded(loop, even=even) for loop in loops]
+    size = np.concatenate([pair[0] for pair in pairs])
+    answer = np.concatenate([pair[1] for pair in pairs])
+    order = np.argsort(size, kind="stable")
+    starts = np.linspace(0, size.size, min(size.size, _BINS) + 1).astype(np.intp)[:-1]
+    counts = np.diff(np.concatenate((starts, [size.size]))).astype(np.float64)
+    x = np.add.reduceat(size[order], starts) / counts
+    y = np.add.reduceat(answer[order], starts) / counts
+    x, first = np.unique(x, return_index=True)
+    y = np.add.reduceat(y * counts, first)
+    counts = np.add.reduceat(counts, first)
+    y = y / counts
+    rising = float(np.dot(x - x.mean(), y - y.mean())) >= 0.0
+    curve = monotone_fit(y, counts) if rising else -monotone_fit(-y, counts)
+    return [
+        (loop, own - np.interp(along, x, curve))
+        for loop, (along, own) in zip(loops, pairs, strict=True)
+    ]
