@@ -31,18 +31,18 @@ static inline double exp_minus(double t)
   const double r = (bounded - halvings * 0.6931471803691238) - halvings * 1.9082149292705877e-10;
   const double r2 = r * r;
   const double r4 = r2 * r2;
-  const double p = (1.0 - r) + r2 * (1.0 / 2.0 - r * (1.0 / 6.0)) +
-                   r4 * ((1.0 / 24.0 - r * (1.0 / 120.0)) +
-                         r2 * (1.0 / 720.0 - r * (1.0 / 5040.0)) +
-                         r4 * (1.0 / 40320.0 - r * (1.0 / 362880.0)));
+  const double p =
+      (1.0 - r) + r2 * (1.0 / 2.0 - r * (1.0 / 6.0)) +
+      r4 * ((1.0 / 24.0 - r * (1.0 / 120.0)) + r2 * (1.0 / 720.0 - r * (1.0 / 5040.0)) +
+            r4 * (1.0 / 40320.0 - r * (1.0 / 362880.0)));
   const uint64_t exponent = (UINT64_C(1023) - bits) << 52;
   double power;
   memcpy(&power, &exponent, sizeof power);
   return p * power;
 }
 
-/* L(z); *slope gets L'(z) = 1 - L^2 - 2*L/z. L(z)/|z| is one quotient of polynomials in |z| over the
-   whole axis, fitted for the least largest error of L: 4.4e-9; no exponential, no case. */
+/* L(z); *slope gets L'(z) = 1 - L^2 - 2*L/z. L(z)/|z| is one quotient of polynomials in |z| over
+   the whole axis, fitted for the least largest error of L: 4.4e-9; no exponential, no case. */
 static inline double langevin(double z, double *slope)
 {
   const double t = fabs(z);
@@ -84,11 +84,11 @@ typedef struct {
   double y, way_inverse;
 } landing;
 
-/* Lag over a step of s = distance/kappa with exp(-s) = 1/(1 + s + s^2/2), and a step that begins held
-   taken as if it crossed the anhysteretic at its start: one division for lag and slope. lead and
-   ahead say how far L is ahead of y at both ends. */
-static inline landing land_roughly(double y0, double lead, double ahead, double s,
-                                   double stiffness, double pinned)
+/* Lag over a step of s = distance/kappa with exp(-s) = 1/(1 + s + s^2/2), and a step that begins
+   held taken as if it crossed the anhysteretic at its start: one division for lag and slope. lead
+   and ahead say how far L is ahead of y at both ends. */
+static inline landing land_roughly(double y0, double lead, double ahead, double s, double stiffness,
+                                   double pinned)
 {
   const double half = 0.5 * s;
   const double curved = half + half * s;
@@ -100,8 +100,8 @@ static inline landing land_roughly(double y0, double lead, double ahead, double 
   return at;
 }
 
-/* The linear step of operator.h: y1 = y0 + lead*E(S) + rise*G(S). A step that begins held starts from
-   the crossing of the anhysteretic, S = s*ahead/(m1 - m0): a quotient top/bottom. */
+/* The linear step of operator.h: y1 = y0 + lead*E(S) + rise*G(S). A step that begins held starts
+   from the crossing of the anhysteretic, S = s*ahead/(m1 - m0): a quotient top/bottom. */
 static inline double land_exactly(double y0, double m0, double m1, double ahead, double s)
 {
   const int held = m0 < y0;

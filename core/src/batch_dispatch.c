@@ -20,8 +20,8 @@ anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_mode 
                                double *x_out)
 {
   for (size_t i = 0; i < sets->sets; i++) {
-    const int ok = sets->kappa[i] > 0.0 && sets->c[i] >= 0.0 && sets->c[i] <= 1.0 &&
-                   sets->omega[i] > -3.0;
+    const int ok =
+        sets->kappa[i] > 0.0 && sets->c[i] >= 0.0 && sets->c[i] <= 1.0 && sets->omega[i] > -3.0;
     if (!ok) {
       return ANHYST_BAD_PARAMETER;
     }

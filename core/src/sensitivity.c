@@ -14,7 +14,7 @@
 typedef struct {
   double by_y, by_p0, by_p1, by_kappa;
   double sign;
-  double carried;         /* dp1/dx1, 1 or 0 */
+  double carried;          /* dp1/dx1, 1 or 0 */
   double pull, pull_slope; /* L(x1), L'(x1) */
 } partials;
 
@@ -100,10 +100,9 @@ static void advance_tangent(const anhyst_operator_f64 *law, const partials *d,
                             double r_t, anhyst_tangent_f64 *t, double *m_t)
 {
   /* What p1 and y1 become with x1 held fast, then the share of x1. */
-  const double p_fixed =
-      d->carried > 0.0 ? -d->sign * t->play : t->state.p;
-  const double y_fixed = d->by_y * t->state.y + d->by_p0 * t->state.p + d->by_p1 * p_fixed +
-                         d->by_kappa * t->kappa;
+  const double p_fixed = d->carried > 0.0 ? -d->sign * t->play : t->state.p;
+  const double y_fixed =
+      d->by_y * t->state.y + d->by_p0 * t->state.p + d->by_p1 * p_fixed + d->by_kappa * t->kappa;
   const double y_slope = d->by_p1 * d->carried;
   const double m_fixed = (1.0 - law->c) * y_fixed + (d->pull - to->y) * t->c;
   const double m_slope = (1.0 - law->c) * y_slope + law->c * d->pull_slope;
@@ -118,8 +117,7 @@ anhyst_status anhyst_sensitivity_f64(const anhyst_operator_f64 *law,
                                      const anhyst_branch_slope_f64 *branch_slope,
                                      const anhyst_differentiated_drive_f64 *drive,
                                      anhyst_state_f64 *state, anhyst_tangent_f64 *tangents,
-                                     double *x, double *m, double *x_t, double *m_t,
-                                     size_t *index)
+                                     double *x, double *m, double *x_t, double *m_t, size_t *index)
 {
   const size_t count = drive->directions;
   if (law->step == ANHYST_STEP_JA1986 || (law->step == ANHYST_STEP_EXACT && branch_slope == 0)) {
@@ -128,8 +126,7 @@ anhyst_status anhyst_sensitivity_f64(const anhyst_operator_f64 *law,
   for (size_t i = 0; i < drive->n; i++) {
     anhyst_candidate_f64 next;
     partials d;
-    const anhyst_status status =
-        anhyst_solve_f64(law, state, drive->omega[i], drive->r[i], &next);
+    const anhyst_status status = anhyst_solve_f64(law, state, drive->omega[i], drive->r[i], &next);
     if (status != ANHYST_OK) {
       *index = i;
       return status;

@@ -34,8 +34,8 @@ typedef enum {
 
 /* Follows n samples of one drive with every set, without play. x and y (one entry a set) are the
    states, read and advanced. m_out and x_out are n rows of `sets` entries, or null where the pass
-   only settles a cycle. Error of the inline functions: exp 1e-11 relative, Langevin 4.4e-9 absolute.
-   Compiled for AVX-512, AVX2 and the base instruction set; the best one present is taken.
+   only settles a cycle. Error of the inline functions: exp 1e-11 relative, Langevin 4.4e-9
+   absolute. Compiled for AVX-512, AVX2 and the base instruction set; the best one present is taken.
    Returns ANHYST_OK, or ANHYST_BAD_PARAMETER (nothing done) if one set is out of range. */
 anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
                                const double *drive, double *x, double *y, double *m_out,

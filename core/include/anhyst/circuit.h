@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Physical quantities: drive to flux density and back, through a gap, with eddy currents. Declarations are in generic/circuit.h. */
+/* Physical quantities: drive to flux density and back, through a gap, with eddy currents.
+   Declarations are in generic/circuit.h. */
 #ifndef ANHYST_CIRCUIT_H
 #define ANHYST_CIRCUIT_H
 

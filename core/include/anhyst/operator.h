@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The hysteresis law as an operator from effective field to magnetisation. Declarations are in generic/operator.h. */
+/* The hysteresis law as an operator from effective field to magnetisation.
+   Declarations are in generic/operator.h. */
 #ifndef ANHYST_OPERATOR_H
 #define ANHYST_OPERATOR_H
 
@@ -8,7 +9,7 @@
 
 /* How the irreversible part is carried over one step. */
 typedef enum {
-  ANHYST_STEP_EXACT = 0, /* effective-field law, exact at any step length */
+  ANHYST_STEP_EXACT = 0,  /* effective-field law, exact at any step length */
   ANHYST_STEP_LINEAR = 1, /* effective-field law, anhysteretic taken linear over the step */
   ANHYST_STEP_JA1986 = 2  /* law of 1986, classical Runge-Kutta sub-steps */
 } anhyst_step;

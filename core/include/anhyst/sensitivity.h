@@ -38,8 +38,7 @@ anhyst_status anhyst_sensitivity_f64(const anhyst_operator_f64 *law,
                                      const anhyst_branch_slope_f64 *branch_slope,
                                      const anhyst_differentiated_drive_f64 *drive,
                                      anhyst_state_f64 *state, anhyst_tangent_f64 *tangents,
-                                     double *x, double *m, double *x_t, double *m_t,
-                                     size_t *index);
+                                     double *x, double *m, double *x_t, double *m_t, size_t *index);
 
 #ifdef __cplusplus
 }

@@ -10,7 +10,7 @@ static void ANHYST_NAME(store)(ANHYST_REAL piece[6], jet from, jet to)
 }
 
 /* Tables are built in double precision for both formats: it is done once a parameter set. */
-static void ANHYST_NAME(tabulate)(ANHYST_NAME(anhyst_pieces) * pieces, double kappa,
+static void ANHYST_NAME(tabulate)(ANHYST_NAME(anhyst_pieces) *pieces, double kappa,
                                   jet (*read)(const walker *))
 {
   const double inner_width = 1.0 / ANHYST_BRANCH_PER_UNIT;
@@ -47,8 +47,7 @@ static ANHYST_REAL ANHYST_NAME(piece_at)(const ANHYST_REAL c[6], ANHYST_REAL t)
   return c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))));
 }
 
-static ANHYST_REAL ANHYST_NAME(pieces_at)(const ANHYST_NAME(anhyst_pieces) * pieces,
-                                          ANHYST_REAL x)
+static ANHYST_REAL ANHYST_NAME(pieces_at)(const ANHYST_NAME(anhyst_pieces) *pieces, ANHYST_REAL x)
 {
   const ANHYST_REAL size = ANHYST_FABS(x);
   if (size < R(30.0)) {
@@ -73,7 +72,7 @@ static ANHYST_REAL ANHYST_NAME(pieces_at)(const ANHYST_NAME(anhyst_pieces) * pie
                                place - (ANHYST_REAL)i);
 }
 
-anhyst_status ANHYST_NAME(anhyst_branch_build)(ANHYST_NAME(anhyst_branch) * branch,
+anhyst_status ANHYST_NAME(anhyst_branch_build)(ANHYST_NAME(anhyst_branch) *branch,
                                                ANHYST_REAL kappa)
 {
   if (!kappa_allowed((double)kappa)) {
@@ -84,7 +83,7 @@ anhyst_status ANHYST_NAME(anhyst_branch_build)(ANHYST_NAME(anhyst_branch) * bran
   return ANHYST_OK;
 }
 
-anhyst_status ANHYST_NAME(anhyst_branch_slope_build)(ANHYST_NAME(anhyst_branch_slope) * slope,
+anhyst_status ANHYST_NAME(anhyst_branch_slope_build)(ANHYST_NAME(anhyst_branch_slope) *slope,
                                                      ANHYST_REAL kappa)
 {
   if (!kappa_allowed((double)kappa)) {
@@ -94,13 +93,12 @@ anhyst_status ANHYST_NAME(anhyst_branch_slope_build)(ANHYST_NAME(anhyst_branch_s
   return ANHYST_OK;
 }
 
-ANHYST_REAL ANHYST_NAME(anhyst_branch_at)(const ANHYST_NAME(anhyst_branch) * branch,
-                                          ANHYST_REAL x)
+ANHYST_REAL ANHYST_NAME(anhyst_branch_at)(const ANHYST_NAME(anhyst_branch) *branch, ANHYST_REAL x)
 {
   return ANHYST_NAME(pieces_at)(&branch->value, x);
 }
 
-ANHYST_REAL ANHYST_NAME(anhyst_branch_slope_at)(const ANHYST_NAME(anhyst_branch_slope) * slope,
+ANHYST_REAL ANHYST_NAME(anhyst_branch_slope_at)(const ANHYST_NAME(anhyst_branch_slope) *slope,
                                                 ANHYST_REAL x)
 {
   return ANHYST_NAME(pieces_at)(&slope->value, x);

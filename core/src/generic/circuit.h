@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-anhyst_status ANHYST_NAME(anhyst_iron_init)(ANHYST_NAME(anhyst_iron) * iron, anhyst_step step,
+anhyst_status ANHYST_NAME(anhyst_iron_init)(ANHYST_NAME(anhyst_iron) *iron, anhyst_step step,
                                             ANHYST_REAL saturation, ANHYST_REAL shape,
                                             ANHYST_REAL pinning, ANHYST_REAL reversibility,
                                             ANHYST_REAL interaction, ANHYST_REAL play_width,
-                                            const ANHYST_NAME(anhyst_branch) * branch)
+                                            const ANHYST_NAME(anhyst_branch) *branch)
 {
   if (!(saturation > R(0.0)) || !(shape > R(0.0)) || !(interaction < R(1.0))) {
     return ANHYST_BAD_PARAMETER;
@@ -16,32 +16,29 @@ anhyst_status ANHYST_NAME(anhyst_iron_init)(ANHYST_NAME(anhyst_iron) * iron, anh
   iron->law.kappa = pinning / shape;
   iron->law.c = reversibility;
   iron->law.play = play_width / shape;
-  iron->law.eps = step == ANHYST_STEP_JA1986
-                      ? interaction * reversibility * saturation / shape
-                      : R(0.0);
+  iron->law.eps =
+      step == ANHYST_STEP_JA1986 ? interaction * reversibility * saturation / shape : R(0.0);
   iron->law.branch = branch;
   return ANHYST_NAME(anhyst_operator_check)(&iron->law);
 }
 
-static ANHYST_REAL ANHYST_NAME(flux_from)(const ANHYST_NAME(anhyst_iron) * iron, ANHYST_REAL x,
+static ANHYST_REAL ANHYST_NAME(flux_from)(const ANHYST_NAME(anhyst_iron) *iron, ANHYST_REAL x,
                                           ANHYST_REAL m)
 {
   return (ANHYST_REAL)ANHYST_MU0 *
          (iron->shape * x + (R(1.0) - iron->interaction) * iron->saturation * m);
 }
 
-ANHYST_REAL ANHYST_NAME(anhyst_flux_of)(const ANHYST_NAME(anhyst_iron) * iron,
-                                        const ANHYST_NAME(anhyst_state) * state)
+ANHYST_REAL ANHYST_NAME(anhyst_flux_of)(const ANHYST_NAME(anhyst_iron) *iron,
+                                        const ANHYST_NAME(anhyst_state) *state)
 {
-  return ANHYST_NAME(flux_from)(iron, state->x,
-                                ANHYST_NAME(anhyst_operator_m)(&iron->law, state));
+  return ANHYST_NAME(flux_from)(iron, state->x, ANHYST_NAME(anhyst_operator_m)(&iron->law, state));
 }
 
-anhyst_status ANHYST_NAME(anhyst_forward)(const ANHYST_NAME(anhyst_iron) * iron,
-                                          const ANHYST_NAME(anhyst_state) * state,
-                                          const ANHYST_NAME(anhyst_circuit) * circuit,
-                                          ANHYST_REAL drive,
-                                          ANHYST_NAME(anhyst_reaction) * reaction)
+anhyst_status ANHYST_NAME(anhyst_forward)(const ANHYST_NAME(anhyst_iron) *iron,
+                                          const ANHYST_NAME(anhyst_state) *state,
+                                          const ANHYST_NAME(anhyst_circuit) *circuit,
+                                          ANHYST_REAL drive, ANHYST_NAME(anhyst_reaction) *reaction)
 {
   const ANHYST_REAL load = circuit->gap_ratio + circuit->eddy * (ANHYST_REAL)ANHYST_MU0;
   const ANHYST_REAL past =
@@ -56,17 +53,15 @@ anhyst_status ANHYST_NAME(anhyst_forward)(const ANHYST_NAME(anhyst_iron) * iron,
   }
   reaction->state = found.state;
   reaction->drive = drive;
-  reaction->field =
-      iron->shape * found.state.x - iron->interaction * iron->saturation * found.m;
+  reaction->field = iron->shape * found.state.x - iron->interaction * iron->saturation * found.m;
   reaction->flux = ANHYST_NAME(flux_from)(iron, found.state.x, found.m);
   return ANHYST_OK;
 }
 
-anhyst_status ANHYST_NAME(anhyst_inverse)(const ANHYST_NAME(anhyst_iron) * iron,
-                                          const ANHYST_NAME(anhyst_state) * state,
-                                          const ANHYST_NAME(anhyst_circuit) * circuit,
-                                          ANHYST_REAL flux,
-                                          ANHYST_NAME(anhyst_reaction) * reaction)
+anhyst_status ANHYST_NAME(anhyst_inverse)(const ANHYST_NAME(anhyst_iron) *iron,
+                                          const ANHYST_NAME(anhyst_state) *state,
+                                          const ANHYST_NAME(anhyst_circuit) *circuit,
+                                          ANHYST_REAL flux, ANHYST_NAME(anhyst_reaction) *reaction)
 {
   const ANHYST_REAL omega = (R(1.0) - iron->interaction) * (iron->saturation / iron->shape);
   const ANHYST_REAL both = flux / (ANHYST_REAL)ANHYST_MU0;
@@ -79,16 +74,15 @@ anhyst_status ANHYST_NAME(anhyst_inverse)(const ANHYST_NAME(anhyst_iron) * iron,
   const ANHYST_REAL past =
       circuit->eddy > R(0.0) ? ANHYST_NAME(anhyst_flux_of)(iron, state) : R(0.0);
   reaction->state = found.state;
-  reaction->field =
-      iron->shape * found.state.x - iron->interaction * iron->saturation * found.m;
+  reaction->field = iron->shape * found.state.x - iron->interaction * iron->saturation * found.m;
   reaction->flux = flux;
   reaction->drive = reaction->field + circuit->gap_ratio * both + circuit->eddy * (flux - past);
   return ANHYST_OK;
 }
 
-anhyst_status ANHYST_NAME(anhyst_commit)(const ANHYST_NAME(anhyst_iron) * iron,
-                                         ANHYST_NAME(anhyst_state) * state,
-                                         const ANHYST_NAME(anhyst_circuit) * circuit,
+anhyst_status ANHYST_NAME(anhyst_commit)(const ANHYST_NAME(anhyst_iron) *iron,
+                                         ANHYST_NAME(anhyst_state) *state,
+                                         const ANHYST_NAME(anhyst_circuit) *circuit,
                                          ANHYST_REAL applied_drive)
 {
   ANHYST_NAME(anhyst_reaction) reaction;
@@ -100,8 +94,8 @@ anhyst_status ANHYST_NAME(anhyst_commit)(const ANHYST_NAME(anhyst_iron) * iron,
   return status;
 }
 
-anhyst_status ANHYST_NAME(anhyst_record)(const ANHYST_NAME(anhyst_iron) * iron,
-                                         ANHYST_NAME(anhyst_state) * state, int inverse, size_t n,
+anhyst_status ANHYST_NAME(anhyst_record)(const ANHYST_NAME(anhyst_iron) *iron,
+                                         ANHYST_NAME(anhyst_state) *state, int inverse, size_t n,
                                          const ANHYST_REAL *given, const ANHYST_REAL *rho,
                                          const ANHYST_REAL *eddy, ANHYST_REAL *found,
                                          ANHYST_REAL *field, size_t *index)
@@ -128,8 +122,8 @@ anhyst_status ANHYST_NAME(anhyst_record)(const ANHYST_NAME(anhyst_iron) * iron,
 }
 
 /* Limit of a geometric sequence from three members, kept where the law allows a state. */
-static void ANHYST_NAME(extrapolate)(const ANHYST_NAME(anhyst_operator) * law,
-                                     const ANHYST_REAL y[3], ANHYST_NAME(anhyst_state) * state)
+static void ANHYST_NAME(extrapolate)(const ANHYST_NAME(anhyst_operator) *law,
+                                     const ANHYST_REAL y[3], ANHYST_NAME(anhyst_state) *state)
 {
   const ANHYST_REAL first = y[1] - y[0];
   const ANHYST_REAL second = y[2] - y[1];
@@ -144,8 +138,8 @@ static void ANHYST_NAME(extrapolate)(const ANHYST_NAME(anhyst_operator) * law,
   }
 }
 
-anhyst_status ANHYST_NAME(anhyst_settle)(const ANHYST_NAME(anhyst_iron) * iron,
-                                         ANHYST_NAME(anhyst_state) * state, int inverse, size_t n,
+anhyst_status ANHYST_NAME(anhyst_settle)(const ANHYST_NAME(anhyst_iron) *iron,
+                                         ANHYST_NAME(anhyst_state) *state, int inverse, size_t n,
                                          const ANHYST_REAL *given, const ANHYST_REAL *rho,
                                          const ANHYST_REAL *eddy, ANHYST_REAL tol, int most_cycles,
                                          int *cycles, size_t *index)
@@ -154,8 +148,8 @@ anhyst_status ANHYST_NAME(anhyst_settle)(const ANHYST_NAME(anhyst_iron) * iron,
   int fresh = 0;
   for (*cycles = 1; *cycles <= most_cycles; (*cycles)++) {
     const ANHYST_NAME(anhyst_state) before = *state;
-    const anhyst_status status = ANHYST_NAME(anhyst_record)(iron, state, inverse, n, given, rho,
-                                                            eddy, 0, 0, index);
+    const anhyst_status status =
+        ANHYST_NAME(anhyst_record)(iron, state, inverse, n, given, rho, eddy, 0, 0, index);
     if (status != ANHYST_OK) {
       return status;
     }

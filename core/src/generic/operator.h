@@ -1,33 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-anhyst_status ANHYST_NAME(anhyst_operator_check)(const ANHYST_NAME(anhyst_operator) * law)
+anhyst_status ANHYST_NAME(anhyst_operator_check)(const ANHYST_NAME(anhyst_operator) *law)
 {
   const int ok = law->kappa >= (ANHYST_REAL)ANHYST_KAPPA_MIN &&
                  law->kappa <= (ANHYST_REAL)ANHYST_KAPPA_MAX && law->c >= R(0.0) &&
                  law->c <= R(1.0) && law->play >= R(0.0) &&
                  law->play <= (ANHYST_REAL)ANHYST_X_MAX && law->eps < R(3.0) &&
                  law->eps > -(ANHYST_REAL)ANHYST_X_MAX;
-  const int table_ok = law->step != ANHYST_STEP_EXACT ||
-                       (law->branch != 0 && !(law->branch->kappa < law->kappa) &&
-                        !(law->branch->kappa > law->kappa));
+  const int table_ok =
+      law->step != ANHYST_STEP_EXACT || (law->branch != 0 && !(law->branch->kappa < law->kappa) &&
+                                         !(law->branch->kappa > law->kappa));
   return ok && table_ok ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-anhyst_status ANHYST_NAME(anhyst_state_check)(const ANHYST_NAME(anhyst_operator) * law,
-                                              const ANHYST_NAME(anhyst_state) * state)
+anhyst_status ANHYST_NAME(anhyst_state_check)(const ANHYST_NAME(anhyst_operator) *law,
+                                              const ANHYST_NAME(anhyst_state) *state)
 {
   const ANHYST_REAL slack = sizeof(ANHYST_REAL) == sizeof(double) ? R(1e-9) : R(1e-5);
   ANHYST_REAL slope;
   const ANHYST_REAL pull = ANHYST_NAME(anhyst_langevin)(state->p, &slope) - state->y;
-  const int ok = ANHYST_FABS(pull) <= law->kappa / R(3.0) + slack &&
-                 ANHYST_FABS(state->x - state->p) <=
-                     law->play + slack * (R(1.0) + ANHYST_FABS(state->x)) &&
-                 ANHYST_FABS(state->y) < R(1.0) &&
-                 ANHYST_FABS(state->x) <= (ANHYST_REAL)ANHYST_X_MAX;
+  const int ok =
+      ANHYST_FABS(pull) <= law->kappa / R(3.0) + slack &&
+      ANHYST_FABS(state->x - state->p) <= law->play + slack * (R(1.0) + ANHYST_FABS(state->x)) &&
+      ANHYST_FABS(state->y) < R(1.0) && ANHYST_FABS(state->x) <= (ANHYST_REAL)ANHYST_X_MAX;
   return ok ? ANHYST_OK : ANHYST_BAD_STATE;
 }
 
-ANHYST_REAL ANHYST_NAME(anhyst_operator_steepest)(const ANHYST_NAME(anhyst_operator) * law)
+ANHYST_REAL ANHYST_NAME(anhyst_operator_steepest)(const ANHYST_NAME(anhyst_operator) *law)
 {
   if (law->step == ANHYST_STEP_JA1986 && law->eps > R(0.0)) {
     return R(1.0) / (R(3.0) - law->eps);
@@ -35,16 +34,15 @@ ANHYST_REAL ANHYST_NAME(anhyst_operator_steepest)(const ANHYST_NAME(anhyst_opera
   return R(1.0) / R(3.0);
 }
 
-ANHYST_REAL ANHYST_NAME(anhyst_operator_m)(const ANHYST_NAME(anhyst_operator) * law,
-                                           const ANHYST_NAME(anhyst_state) * state)
+ANHYST_REAL ANHYST_NAME(anhyst_operator_m)(const ANHYST_NAME(anhyst_operator) *law,
+                                           const ANHYST_NAME(anhyst_state) *state)
 {
   ANHYST_REAL slope;
-  return (R(1.0) - law->c) * state->y +
-         law->c * ANHYST_NAME(anhyst_langevin)(state->x, &slope);
+  return (R(1.0) - law->c) * state->y + law->c * ANHYST_NAME(anhyst_langevin)(state->x, &slope);
 }
 
 /* dy/dp of the law of 1986 at (p, y), moving with sign. */
-static ANHYST_REAL ANHYST_NAME(slope_1986)(const ANHYST_NAME(anhyst_path) * path, ANHYST_REAL p,
+static ANHYST_REAL ANHYST_NAME(slope_1986)(const ANHYST_NAME(anhyst_path) *path, ANHYST_REAL p,
                                            ANHYST_REAL y)
 {
   ANHYST_REAL slope;
@@ -56,7 +54,7 @@ static ANHYST_REAL ANHYST_NAME(slope_1986)(const ANHYST_NAME(anhyst_path) * path
 
 /* Classical Runge-Kutta from the departure; full sub-steps first, then the rest, so that the
    result is a continuous function of the end. */
-static ANHYST_REAL ANHYST_NAME(march_1986)(const ANHYST_NAME(anhyst_path) * path, ANHYST_REAL p)
+static ANHYST_REAL ANHYST_NAME(march_1986)(const ANHYST_NAME(anhyst_path) *path, ANHYST_REAL p)
 {
   const ANHYST_REAL eighth = path->law->kappa / R(8.0);
   const ANHYST_REAL full = path->sign * (eighth < R(0.0625) ? eighth : R(0.0625));
@@ -80,7 +78,7 @@ static ANHYST_REAL ANHYST_NAME(march_1986)(const ANHYST_NAME(anhyst_path) * path
   return y;
 }
 
-static void ANHYST_NAME(find_departure)(ANHYST_NAME(anhyst_path) * path)
+static void ANHYST_NAME(find_departure)(ANHYST_NAME(anhyst_path) *path)
 {
   const int held = path->sign * (path->pull - path->from.y) < R(0.0);
   path->departure = held ? ANHYST_NAME(anhyst_inverse_langevin)(path->from.y) : path->from.p;
@@ -92,9 +90,8 @@ static void ANHYST_NAME(find_departure)(ANHYST_NAME(anhyst_path) * path)
 }
 
 /* Linear step to p with pull = L(p), slope = L'(p); *y_slope is dy/dp. */
-static ANHYST_REAL ANHYST_NAME(linear_y)(const ANHYST_NAME(anhyst_path) * path, ANHYST_REAL p,
-                                         ANHYST_REAL pull, ANHYST_REAL slope,
-                                         ANHYST_REAL *y_slope)
+static ANHYST_REAL ANHYST_NAME(linear_y)(const ANHYST_NAME(anhyst_path) *path, ANHYST_REAL p,
+                                         ANHYST_REAL pull, ANHYST_REAL slope, ANHYST_REAL *y_slope)
 {
   const ANHYST_REAL y0 = path->from.y;
   const ANHYST_REAL way = p - path->from.p;
@@ -104,21 +101,21 @@ static ANHYST_REAL ANHYST_NAME(linear_y)(const ANHYST_NAME(anhyst_path) * path, 
   const ANHYST_REAL start = path->pull - y0;
   if (path->sign * start >= R(0.0)) {
     const ANHYST_NAME(weights) w = ANHYST_NAME(weights_at)(s);
-    *y_slope = path->sign / path->law->kappa * (start * (R(1.0) - w.e) + rise * w.g_slope) +
-               slope * w.g;
+    *y_slope =
+        path->sign / path->law->kappa * (start * (R(1.0) - w.e) + rise * w.g_slope) + slope * w.g;
     return y0 + start * w.e + rise * w.g;
   }
   const ANHYST_REAL share = s * ahead / rise;
   const ANHYST_NAME(weights) w = ANHYST_NAME(weights_at)(share);
-  *y_slope = slope * w.g +
-             ahead * w.g_slope * share * (R(1.0) / way + slope / ahead - slope / rise);
+  *y_slope =
+      slope * w.g + ahead * w.g_slope * share * (R(1.0) / way + slope / ahead - slope / rise);
   return y0 + ahead * w.g;
 }
 
-void ANHYST_NAME(anhyst_path_begin)(ANHYST_NAME(anhyst_path) * path,
-                                    const ANHYST_NAME(anhyst_operator) * law,
-                                    const ANHYST_NAME(anhyst_state) * from, ANHYST_REAL sign,
-                                    ANHYST_NAME(anhyst_answer) * start)
+void ANHYST_NAME(anhyst_path_begin)(ANHYST_NAME(anhyst_path) *path,
+                                    const ANHYST_NAME(anhyst_operator) *law,
+                                    const ANHYST_NAME(anhyst_state) *from, ANHYST_REAL sign,
+                                    ANHYST_NAME(anhyst_answer) *start)
 {
   ANHYST_REAL slope;
   const ANHYST_REAL pull = ANHYST_NAME(anhyst_langevin)(from->p, &slope);
@@ -145,14 +142,13 @@ void ANHYST_NAME(anhyst_path_begin)(ANHYST_NAME(anhyst_path) * path,
 }
 
 /* The irreversible part at p, with pull = L(p); *y_slope is dy/dp. */
-static ANHYST_REAL ANHYST_NAME(irreversible)(ANHYST_NAME(anhyst_path) * path, ANHYST_REAL p,
+static ANHYST_REAL ANHYST_NAME(irreversible)(ANHYST_NAME(anhyst_path) *path, ANHYST_REAL p,
                                              ANHYST_REAL pull, ANHYST_REAL slope,
                                              ANHYST_REAL *y_slope)
 {
   const ANHYST_NAME(anhyst_operator) *law = path->law;
   *y_slope = R(0.0);
-  if (path->sign * (p - path->from.p) <= R(0.0) ||
-      path->sign * (pull - path->from.y) <= R(0.0)) {
+  if (path->sign * (p - path->from.p) <= R(0.0) || path->sign * (pull - path->from.y) <= R(0.0)) {
     return path->from.y; /* the play has not closed, or the anhysteretic is not crossed yet */
   }
   if (law->step == ANHYST_STEP_LINEAR) {
@@ -177,8 +173,8 @@ static ANHYST_REAL ANHYST_NAME(irreversible)(ANHYST_NAME(anhyst_path) * path, AN
   return y;
 }
 
-void ANHYST_NAME(anhyst_path_at)(ANHYST_NAME(anhyst_path) * path, ANHYST_REAL x,
-                                 ANHYST_NAME(anhyst_answer) * answer)
+void ANHYST_NAME(anhyst_path_at)(ANHYST_NAME(anhyst_path) *path, ANHYST_REAL x,
+                                 ANHYST_NAME(anhyst_answer) *answer)
 {
   const ANHYST_NAME(anhyst_operator) *law = path->law;
   ANHYST_REAL slope;

@@ -9,8 +9,8 @@ typedef struct {
   int evaluations;
 } ANHYST_NAME(search);
 
-static ANHYST_REAL ANHYST_NAME(residual)(ANHYST_NAME(search) * find, ANHYST_REAL x,
-                                         ANHYST_NAME(anhyst_answer) * at)
+static ANHYST_REAL ANHYST_NAME(residual)(ANHYST_NAME(search) *find, ANHYST_REAL x,
+                                         ANHYST_NAME(anhyst_answer) *at)
 {
   find->evaluations++;
   ANHYST_NAME(anhyst_path_at)(&find->path, x, at);
@@ -18,16 +18,16 @@ static ANHYST_REAL ANHYST_NAME(residual)(ANHYST_NAME(search) * find, ANHYST_REAL
 }
 
 /* What rounding alone leaves of the residual. */
-static ANHYST_REAL ANHYST_NAME(rounding)(const ANHYST_NAME(search) * find,
-                                         const ANHYST_NAME(anhyst_answer) * at)
+static ANHYST_REAL ANHYST_NAME(rounding)(const ANHYST_NAME(search) *find,
+                                         const ANHYST_NAME(anhyst_answer) *at)
 {
   return R(4.0) * ANHYST_EPS *
          (ANHYST_FABS(at->state.x) + ANHYST_FABS(find->omega * at->m) + ANHYST_FABS(find->r));
 }
 
-static void ANHYST_NAME(accept)(const ANHYST_NAME(search) * find,
-                                const ANHYST_NAME(anhyst_answer) * at, ANHYST_REAL step,
-                                ANHYST_NAME(anhyst_candidate) * candidate)
+static void ANHYST_NAME(accept)(const ANHYST_NAME(search) *find,
+                                const ANHYST_NAME(anhyst_answer) *at, ANHYST_REAL step,
+                                ANHYST_NAME(anhyst_candidate) *candidate)
 {
   candidate->state = at->state;
   candidate->state.x += step;
@@ -40,15 +40,14 @@ static void ANHYST_NAME(accept)(const ANHYST_NAME(search) * find,
 
 /* Newton from x, kept inside the interval; halves it by the geometric mean of the distances from
    the start, since it may span many orders of magnitude. */
-static anhyst_status ANHYST_NAME(polish)(ANHYST_NAME(search) * find, ANHYST_REAL x,
-                                         ANHYST_NAME(anhyst_candidate) * candidate)
+static anhyst_status ANHYST_NAME(polish)(ANHYST_NAME(search) *find, ANHYST_REAL x,
+                                         ANHYST_NAME(anhyst_candidate) *candidate)
 {
   const ANHYST_REAL start = find->path.from.x;
   const ANHYST_REAL sign = find->path.sign;
   /* A last Newton step this short is as good taken along the tangent as evaluated again. */
   const ANHYST_REAL kappa = find->path.law->kappa;
-  const ANHYST_REAL tangent =
-      ANHYST_EPS * (R(8.0) + ANHYST_FABS(x)) * kappa / (R(1.0) + kappa);
+  const ANHYST_REAL tangent = ANHYST_EPS * (R(8.0) + ANHYST_FABS(x)) * kappa / (R(1.0) + kappa);
   ANHYST_REAL longest = ANHYST_FABS(find->beyond - find->before);
   for (int i = 0; i < 200; i++) {
     ANHYST_NAME(anhyst_answer) at;
@@ -66,7 +65,8 @@ static anhyst_status ANHYST_NAME(polish)(ANHYST_NAME(search) * find, ANHYST_REAL
       find->beyond = x;
     }
     const ANHYST_REAL next = x + step;
-    const int inside = sign * (next - find->before) > R(0.0) && sign * (find->beyond - next) > R(0.0);
+    const int inside =
+        sign * (next - find->before) > R(0.0) && sign * (find->beyond - next) > R(0.0);
     if (inside && step * step <= tangent) {
       ANHYST_NAME(accept)(find, &at, step, candidate);
       return ANHYST_OK;
@@ -81,14 +81,14 @@ static anhyst_status ANHYST_NAME(polish)(ANHYST_NAME(search) * find, ANHYST_REAL
     const ANHYST_REAL near = ANHYST_FABS(find->before - start);
     const ANHYST_REAL far = ANHYST_FABS(find->beyond - start);
     x = near > R(0.0) && far > R(4.0) * near ? start + sign * ANHYST_SQRT(near) * ANHYST_SQRT(far)
-                                            : R(0.5) * (find->before + find->beyond);
+                                             : R(0.5) * (find->before + find->beyond);
   }
   return ANHYST_NOT_CONVERGED;
 }
 
 /* Where the residual is largest (towards its root) between two places of rising and falling
    residual: a fold. Bisection on the slope. */
-static ANHYST_REAL ANHYST_NAME(fold)(ANHYST_NAME(search) * find, ANHYST_REAL rising,
+static ANHYST_REAL ANHYST_NAME(fold)(ANHYST_NAME(search) *find, ANHYST_REAL rising,
                                      ANHYST_REAL falling)
 {
   ANHYST_NAME(anhyst_answer) at;
@@ -110,7 +110,7 @@ static ANHYST_REAL ANHYST_NAME(fold)(ANHYST_NAME(search) * find, ANHYST_REAL ris
 /* Walks from the start until the residual changes sign. omega < 0 and dm/dx >= 0, so the residual
    changes by no more than the way gone: a step of its size cannot pass a solution. Near a fold
    such steps creep, so a least step is kept, and a fold inside one is looked into. */
-static anhyst_status ANHYST_NAME(walk)(ANHYST_NAME(search) * find, ANHYST_REAL d)
+static anhyst_status ANHYST_NAME(walk)(ANHYST_NAME(search) *find, ANHYST_REAL d)
 {
   const ANHYST_REAL sign = find->path.sign;
   const ANHYST_REAL least = R(1.0) / R(64.0);
@@ -142,10 +142,9 @@ static anhyst_status ANHYST_NAME(walk)(ANHYST_NAME(search) * find, ANHYST_REAL d
   return ANHYST_NOT_CONVERGED;
 }
 
-anhyst_status ANHYST_NAME(anhyst_solve)(const ANHYST_NAME(anhyst_operator) * law,
-                                        const ANHYST_NAME(anhyst_state) * state,
-                                        ANHYST_REAL omega, ANHYST_REAL r,
-                                        ANHYST_NAME(anhyst_candidate) * candidate)
+anhyst_status ANHYST_NAME(anhyst_solve)(const ANHYST_NAME(anhyst_operator) *law,
+                                        const ANHYST_NAME(anhyst_state) *state, ANHYST_REAL omega,
+                                        ANHYST_REAL r, ANHYST_NAME(anhyst_candidate) *candidate)
 {
   const ANHYST_REAL steepest = ANHYST_NAME(anhyst_operator_steepest)(law);
   if (-omega * law->c > R(3.0)) {
@@ -177,7 +176,8 @@ anhyst_status ANHYST_NAME(anhyst_solve)(const ANHYST_NAME(anhyst_operator) * law
     const int shrinks = omega > R(0.0);
     /* The start itself is a safe near end; rounding could put the solution just before it. */
     find.before = state->x;
-    find.beyond = (shrinks ? other : one) + sign * ANHYST_EPS * (R(8.0) * ANHYST_FABS(other) + R(1e-30));
+    find.beyond =
+        (shrinks ? other : one) + sign * ANHYST_EPS * (R(8.0) * ANHYST_FABS(other) + R(1e-30));
     guess = state->x + d / (R(1.0) + omega * start.m_slope);
     if (shrinks && sign * (guess - one) < R(0.0)) {
       guess = one;
@@ -189,8 +189,7 @@ anhyst_status ANHYST_NAME(anhyst_solve)(const ANHYST_NAME(anhyst_operator) * law
   if (status == ANHYST_OK) {
     status = ANHYST_NAME(polish)(&find, guess, candidate);
   }
-  if (status == ANHYST_OK &&
-      !(ANHYST_FABS(candidate->state.x) <= (ANHYST_REAL)ANHYST_X_MAX)) {
+  if (status == ANHYST_OK && !(ANHYST_FABS(candidate->state.x) <= (ANHYST_REAL)ANHYST_X_MAX)) {
     status = ANHYST_OUT_OF_RANGE;
   }
   return status;

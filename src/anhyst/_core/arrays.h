@@ -19,32 +19,37 @@ using InOut = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Out = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
 using OutTable = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 
-inline Out make_array(size_t n) {
+inline Out make_array(size_t n)
+{
   double *data = new double[n];
   nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<double *>(p); });
   return Out(data, {n}, owner);
 }
 
-inline OutTable make_table(size_t rows, size_t columns) {
+inline OutTable make_table(size_t rows, size_t columns)
+{
   double *data = new double[rows * columns];
   nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<double *>(p); });
   return OutTable(data, {rows, columns}, owner);
 }
 
-inline void same_length(size_t expected, size_t found, const char *what) {
+inline void same_length(size_t expected, size_t found, const char *what)
+{
   if (expected != found) {
     throw std::invalid_argument(std::string(what) + " has the wrong length");
   }
 }
 
-inline anhyst_state_f64 to_state(const In &values) {
+inline anhyst_state_f64 to_state(const In &values)
+{
   if (values.shape(0) != 3) {
     throw std::invalid_argument("a state has three values: x/a, M_irr/M_s, p/a");
   }
   return {values(0), values(1), values(2)};
 }
 
-inline Out from_state(const anhyst_state_f64 &state) {
+inline Out from_state(const anhyst_state_f64 &state)
+{
   Out out = make_array(3);
   out.data()[0] = state.x;
   out.data()[1] = state.y;

@@ -8,7 +8,8 @@
 #include "arrays.h"
 #include "anhyst/langevin.h"
 
-anhyst_step to_step(const std::string &law, const std::string &step) {
+anhyst_step to_step(const std::string &law, const std::string &step)
+{
   if (law == "jiles-atherton-1986") {
     return ANHYST_STEP_JA1986;
   }
@@ -23,31 +24,33 @@ anhyst_step to_step(const std::string &law, const std::string &step) {
 
 namespace {
 
-const char *status_text(int status) {
+const char *status_text(int status)
+{
   switch (status) {
-    case ANHYST_OK:
-      return "ok";
-    case ANHYST_BAD_PARAMETER:
-      return "a parameter is outside its range";
-    case ANHYST_BAD_STATE:
-      return "the law cannot reach this initial state";
-    case ANHYST_REFUSED:
-      return "even the reversible part would jump; alpha*c*M_s/(3a) must stay below 1";
-    case ANHYST_OUT_OF_RANGE:
-      return "the effective field leaves the range of the law's tables";
-    case ANHYST_NOT_CONVERGED:
-      return "the equation of the law did not converge";
-    case ANHYST_NOT_SETTLED:
-      return "the cycle did not close within the given repetitions";
-    default:
-      return "unknown status";
+  case ANHYST_OK:
+    return "ok";
+  case ANHYST_BAD_PARAMETER:
+    return "a parameter is outside its range";
+  case ANHYST_BAD_STATE:
+    return "the law cannot reach this initial state";
+  case ANHYST_REFUSED:
+    return "even the reversible part would jump; alpha*c*M_s/(3a) must stay below 1";
+  case ANHYST_OUT_OF_RANGE:
+    return "the effective field leaves the range of the law's tables";
+  case ANHYST_NOT_CONVERGED:
+    return "the equation of the law did not converge";
+  case ANHYST_NOT_SETTLED:
+    return "the cycle did not close within the given repetitions";
+  default:
+    return "unknown status";
   }
 }
 
 class Iron {
- public:
+public:
   Iron(double m_s, double a, double k, double c, double alpha, double r_d, const std::string &law,
-       const std::string &step) {
+       const std::string &step)
+  {
     const anhyst_step kind = to_step(law, step);
     if (kind == ANHYST_STEP_EXACT) {
       branch_ = std::make_unique<anhyst_branch_f64>();
@@ -63,7 +66,8 @@ class Iron {
   }
 
   nb::tuple record(int inverse, const In &given, const In &rho, const In &eddy,
-                   const In &state) const {
+                   const In &state) const
+  {
     same_length(given.shape(0), rho.shape(0), "rho");
     same_length(given.shape(0), eddy.shape(0), "eddy");
     const size_t n = given.shape(0);
@@ -81,7 +85,8 @@ class Iron {
   }
 
   nb::tuple settle(const In &given, const In &rho, const In &eddy, const In &state, bool inverse,
-                   int max_cycles, double tol) const {
+                   int max_cycles, double tol) const
+  {
     same_length(given.shape(0), rho.shape(0), "rho");
     same_length(given.shape(0), eddy.shape(0), "eddy");
     anhyst_state_f64 now = to_state(state);
@@ -96,25 +101,27 @@ class Iron {
     return nb::make_tuple(from_state(now), cycles, static_cast<int>(status));
   }
 
-  int check_state(const In &state) const {
+  int check_state(const In &state) const
+  {
     const anhyst_state_f64 now = to_state(state);
     return anhyst_state_check_f64(&iron_.law, &now);
   }
 
-  double flux_of(const In &state) const {
+  double flux_of(const In &state) const
+  {
     const anhyst_state_f64 now = to_state(state);
     return anhyst_flux_of_f64(&iron_, &now);
   }
 
- private:
+private:
   std::unique_ptr<anhyst_branch_f64> branch_;
   anhyst_iron_f64 iron_;
 };
 
-}  // namespace
+} // namespace
 
-
-NB_MODULE(_native, m) {
+NB_MODULE(_native, m)
+{
   m.doc() = "The anhyst C core in double precision.";
   nb::class_<Iron>(m, "Iron")
       .def(nb::init<double, double, double, double, double, double, const std::string &,
@@ -134,8 +141,8 @@ NB_MODULE(_native, m) {
           },
           "b"_a.noconvert(), "rho"_a.noconvert(), "eddy"_a.noconvert(), "state"_a.noconvert())
       .def("settle", &Iron::settle, "given"_a.noconvert(), "rho"_a.noconvert(),
-           "eddy"_a.noconvert(), "state"_a.noconvert(), "inverse"_a = false,
-           "max_cycles"_a = 10000, "tol"_a = 1e-12)
+           "eddy"_a.noconvert(), "state"_a.noconvert(), "inverse"_a = false, "max_cycles"_a = 10000,
+           "tol"_a = 1e-12)
       .def("check_state", &Iron::check_state, "state"_a.noconvert())
       .def("flux_of", &Iron::flux_of, "state"_a.noconvert());
   m.def("demagnetised", [] { return from_state({0.0, 0.0, 0.0}); });

@@ -12,9 +12,10 @@
 namespace {
 
 class Operator {
- public:
+public:
   Operator(double kappa, double c, double play, double eps, const std::string &law,
-           const std::string &step) {
+           const std::string &step)
+  {
     law_ = {to_step(law, step), kappa, c, play, eps, nullptr};
     if (law_.step == ANHYST_STEP_EXACT) {
       branch_ = std::make_unique<anhyst_branch_f64>();
@@ -28,7 +29,8 @@ class Operator {
     }
   }
 
-  nb::tuple run(const In &omega, const In &r, const In &state) const {
+  nb::tuple run(const In &omega, const In &r, const In &state) const
+  {
     const size_t n = r.shape(0);
     same_length(n, omega.shape(0), "omega");
     Out x = make_array(n);
@@ -52,7 +54,8 @@ class Operator {
   }
 
   nb::tuple sensitivity(const In &omega, const In &r, const InTable &omega_t, const InTable &r_t,
-                        const InTable &law_t, const In &state, const InTable &state_t) {
+                        const InTable &law_t, const In &state, const InTable &state_t)
+  {
     const size_t n = r.shape(0);
     const size_t directions = law_t.shape(0);
     same_length(n, omega.shape(0), "omega");
@@ -66,8 +69,8 @@ class Operator {
     }
     std::vector<anhyst_tangent_f64> tangents(directions);
     for (size_t j = 0; j < directions; j++) {
-      tangents[j] = {law_t(j, 0), law_t(j, 1), law_t(j, 2),
-                     {state_t(j, 0), state_t(j, 1), state_t(j, 2)}};
+      tangents[j] = {
+          law_t(j, 0), law_t(j, 1), law_t(j, 2), {state_t(j, 0), state_t(j, 1), state_t(j, 2)}};
     }
     Out x = make_array(n);
     Out m = make_array(n);
@@ -93,18 +96,19 @@ class Operator {
                           index);
   }
 
- private:
+private:
   std::unique_ptr<anhyst_branch_f64> branch_;
   std::unique_ptr<anhyst_branch_slope_f64> branch_slope_;
   anhyst_operator_f64 law_;
 };
 
 nb::object batch(const In &kappa, const In &c, const In &omega, const In &scale, const In &offset,
-                 const In &drive, const InOut &x, const InOut &y, bool implicit, bool keep) {
+                 const In &drive, const InOut &x, const InOut &y, bool implicit, bool keep)
+{
   const size_t sets = kappa.shape(0);
   const size_t n = drive.shape(0);
-  for (const size_t length : {c.shape(0), omega.shape(0), scale.shape(0), offset.shape(0),
-                              x.shape(0), y.shape(0)}) {
+  for (const size_t length :
+       {c.shape(0), omega.shape(0), scale.shape(0), offset.shape(0), x.shape(0), y.shape(0)}) {
     same_length(sets, length, "a parameter or state of the batch");
   }
   OutTable m_out = make_table(keep ? n : 0, sets);
@@ -124,22 +128,23 @@ nb::object batch(const In &kappa, const In &c, const In &omega, const In &scale,
   return nb::make_tuple(m_out, x_out);
 }
 
-nb::tuple batch_functions(const In &t) {
+nb::tuple batch_functions(const In &t)
+{
   Out exp_minus = make_array(t.shape(0));
   Out langevin = make_array(t.shape(0));
   anhyst_batch_functions_f64(t.shape(0), t.data(), exp_minus.data(), langevin.data());
   return nb::make_tuple(exp_minus, langevin);
 }
 
-}  // namespace
+} // namespace
 
-void bind_identification(nb::module_ &m) {
+void bind_identification(nb::module_ &m)
+{
   nb::class_<Operator>(m, "Operator")
       .def(nb::init<double, double, double, double, const std::string &, const std::string &>(),
            "kappa"_a, "c"_a, "play"_a = 0.0, "eps"_a = 0.0, "law"_a = "effective-field",
            "step"_a = "exact")
-      .def("run", &Operator::run, "omega"_a.noconvert(), "r"_a.noconvert(),
-           "state"_a.noconvert())
+      .def("run", &Operator::run, "omega"_a.noconvert(), "r"_a.noconvert(), "state"_a.noconvert())
       .def("sensitivity", &Operator::sensitivity, "omega"_a.noconvert(), "r"_a.noconvert(),
            "omega_t"_a.noconvert(), "r_t"_a.noconvert(), "law_t"_a.noconvert(),
            "state"_a.noconvert(), "state_t"_a.noconvert());

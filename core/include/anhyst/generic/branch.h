@@ -23,15 +23,14 @@ typedef struct {
    A(x+h) = exp(-h/kappa)*A(x) + integral of exp(-s)*L(x+h-kappa*s) over 0 < s < h/kappa, with
    8-point Gauss panels. Error of the interpolated value: 3e-11 (double), 2e-6 (single).
    Returns ANHYST_OK or ANHYST_BAD_PARAMETER (branch unchanged). */
-anhyst_status ANHYST_NAME(anhyst_branch_build)(ANHYST_NAME(anhyst_branch) * branch,
+anhyst_status ANHYST_NAME(anhyst_branch_build)(ANHYST_NAME(anhyst_branch) *branch,
                                                ANHYST_REAL kappa);
 
 /* Tabulates dA/dkappa, for the same kappa range; error 1e-9/kappa (double). */
-anhyst_status ANHYST_NAME(anhyst_branch_slope_build)(ANHYST_NAME(anhyst_branch_slope) * slope,
+anhyst_status ANHYST_NAME(anhyst_branch_slope_build)(ANHYST_NAME(anhyst_branch_slope) *slope,
                                                      ANHYST_REAL kappa);
 
 /* A(x), and dA/dkappa at x. Beyond ANHYST_X_MAX the last piece is continued flat. */
-ANHYST_REAL ANHYST_NAME(anhyst_branch_at)(const ANHYST_NAME(anhyst_branch) * branch,
-                                          ANHYST_REAL x);
-ANHYST_REAL ANHYST_NAME(anhyst_branch_slope_at)(const ANHYST_NAME(anhyst_branch_slope) * slope,
+ANHYST_REAL ANHYST_NAME(anhyst_branch_at)(const ANHYST_NAME(anhyst_branch) *branch, ANHYST_REAL x);
+ANHYST_REAL ANHYST_NAME(anhyst_branch_slope_at)(const ANHYST_NAME(anhyst_branch_slope) *slope,
                                                 ANHYST_REAL x);
