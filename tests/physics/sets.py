@@ -32,7 +32,7 @@ def random_cases(
     jumping: bool = False,
     play: bool = False,
 ) -> list[Case]:
-    """Return sets from strong negative to strong positive coupling, thin to fat, small to saturated.
+    """Return sets of every kind: coupling, width of the loop and drive vary over decades.
 
     `jumping` sets have ``alpha*A`` above 1, so that the magnetisation jumps under a field.
     """

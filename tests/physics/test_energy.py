@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from anhyst.laws.effective_field import StepKind
 from anhyst.laws.equation import MU_0
-from anhyst.laws.iron import Iron
+from anhyst.laws.iron import Iron, LawName
 from anhyst.laws.langevin import inverse_langevin_scalar, langevin_slope_scalar
 from anhyst.laws.operator import DEMAGNETISED, State
 
-from .sets import Case, random_cases, random_walk, sine, wandered
+from .sets import random_cases, random_walk, sine, wandered
 
-LAWS = ("effective-field", "jiles-atherton-1986")
+LAWS: tuple[LawName, ...] = ("effective-field", "jiles-atherton-1986")
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
@@ -60,8 +61,8 @@ def test_settled_loop_area_is_positive(samples: int, kind: str) -> None:
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("play", [False, True])
-def test_heat_of_every_step_is_not_negative(law: str, play: bool) -> None:
-    for number, case in enumerate(random_cases(12, seed=14, law=law, play=play)):  # type: ignore[arg-type]
+def test_heat_of_every_step_is_not_negative(law: LawName, play: bool) -> None:
+    for number, case in enumerate(random_cases(12, seed=14, law=law, play=play)):
         state = wandered(case.iron, number)
         x1 = state.x + float(np.random.default_rng(number).normal(scale=2.0))
         rates = heat_rates(case.iron, state, x1) * np.sign(x1 - state.x)
@@ -86,9 +87,9 @@ def test_loop_area_is_the_heat_of_its_steps() -> None:
     ("law", "step"), [(LAWS[0], "exact"), (LAWS[0], "linear"), (LAWS[1], "exact")]
 )
 @pytest.mark.parametrize("play", [False, True])
-def test_slope_lies_between_zero_and_its_bound(law: str, step: str, play: bool) -> None:
+def test_slope_lies_between_zero_and_its_bound(law: LawName, step: StepKind, play: bool) -> None:
     rng = np.random.default_rng(15)
-    for number, case in enumerate(random_cases(40, seed=15, law=law, step=step, play=play)):  # type: ignore[arg-type]
+    for number, case in enumerate(random_cases(40, seed=15, law=law, step=step, play=play)):
         operator = case.iron.operator
         state = wandered(case.iron, number)
         operator.check_state(state)
@@ -102,8 +103,8 @@ def test_bound_of_the_slope_is_a_third_for_the_default_law() -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_slope_is_the_derivative_of_the_step(law: str) -> None:
-    for number, case in enumerate(random_cases(30, seed=16, law=law)):  # type: ignore[arg-type]
+def test_slope_is_the_derivative_of_the_step(law: LawName) -> None:
+    for number, case in enumerate(random_cases(30, seed=16, law=law)):
         operator = case.iron.operator
         state = wandered(case.iron, number)
         x1 = state.x + float(np.random.default_rng(number).normal())
@@ -114,8 +115,8 @@ def test_slope_is_the_derivative_of_the_step(law: str) -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_law_is_odd(law: str) -> None:
-    for number, case in enumerate(random_cases(4, seed=17, law=law)):  # type: ignore[arg-type]
+def test_law_is_odd(law: LawName) -> None:
+    for number, case in enumerate(random_cases(4, seed=17, law=law)):
         drive = random_walk(case.amplitude, 12, number)
         b, h, state = case.iron.forward(drive)
         mirrored_b, mirrored_h, mirrored = case.iron.forward(-drive)

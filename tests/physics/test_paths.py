@@ -7,9 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from anhyst.laws.effective_field import EffectiveField
+from anhyst.laws.iron import LawName
 from anhyst.laws.jiles_atherton_1986 import JilesAtherton1986
 from anhyst.laws.langevin import langevin_scalar, langevin_slope_scalar
 from anhyst.laws.operator import DEMAGNETISED, State
@@ -23,8 +25,8 @@ def brute_force(rate: RateOfIrreversible, x0: float, y0: float, x1: float) -> fl
     """Return the irreversible part at `x1` by SciPy, with an event where the hold ends."""
     sg = math.copysign(1.0, x1 - x0)
 
-    def lag(x: float, y: np.ndarray) -> float:  # type: ignore[type-arg]
-        return sg * (langevin_scalar(x) - y[0])
+    def lag(x: float, y: NDArray[np.float64]) -> float:
+        return sg * (langevin_scalar(x) - float(y[0]))
 
     if lag(x0, np.array([y0])) < 0.0:
         lag.terminal = True  # type: ignore[attr-defined]
@@ -49,7 +51,7 @@ def brute_force(rate: RateOfIrreversible, x0: float, y0: float, x1: float) -> fl
 def random_paths(count: int, seed: int) -> list[tuple[float, float, float]]:
     """Return start, valid irreversible part and end for a law of ``kappa`` 0.5."""
     rng = np.random.default_rng(seed)
-    paths = []
+    paths: list[tuple[float, float, float]] = []
     while len(paths) < count:
         x0 = float(rng.normal(scale=2.0))
         y0 = langevin_scalar(x0) + float(rng.uniform(-1.0, 1.0)) * 0.5 / 3.0
@@ -94,9 +96,9 @@ def test_law_of_1986_is_equation_six_of_the_paper() -> None:
 
 @pytest.mark.parametrize("law", ["effective-field", "jiles-atherton-1986"])
 @pytest.mark.parametrize("play", [False, True])
-def test_path_cut_differently_gives_the_same_end(law: str, play: bool) -> None:
+def test_path_cut_differently_gives_the_same_end(law: LawName, play: bool) -> None:
     rng = np.random.default_rng(23)
-    for number, case in enumerate(random_cases(15, seed=23, law=law, play=play)):  # type: ignore[arg-type]
+    for number, case in enumerate(random_cases(15, seed=23, law=law, play=play)):
         operator = case.iron.operator
         state = wandered(case.iron, number)
         end = state.x + float(rng.normal(scale=3.0))

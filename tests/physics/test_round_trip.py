@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from anhyst.laws.effective_field import StepKind
 from anhyst.laws.equation import MU_0
-from anhyst.laws.iron import Iron
+from anhyst.laws.iron import Iron, LawName
 
 from .sets import random_cases, random_walk, sine
 
@@ -21,9 +22,9 @@ from .sets import random_cases, random_walk, sine
 )
 @pytest.mark.parametrize("play", [False, True])
 def test_inverse_of_forward_gives_the_field_back(
-    law: str, step: str, count: int, play: bool
+    law: LawName, step: StepKind, count: int, play: bool
 ) -> None:
-    for case in random_cases(count, seed=31, law=law, step=step, play=play):  # type: ignore[arg-type]
+    for case in random_cases(count, seed=31, law=law, step=step, play=play):
         drive = sine(case.amplitude, 12, cycles=2)
         b, h, state = case.iron.forward(drive)
         back, field, after = case.iron.inverse(b)
@@ -50,10 +51,10 @@ def test_forward_of_inverse_gives_the_flux_density_back_without_jumps() -> None:
 
 
 @pytest.mark.parametrize("law", ["effective-field", "jiles-atherton-1986"])
-def test_moving_gap_and_eddy_currents_are_undone_too(law: str) -> None:
+def test_moving_gap_and_eddy_currents_are_undone_too(law: LawName) -> None:
     rng = np.random.default_rng(34)
     count = 80 if law == "effective-field" else 4
-    for number, case in enumerate(random_cases(count, seed=34, law=law, play=True)):  # type: ignore[arg-type]
+    for number, case in enumerate(random_cases(count, seed=34, law=law, play=True)):
         rho = 10.0 ** rng.uniform(-4.0, -1.0) * (1.0 + 0.4 * np.sin(np.arange(18)))
         eddy = np.full(18, 10.0 ** rng.uniform(-5.0, -1.0) / MU_0)
         shear = 1.0 + case.iron.m_s / case.amplitude * float(rho[0])

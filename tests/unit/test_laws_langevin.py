@@ -94,7 +94,7 @@ def test_inverse_is_as_good_as_its_condition_allows() -> None:
 
 
 def test_inverse_refuses_values_outside_saturation() -> None:
-    with pytest.raises(InputError, match="outside -1..1"):
+    with pytest.raises(InputError, match="outside"):
         inverse_langevin([0.5, 1.0000001])
-    with pytest.raises(InputError, match="outside -1..1"):
+    with pytest.raises(InputError, match="outside"):
         inverse_langevin_scalar(-1.5)
