@@ -5,6 +5,14 @@
 
 #include "anhyst/langevin.h"
 
+/* Gauss-Laguerre, 8 points for the weight exp(-s). */
+static const double laguerre_at[8] = {
+    0.17027963230510093, 0.90370177679938, 2.251086629866131,  4.266700170287659,
+    7.0459054023934655,  10.758516010180996, 15.740678641278004, 22.863131736889265};
+static const double laguerre_weight[8] = {
+    0.36918858934163495,   0.4187867808143447,    0.17579498663717255, 0.033343492261215794,
+    0.0027945362352256834, 9.076508773358139e-05, 8.48574671627257e-07, 1.0480011748715153e-09};
+
 /* exp(-40) is below the last place of any result here. */
 static const double memory = 40.0;
 static const double panel = 4.0;
@@ -50,9 +58,19 @@ static walker walker_start(double kappa)
   return w;
 }
 
-/* Gauss panels over 0 < s < span; most steps share their span, so they are kept. */
-static void walker_lay_panels(walker *w, double span)
+/* Points over 0 < s < span; most steps share their span, so they are kept. Beyond the memory of the
+   law only the end of the step counts, where L is all but straight: one rule for all of it. */
+static void walker_lay_points(walker *w, double span)
 {
+  if (span >= memory) {
+    w->span = span;
+    w->points = 8;
+    for (int i = 0; i < 8; i++) {
+      w->place[i] = laguerre_at[i];
+      w->weight[i] = laguerre_weight[i];
+    }
+    return;
+  }
   const int panels = (int)(span / panel) + 1;
   const double width = span / panels;
   w->span = span;
@@ -71,7 +89,7 @@ static void walker_advance(walker *w, double x)
   double tilt = 0.0;
   double slope;
   if (fabs(span - w->span) > 0.0) {
-    walker_lay_panels(w, span);
+    walker_lay_points(w, span);
   }
   for (int i = 0; i < w->points; i++) {
     gained += w->weight[i] * anhyst_langevin_f64(x - w->kappa * w->place[i], &slope);

@@ -1,0 +1,135 @@
+"""Loops made ready for fitting: arrays, weights, and what came before the first sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import Loop, LoopSet
+from anhyst.errors import InputError
+
+Floats = NDArray[np.float64]
+
+WEIGHTINGS = ("loops", "points", "relative")
+"""How loops count: each the same, each sample the same, or each by its own largest output."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """One loop as the objective sees it.
+
+    Parameters
+    ----------
+    label
+        Name of the loop.
+    gap
+        Place of its scheduling value among the gaps of the problem.
+    lead
+        Turning points of the input before the first sample, SI; empty if there are none.
+    input, output
+        Shape (n,), SI.
+    settled
+        Whether the record is a cycle to be repeated until it closes.
+    weight
+        Weight of the deviation of every sample, 1/(unit of the output).
+    """
+
+    label: str
+    gap: int
+    lead: Floats
+    input: Floats
+    output: Floats
+    settled: bool
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Records:
+    """All drives of one identification, and the scales of their quantities.
+
+    ``nodes`` are the scheduling values, ascending, empty if nothing is scheduled. ``input_span``
+    and ``output_span`` are the largest absolute input and output, SI.
+    """
+
+    drives: tuple[Drive, ...]
+    nodes: Floats
+    input_span: float
+    output_span: float
+
+    @property
+    def gaps(self) -> int:
+        """Number of parameter sets that differ by the gap; one if nothing is scheduled."""
+        return max(1, self.nodes.size)
+
+    def at(self, gap: int) -> Records:
+        """Only one gap, as a problem of its own with the same scales."""
+        kept = tuple(
+            Drive(d.label, 0, d.lead, d.input, d.output, d.settled, d.weight)
+            for d in self.drives
+            if d.gap == gap
+        )
+        return Records(kept, self.nodes[gap : gap + 1], self.input_span, self.output_span)
+
+
+def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
+    """Weights whose sum of squares over all samples is 1 for outputs of the size of the span."""
+    total = sum(loop.n for loop in loops)
+    if weighting == "points":
+        return [1.0 / (span * np.sqrt(total))] * len(loops)
+    each = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
+    if weighting == "loops":
+        return [weight / span for weight in each]
+    sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
+    if min(sizes) == 0.0:
+        raise InputError("a loop has no output at all; weigh by 'loops' or leave it out")
+    return [weight / size for weight, size in zip(each, sizes, strict=True)]
+
+
+def records_of(loopset: LoopSet, weighting: str = "loops") -> Records:
+    """Make the loops of a set ready for fitting.
+
+    Parameters
+    ----------
+    loopset : LoopSet
+        Loops at constant scheduling values, each with at least one reversal.
+    weighting : str
+        One of :data:`WEIGHTINGS`.
+
+    Returns
+    -------
+    Records
+
+    Raises
+    ------
+    InputError
+        For an unknown weighting, a loop that never reverses, a scheduling value that moves within
+        a loop, or output that is zero throughout.
+    """
+    if weighting not in WEIGHTINGS:
+        raise InputError(f"weights: '{weighting}' is unknown; use one of {', '.join(WEIGHTINGS)}")
+    loopset.require_reversals()
+    groups = loopset.by_schedule()
+    loops = [loop for group in groups.values() for loop in group]
+    gaps = [place for place, group in enumerate(groups.values()) for _ in group]
+    output_span = max(float(np.max(np.abs(loop.output))) for loop in loops)
+    if output_span == 0.0:
+        raise InputError(f"the {loopset.output.name} is zero throughout; check the columns")
+    drives = tuple(
+        Drive(
+            label=loop.label,
+            gap=gap,
+            lead=np.asarray(loop.history.turning_points, dtype=np.float64),
+            input=np.ascontiguousarray(loop.input),
+            output=loop.output,
+            settled=loop.history.kind == "settled",
+            weight=weight,
+        )
+        for loop, gap, weight in zip(
+            loops, gaps, _weights(loops, output_span, weighting), strict=True
+        )
+    )
+    nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)
+    input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
+    return Records(drives, nodes, input_span, output_span)

@@ -1,0 +1,244 @@
+"""What the law answers to one drive, with derivatives, in the gauge-free form.
+
+At one gap and in units of the law (EQUATIONS section 3)::
+
+    xi + omega*m(xi) = (input - in_0)/scale,    output = gain*(m + h*xi)**power + out_0
+
+``m`` is the law for ``M_s = a = 1``. ``h``, the slope of the air core, is not fitted: with the field
+and the flux density measured it follows from ``scale`` and ``gain``, else no data tell it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import Operator, demagnetised, langevin, status_text
+from anhyst.identify.drives import Drive
+
+Floats = NDArray[np.float64]
+
+LOCAL = ("kappa", "c", "omega", "scale", "gain", "in_0", "out_0")
+"""Gauge-free parameters at one gap, in the order of the derivatives."""
+
+_DIRECTIONS = 5  # kappa, c, omega, scale, in_0; the core differentiates by these
+_SEED = 5  # one more direction: the state at the start of a settled cycle
+_CLOSED = 1e-10
+_PASSES = 40
+
+
+class NoResponse(ArithmeticError):
+    """The law has no answer for these parameters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Local:
+    """Gauge-free parameters at one gap.
+
+    Parameters
+    ----------
+    kappa, c, omega
+        Pinning over shape, reversibility, and interaction with circuit: dimensionless.
+    scale
+        Input that makes one unit of effective field, SI.
+    gain
+        Output at saturation, SI.
+    in_0, out_0
+        Offsets of input and output, SI.
+    h
+        Slope of the air core, dimensionless.
+    """
+
+    kappa: float
+    c: float
+    omega: float
+    scale: float
+    gain: float
+    in_0: float
+    out_0: float
+    h: float
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What the measured quantities make of the equations: power of the output, rule for h.
+
+    Parameters
+    ----------
+    power
+        2 for a force, else 1.
+    law
+        ``effective-field`` or ``jiles-atherton-1986``.
+    permeability
+        mu_0 where field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0.
+    h
+        The value of h where it does not follow.
+    """
+
+    power: int
+    law: str = "effective-field"
+    permeability: float = 0.0
+    h: float = 1e-3
+
+    def with_h(self, local: Local) -> Local:
+        """Fill in h by the rule."""
+        if self.permeability > 0.0:
+            return replace(local, h=self.permeability * local.scale / local.gain)
+        return replace(local, h=self.h)
+
+    def operator(self, local: Local) -> Operator:
+        """Build the law for a parameter set; in the law of 1986 interaction enters twice."""
+        try:
+            if self.law == "effective-field":
+                return Operator(local.kappa, local.c)
+            return Operator(local.kappa, local.c, eps=-local.omega * local.c, law=self.law)
+        except ValueError as error:
+            raise NoResponse(str(error)) from error
+
+
+class Responder:
+    """Follows drives; remembers where settled cycles began, to begin there the next time."""
+
+    def __init__(self) -> None:
+        self._starts: dict[int, Floats] = {}
+
+    def output(self, form: Form, local: Local, operator: Operator, drive: Drive) -> Floats:
+        """Output of one drive, shape (n,), SI, without derivatives."""
+        r = (drive.input - local.in_0) / local.scale
+        omega = np.full(r.size, local.omega)
+        state = demagnetised()
+        if drive.lead.size:
+            lead = (drive.lead - local.in_0) / local.scale
+            _, _, state, status, _ = operator.run(np.full(lead.size, local.omega), lead, state)
+            _refuse(status)
+        x, m, after, status, _ = operator.run(omega, r, self._start(operator, drive, state))
+        _refuse(status)
+        passes = 1
+        while drive.settled and abs(after[1] - state[1]) > _CLOSED:
+            if passes == _PASSES:
+                break  # creeping still; what is left is far below any noise
+            state = after
+            x, m, after, status, _ = operator.run(omega, r, state)
+            _refuse(status)
+            passes += 1
+        if drive.settled:
+            self._starts[id(drive)] = after
+        return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
+
+    def with_derivatives(
+        self, form: Form, local: Local, operator: Operator, drive: Drive
+    ) -> tuple[Floats, Floats]:
+        """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
+        if drive.settled:
+            x, m, x_t, m_t = self._settled(local, operator, drive)
+        else:
+            x, m, x_t, m_t = _once(local, operator, drive)
+        b = m + local.h * x
+        steep = local.gain * form.power * b ** (form.power - 1)
+        jacobian = np.empty((x.size, len(LOCAL)))
+        through = steep[:, None] * (m_t[:, :_DIRECTIONS] + local.h * x_t[:, :_DIRECTIONS])
+        jacobian[:, [0, 1, 2, 3, 5]] = through
+        jacobian[:, 4] = b**form.power
+        jacobian[:, 6] = 1.0
+        if form.permeability > 0.0:
+            jacobian[:, 3] += steep * x * local.h / local.scale
+            jacobian[:, 4] -= steep * x * local.h / local.gain
+        return local.gain * b**form.power + local.out_0, jacobian
+
+    def _start(self, operator: Operator, drive: Drive, state: Floats) -> Floats:
+        return self._starts.get(id(drive), state) if drive.settled else state
+
+    def _settled(
+        self, local: Local, operator: Operator, drive: Drive
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """Close the cycle by Newton on the one number that is free: y before the first sample."""
+        terms = _Terms(local, drive.input, _DIRECTIONS + 1)
+        state = self._starts.get(id(drive))
+        if state is None:
+            _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
+            _refuse(status)
+        state = _admissible(state, local.kappa)
+        for _ in range(_PASSES):
+            seeds = _seeds(local, terms, state)
+            x, m, x_t, m_t, after, seeds_after, status, _ = operator.sensitivity(
+                terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
+            )
+            _refuse(status)
+            moved = after[1] - state[1]
+            kept = seeds_after[_SEED, 1]
+            if abs(moved) < _CLOSED or kept > 0.999:
+                break
+            shift = moved * kept / (1.0 - kept)
+            state = _admissible(after + shift * seeds[_SEED], local.kappa)
+        self._starts[id(drive)] = after
+        start_t = seeds_after[:_DIRECTIONS, 1] / max(1.0 - kept, 1e-3)
+        m_t[:, :_DIRECTIONS] += m_t[:, _SEED, None] * start_t
+        x_t[:, :_DIRECTIONS] += x_t[:, _SEED, None] * start_t
+        return x, m, x_t, m_t
+
+
+class _Terms:
+    """A drive in the terms of the solver, with derivatives by kappa, c, omega, scale, in_0."""
+
+    def __init__(self, local: Local, drive: Floats, directions: int) -> None:
+        n = drive.size
+        self.r = (drive - local.in_0) / local.scale
+        self.omega = np.full(n, local.omega)
+        self.omega_t = np.zeros((n, directions))
+        self.omega_t[:, 2] = 1.0
+        self.r_t = np.zeros((n, directions))
+        self.r_t[:, 3] = -self.r / local.scale
+        self.r_t[:, 4] = -1.0 / local.scale
+        self.law_t = np.zeros((directions, 3))
+        self.law_t[0, 0] = 1.0
+        self.law_t[1, 1] = 1.0
+
+
+def _once(
+    local: Local, operator: Operator, drive: Drive
+) -> tuple[Floats, Floats, Floats, Floats]:
+    whole = np.concatenate([drive.lead, drive.input])
+    terms = _Terms(local, whole, _DIRECTIONS)
+    x, m, x_t, m_t, _, _, status, _ = operator.sensitivity(
+        terms.omega,
+        terms.r,
+        terms.omega_t,
+        terms.r_t,
+        terms.law_t,
+        demagnetised(),
+        np.zeros((_DIRECTIONS, 3)),
+    )
+    _refuse(status)
+    first = drive.lead.size
+    return x[first:], m[first:], x_t[first:], m_t[first:]
+
+
+def _seeds(local: Local, terms: _Terms, state: Floats) -> Floats:
+    """Derivatives of the state before the first sample: x follows y by the equation there."""
+    pull, slope = (float(value[0]) for value in langevin(state[:1]))
+    way = 1.0 + local.omega * local.c * slope
+    m = (1.0 - local.c) * state[1] + local.c * pull
+    x_t = terms.r_t[-1] - terms.omega_t[-1] * m
+    x_t = x_t - local.omega * (pull - state[1]) * terms.law_t[:, 1]
+    x_t[_SEED] = -local.omega * (1.0 - local.c)
+    seeds = np.zeros((_DIRECTIONS + 1, 3))
+    seeds[:, 0] = seeds[:, 2] = x_t / way
+    seeds[_SEED, 1] = 1.0
+    return seeds
+
+
+def _admissible(state: Floats, kappa: float) -> Floats:
+    """Bring a state taken from other parameters back to where this law can be."""
+    state = state.copy()
+    state[2] = state[0]
+    pull = float(langevin(state[:1])[0][0])
+    room = kappa / 3.0
+    state[1] = min(max(state[1], pull - room), pull + room)
+    return state
+
+
+def _refuse(status: int) -> None:
+    if status != 0:
+        raise NoResponse(status_text(status))

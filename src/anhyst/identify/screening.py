@@ -1,0 +1,153 @@
+"""The global stage: thousands of parameter sets over one gap at once, by the batch of the core.
+
+Offset and gain of the output enter linearly and are solved for each set, so that only pinning,
+reversibility, interaction and the scale of the input are left to sample.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from anhyst._core import batch
+from anhyst.identify.drives import Records
+from anhyst.identify.response import Form, Local
+from anhyst.identify.space import OMEGA_JUMP, Space
+
+Floats = NDArray[np.float64]
+
+_WARM_UP = 2
+"""Repetitions before a settled cycle is compared; enough to rank sets."""
+
+_THIN = 64
+"""Samples a loop at the screening, at most."""
+
+
+def sample_sets(records: Records, count: int, seed: int, h: float) -> Floats:
+    """Draw kappa, c, omega, scale by a scrambled Sobol sequence.
+
+    What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
+    effective field, 0.3 to 30 on a logarithmic scale), pinning relative to that (0.01 to 3,
+    logarithmic), reversibility (0 to 0.95), and omega + 3 (0.1 to 300, logarithmic).
+
+    Returns
+    -------
+    ndarray, shape (4, count)
+        Rows in the order above; ``scale`` in units of the input.
+    """
+    draw = qmc.Sobol(4, rng=np.random.default_rng(seed)).random(count).T
+    reach = 0.3 * 100.0 ** draw[0]
+    kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
+    c = 0.95 * draw[2]
+    omega = 0.1 * 3000.0 ** draw[3] - OMEGA_JUMP
+    saturated = 1.0 / np.tanh(reach) - 1.0 / reach
+    drive = np.maximum(reach + omega * saturated, 0.1 * reach)
+    largest = max(float(np.max(np.abs(drive_.input))) for drive_ in records.drives)
+    return np.stack([kappa, c, omega, largest / drive])
+
+
+def thinned(drive: Floats, most: int) -> NDArray[np.intp]:
+    """Places of at most about `most` samples spread evenly over the way of the drive."""
+    if drive.size <= most:
+        return np.arange(drive.size)
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+    places = np.searchsorted(way, np.linspace(0.0, way[-1], most))
+    return np.unique(np.clip(places, 0, drive.size - 1))
+
+
+def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, Floats]:
+    """Deviation of many sets at one gap, with the best gain and offset for each.
+
+    Parameters
+    ----------
+    form : Form
+        Equations of the measured quantities; ``h`` is taken as its fixed value.
+    records : Records
+        Loops at a single gap.
+    sets : ndarray, shape (4, count)
+        As :func:`sample_sets` draws them.
+
+    Returns
+    -------
+    cost, gain, out_0 : ndarray, shape (count,)
+        Weighted sum of squares as the objective's; infinite where gain comes out negative.
+    """
+    count = sets.shape[1]
+    kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
+    scale = 1.0 / sets[3]
+    offset = np.zeros(count)
+    moments = np.zeros((5, count))
+    total = 0.0
+    for drive in records.drives:
+        x, y = np.zeros(count), np.zeros(count)
+        kept = thinned(drive.input, _THIN)
+        driven = np.ascontiguousarray(drive.input[kept])
+        repetitions = _WARM_UP if drive.settled else 0
+        # Up to the first sample in small steps: the linear step is not exact over long ones.
+        rise = np.concatenate([np.linspace(0.0, end, 16)[1:] for end in (*drive.lead, driven[0])])
+        batch(kappa, c, omega, scale, offset, rise, x, y, keep=False)
+        for _ in range(repetitions):
+            batch(kappa, c, omega, scale, offset, driven, x, y, keep=False)
+        m, x_out = batch(kappa, c, omega, scale, offset, driven, x, y)
+        shape = (m + form.h * x_out) ** form.power
+        weight = drive.weight**2 * drive.input.size / kept.size
+        measured = drive.output[kept]
+        moments[0] += weight * kept.size
+        moments[1] += weight * shape.sum(axis=0)
+        moments[2] += weight * np.einsum("ij,ij->j", shape, shape)
+        moments[3] += weight * measured.sum()
+        moments[4] += weight * (measured @ shape)
+        total += weight * float(measured @ measured)
+    return _solve_linear(moments, total)
+
+
+def _solve_linear(moments: Floats, total: float) -> tuple[Floats, Floats, Floats]:
+    ones, first, second, mean, cross = moments
+    spread = ones * second - first**2
+    safe = np.where(spread > 0.0, spread, np.inf)
+    gain = (ones * cross - first * mean) / safe
+    out_0 = (mean - gain * first) / ones
+    cost = total - gain * cross - out_0 * mean
+    return np.where(gain > 0.0, cost, np.inf), gain, out_0
+
+
+def starts(
+    space: Space, count: int, keep: int, seed: int, seen: Local | None = None
+) -> list[Local]:
+    """Best sets of a screening at the first gap of a space, far enough apart to differ.
+
+    Parameters
+    ----------
+    space : Space
+        Its records must hold a single gap.
+    count, keep : int
+        Sets drawn, and starts wanted.
+    seed : int
+        Seed of the drawing.
+    seen : Local or None
+        A set to offer beside those drawn.
+
+    Returns
+    -------
+    list of Local
+        Best first.
+    """
+    sets = sample_sets(space.records, count, seed, space.form.h)
+    if seen is not None:
+        sets = np.column_stack([sets, [seen.kappa, seen.c, seen.omega, seen.scale]])
+    cost, gain, out_0 = screen(space.form, space.records, sets)
+    apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + OMEGA_JUMP)])
+    chosen: list[int] = []
+    for place in np.argsort(cost):
+        if not np.isfinite(cost[place]) or len(chosen) == keep:
+            break
+        if all(np.linalg.norm(apart[:, place] - apart[:, other]) > 0.7 for other in chosen):
+            chosen.append(int(place))
+    found = []
+    for place in chosen:
+        kappa, c, omega, scale = (float(value) for value in sets[:, place])
+        offset = float(out_0[place]) if space.offsets else 0.0
+        local = Local(kappa, c, omega, scale, float(gain[place]), 0.0, offset, 0.0)
+        found.append(space.form.with_h(local))
+    return found

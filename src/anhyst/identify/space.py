@@ -1,0 +1,159 @@
+"""The numbers a search moves, and the parameters at each gap they stand for.
+
+A coordinate vector holds, in the order of :data:`~anhyst.identify.response.LOCAL`, one entry for
+each parameter that is shared by all gaps and one for each gap for those that are not. Positive
+ones are logarithms; ``omega`` is taken as ``log(omega + 3)``, since at -3 the law begins to jump.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.identify.drives import Records
+from anhyst.identify.response import LOCAL, Form, Local
+
+Floats = NDArray[np.float64]
+
+PER_GAP = {
+    "none": frozenset[str](),
+    "scaling": frozenset({"scale"}),
+    "reluctance": frozenset({"omega"}),
+    "free": frozenset({"kappa", "c", "omega", "scale", "gain"}),
+}
+"""Which parameters each gap map lets differ from gap to gap. With ``reluctance`` the scale of the
+input follows from omega: ``scale = scale_0/(1 - h*omega)``, where 1/(1 - h*omega) = 1 + rho."""
+
+OMEGA_JUMP = 3.0
+_LIMITS = {
+    "kappa": (2e-3, 5e2),
+    "c": (0.0, 0.999),
+    "omega": (-2.98, 2e3),
+    "scale": (1e-5, 1e2),  # of the input span
+    "gain": (1e-3, 1e4),  # of the output span
+    "in_0": (-0.2, 0.2),  # of the input span
+    "out_0": (-0.2, 0.2),  # of the output span
+}
+
+
+@dataclass(frozen=True)
+class Space:
+    """Coordinates of one identification.
+
+    Parameters
+    ----------
+    gap_map
+        A key of :data:`PER_GAP`.
+    records
+        What is fitted.
+    form
+        Equations of the measured quantities.
+    offsets
+        Whether ``in_0`` and ``out_0`` are fitted; else they are zero.
+    """
+
+    gap_map: str
+    records: Records
+    form: Form
+    offsets: bool = True
+
+    @cached_property
+    def entries(self) -> tuple[tuple[str, int | None], ...]:
+        """Name and gap of each coordinate; no gap for those shared by all."""
+        found: list[tuple[str, int | None]] = []
+        for name in LOCAL:
+            if name in {"in_0", "out_0"} and not self.offsets:
+                continue
+            if name in PER_GAP[self.gap_map]:
+                found.extend((name, gap) for gap in range(self.records.gaps))
+            else:
+                found.append((name, None))
+        return tuple(found)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates, with the place of the gap where there is one for each."""
+        return tuple(n if gap is None else f"{n}[{gap}]" for n, gap in self.entries)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return len(self.entries)
+
+    def unit(self, name: str) -> float:
+        """Scale of a parameter in SI: span of the input or output, or 1."""
+        if name in {"scale", "in_0"}:
+            return self.records.input_span
+        return self.records.output_span if name in {"gain", "out_0"} else 1.0
+
+    @cached_property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper bounds of the coordinates."""
+        low = [self._inward(name, _LIMITS[name][0] * self.unit(name)) for name, _ in self.entries]
+        high = [self._inward(name, _LIMITS[name][1] * self.unit(name)) for name, _ in self.entries]
+        return np.array(low), np.array(high)
+
+    def _inward(self, name: str, value: float) -> float:
+        if name in {"kappa", "scale", "gain"}:
+            return float(np.log(value))
+        if name == "omega":
+            return float(np.log(value + OMEGA_JUMP))
+        return value / self.unit(name)
+
+    def _outward(self, name: str, coordinate: float) -> tuple[float, float]:
+        """Parameter and its derivative by the coordinate."""
+        if name in {"kappa", "scale", "gain"}:
+            value = float(np.exp(coordinate))
+            return value, value
+        if name == "omega":
+            rest = float(np.exp(coordinate))
+            return rest - OMEGA_JUMP, rest
+        unit = self.unit(name)
+        return coordinate * unit, unit
+
+    def pack(self, sets: list[Local]) -> Floats:
+        """Coordinates of parameters given for each gap; shared ones are taken from the first."""
+        theta = []
+        for name, gap in self.entries:
+            local = sets[gap or 0]
+            value = getattr(local, name)
+            if name == "scale" and self.gap_map == "reluctance":
+                value *= 1.0 - local.h * local.omega
+            theta.append(self._inward(name, value))
+        return np.clip(np.array(theta), *self.bounds)
+
+    def unpack(self, theta: Floats) -> list[tuple[Local, Floats]]:
+        """Parameters at each gap, and their derivatives by the coordinates, shape (7, size)."""
+        shared: dict[str, tuple[int, float, float]] = {}
+        single: dict[tuple[str, int], tuple[int, float, float]] = {}
+        for place, ((name, gap), coordinate) in enumerate(zip(self.entries, theta, strict=True)):
+            value, slope = self._outward(name, float(coordinate))
+            if gap is None:
+                shared[name] = (place, value, slope)
+            else:
+                single[name, gap] = (place, value, slope)
+        found = []
+        for gap in range(self.records.gaps):
+            values = dict.fromkeys(LOCAL, 0.0)
+            jacobian = np.zeros((len(LOCAL), theta.size))
+            for row, name in enumerate(LOCAL):
+                at = single.get((name, gap)) or shared.get(name)
+                if at is not None:
+                    values[name] = at[1]
+                    jacobian[row, at[0]] = at[2]
+            found.append((self._finish(values, jacobian), jacobian))
+        return found
+
+    def _finish(self, values: dict[str, float], jacobian: Floats) -> Local:
+        """Fill in what follows from the rest: h, and the scale of the reluctance map."""
+        if self.gap_map != "reluctance":
+            return self.form.with_h(Local(**values, h=0.0))
+        row, omega_row = LOCAL.index("scale"), LOCAL.index("omega")
+        ratio = 1.0 / (1.0 - min(self.form.h * values["omega"], 0.99))
+        values["scale"] *= ratio
+        jacobian[row] *= ratio
+        jacobian[row] += values["scale"] * ratio * self.form.h * jacobian[omega_row]
+        return self.form.with_h(Local(**values, h=0.0))
