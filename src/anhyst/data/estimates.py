@@ -18,8 +18,7 @@ _TO_SIGMA = 1.4826
 """Median absolute deviation to standard deviation, normal distribution."""
 _MOST_SKEW = 8.0
 """Largest delay between channels looked for, in samples."""
-_CLEARLY = 0.5
-"""A delay is claimed if it explains at least half of the misfit around the reversals."""
+_DELAYS = np.linspace(-_MOST_SKEW, _MOST_SKEW, 161)
 _DRIFTING = 0.05
 """A closure error above this share of the height is no drift but another history."""
 _TIPS = 40
@@ -113,35 +112,36 @@ def offsets(loop: Loop) -> tuple[float, float] | None:
 
 
 def skew(loop: Loop) -> float | None:
-    """Delay of the output behind the input in samples, ``None`` if it cannot be told.
+    """Estimate the delay of the output behind the input in samples; ``None`` if none can be told.
 
     At a reversal the output of any rate-independent law turns with the input: near it, the output
     is a smooth function of the (delayed) input on each side, with one common tip. The delay sought
-    is the one that makes this fit best over all reversals.
+    is the one that makes this fit best; each reversal has a vote, and 0 is the answer unless they
+    agree on another.
     """
     parts = branches(loop.input)[: _TIPS + 1]
-    windows = [
-        (one.stop - 1, min(len_of(one), len_of(two)) // 4) for one, two in itertools.pairwise(parts)
-    ]
     reach = int(_MOST_SKEW) + 1
-    usable = [
-        (tip, min(width, 200))
-        for tip, width in windows
-        if width >= 8 and tip - width >= reach and tip + width + reach < loop.n
-    ]
-    if not usable:
+    votes, gains = [], []
+    for one, two in itertools.pairwise(parts):
+        tip, width = one.stop - 1, min(len_of(one), len_of(two)) // 8
+        width = min(width, 200)
+        if width < 6 or tip - width < reach or tip + width + reach >= loop.n:
+            continue
+        costs = np.array([_tip_misfit(loop, tip, width, delay) for delay in _DELAYS])
+        best = int(np.argmin(costs))
+        votes.append(float(_DELAYS[best]))
+        gains.append(costs[best] / (costs[_DELAYS.size // 2] or 1.0))
+    if not votes:
         return None
-    trial = np.arange(-_MOST_SKEW, _MOST_SKEW + 0.05, 0.1)
-    costs = np.array([sum(_tip_misfit(loop, t, w, d) for t, w in usable) for d in trial])
-    best = int(np.argmin(costs))
-    # Without a clear minimum noise or sampling decide: then no delay is claimed.
-    if costs[best] > _CLEARLY * costs[trial.size // 2]:
-        return 0.0
-    if best in {0, trial.size - 1}:
+    delay = float(np.median(votes))
+    if abs(delay) > 0.9 * _MOST_SKEW:
         return None
-    left, here, right = costs[best - 1 : best + 2]
-    bend = left - 2.0 * here + right
-    return float(trial[best] + 0.05 * (left - right) / bend) if bend > 0.0 else float(trial[best])
+    spread = _TO_SIGMA * float(np.median(np.abs(np.array(votes) - delay)))
+    agreed = len(votes) == 1 or abs(delay) > 3.0 * spread / (len(votes) - 1) ** 0.5
+    # Few votes may agree by chance: the fewer they are, the plainer the gain must be.
+    needed = {1: 0.3, 2: 0.6, 3: 0.6}.get(len(votes), 1.0)
+    plain = abs(delay) >= 0.2 and float(np.median(gains)) < needed
+    return delay if agreed and plain else 0.0
 
 
 def saturation(loop: Loop) -> float | None:

@@ -210,7 +210,7 @@ class _Reader:
     def _fast(self, chunk: bytes) -> Piece | None:
         """Convert a chunk without a Python loop over its rows, or give up with ``None``."""
         layout = self.layout
-        if layout.eol == b"\r" or b"#" in chunk:
+        if layout.eol == b"\r" or b"#" in chunk or b'""' in chunk:
             return None
         chunk = chunk.replace(b'"', b"").replace(b"\r", b"")
         if not chunk.endswith(b"\n"):

@@ -23,7 +23,7 @@ from anhyst.errors import InputError
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_DWELL = 12
+_DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
 _ALONE = "1"
 """Label of a loop that nobody labelled."""
@@ -295,7 +295,13 @@ def _by_value(columns: _Columns, values: Floats, rows: Rows) -> list[Rows]:
     """Cut rows of one label where the scheduling value steps; a value that moves stays whole."""
     steps = np.flatnonzero(np.diff(values) != 0.0) + 1
     runs = steps.size + 1
-    if runs == 1 or rows.size < _DWELL * runs:
+    if runs == 1:
+        return [rows]
+    # Where other rows lie between, or time starts again, the record was interrupted anyway.
+    cut = rows[steps] - rows[steps - 1] > 1
+    if columns.time is not None:
+        cut |= columns.time[rows[steps]] < columns.time[rows[steps - 1]]
+    if not cut.all() and rows.size < _DWELL * runs:
         return [rows]
     if runs == np.unique(values[np.concatenate(([0], steps))]).size:
         return np.split(rows, steps)

@@ -197,8 +197,8 @@ def _map_header(place: str, own: Header, target: str) -> Header:
     if not target.strip():
         return Header(own.text, "", Quantity("", "", "1"), None)
     meant = parse_header(target)
-    if meant.problem and not meant.unit and own.unit:
-        meant = parse_header(target, own.unit.symbol)
+    if meant.problem and own.unit and (with_own := parse_header(target, own.unit.symbol)).is_known:
+        meant = with_own
     where = f"{place}: column '{own.text}' mapped to '{target}'"
     if meant.problem:
         raise InputError(f"{where}: {meant.problem}")

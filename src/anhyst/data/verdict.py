@@ -157,7 +157,7 @@ def separation_sideways(
 
 
 def largest_output(loopset: LoopSet) -> float:
-    """What deviations of the output are related to: its largest size in all loops.
+    """Return what deviations of the output are related to: its largest size in all loops.
 
     A displacement has no natural zero: there it is the largest range.
     """
@@ -214,8 +214,8 @@ def _worded(loopset: LoopSet, figures: Verdict) -> Verdict:
         "no": "A hysteresis model is not worth it",
     }[figures.level]
     sentences = (
-        f"The widest loop is {figures.width:.3g} {drive.unit} wide ({figures.width_relative:.1%} "
-        f"of the {drive.name.replace('_', ' ')}'s range) and {figures.height:.3g} {answer.unit} "
+        f"The widest loop is {figures.width:.4g} {drive.unit} wide ({figures.width_relative:.1%} "
+        f"of the {drive.name.replace('_', ' ')}'s range) and {figures.height:.4g} {answer.unit} "
         f"high ({figures.height_relative:.1%} of the {reference}).",
         f"The best single-valued curve misses by {figures.single_mean_relative:.2%} on average and "
         f"{figures.single_worst_relative:.2%} at worst.",

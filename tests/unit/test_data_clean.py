@@ -1,0 +1,193 @@
+"""Cleaning steps find what was put in, and leave the rest alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from anhyst.data import History, Loop, LoopSet, estimates
+from anhyst.data.clean import DEFAULT_STEPS, STEPS, clean, thin
+from anhyst.data.path import turning_points
+from anhyst.data.units import QUANTITIES
+from anhyst.errors import InputError
+
+Floats = NDArray[np.float64]
+SAMPLES = 400
+
+
+def play(drive: Floats, half_width: float) -> Floats:
+    """Play operator: the simplest hysteresis there is."""
+    answer = np.empty_like(drive)
+    held = 0.0
+    for place, value in enumerate(drive.tolist()):
+        held = min(max(held, value - half_width), value + half_width)
+        answer[place] = held
+    return answer
+
+
+def iron(cycles: float = 3.0, samples: int = SAMPLES) -> tuple[Floats, Floats, Floats]:
+    """Field, flux density and time of a soft iron, started from rest, settled since."""
+    time = np.arange(int(cycles * samples)) / samples
+    field = 100.0 * np.sin(2.0 * np.pi * time)
+    flux = sum(0.25 * np.tanh(play(field, width) / 40.0) for width in (2.0, 6.0, 12.0))
+    return field, 0.4 * np.tanh(field / 60.0) + np.asarray(flux), time
+
+
+def record(field: Floats, flux: Floats, time: Floats | None = None) -> LoopSet:
+    loop = Loop("1", field, flux, None, time, History("settled"))
+    return LoopSet((loop,), QUANTITIES["field"], QUANTITIES["flux_density"])
+
+
+def test_unknown_step_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(InputError, match="cleaning step 'polish' is not known; there are: dedupe"):
+        clean(record(*iron()), ["polish"])
+
+
+@pytest.mark.parametrize("step", [name for name in STEPS if name not in {"offset", "drift"}])
+def test_clean_record_is_left_alone(step: str) -> None:
+    loops = record(*iron())
+    assert clean(loops, [step]) is loops
+
+
+def test_default_steps_do_not_touch_values_of_short_records() -> None:
+    loops = record(*iron())
+    assert clean(loops) is loops
+    assert set(DEFAULT_STEPS) == {"dedupe", "thin"}
+
+
+def test_repeated_samples_go() -> None:
+    field, flux, time = iron()
+    twice = [np.repeat(values, 2) for values in (field, flux, time)]
+    cleaned = clean(record(*twice), ["dedupe"])
+    assert np.array_equal(cleaned.loops[0].output, flux)
+    assert cleaned.repairs == (f"dedupe: {field.size} repeated samples dropped",)
+
+
+def test_samples_that_stay_in_time_are_kept() -> None:
+    time = np.arange(6.0)
+    values = np.array([0.0, 1.0, 1.0, 1.0, 0.0, 0.5])
+    assert clean(record(values, values, time), ["dedupe"]).loops[0].n == 6
+
+
+def test_spikes_go_and_tips_stay() -> None:
+    field, flux, time = iron()
+    spoiled = flux.copy()
+    spoiled[[60, 333, 650]] += [0.3, -0.2, 0.1]
+    cleaned = clean(record(field, spoiled, time), ["spikes"])
+    assert cleaned.repairs == ("spikes: 3 samples dropped",)
+    assert np.array_equal(cleaned.loops[0].output, np.delete(flux, [60, 333, 650]))
+
+
+def test_drift_is_found_and_removed() -> None:
+    field, flux, _ = iron()
+    field, flux = field[SAMPLES:], flux[SAMPLES:]
+    share = np.linspace(-0.5, 0.5, field.size)
+    cleaned = clean(record(field, flux + 0.08 * share), ["drift"])
+    assert cleaned.repairs[0].startswith("drift: 0.08")
+    assert np.max(np.abs(cleaned.loops[0].output - flux)) < 2e-4
+
+
+def test_offsets_of_symmetric_loops_are_found() -> None:
+    field, flux, _ = iron()
+    field, flux = field[SAMPLES:], flux[SAMPLES:]
+    found = estimates.offsets(record(field + 1.5, flux - 0.02).loops[0])
+    assert found is not None
+    assert found[0] == pytest.approx(1.5, abs=0.05)
+    assert found[1] == pytest.approx(-0.02, abs=1e-3)
+    cleaned = clean(record(field + 1.5, flux - 0.02), ["offset"])
+    assert np.max(np.abs(cleaned.loops[0].output - flux)) < 1e-3
+
+
+def test_offset_of_force_is_left_alone() -> None:
+    field, flux, _ = iron()
+    loop = Loop("1", field, flux**2)
+    loops = LoopSet((loop,), QUANTITIES["current"], QUANTITIES["force"])
+    assert clean(loops, ["offset"]) is loops
+
+
+def test_unipolar_loops_have_no_centre() -> None:
+    field, flux, _ = iron()
+    assert estimates.offsets(record(field + 100.0, flux).loops[0]) is None
+
+
+@pytest.mark.parametrize("delay", [-2.0, 0.6, 1.0, 2.5])
+def test_delay_between_channels_is_found_in_noise(delay: float) -> None:
+    field, flux, _ = iron(6.0)
+    rows = np.arange(field.size)
+    late = np.interp(rows - delay, rows, flux)[10:-10]
+    noisy = late + np.random.default_rng(3).normal(0.0, 1e-4, late.size)
+    found = estimates.skew(record(field[10:-10], noisy).loops[0])
+    assert found == pytest.approx(delay, abs=0.15)
+    cleaned = clean(record(field[10:-10], noisy), ["skew"]).loops[0]
+    again = estimates.skew(cleaned)
+    assert again is not None
+    assert abs(again) < 0.2
+
+
+def test_no_delay_is_claimed_where_there_is_none() -> None:
+    field, flux, _ = iron(6.0)
+    noisy = flux + np.random.default_rng(4).normal(0.0, 2e-3, flux.size)
+    assert estimates.skew(record(field, noisy).loops[0]) == 0.0
+
+
+@pytest.mark.parametrize("sigma", [1e-4, 1e-3, 5e-3])
+def test_noise_is_told_from_the_signal(sigma: float) -> None:
+    _, flux, _ = iron(5.0, 1000)
+    noisy = flux + np.random.default_rng(5).normal(0.0, sigma, flux.size)
+    assert estimates.noise(noisy) == pytest.approx(sigma, rel=0.1)
+
+
+def test_spikes_do_not_count_as_noise() -> None:
+    _, flux, _ = iron(5.0, 1000)
+    noisy = flux + np.random.default_rng(5).normal(0.0, 1e-3, flux.size)
+    noisy[::100] += 0.5
+    assert estimates.noise(noisy) == pytest.approx(1e-3, rel=0.2)
+
+
+def test_wobbling_gap_is_settled_to_its_median() -> None:
+    field, flux, _ = iron()
+    gap = 3e-4 + 1e-6 * np.sin(np.arange(field.size))
+    loop = Loop("1", field, flux, gap)
+    loops = LoopSet((loop,), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
+    settled = clean(loops, ["steady"])
+    assert len(settled.schedule_values) == 1
+    assert settled.schedule_values[0] == pytest.approx(3e-4, abs=2e-7)
+    far = replace(loop, schedule=gap * np.linspace(1.0, 1.5, gap.size))
+    assert clean(loops.with_loops([far]), ["steady"]).schedule_values == ()
+
+
+def test_thinning_keeps_reversals_and_the_path() -> None:
+    field, flux, time = iron(4.0, 5000)
+    loops = record(field, flux, time)
+    thinned = thin(loops, 600)
+    loop = thinned.loops[0]
+    assert 300 < loop.n <= 600
+    assert thinned.repairs[0].startswith("thin: 1 loops averaged to 600 samples")
+    turns = turning_points(field, 1.0)
+    assert np.isin(field[turns], loop.input).all()
+    assert loop.reverses
+    assert loop.time is not None
+    assert np.all(np.diff(loop.time) > 0.0)
+    # Points lie on the measured path: interpolated in time they differ by less than a bin.
+    assert np.max(np.abs(np.interp(loop.time, time, flux) - loop.output)) < 2e-3
+
+
+def test_thinning_averages_noise_away() -> None:
+    field, flux, time = iron(1.0, 50_000)
+    noisy = flux + np.random.default_rng(6).normal(0.0, 0.01, flux.size)
+    loop = thin(record(field, noisy, time), 500).loops[0]
+    assert loop.time is not None
+    left = loop.output - np.interp(loop.time, time, flux)
+    assert np.sqrt(np.mean(left**2)) < 0.003
+
+
+def test_steps_run_in_the_order_given_and_are_all_named() -> None:
+    field, flux, time = iron()
+    spoiled = flux.copy()
+    spoiled[60] += 0.3
+    twice = [np.repeat(values, 2) for values in (field, spoiled, time)]
+    cleaned = clean(record(*twice), ["dedupe", "spikes"])
+    assert [repair.split(":")[0] for repair in cleaned.repairs] == ["dedupe", "spikes"]

@@ -1,0 +1,176 @@
+"""Inspection: figures, warnings, impossible records and the verdict."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from anhyst.data import History, Loop, LoopSet
+from anhyst.data.inspection import inspect
+from anhyst.data.plot import plot_inspection, plot_loops
+from anhyst.data.units import QUANTITIES
+from anhyst.data.verdict import judge, monotone_fit
+from anhyst.errors import InputError
+
+Floats = NDArray[np.float64]
+
+
+def magnet(
+    gap: float = 3e-4, width: float = 0.06, noise: float = 0.0, *, bipolar: bool = False
+) -> Loop:
+    """Force-current loop of a magnet: a square law over a play operator, settled."""
+    angle = np.linspace(0.0, 6.0 * np.pi, 1500)
+    current = 2.0 * np.sin(angle) if bipolar else 1.0 - np.cos(angle)
+    held, flux = 0.0, np.empty_like(current)
+    for place, value in enumerate(current.tolist()):
+        held = min(max(held, value - width), value + width)
+        flux[place] = 0.5 * (held + value)
+    force = (3e-3 / gap) * flux**2 + noise * np.random.default_rng(1).normal(size=flux.size)
+    start = 500  # the first cycle runs in
+    schedule = np.full(1000, gap)
+    return Loop("1", current[start:], force[start:], schedule, None, History("settled"))
+
+
+def loopset(*loops: Loop) -> LoopSet:
+    current, force, gap = (QUANTITIES[name] for name in ("current", "force", "gap"))
+    return LoopSet(loops, current, force, gap)
+
+
+def changed(loop: Loop, drive: Floats, answer: Floats) -> LoopSet:
+    return loopset(Loop("1", drive, answer, loop.schedule, None, loop.history))
+
+
+def test_figures_are_those_of_the_record() -> None:
+    found = inspect(loopset(magnet(3e-4, noise=0.02), magnet(6e-4, noise=0.02)))
+    assert found.schedule_values == (3e-4, 6e-4)
+    first = found.loops[0]
+    assert first.samples == 1000
+    assert first.cycles == 2.0
+    assert (first.input_low, first.input_high) == pytest.approx((0.0, 2.0), abs=1e-4)
+    assert first.noise == pytest.approx(0.02, rel=0.1)
+    assert first.width == pytest.approx(0.06, rel=0.1)
+    assert first.proposed.kind == "settled"
+    assert first.input_offset is None
+    assert found.warnings == ()
+
+
+def test_inspection_is_ready_for_json_with_units_in_keys() -> None:
+    found = inspect(loopset(magnet()))
+    text = json.dumps(found.as_dict(), allow_nan=False)
+    back = json.loads(text)
+    assert back["loops"][0]["noise_N"] == found.loops[0].noise
+    assert back["loops"][0]["width_A"] == found.loops[0].width
+    assert back["loops"][0]["schedule_m"] == 3e-4
+    assert back["loops"][0]["history"] == "settled"
+    assert back["verdict"]["single_mean_N"] == found.verdict.single_mean
+    assert back["verdict"]["worthwhile"] is True
+
+
+def test_wide_loops_are_worth_a_model() -> None:
+    verdict = judge(loopset(magnet(width=0.1, noise=0.02)))
+    assert verdict.level == "yes"
+    assert verdict.worthwhile
+    assert verdict.gain > 0.8
+    assert verdict.single_worst > verdict.single_mean > verdict.noise_mean
+    assert "worth it" in verdict.sentences[-1]
+
+
+def test_loops_lost_in_noise_are_not_worth_a_model() -> None:
+    verdict = judge(loopset(magnet(width=1e-4, noise=0.05)))
+    assert verdict.level == "no"
+    assert not verdict.worthwhile
+    assert verdict.gain < 0.3
+    assert "is not worth it" in verdict.sentences[-1]
+
+
+def test_width_of_even_force_is_found_with_both_signs_of_current() -> None:
+    one = judge(loopset(magnet(width=0.05, bipolar=True)))
+    assert one.width == pytest.approx(0.05, rel=0.15)
+    assert one.single_mean_relative < 0.05
+
+
+def test_one_gap_only_is_told() -> None:
+    found = inspect(loopset(magnet()))
+    assert "one gap only: nothing can be learned about others" in found.warnings
+
+
+def test_force_of_flipped_sign_is_refused() -> None:
+    loop = magnet(noise=0.02)
+    with pytest.raises(InputError, match=r"loop '1' at gap 0.3 mm: the force is negative .* flip"):
+        inspect(changed(loop, loop.input, -loop.output))
+
+
+@pytest.mark.parametrize("bipolar", [False, True])
+def test_swapped_current_and_force_are_refused(*, bipolar: bool) -> None:
+    loop = magnet(noise=0.02, bipolar=bipolar)
+    with pytest.raises(InputError, match="are the columns of current and force swapped"):
+        inspect(changed(loop, loop.output, loop.input))
+
+
+def test_saturated_and_tared_magnets_are_not_taken_for_swapped() -> None:
+    loop = magnet(noise=0.02)
+    saturated = 100.0 * np.tanh(2.5 * np.sqrt(np.maximum(loop.output, 0.0) / 40.0)) ** 2
+    assert not any(
+        "swapped" in text for text in inspect(changed(loop, loop.input, saturated)).warnings
+    )
+    tared = changed(loop, loop.input, loop.output - 12.0)
+    assert not any("swapped" in text for text in inspect(tared).warnings)
+
+
+def test_flux_that_falls_with_its_field_is_refused() -> None:
+    loop = magnet(bipolar=True)
+    flux = -np.tanh(loop.input)
+    wrong = LoopSet((Loop("1", loop.input, flux),), QUANTITIES["field"], QUANTITIES["flux_density"])
+    with pytest.raises(InputError, match="the flux density falls as the field grows"):
+        inspect(wrong)
+
+
+def test_loop_that_would_win_energy_is_warned_of() -> None:
+    loop = magnet()
+    found = inspect(changed(loop, loop.input[::-1], loop.output[::-1]))
+    assert any("the wrong way round" in text for text in found.warnings)
+
+
+def test_record_that_never_reverses_is_warned_of() -> None:
+    rise = np.linspace(0.0, 2.0, 200)
+    found = inspect(loopset(Loop("1", rise, rise**2, np.full(200, 3e-4))))
+    assert any("never reverses" in text for text in found.warnings)
+    assert found.loops[0].closure is None
+
+
+def test_drift_is_warned_of() -> None:
+    loop = magnet()
+    drifting = loop.output + np.linspace(0.0, 2.0, loop.n)
+    assert any(
+        "drifts by" in text for text in inspect(changed(loop, loop.input, drifting)).warnings
+    )
+
+
+def test_monotone_fit_is_the_best_one() -> None:
+    rng = np.random.default_rng(2)
+    values = np.cumsum(rng.normal(0.1, 1.0, 60))
+    weights = rng.uniform(0.5, 2.0, 60)
+    fit = monotone_fit(values, weights)
+    assert np.all(np.diff(fit) >= 0.0)
+    cost = np.sum(weights * (fit - values) ** 2)
+    for _ in range(200):
+        other = np.sort(fit + rng.normal(0.0, 0.3, 60))
+        assert cost <= np.sum(weights * (other - values) ** 2)
+
+
+def test_pictures_have_units_and_legends() -> None:
+    loops = loopset(magnet(3e-4), magnet(6e-4))
+    ax = loops.plot()
+    assert ax.get_xlabel() == "current I [A]"
+    assert ax.get_ylabel() == "force F [N]"
+    legend = ax.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["gap 0.3 mm", "gap 0.6 mm"]
+    figure = plot_inspection(inspect(loops), loops)
+    assert isinstance(figure, Figure)
+    assert plot_loops(loops, figure.axes[0]) is figure.axes[0]
+    figure.canvas.draw()

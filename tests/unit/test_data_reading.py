@@ -1,0 +1,296 @@
+"""From files to loops."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from anhyst.data import History, Loop, LoopSet
+from anhyst.data.units import QUANTITIES
+from anhyst.errors import InputError
+
+UP_AND_BACK = [0.0, 0.5, 1.0, 1.5, 2.0, 1.5, 1.0, 0.5, 0.0, 0.5, 1.0, 1.5, 2.0]
+
+
+def rows_of(force: float = 10.0, *tail: object) -> list[str]:
+    """Return the rows of one small loop; ``tail`` adds columns."""
+    end = "".join(f",{value}" for value in tail)
+    return [f"{i},{force * i * i + 0.1 * k}{end}" for k, i in enumerate(UP_AND_BACK)]
+
+
+def file_of(folder: Path, name: str, header: str, *blocks: list[str]) -> Path:
+    path = folder / name
+    path.write_text("\n".join([header, *(row for block in blocks for row in block)]) + "\n")
+    return path
+
+
+def test_gaps_in_one_file_become_loops_of_their_own(tmp_path: Path) -> None:
+    path = file_of(
+        tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4), rows_of(20, 0.3), rows_of(5, 0.6)
+    )
+    loops = LoopSet.from_csv(path)
+    assert loops.schedule_values == (0.0003, 0.0004, 0.0006)
+    assert [loop.schedule_value for loop in loops.loops] == [0.0004, 0.0003, 0.0006]
+    assert {value: len(found) for value, found in loops.by_schedule().items()} == {
+        0.0003: 1,
+        0.0004: 1,
+        0.0006: 1,
+    }
+    assert loops.at(0.0003).loops[0].output[-1] == 20 * 4.0 + 1.2
+    assert loops.without(0.0003).schedule_values == (0.0004, 0.0006)
+    assert (loops.input.column, loops.output.column) == ("I_A", "F_N")
+    assert loops.schedule == QUANTITIES["gap"]
+
+
+def test_labels_tell_loops_of_one_gap_apart(tmp_path: Path) -> None:
+    path = file_of(
+        tmp_path, "a.csv", "I_A,F_N,gap_mm,loop", rows_of(10, 0.4, "outer"), rows_of(9, 0.4, "in")
+    )
+    loops = LoopSet.from_csv(path)
+    assert [loop.label for loop in loops.loops] == ["outer", "in"]
+    assert loops.schedule_values == (0.0004,)
+
+
+def test_several_files_join(tmp_path: Path) -> None:
+    one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
+    two = file_of(
+        tmp_path, "b.csv", "I_A;F_N;gap_m", [r.replace(",", ";") for r in rows_of(9, 5e-4)]
+    )
+    loops = LoopSet.from_csv([one, two])
+    assert loops.schedule_values == (0.0004, 0.0005)
+    assert [Path(source.path).name for source in loops.sources] == ["a.csv", "b.csv"]
+    assert all(len(source.sha256) == 64 for source in loops.sources)
+    assert LoopSet.from_csv(tmp_path).schedule_values == (0.0004, 0.0005)
+
+
+def test_without_a_gap_files_are_told_apart_by_name(tmp_path: Path) -> None:
+    one = file_of(tmp_path, "small.csv", "H_A_per_m,B_T", rows_of(1))
+    two = file_of(tmp_path, "large.csv", "H_A_per_m,B_T", rows_of(2))
+    assert [loop.label for loop in LoopSet.from_csv([one, two]).loops] == ["small", "large"]
+
+
+def test_same_loop_with_other_data_is_refused_naming_both_files(tmp_path: Path) -> None:
+    one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
+    two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(11, 0.4))
+    with pytest.raises(InputError, match=r"b\.csv: loop '1' at 0.0004 is also in .*a\.csv"):
+        LoopSet.from_csv([one, two])
+
+
+def test_same_data_twice_is_taken_once(tmp_path: Path) -> None:
+    one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
+    two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
+    loops = LoopSet.from_csv([one, two])
+    assert len(loops) == 1
+    assert any("left out" in note for note in loops.notes)
+
+
+def test_same_data_at_two_gaps_is_refused(tmp_path: Path) -> None:
+    one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
+    two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(10, 0.5))
+    with pytest.raises(InputError, match="holds the same data"):
+        LoopSet.from_csv([one, two])
+
+
+def test_files_of_other_quantities_do_not_join(tmp_path: Path) -> None:
+    one = file_of(tmp_path, "a.csv", "I_A,F_N", rows_of())
+    two = file_of(tmp_path, "b.csv", "I_A,psi_Wb", rows_of())
+    with pytest.raises(InputError, match=r"its output is psi_Wb but that of .* is F_N"):
+        LoopSet.from_csv([one, two])
+
+
+def test_a_gap_that_moves_stays_one_loop(tmp_path: Path) -> None:
+    rows = [f"{k * 0.1},{i},{i * i},{0.3 + 0.001 * k}" for k, i in enumerate(UP_AND_BACK * 3)]
+    loops = LoopSet.from_csv(file_of(tmp_path, "a.csv", "t_s,I_A,F_N,gap_mm", rows))
+    assert len(loops) == 1
+    assert loops.loops[0].schedule_value is None
+    with pytest.raises(InputError, match="the gap moves during the loop"):
+        loops.by_schedule()
+
+
+def test_a_gap_that_comes_again_needs_a_label(tmp_path: Path) -> None:
+    blocks = [rows_of(10, 0.4), rows_of(9, 0.5), rows_of(8, 0.4)]
+    path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", *blocks)
+    with pytest.raises(InputError, match=r"line 28: the value 0\.0004 comes again .*line 2"):
+        LoopSet.from_csv(path)
+
+
+def test_temperature_schedules_where_it_is_constant_only(tmp_path: Path) -> None:
+    steady = file_of(tmp_path, "a.csv", "H_A_per_m,B_T,T_C", rows_of(1, 20))
+    assert LoopSet.from_csv(steady).schedule_values == (20.0,)
+    logged = [f"{row},{20 + 0.01 * k}" for k, row in enumerate(rows_of(1))]
+    path = file_of(tmp_path, "b.csv", "H_A_per_m,B_T,T_C", logged)
+    loops = LoopSet.from_csv(path)
+    assert loops.schedule is None
+    assert any("temperature varies" in note for note in loops.notes)
+    assert LoopSet.from_csv(path, schedule="T").schedule == QUANTITIES["temperature"]
+
+
+def test_any_named_quantity_can_schedule(tmp_path: Path) -> None:
+    path = file_of(tmp_path, "a.csv", "I_A,F_N,load [kPa]", rows_of(1, 2), rows_of(2, 3))
+    loops = LoopSet.from_csv(path, schedule="load")
+    assert loops.schedule is not None
+    assert loops.schedule.column == "load_Pa"
+    assert loops.schedule_values == (2000.0, 3000.0)
+    with pytest.raises(InputError, match="has no column or constant 'tilt' to schedule by"):
+        LoopSet.from_csv(path, schedule="tilt")
+
+
+def test_schedule_none_ignores_the_gap(tmp_path: Path) -> None:
+    path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(1, 2))
+    loops = LoopSet.from_csv(path, schedule="none")
+    assert loops.schedule is None
+    assert loops.by_schedule() == {0.0: list(loops.loops)}
+
+
+def test_history_is_stated_proposed_and_noted(tmp_path: Path) -> None:
+    path = file_of(tmp_path, "a.csv", "I_A,F_N", rows_of())
+    stated = LoopSet.from_csv(path, history="conditioned:0,2,0")
+    assert stated.loops[0].history == History("conditioned", (0.0, 2.0, 0.0))
+    assert not any("history" in note for note in stated.notes)
+    proposed = LoopSet.from_csv(path)
+    assert any("history of loop '1' taken as" in note for note in proposed.notes)
+    assert proposed.with_history("demagnetised").loops[0].history.kind == "demagnetised"
+
+
+@pytest.mark.parametrize("text", ["virgin", "settled:1", "conditioned", "conditioned:a,b", ""])
+def test_unknown_history_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="use demagnetised, settled or conditioned"):
+        History.parse(text)
+
+
+def test_virgin_rise_is_told_from_a_settled_cycle(tmp_path: Path) -> None:
+    angle = np.linspace(0.0, 4.0 * np.pi, 400)
+    drive = np.sin(angle)
+    settled = drive - 0.2 * np.cos(angle)
+    virgin = np.where(angle < np.pi / 2, drive, settled)
+    virgin[0] = 0.0
+    for answer, kind in ((settled, "settled"), (virgin, "demagnetised")):
+        rows = [f"{h},{b}" for h, b in zip(drive, answer, strict=True)]
+        path = file_of(tmp_path, f"{kind}.csv", "H_A_per_m,B_T", rows)
+        assert LoopSet.from_csv(path).loops[0].history.kind == kind
+
+
+def test_sidecar_beside_the_file_is_used(tmp_path: Path) -> None:
+    path = file_of(tmp_path, "raw.csv", "drive,U_V,run", rows_of(1, "a"), rows_of(2, "b"))
+    (tmp_path / "raw.toml").write_text(
+        'loop = "run"\n[columns]\ndrive = "I_mA"\nU_V = "psi_Wb"\n'
+        '[history]\na = "demagnetised"\n[constants]\ngap_mm = 0.5\n'
+    )
+    loops = LoopSet.from_csv(path)
+    assert loops.schedule_values == (0.0005,)
+    assert [loop.label for loop in loops.loops] == ["a", "b"]
+    assert loops.loops[0].history.kind == "demagnetised"
+    assert loops.loops[0].input.max() == 2e-3
+    assert loops.sources[0].columns == {"drive": "I_mA", "U_V": "psi_Wb"}
+    assert LoopSet.from_csv(path, history="settled").loops[0].history.kind == "settled"
+
+
+def test_rows_are_selected_by_value(tmp_path: Path) -> None:
+    blocks = [rows_of(1, 0.4, "y"), rows_of(2, 0.5, "y"), rows_of(3, 0.6, "n")]
+    path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm,ok", *blocks)
+    assert LoopSet.from_csv(path, select={"ok": "y"}).schedule_values == (0.0004, 0.0005)
+    assert LoopSet.from_csv(path, select={"gap_mm": [0.5, 0.6]}).schedule_values == (0.0005, 0.0006)
+    both = LoopSet.from_csv(path, select={"gap_mm": 0.50, "ok": "y"})
+    assert both.schedule_values == (0.0005,)
+    with pytest.raises(InputError, match="no row has ok"):
+        LoopSet.from_csv(path, select={"ok": "maybe"})
+
+
+def test_constants_come_from_the_file_name(tmp_path: Path) -> None:
+    for value in (-38, 5):
+        file_of(tmp_path, f"gd_T{value:+04d}C.csv", "H_A_per_m,B_T", rows_of(abs(value)))
+    loops = LoopSet.from_csv(tmp_path, file_name="gd_T{T_C}C")
+    assert loops.schedule_values == (-38.0, 5.0)
+    with pytest.raises(InputError, match="does not fit file_name"):
+        LoopSet.from_csv(tmp_path, file_name="x{T_C}")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("columns = 3\n", "key 'columns' is of the wrong kind"),
+        ("colums = {}\n", "key 'colums' is not known"),
+        ("[columns]\nI = 3\n", r"key 'columns\.I' is of the wrong kind"),
+        ("[columns\n", "is no valid TOML"),
+        ('history = "old"\n', "history 'old' is not known"),
+        ("[constants]\nT_foo = 3\n", "constant 'T_foo': unknown unit 'foo'"),
+        ("[constants]\ngap = 3\n", "constant 'gap': has no unit"),
+        ('[columns]\nQ = "I_A"\n', "has no column 'Q' to map"),
+    ],
+)
+def test_bad_sidecar_is_named_with_its_key(tmp_path: Path, content: str, words: str) -> None:
+    path = file_of(tmp_path, "a.csv", "I_A,F_N", rows_of())
+    sidecar = tmp_path / "other.toml"
+    sidecar.write_text(content)
+    with pytest.raises(InputError, match=words):
+        LoopSet.from_csv(path, sidecar=sidecar)
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "words"),
+    [
+        ("I_A,gap_mm", ["1,2"] * 4, "has no column for an output"),
+        ("z,F_N", ["1,2"] * 4, "has no column for an input"),
+        ("I,F_N", ["1,2"] * 4, "column 'I': has no unit; call it 'I_A'"),
+        ("I_foo,F_N", ["1,2"] * 4, "column 'I_foo': unknown unit 'foo'"),
+        ("I_A,F_N,gap", ["1,2,3"] * 4, "column 'gap': has no unit; call it 'gap_m' or 'gap_mm'"),
+        ("I_A,F_N,gap_mm", ["1,2,3", "2,3,-1", "3,4,3"], "line 3: negative gap -0.001 m"),
+        ("I_A,F_N", ["1,2", "2,3"], "has 2 samples; a loop needs at least 3"),
+        ("I_A,F_N", ["1,2"] * 4, r"loop '1': the input is constant \(1\)"),
+        ("t_s,I_A,F_N", ["0,1,2", "1,2,3", "# x", "0.5,3,4", "2,1,1"], "line 5: time going backw"),
+        ("I_A,F_N,F_kN", ["1,2,3"] * 4, "columns 'F_N' and 'F_kN' are both force"),
+    ],
+)
+def test_bad_files_are_told_in_one_line(
+    tmp_path: Path, header: str, rows: list[str], words: str
+) -> None:
+    path = file_of(tmp_path, "bad.csv", header, rows)
+    with pytest.raises(InputError, match=words) as caught:
+        LoopSet.from_csv(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_record_that_never_reverses_is_flagged_and_refused_when_it_matters(tmp_path: Path) -> None:
+    path = file_of(tmp_path, "a.csv", "I_A,F_N", [f"{k},{k * k}" for k in range(20)])
+    loops = LoopSet.from_csv(path)
+    assert not loops.loops[0].reverses
+    with pytest.raises(InputError, match="the current never reverses"):
+        loops.require_reversals()
+    LoopSet.from_csv(file_of(tmp_path, "b.csv", "I_A,F_N", rows_of())).require_reversals()
+
+
+def test_frames_follow_the_same_rules() -> None:
+    frame = pd.DataFrame(
+        {"I [mA]": UP_AND_BACK * 2, "F_N": np.arange(26.0), "loop": ["a"] * 13 + ["b"] * 13}
+    )
+    loops = LoopSet.from_dataframe(frame, constants={"gap_mm": 0.3}, history="settled")
+    assert [loop.label for loop in loops.loops] == ["a", "b"]
+    assert loops.loops[0].input.max() == 2e-3
+    assert loops.schedule_values == (0.0003,)
+    with pytest.raises(InputError, match="data frame: column 'F_N' holds text"):
+        LoopSet.from_dataframe(frame.assign(F_N="x"))
+    frame.loc[3, "F_N"] = np.nan
+    with pytest.raises(InputError, match="loop 'a': output holds NaN"):
+        LoopSet.from_dataframe(frame)
+
+
+def test_loops_are_immutable() -> None:
+    drive = np.array(UP_AND_BACK)
+    loop = Loop("1", drive, drive**2)
+    drive[0] = 99.0
+    assert loop.input[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        loop.input[0] = 1.0
+    with pytest.raises(FrozenInstanceError):
+        loop.label = "2"  # type: ignore[misc]
+
+
+def test_two_loops_of_one_name_are_refused() -> None:
+    loop = Loop("1", np.array(UP_AND_BACK), np.array(UP_AND_BACK))
+    with pytest.raises(InputError, match="two loops are both called"):
+        LoopSet((loop, loop), QUANTITIES["current"], QUANTITIES["force"])
