@@ -33,6 +33,11 @@ class Objective:
         self.measured = np.concatenate([drive.output for drive in drives])
         self.weights = np.concatenate([np.full(d.output.size, d.weight) for d in drives])
 
+    @property
+    def impossible(self) -> Floats:
+        """Deviations that stand for parameters without an answer."""
+        return _IMPOSSIBLE * self.space.records.output_span * self.weights
+
     def outputs(self, sets: list[Local]) -> Floats:
         """Modelled outputs of all drives, one after the other, SI."""
         self.evaluations += 1
@@ -52,7 +57,7 @@ class Objective:
         try:
             found = self.outputs([local for local, _ in self.space.unpack(theta)])
         except NoResponse:
-            return _IMPOSSIBLE * self.space.records.output_span * self.weights
+            return self.impossible
         return (found - self.measured) * self.weights
 
     def with_jacobian(self, theta: Floats) -> tuple[Floats, Floats]:

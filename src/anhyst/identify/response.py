@@ -196,9 +196,7 @@ class _Terms:
         self.law_t[1, 1] = 1.0
 
 
-def _once(
-    local: Local, operator: Operator, drive: Drive
-) -> tuple[Floats, Floats, Floats, Floats]:
+def _once(local: Local, operator: Operator, drive: Drive) -> tuple[Floats, Floats, Floats, Floats]:
     whole = np.concatenate([drive.lead, drive.input])
     terms = _Terms(local, whole, _DIRECTIONS)
     x, m, x_t, m_t, _, _, status, _ = operator.sensitivity(

@@ -56,7 +56,9 @@ def thinned(drive: Floats, most: int) -> NDArray[np.intp]:
     return np.unique(np.clip(places, 0, drive.size - 1))
 
 
-def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, Floats]:
+def screen(
+    form: Form, records: Records, sets: Floats, known: Local | None = None
+) -> tuple[Floats, Floats, Floats]:
     """Deviation of many sets at one gap, with the best gain and offset for each.
 
     Parameters
@@ -67,6 +69,8 @@ def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, 
         Loops at a single gap.
     sets : ndarray, shape (4, count)
         As :func:`sample_sets` draws them.
+    known : Local or None
+        Takes gain and offsets from here instead of the best.
 
     Returns
     -------
@@ -76,7 +80,7 @@ def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, 
     count = sets.shape[1]
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
-    offset = np.zeros(count)
+    offset = np.full(count, known.in_0 if known else 0.0)
     moments = np.zeros((5, count))
     total = 0.0
     for drive in records.drives:
@@ -99,7 +103,10 @@ def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, 
         moments[3] += weight * measured.sum()
         moments[4] += weight * (measured @ shape)
         total += weight * float(measured @ measured)
-    return _solve_linear(moments, total)
+    if known is None:
+        return _solve_linear(moments, total)
+    gain, out_0 = np.full(count, known.gain), np.full(count, known.out_0)
+    return _cost(moments, total, gain, out_0), gain, out_0
 
 
 def _solve_linear(moments: Floats, total: float) -> tuple[Floats, Floats, Floats]:
@@ -108,8 +115,14 @@ def _solve_linear(moments: Floats, total: float) -> tuple[Floats, Floats, Floats
     safe = np.where(spread > 0.0, spread, np.inf)
     gain = (ones * cross - first * mean) / safe
     out_0 = (mean - gain * first) / ones
-    cost = total - gain * cross - out_0 * mean
+    cost = _cost(moments, total, gain, out_0)
     return np.where(gain > 0.0, cost, np.inf), gain, out_0
+
+
+def _cost(moments: Floats, total: float, gain: Floats, out_0: Floats) -> Floats:
+    ones, first, second, mean, cross = moments
+    square = total + gain**2 * second + out_0**2 * ones
+    return np.asarray(square + 2.0 * (gain * out_0 * first - gain * cross - out_0 * mean))
 
 
 def starts(

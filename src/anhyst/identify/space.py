@@ -22,7 +22,7 @@ PER_GAP = {
     "none": frozenset[str](),
     "scaling": frozenset({"scale"}),
     "reluctance": frozenset({"omega"}),
-    "free": frozenset({"kappa", "c", "omega", "scale", "gain"}),
+    "free": frozenset(LOCAL),
 }
 """Which parameters each gap map lets differ from gap to gap. With ``reluctance`` the scale of the
 input follows from omega: ``scale = scale_0/(1 - h*omega)``, where 1/(1 - h*omega) = 1 + rho."""

@@ -1,0 +1,122 @@
+"""From the gauge-free form to physical parameters, and what had to be fixed to get there.
+
+Outputs do not change along the redundancies of EQUATIONS section 3, so values along them are
+chosen, and the choice is told:
+
+- field and flux density measured: nothing is left to choose;
+- otherwise ``M_s`` is set to 1e6 A/m where no measured quantity sets it;
+- reluctance map: ``alpha = 0``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from anhyst.data import Quantity
+from anhyst.identify.response import Form, Local
+
+MU_0 = 4e-7 * np.pi
+"""Permeability of free space, V s/(A m), as the core has it."""
+
+SATURATION = 1e6
+"""M_s where the data do not tell it, A/m."""
+
+AIR_CORE = 1e-3
+"""h where the data do not tell it: a/(M_s*(1 - alpha))."""
+
+Parameter = float | tuple[float, ...]
+
+
+def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> Form:
+    """Choose the form of the equations for what was measured.
+
+    Parameters
+    ----------
+    input_quantity, output_quantity : Quantity
+        As the measurements name them.
+    law : str
+        ``effective-field`` or ``jiles-atherton-1986``.
+
+    Returns
+    -------
+    Form
+    """
+    tied = input_quantity.name == "field" and output_quantity.name == "flux_density"
+    return Form(
+        power=2 if output_quantity.name == "force" else 1,
+        law=law,
+        permeability=MU_0 if tied else 0.0,
+        h=AIR_CORE,
+    )
+
+
+def physical(
+    sets: Sequence[Local], gap_map: str, input_quantity: Quantity, output_quantity: Quantity
+) -> dict[str, Parameter]:
+    """Physical parameters for gauge-free ones, for :class:`anhyst.model.ActuatorModel`.
+
+    Parameters
+    ----------
+    sets : sequence of Local
+        One for each gap.
+    gap_map : str
+        ``none``, ``scaling``, ``reluctance`` or ``free``.
+    input_quantity, output_quantity : Quantity
+        As measured.
+
+    Returns
+    -------
+    dict of str to float or tuple of float
+        SI; a tuple where the map lets a parameter differ from gap to gap.
+    """
+    power = 2 if output_quantity.name == "force" else 1
+    table = [
+        _at_one_gap(local, gap_map, input_quantity.name, output_quantity.name, power)
+        for local in sets
+    ]
+    vary = {
+        "none": set(),
+        "scaling": {"c_H"},
+        "reluctance": {"rho"},
+        "free": set(table[0]) - ({"c_H"} if input_quantity.name == "field" else set()),
+    }[gap_map]
+    if len(sets) == 1:
+        vary = set()
+    return {
+        name: tuple(row[name] for row in table) if name in vary else table[0][name]
+        for name in table[0]
+    }
+
+
+def _at_one_gap(
+    local: Local, gap_map: str, input_name: str, output_name: str, power: int
+) -> dict[str, float]:
+    h, omega = local.h, local.omega
+    if gap_map == "reluctance":
+        alpha, rho = 0.0, h * omega / (1.0 - h * omega)
+    else:
+        alpha, rho = -h * omega / (1.0 - h * omega), 0.0
+    unscaled = local.scale / (1.0 + rho)  # input for one unit of effective field without the gap
+    if input_name == "field":
+        a = unscaled
+        saturation = a / (h * (1.0 - alpha))
+    elif output_name == "flux_density":
+        saturation = local.gain / (MU_0 * (1.0 - alpha))
+        a = h * saturation * (1.0 - alpha)
+    else:
+        saturation = SATURATION
+        a = h * saturation * (1.0 - alpha)
+    return {
+        "M_s": saturation,
+        "a": a,
+        "k": local.kappa * a,
+        "c": local.c,
+        "alpha": alpha,
+        "rho": rho,
+        "c_H": a / unscaled,
+        "c_out": local.gain / (MU_0 * saturation * (1.0 - alpha)) ** power,
+        "in_0": local.in_0,
+        "out_0": local.out_0,
+    }
