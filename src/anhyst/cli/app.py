@@ -1,0 +1,123 @@
+"""Entry point of the command line: the verbs, and how they end."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated, cast
+
+import typer
+
+from anhyst.cli.console import one_line, say_error
+from anhyst.cli.diff import diff
+from anhyst.cli.identify import identify
+from anhyst.cli.inspect import inspect
+from anhyst.cli.report import report
+from anhyst.cli.use import invert, predict
+from anhyst.errors import InputError, NegativeResult
+
+BAD_INPUT = 2
+NEGATIVE = 1
+INTERRUPTED = 130
+
+# Typer carries the library it is built on under a private name that has changed.
+_Refusal = cast(
+    "type[typer.BadParameter]",
+    next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"),
+)
+
+app = typer.Typer(
+    name="anhyst",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for _verb in (inspect, identify, predict, invert, report, diff):
+    app.command(no_args_is_help=True)(_verb)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from anhyst.version import running_version
+
+        print(f"anhyst {running_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _anhyst(
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """From measured hysteresis loops to the model of an actuator, and back to its current.
+
+    Files are CSV with units in their headers (I_A, F_N, gap_mm); models are TOML. Exit code 0 on
+    success, 1 for a negative result, 2 on bad input, 130 after ctrl-C.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Instead of those of the process.
+
+    Returns
+    -------
+    int
+        Exit code: 0 success, 1 negative result, 2 bad input, 130 interrupted.
+    """
+    try:
+        code = _run(arguments)
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except BrokenPipeError:
+        # Nobody reads any more; keep the interpreter from complaining when it flushes.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return NEGATIVE
+    if code == INTERRUPTED:
+        print("anhyst: interrupted", file=sys.stderr)
+    return code
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    """Run a verb; what is wrong with its input becomes one line."""
+    try:
+        return int(app(args=arguments, prog_name="anhyst", standalone_mode=False) or 0)
+    except NegativeResult as error:
+        print(f"anhyst: {one_line(str(error))}", file=sys.stderr)
+        return NEGATIVE
+    except InputError as error:
+        text = str(error)
+    except _Refusal as error:
+        if not (message := error.format_message()):
+            return BAD_INPUT  # the help has been shown
+        text = f"{message} See 'anhyst --help'."
+    except MemoryError:
+        text = "not enough memory for this; thin the data or cut the file into parts"
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        text = _describe(error)
+    say_error(text)
+    return BAD_INPUT
+
+
+def _describe(error: OSError) -> str:
+    place = f"{error.filename}: " if error.filename else ""
+    advice = "; make room" if error.errno == errno.ENOSPC else ""
+    return f"{place}{error.strerror or error}{advice}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,97 @@
+"""What the verbs say and where: results on standard output, everything else on standard error."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+Update = Callable[[float, float], None]
+
+
+def say_error(text: str) -> None:
+    """Print the one line that bad input gets."""
+    print(f"anhyst: error: {one_line(text)}", file=sys.stderr)
+
+
+def warn(text: str) -> None:
+    """Print a warning as one line."""
+    print(f"anhyst: warning: {one_line(text)}", file=sys.stderr)
+
+
+def one_line(text: str) -> str:
+    """Fold a text into one line."""
+    return " ".join(text.split())
+
+
+def print_json(result: Mapping[str, Any]) -> None:
+    """Print a result as JSON; numbers that JSON does not have become null."""
+    print(json.dumps(_plain(result), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Sequence):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def table(title: str, headers: Sequence[str]) -> Table:
+    """Start a table; columns after the first are numbers."""
+    from rich.table import Table
+
+    result = Table(title=title, title_justify="left", title_style="bold", header_style="bold")
+    for place, header in enumerate(headers):
+        result.add_column(header, justify="right" if place else "left")
+    return result
+
+
+def show(*parts: str | Table) -> None:
+    """Print tables and lines for a person."""
+    from rich.console import Console
+
+    terminal = sys.stdout.isatty()
+    # In a pipe nobody looks at the width: a table is not to be squeezed.
+    console = Console(highlight=False, width=None if terminal else 200, soft_wrap=not terminal)
+    for part in parts:
+        console.print(part, markup=False)
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Update | None]:
+    """Show the progress of long work on a terminal, and nothing in a pipe.
+
+    Parameters
+    ----------
+    title : str
+        What is being done.
+
+    Yields
+    ------
+    callable or None
+        To be called with what is done and the total; None where nobody would see it.
+    """
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None)
+
+        def update(done: float, total: float) -> None:
+            bar.update(task, completed=done, total=total)
+
+        yield update

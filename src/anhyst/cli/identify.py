@@ -1,0 +1,175 @@
+"""The verb ``identify``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from anhyst.cli.console import print_json, progress_bar, show, warn
+from anhyst.cli.options import (
+    AsJson,
+    Clean,
+    Columns,
+    Constants,
+    LoopColumn,
+    LoopHistory,
+    Loops,
+    Schedule,
+    Sidecar,
+)
+
+if TYPE_CHECKING:
+    from anhyst.identify import IdentifyResult
+
+
+class Law(StrEnum):
+    """Hysteresis laws."""
+
+    EFFECTIVE_FIELD = "effective-field"
+    JILES_ATHERTON_1986 = "jiles-atherton-1986"
+
+
+class GapMapChoice(StrEnum):
+    """Gap maps, and letting the left-out error choose."""
+
+    SCALING = "scaling"
+    RELUCTANCE = "reluctance"
+    FREE = "free"
+    AUTO = "auto"
+
+
+class Search(StrEnum):
+    """Ways to search."""
+
+    DEFAULT = "default"
+    PAPER = "paper"
+
+
+def identify(
+    loops: Loops,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Model file to write.")],
+    law: Annotated[
+        Law,
+        typer.Option(
+            metavar="LAW", help="The hysteresis law: effective-field or jiles-atherton-1986."
+        ),
+    ] = Law.EFFECTIVE_FIELD,
+    gap_map: Annotated[
+        GapMapChoice,
+        typer.Option(
+            metavar="MAP",
+            help="How the gap enters: 'scaling' of the field (the paper), series 'reluctance', "
+            "'free' (anything may vary; fixed gaps only), or 'auto': whichever predicts left-out "
+            "gaps best.",
+        ),
+    ] = GapMapChoice.AUTO,
+    search: Annotated[
+        Search,
+        typer.Option(metavar="HOW", help="'default', or 'paper' to reproduce the paper's figures."),
+    ] = Search.DEFAULT,
+    seed: Annotated[
+        int, typer.Option(help="The same seed gives the same model on the same machine.")
+    ] = 1,
+    columns: Columns = None,
+    sidecar: Sidecar = None,
+    schedule: Schedule = None,
+    loop: LoopColumn = None,
+    constants: Constants = None,
+    history: LoopHistory = None,
+    clean: Clean = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find the model of an actuator from measured loops.
+
+    All loops at all gaps are fitted together. The model file keeps parameters with units, valid
+    range, fit figures, uncertainty and where it came from. A model whose force does not rise
+    everywhere as the gap closes is written, but fails: exit code 1.
+
+    A run that was killed goes on where it was when it is started again. Ctrl-C writes the best
+    model so far and ends with exit code 130.
+
+    Example: anhyst identify loops.csv --out model.toml --gap-map auto
+    """
+    from anhyst.atomic import check_writable
+    from anhyst.errors import NegativeResult
+    from anhyst.identify import identify as find_model
+    from anhyst.modelfile import write_model
+    from anhyst.sources import ReadOptions, with_read_options
+
+    check_writable(out)
+    options = ReadOptions.from_text(
+        columns=columns,
+        constants=constants,
+        schedule=schedule,
+        loop=loop,
+        history=history,
+        sidecar=None if sidecar is None else str(sidecar),
+        clean=clean,
+    )
+    with progress_bar("reading") as progress:
+        measured = options.read(loops, progress)
+    with progress_bar("searching") as progress:
+        result = find_model(
+            measured,
+            law=law.value,
+            gap_map=gap_map.value,
+            search=search.value,
+            seed=seed,
+            progress=progress,
+            checkpoint=out.with_name(f"{out.name}.checkpoint"),
+        )
+    write_model(with_read_options(result.model, options), out)
+    for text in result.warnings:
+        warn(text)
+    if as_json:
+        print_json(_as_dict(result, out))
+    else:
+        _show(result, out)
+    if result.interrupted:
+        raise KeyboardInterrupt
+    check = result.model.check_over_gap()
+    if check is not None and not check.passed:
+        raise NegativeResult(f"{out}: {check.text(result.model.input.unit)}")
+
+
+def _as_dict(result: IdentifyResult, out: Path) -> dict[str, object]:
+    from dataclasses import asdict
+
+    model = result.model
+    return {
+        "out": str(out),
+        "law": model.law,
+        "gap_map": model.gap_map,
+        "parameters": dict(model.parameters),
+        "nodes": list(model.nodes),
+        "fit": asdict(model.fit) if model.fit else None,
+        "uncertainty": asdict(model.uncertainty) if model.uncertainty else None,
+        "reduction": [asdict(step) for step in model.reduction],
+        "warnings": list(result.warnings),
+        "seconds": result.seconds,
+        "evaluations": result.evaluations,
+        "interrupted": result.interrupted,
+    }
+
+
+def _show(result: IdentifyResult, out: Path) -> None:
+    model, fit = result.model, result.model.fit
+    lines = [f"{out}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"]
+    if fit is not None and fit.largest_output > 0.0:
+        mean, rms, worst = (
+            100.0 * value / fit.largest_output for value in (fit.mean_abs, fit.rms, fit.worst)
+        )
+        lines.append(
+            f"deviation from the measurement: mean {mean:.3g} %, rms {rms:.3g} %, worst "
+            f"{worst:.3g} % of the largest output ({fit.largest_output:.5g} {model.output.unit})"
+        )
+        lines += [
+            f"left-out error with gap map {name}: {100.0 * error:.3g} %"
+            for name, error in fit.left_out.items()
+        ]
+    if model.uncertainty is not None:
+        lines += [f"note: {text}" for text in model.uncertainty.statements]
+    show(*lines)

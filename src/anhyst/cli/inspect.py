@@ -1,0 +1,153 @@
+"""The verb ``inspect``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from anhyst.cli.console import print_json, progress_bar, show, table, warn
+from anhyst.cli.options import (
+    AsJson,
+    Clean,
+    Columns,
+    Constants,
+    LoopColumn,
+    LoopHistory,
+    Loops,
+    Schedule,
+    Sidecar,
+)
+
+if TYPE_CHECKING:
+    from anhyst.data.inspection import Inspection, LoopFigures
+    from anhyst.data.loopset import LoopSet
+
+
+def inspect(
+    loops: Loops,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the loops (png, svg or pdf).")
+    ] = None,
+    columns: Columns = None,
+    sidecar: Sidecar = None,
+    schedule: Schedule = None,
+    loop: LoopColumn = None,
+    constants: Constants = None,
+    history: LoopHistory = None,
+    clean: Clean = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what was understood of measured loops, and whether a hysteresis model is worth it.
+
+    Gaps, loops, ranges, sampling, offsets, drift, closure, noise, skew between the channels,
+    saturation, what was repaired; and the verdict: how wide the loops are, how far the best
+    single-valued curve is off, and so what a model can gain at most.
+
+    Columns are named with their unit: t_s, I_A, F_N, gap_m, H_A_per_m, B_T, psi_Wb, u_V, x_m, T_C,
+    loop; 'I [mA]', 'gap (mm)' and a row of units are understood as well.
+
+    Example: anhyst inspect loops.csv --plot loops.png
+    """
+    from anhyst.data.inspection import inspect as look_at
+    from anhyst.sources import ReadOptions
+
+    if plot is not None:
+        _check_plot(plot)
+    options = ReadOptions.from_text(
+        columns=columns,
+        constants=constants,
+        schedule=schedule,
+        loop=loop,
+        history=history,
+        sidecar=None if sidecar is None else str(sidecar),
+        clean=clean,
+    )
+    # Thinning would hide noise and skew, which are what is looked for.
+    options = replace(options, clean=tuple(step for step in options.clean if step != "thin"))
+    with progress_bar("reading") as progress:
+        measured = options.read(loops, progress)
+    found = look_at(measured)
+    if plot is not None:
+        _draw(measured, plot)
+    if as_json:
+        print_json(found.as_dict())
+        return
+    _show(found)
+    if plot is not None:
+        show(f"{plot} written")
+
+
+def _check_plot(path: Path) -> None:
+    from anhyst.atomic import check_writable
+    from anhyst.errors import InputError
+
+    if path.suffix.lower() not in {".png", ".svg", ".pdf"}:
+        raise InputError(f"{path}: a plot is written as .png, .svg or .pdf; change the ending")
+    check_writable(path)
+
+
+def _draw(loops: LoopSet, path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    from anhyst.atomic import write_error
+
+    figure, axes = plt.subplots(figsize=(8.0, 6.0), layout="constrained")
+    loops.plot(axes)
+    try:
+        figure.savefig(path, dpi=150)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise write_error(path, error) from error
+    finally:
+        plt.close(figure)
+
+
+def _show(found: Inspection) -> None:
+    for text in found.warnings:
+        warn(text)
+    drive, answer, schedule = found.input, found.output, found.schedule
+    headers = ["loop", *([schedule.column] if schedule else []), "rows", "cycles"]
+    headers += [drive.column, answer.column, f"width {drive.unit}", f"noise {answer.unit}"]
+    headers += [f"drift {answer.unit}", f"closure {answer.unit}", "skew", "saturation", "history"]
+    figures = table(f"{len(found.loops)} loops, {drive.name} to {answer.name}", headers)
+    for loop in found.loops:
+        figures.add_row(*_row(loop, scheduled=schedule is not None))
+    show(figures)
+    _show_texts("repaired", found.repairs)
+    _show_texts("noted", found.notes)
+    show("is it worth it?", *(f"  {sentence}" for sentence in found.verdict.sentences))
+
+
+def _row(loop: LoopFigures, *, scheduled: bool) -> list[str]:
+    cells = [loop.label]
+    if scheduled:
+        cells.append(_number(loop.schedule))
+    return [
+        *cells,
+        str(loop.samples),
+        f"{loop.cycles:g}",
+        f"{loop.input_low:.4g} to {loop.input_high:.4g}",
+        f"{loop.output_low:.4g} to {loop.output_high:.4g}",
+        _number(loop.width),
+        _number(loop.noise),
+        _number(loop.drift),
+        _number(loop.closure),
+        _number(loop.skew),
+        _number(loop.saturation),
+        str(loop.history),
+    ]
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
+
+
+def _show_texts(title: str, texts: tuple[str, ...]) -> None:
+    if texts:
+        show(f"{title}:", *(f"  {text}" for text in texts))

@@ -1,0 +1,74 @@
+"""Options that several verbs share, and what their texts mean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Loops = Annotated[
+    list[Path], typer.Argument(metavar="LOOPS", help="CSV files, or folders of them.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+
+Columns = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE=OURS,...",
+        help="What columns of the file are, where their headers do not say, such as "
+        "'I_A_scaled=I_A,U_M_V=psi_Wb'. An empty right side leaves a column out.",
+    ),
+]
+Sidecar = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="TOML that says what the headers do not (columns, history, ...). Without it, a .toml "
+        "of the same name beside each file is used.",
+    ),
+]
+Schedule = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="The quantity or column that parameters run over."),
+]
+LoopColumn = Annotated[
+    str | None, typer.Option("--loop", metavar="COLUMN", help="The column that tells loops apart.")
+]
+Constants = Annotated[
+    str | None,
+    typer.Option(
+        metavar="OURS=VALUE,...",
+        help="What is the same throughout the file and in no column, such as 'gap_mm=0.4'.",
+    ),
+]
+Clean = Annotated[
+    str | None,
+    typer.Option(
+        metavar="STEP,...",
+        help="Cleaning steps: dedupe, spikes, steady, drift, offset, skew, thin; or 'none'. "
+        "[default: dedupe,thin]",
+        show_default=False,
+    ),
+]
+LoopHistory = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HISTORY",
+        help="What happened before the first sample: 'demagnetised', 'settled' (a cycle that has "
+        "been repeated), or 'conditioned:0,2,0' (turning points of the input in SI units). "
+        "[default: as the sidecar says, or proposed from each record]",
+        show_default=False,
+    ),
+]
+RunHistory = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HISTORY",
+        help="What happened before the first sample: 'demagnetised', 'settled' (the file is a "
+        "cycle, repeated until it closes), or 'conditioned:0,2,0' (turning points of the input in "
+        "SI units). [default: as the model says]",
+        show_default=False,
+    ),
+]
+ModelPath = Annotated[Path, typer.Argument(metavar="MODEL", help="A model.toml.")]

@@ -1,0 +1,37 @@
+"""The verb ``report``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anhyst.cli.console import print_json, show
+from anhyst.cli.options import AsJson, ModelPath
+
+
+def report(
+    model: ModelPath,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="HTML file to write.")
+    ] = Path("report.html"),
+    as_json: AsJson = False,
+) -> None:
+    """Write the report of a model: one HTML file that needs nothing else.
+
+    Measured against modelled loops at each gap, residuals, parameters over the gap, the cost of
+    each reduction, uncertainty, verdict and provenance. The measurements that the model was
+    identified from are read again; they must still be where the model file says.
+
+    Example: anhyst report model.toml --out report.html
+    """
+    from anhyst.atomic import check_writable
+    from anhyst.report import write_report
+
+    check_writable(out)
+    write_report(model, out)
+    if as_json:
+        print_json({"out": str(out)})
+    else:
+        show(f"{out} written")

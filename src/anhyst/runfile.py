@@ -1,0 +1,235 @@
+"""A model over a file: read a drive or a demand, compute, write the answer beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.atomic import PathLike, check_writable
+from anhyst.data.files import write_csv
+from anhyst.data.rawtable import Texts
+from anhyst.data.table import Table, read_columns
+from anhyst.errors import InputError, NegativeResult
+from anhyst.run import SHORTEST_RUN
+
+if TYPE_CHECKING:
+    from anhyst.data.units import Quantity
+    from anhyst.model import ActuatorModel
+    from anhyst.run import Prediction
+
+FloatArray = NDArray[np.float64]
+Rows = NDArray[np.intp]
+Progress = Callable[[int, int], None]
+Direction = Literal["predict", "invert"]
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """How far the computed quantity is from one that the file held already, in its own unit."""
+
+    mean_abs: float
+    rms: float
+    worst: float
+    largest: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunSummary:
+    """What was computed over a file.
+
+    Parameters
+    ----------
+    out : str
+        The file written.
+    column, unit : str
+        Header of the computed column and its unit.
+    rows, runs : int
+        Samples, and runs that each start from the history.
+    history : str
+        What was assumed to have happened before each run.
+    low, high : float
+        Range of the computed quantity.
+    outside : int
+        Samples outside the valid range of the model (``valid`` is 0).
+    deviation : Deviation or None
+        Against a column of the same quantity in the file, if it holds one.
+    warnings : tuple of str
+        One sentence each.
+    """
+
+    out: str
+    column: str
+    unit: str
+    rows: int
+    runs: int
+    history: str
+    low: float
+    high: float
+    outside: int
+    deviation: Deviation | None
+    warnings: tuple[str, ...]
+
+
+def run_file(
+    model: ActuatorModel,
+    direction: Direction,
+    path: PathLike,
+    out: PathLike,
+    *,
+    columns: Mapping[str, str] | None = None,
+    history: str | None = None,
+    progress: Progress | None = None,
+) -> RunSummary:
+    """Predict or invert a whole file.
+
+    The columns of the file are repeated as they stood; the computed quantity and ``valid`` (1
+    inside the valid range of the model, 0 outside) are added. Each loop that the column ``loop``
+    names is a run of its own, at each value of the scheduling variable. A file without that column
+    is one run; only where the history is ``settled``, each stretch at one value is a cycle.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    direction : str
+        ``"predict"`` (input to output) or ``"invert"`` (output to input).
+    path, out : path-like
+        The file to read and the CSV file to write.
+    columns : mapping of str to str, optional
+        What columns of the file are, where their headers do not say.
+    history : str, optional
+        What happened before each run, instead of what the model says.
+    progress : callable, optional
+        Called with bytes read and file size.
+
+    Returns
+    -------
+    RunSummary
+        For the screen.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a column is missing, ``out`` cannot be written, or a sample is
+        refused; names file, column or sample.
+    """
+    check_writable(out)
+    table = read_columns(path, columns, progress)
+    given, wanted = model.input, model.output
+    if direction == "invert":
+        given, wanted = wanted, given
+    values = table.need(given.name, given.column)
+    schedule = None if model.schedule is None else table.get(model.schedule.name)
+    time = table.get("time")
+    past = history if history is not None else str(model.history)
+    runs = _find_runs(table, schedule, settled=past.startswith("settled"))
+    found, valid = np.empty(len(table)), np.empty(len(table), dtype=np.bool_)
+    warnings: dict[str, None] = {}
+    for rows in runs:
+        result = _one_run(model, direction, path, values, schedule, time, past, rows)
+        found[rows] = result.output if direction == "predict" else result.drive
+        valid[rows] = result.valid
+        where = f"rows {rows[0] + 1} to {rows[-1] + 1}: " if len(runs) > 1 else ""
+        warnings |= {f"{where}{text}": None for text in result.warnings}
+    column = _write(table, out, wanted, found, valid)
+    return RunSummary(
+        out=str(out),
+        column=column,
+        unit=wanted.unit,
+        rows=len(table),
+        runs=len(runs),
+        history=past,
+        low=float(found.min()),
+        high=float(found.max()),
+        outside=int((~valid).sum()),
+        deviation=_deviation(table.get(wanted.name), found),
+        warnings=tuple(warnings),
+    )
+
+
+def _one_run(
+    model: ActuatorModel,
+    direction: Direction,
+    path: PathLike,
+    values: FloatArray,
+    schedule: FloatArray | None,
+    time: FloatArray | None,
+    history: str,
+    rows: Rows,
+) -> Prediction:
+    from anhyst.run import invert, predict
+
+    compute = predict if direction == "predict" else invert
+
+    def part(column: FloatArray | None) -> FloatArray | None:
+        if column is None:
+            return None
+        return column if rows.size == column.size else column[rows]
+
+    mine = part(values)
+    assert mine is not None
+    try:
+        return compute(model, mine, part(schedule), part(time), history)
+    except (InputError, NegativeResult) as error:
+        where = f"{path}: " if rows.size == values.size else f"{path}: rows from {rows[0] + 1}: "
+        raise type(error)(f"{where}{error}") from error
+
+
+def _find_runs(table: Table, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
+    """Rows of each run, in their order."""
+    labels = next(
+        (
+            column
+            for header, column in zip(table.headers, table.columns, strict=True)
+            if header.is_label and isinstance(column, Texts)
+        ),
+        None,
+    )
+    everything = np.arange(len(table))
+    if labels is None:
+        return _by_value(schedule, everything) if settled else [everything]
+    loops = [np.flatnonzero(labels.codes == code) for code in range(len(labels.values))]
+    return [run for rows in loops if rows.size for run in _by_value(schedule, rows)]
+
+
+def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
+    """Cut rows where the scheduling variable steps; one that moves stays whole."""
+    if schedule is None:
+        return [rows]
+    steps = np.flatnonzero(np.diff(schedule[rows])) + 1
+    if not steps.size or rows.size < SHORTEST_RUN * (steps.size + 1):
+        return [rows]
+    return np.split(rows, steps)
+
+
+def _write(
+    table: Table, out: PathLike, wanted: Quantity, found: FloatArray, valid: NDArray[np.bool_]
+) -> str:
+    """Write the columns of the file and those computed; return the header of the computed one."""
+    columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
+    name, flag = wanted.column, "valid"
+    if name in columns:  # a measurement: keep it, so that the two can be compared
+        name = f"{wanted.symbol}_model{wanted.column.removeprefix(wanted.symbol)}"
+    if flag in columns:
+        flag = "valid_model"
+    if name in columns or flag in columns:
+        taken = name if name in columns else flag
+        raise InputError(f"{table.path}: has a column '{taken}' already; rename it in the file")
+    write_csv(out, columns | {name: found, flag: valid})
+    return name
+
+
+def _deviation(measured: FloatArray | None, found: FloatArray) -> Deviation | None:
+    if measured is None:
+        return None
+    apart = np.abs(found - measured)
+    return Deviation(
+        mean_abs=float(apart.mean()),
+        rms=float(np.sqrt(np.square(apart).mean())),
+        worst=float(apart.max()),
+        largest=float(np.abs(measured).max()),
+    )

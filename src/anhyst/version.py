@@ -1,0 +1,13 @@
+"""The version of the package that is running."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+
+
+def running_version() -> str:
+    """Return the version as installed, or ``"0+source"`` when run from a bare source tree."""
+    try:
+        return version("anhyst")
+    except PackageNotFoundError:
+        return "0+source"
