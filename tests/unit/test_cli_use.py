@@ -1,0 +1,133 @@
+"""``predict``, ``invert`` and ``diff`` through the real command line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data.units import QUANTITIES
+from anhyst.model import ActuatorModel
+from anhyst.modelfile import read_model, write_model
+from anhyst.record import ValidRange
+
+HALF = np.linspace(0.1, 2.0, 30)
+CYCLE = np.concatenate([HALF, HALF[-2::-1]])
+
+
+def anhyst(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "anhyst.cli.app", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def fails_in_one_line(result: subprocess.CompletedProcess[str], code: int, said: str) -> None:
+    assert result.returncode == code, result.stderr
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1
+    assert result.stderr.startswith("anhyst: error: ")
+    assert said in result.stderr
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    model = ActuatorModel(
+        name="magnet",
+        input=QUANTITIES["current"],
+        output=QUANTITIES["force"],
+        parameters={"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.15, "c_H": 9000.0, "c_out": 60.0}
+        | {"rho": (0.004, 0.008)},
+        gap_map="reluctance",
+        schedule=QUANTITIES["gap"],
+        nodes=(0.3e-3, 0.6e-3),
+        valid=ValidRange((0.0, 2.0), (0.0, 500.0), (0.3e-3, 0.6e-3)),
+    )
+    write_model(model, tmp_path / "model.toml")
+    rows = [f"{one},{0.4 + 0.1 * place / 59}" for place, one in enumerate(CYCLE)]
+    (tmp_path / "drive.csv").write_text("\n".join(["I_A,gap_mm", *rows]) + "\n")
+    return tmp_path
+
+
+def test_current_goes_to_force_and_back(folder: Path) -> None:
+    there = anhyst("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
+    assert (there.returncode, there.stderr) == (0, "")
+    assert there.stdout.startswith("force.csv: 59 rows, one run demagnetised\nF_N: ")
+    rows = [line.split(",") for line in (folder / "force.csv").read_text().split()]
+    assert rows[0] == ["I_A", "gap_mm", "F_N", "valid"]
+    demand = "\n".join(",".join([row[1], row[2]]) for row in rows)
+    (folder / "demand.csv").write_text(demand + "\n")
+    back = anhyst("invert", "model.toml", "demand.csv", "-o", "current.csv", "--json", cwd=folder)
+    assert back.returncode == 0
+    summary = json.loads(back.stdout)
+    assert summary["column"] == "I_A"
+    assert summary["outside"] == 0
+    found = np.loadtxt(folder / "current.csv", delimiter=",", skiprows=1)
+    assert np.abs(found[:, 2] - CYCLE).max() < 1e-6
+
+
+def test_history_and_columns_are_told_on_the_command_line(folder: Path) -> None:
+    text = (folder / "drive.csv").read_text().replace("I_A,gap_mm", "X,Y")
+    (folder / "drive.csv").write_text(text)
+    told = ["--columns", "X=I_A,Y=gap_mm", "--history", "conditioned:0,2,0"]
+    result = anhyst("predict", "model.toml", "drive.csv", "-o", "f.csv", *told, cwd=folder)
+    assert result.returncode == 0, result.stderr
+    drive = np.loadtxt(folder / "f.csv", delimiter=",", skiprows=1)
+    model = read_model(folder / "model.toml")
+    wanted = model.predict(drive[:, 0], 1e-3 * drive[:, 1], history="conditioned:0,2,0")
+    assert drive[:, 2] == pytest.approx(wanted.output, rel=1e-12)
+
+
+def test_samples_outside_the_valid_range_are_warned_of(folder: Path) -> None:
+    text = (folder / "drive.csv").read_text().replace("\n2.0,", "\n2.5,")
+    (folder / "drive.csv").write_text(text)
+    result = anhyst("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
+    assert result.returncode == 0
+    assert result.stderr.startswith("anhyst: warning: 1 of 59 samples lie outside the valid range")
+    assert "1 rows lie outside" in result.stdout
+
+
+def test_a_demand_that_settles_nowhere_is_a_negative_result(folder: Path) -> None:
+    text = (folder / "model.toml").read_text()
+    (folder / "model.toml").write_text(text.replace("k_A_per_m = 300.0", "k_A_per_m = 399999.0"))
+    (folder / "d.csv").write_text("I_A,gap_mm\n" + "1e-5,0.4\n2e-5,0.4\n1e-5,0.4\n")
+    arguments = ["predict", "model.toml", "d.csv", "-o", "f.csv", "--history", "settled"]
+    result = anhyst(*arguments, cwd=folder)
+    assert result.returncode == 1
+    assert result.stderr.startswith("anhyst: d.csv: the drive was repeated")
+    assert not (folder / "f.csv").exists()
+
+
+def test_a_model_that_was_edited_wrongly_is_told_with_its_line(folder: Path) -> None:
+    text = (folder / "model.toml").read_text().replace("k_A_per_m = 300.0", "k_A_per_m = -3.0")
+    (folder / "model.toml").write_text(text)
+    line = 1 + text[: text.index("k_A_per_m = -3")].count("\n")
+    result = anhyst("predict", "model.toml", "drive.csv", "--out", "f.csv", cwd=folder)
+    fails_in_one_line(result, 2, f"model.toml:{line}: parameters.k_A_per_m: must be above 0")
+    (folder / "model.toml").write_text(text[:700])
+    result = anhyst("diff", "model.toml", "model.toml", cwd=folder)
+    fails_in_one_line(result, 2, "model.toml:")
+
+
+def test_a_file_without_the_drive_is_told(folder: Path) -> None:
+    (folder / "drive.csv").write_text("F_N,gap_mm\n1,0.4\n2,0.4\n")
+    result = anhyst("predict", "model.toml", "drive.csv", "--out", "f.csv", cwd=folder)
+    fails_in_one_line(result, 2, "drive.csv: has no column of current")
+    assert not (folder / "f.csv").exists()
+
+
+def test_diff_tells_the_change_and_the_newtons(folder: Path) -> None:
+    text = (folder / "model.toml").read_text().replace("F_0_N = 0.0", "F_0_N = 1.5")
+    (folder / "other.toml").write_text(text)
+    shown = anhyst("diff", "model.toml", "other.toml", cwd=folder)
+    assert shown.returncode == 0
+    assert "F_0_N" in shown.stdout
+    assert "all together: mean 1.5 N, worst 1.5 N" in shown.stdout
+    result = json.loads(anhyst("diff", "model.toml", "other.toml", "--json", cwd=folder).stdout)
+    assert result["parameters"] == [{"name": "out_0", "first": 0.0, "second": 1.5}]
+    assert result["worst"] == pytest.approx(1.5)
+    assert not result["same"]
+    alike = anhyst("diff", "model.toml", "model.toml", cwd=folder)
+    assert alike.stdout == "the two models compute the same\n"
