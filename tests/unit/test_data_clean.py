@@ -133,6 +133,12 @@ def test_no_delay_is_claimed_where_there_is_none() -> None:
     assert estimates.skew(record(field, noisy).loops[0]) == 0.0
 
 
+def test_noise_alone_is_no_delay() -> None:
+    field, flux, _ = iron(20.0, 4000)
+    noisy = flux + np.random.default_rng(4).normal(0.0, 0.05, flux.size)
+    assert estimates.skew(record(field, noisy).loops[0]) in {0.0, None}
+
+
 @pytest.mark.parametrize("sigma", [1e-4, 1e-3, 5e-3])
 def test_noise_is_told_from_the_signal(sigma: float) -> None:
     _, flux, _ = iron(5.0, 1000)

@@ -121,6 +121,14 @@ def test_saturated_and_tared_magnets_are_not_taken_for_swapped() -> None:
     assert not any("swapped" in text for text in inspect(tared).warnings)
 
 
+def test_biased_magnet_follows_the_sign_of_its_current() -> None:
+    loop = magnet(bipolar=True, width=0.05)
+    force = 20.0 * loop.output / loop.output.max() * np.sign(loop.input) + 30.0
+    found = inspect(changed(loop, loop.input, force))
+    assert found.verdict.width < 0.3
+    assert found.verdict.single_mean_relative < 0.05
+
+
 def test_flux_that_falls_with_its_field_is_refused() -> None:
     loop = magnet(bipolar=True)
     flux = -np.tanh(loop.input)

@@ -196,6 +196,7 @@ def test_rows_are_selected_by_value(tmp_path: Path) -> None:
     assert LoopSet.from_csv(path, select={"gap_mm": [0.5, 0.6]}).schedule_values == (0.0005, 0.0006)
     both = LoopSet.from_csv(path, select={"gap_mm": 0.50, "ok": "y"})
     assert both.schedule_values == (0.0005,)
+    assert LoopSet.from_csv(path, select={"gap_mm": "0.50"}).schedule_values == (0.0005,)
     with pytest.raises(InputError, match="no row has ok"):
         LoopSet.from_csv(path, select={"ok": "maybe"})
 

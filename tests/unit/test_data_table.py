@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import read_columns, write_csv
+from anhyst.data import atomic_writer, read_columns, write_csv
 from anhyst.data.rawtable import Texts
 from anhyst.errors import InputError
 
@@ -109,6 +109,12 @@ def test_missing_file_and_folder_are_named(tmp_path: Path) -> None:
         read_columns(tmp_path / "none.csv")
     with pytest.raises(InputError, match="is a folder"):
         read_columns(tmp_path)
+
+
+def test_time_going_backwards_is_named_with_its_line(tmp_path: Path) -> None:
+    table = read_columns(file_of(tmp_path, "t_s,I_A\n0,1\n2,1\n# x\n1,1\n"))
+    with pytest.raises(InputError, match=r"loops\.csv: line 5: time going backwards"):
+        table.get("time")
 
 
 def test_text_in_a_column_nobody_needs_is_kept(tmp_path: Path) -> None:
@@ -215,10 +221,30 @@ def test_writing_is_all_or_nothing(tmp_path: Path) -> None:
     out = tmp_path / "sub" / "out.csv"
     with pytest.raises(InputError, match=r"out\.csv: cannot be written: No such file"):
         write_csv(out, {"I_A": np.zeros(3)})
-    full = Path("/dev/full")
-    if full.exists():
-        with pytest.raises(InputError, match="cannot be written"):
-            write_csv(tmp_path / ("n" * 300), {"I_A": np.zeros(3)})
+    with pytest.raises(InputError, match="cannot be written: File name too long"):
+        write_csv(tmp_path / ("n" * 300), {"I_A": np.zeros(3)})
+    with pytest.raises(InputError, match="cannot be written: Is a directory"):
+        write_csv(tmp_path, {"I_A": np.zeros(3)})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_devices_are_written_to_and_not_replaced() -> None:
+    device = Path("/dev/full")
+    if not device.is_char_device():
+        pytest.skip("no /dev/full here")
+    with pytest.raises(InputError, match="/dev/full: cannot be written: No space left on device"):
+        write_csv(device, {"I_A": np.zeros(3)})
+    assert device.is_char_device()
+
+
+def test_interrupted_writing_leaves_nothing_behind(tmp_path: Path) -> None:
+    def half() -> None:
+        with atomic_writer(tmp_path / "model.toml") as file:
+            file.write("half of it")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        half()
     assert list(tmp_path.iterdir()) == []
 
 

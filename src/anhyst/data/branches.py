@@ -105,8 +105,21 @@ def is_bipolar(drive: Floats) -> bool:
 
 
 def is_even(loopset: LoopSet) -> bool:
-    """Whether the output cannot tell the sign of the input, as force cannot."""
-    return loopset.output.name == "force"
+    """Whether the output cannot tell the sign of the input, as force cannot.
+
+    Not so in a magnet with a bias (permanent magnet or second coil): its force follows the input.
+    """
+    if loopset.output.name != "force":
+        return False
+    bipolar = [loop for loop in loopset.loops if is_bipolar(loop.input)]
+    return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar)
+
+
+def correlation(one: Floats, two: Floats) -> float:
+    """Coefficient of correlation of two signals; 0 if one is constant."""
+    a, b = one - one.mean(), two - two.mean()
+    scale = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
+    return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
 
 
 def folded(loop: Loop, *, even: bool) -> tuple[Floats, Floats]:

@@ -137,11 +137,12 @@ def skew(loop: Loop) -> float | None:
     if abs(delay) > 0.9 * _MOST_SKEW:
         return None
     spread = _TO_SIGMA * float(np.median(np.abs(np.array(votes) - delay)))
-    agreed = len(votes) == 1 or abs(delay) > 3.0 * spread / (len(votes) - 1) ** 0.5
+    if abs(delay) < 0.2 or spread > max(0.5, 0.5 * abs(delay)):
+        return 0.0
     # Few votes may agree by chance: the fewer they are, the plainer the gain must be.
-    needed = {1: 0.3, 2: 0.6, 3: 0.6}.get(len(votes), 1.0)
-    plain = abs(delay) >= 0.2 and float(np.median(gains)) < needed
-    return delay if agreed and plain else 0.0
+    needed = {1: 0.3, 2: 0.6, 3: 0.6}.get(len(votes), 0.97)
+    certain = len(votes) == 1 or abs(delay) > 3.0 * spread / (len(votes) - 1) ** 0.5
+    return delay if certain and float(np.median(gains)) < needed else 0.0
 
 
 def saturation(loop: Loop) -> float | None:

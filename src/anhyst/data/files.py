@@ -31,17 +31,21 @@ def atomic_writer(path: PathLike) -> Iterator[TextIO]:
         when the writing is interrupted.
     """
     path = Path(path)
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    # A device or a pipe cannot be replaced by a file, and must not be.
+    special = os.path.exists(path) and not os.path.isfile(path)
+    draft = path if special else path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with draft.open("x", encoding="utf-8", newline="\n") as file:
+        with draft.open("w", encoding="utf-8", newline="\n") as file:
             yield file
-        draft.replace(path)
+        if not special:
+            draft.replace(path)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(f"{path}: cannot be written: {reason}; choose another --out") from error
+        raise InputError(f"{path}: cannot be written: {reason}; choose another place") from error
     finally:
-        with contextlib.suppress(OSError):
-            draft.unlink(missing_ok=True)
+        if not special:
+            with contextlib.suppress(OSError):
+                draft.unlink(missing_ok=True)
 
 
 def write_csv(path: PathLike, columns: Mapping[str, Column]) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from anhyst.data.files import Column, write_csv
 from anhyst.data.history import SETTLED, History
 from anhyst.data.layout import PathLike
-from anhyst.data.path import reversal_count
+from anhyst.data.path import reversal_count, time_fault
 from anhyst.data.rawtable import Progress, Texts
 from anhyst.data.units import QUANTITIES, Quantity
 from anhyst.errors import InputError
@@ -112,12 +112,6 @@ class Loop:
     def reverses(self) -> bool:
         """Whether the input ever comes back: a record that does not shows no hysteresis."""
         return self.reversals > 0
-
-
-def time_fault(time: Floats) -> int | None:
-    """Index of the first sample whose time is before that of the sample before it."""
-    back = np.flatnonzero(np.diff(time) < 0.0)
-    return int(back[0]) + 1 if back.size else None
 
 
 @dataclass(frozen=True, slots=True)

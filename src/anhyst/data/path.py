@@ -69,6 +69,12 @@ def crossings(
     return other[place] + share * (other[place + 1] - other[place])
 
 
+def time_fault(time: NDArray[np.float64]) -> int | None:
+    """Find the index of the first sample whose time is before that of the sample before it."""
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    return int(back[0]) + 1 if back.size else None
+
+
 def _local_extremes(values: NDArray[np.float64]) -> NDArray[np.intp]:
     """Find the first and the last sample and every local extreme (first of equals)."""
     moving = np.flatnonzero(np.diff(values) != 0.0)

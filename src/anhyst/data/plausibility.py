@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.branches import branches, folded, is_bipolar, is_even, separation
+from anhyst.data.branches import branches, correlation, folded, is_bipolar, is_even, separation
 from anhyst.data.loopset import Loop, LoopSet
 from anhyst.errors import InputError
 
@@ -50,15 +50,9 @@ def check_plausible(loopset: LoopSet) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def _correlation(one: Floats, two: Floats) -> float:
-    a, b = one - one.mean(), two - two.mean()
-    scale = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
-    return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
-
-
 def _check_force_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
     low, high = float(loop.output.min()), float(loop.output.max())
-    falls = _correlation(loop.input**2, loop.output) < -0.5
+    falls = correlation(loop.input**2, loop.output) < -0.5
     if low < 0.0 and (falls or high <= 0.0 or -low > 5.0 * high):
         unit = loopset.output.unit
         raise InputError(
@@ -68,7 +62,7 @@ def _check_force_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
 
 
 def _check_flux_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
-    if _correlation(loop.input, loop.output) < -0.5:
+    if correlation(loop.input, loop.output) < -0.5:
         what = loopset.output.name.replace("_", " ")
         raise InputError(
             f"{name}: the {what} falls as the {loopset.input.name} grows; flip the sign of one"
@@ -78,8 +72,8 @@ def _check_flux_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
 def _check_swap(loop: Loop, name: str) -> list[str]:
     drive, answer = loop.input, loop.output
     if not is_bipolar(drive) and is_bipolar(answer):
-        even = _correlation(drive, answer**2)
-        if abs(_correlation(drive, answer)) < _FLAT and even > _STRONG:
+        even = correlation(drive, answer**2)
+        if abs(correlation(drive, answer)) < _FLAT and even > _STRONG:
             raise InputError(
                 f"{name}: the force takes both signs at the same current; {_SWAP_ADVICE}"
             )

@@ -34,7 +34,7 @@ _SHOWN = 30
 
 
 class TextInNumbersError(InputError):
-    """A column that was taken for numbers holds text; ``column`` is its index."""
+    """A column that was taken for numbers holds text, NaN or Inf; ``column`` is its index."""
 
     def __init__(self, message: str, column: int) -> None:
         super().__init__(message)
@@ -95,7 +95,7 @@ def read_raw(
     done = 0
     with layout.path.open("rb") as file:
         digest.update(file.read(layout.offset))
-        for chunk in _chunks(file, layout.eol):
+        for chunk in _chunks(file, layout):
             digest.update(chunk)
             done += len(chunk)
             reader.feed(chunk)
@@ -110,8 +110,8 @@ def row_line(layout: Layout, row: int) -> int:
         file.seek(layout.offset)
         data = (
             layout.line + number
-            for number, line in enumerate(split_lines(file, layout.eol))
-            if _is_data(line.decode(layout.encoding, "replace"), layout)
+            for number, line in enumerate(split_lines(file, layout))
+            if _is_data(line, layout)
         )
         return next(islice(data, row, None))
 
@@ -121,24 +121,27 @@ def _is_data(text: str, layout: Layout) -> bool:
     return bool(text) and not text.startswith("#") and any(layout.split(text))
 
 
-def _chunks(file: BinaryIO, eol: bytes) -> Iterator[bytes]:
+def _chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
     """Yield pieces of about 4 MiB that end with a line."""
     rest = b""
     while block := file.read(_CHUNK):
-        cut = block.rfind(eol) + 1
+        cut = block.rfind(layout.eol) + 1
         if cut:
             yield rest + block[:cut]
             rest = block[cut:]
+        elif len(block) == _CHUNK:
+            raise InputError(f"{layout.path}: holds a line of more than 4 MiB: no text table")
         else:
             rest += block
     if rest:
         yield rest
 
 
-def split_lines(file: BinaryIO, eol: bytes) -> Iterator[bytes]:
+def split_lines(file: BinaryIO, layout: Layout) -> Iterator[str]:
     """Yield the lines from the file's present position, without their ends."""
-    for chunk in _chunks(file, eol):
-        yield from chunk.removesuffix(eol).split(eol)
+    for chunk in _chunks(file, layout):
+        for line in chunk.removesuffix(layout.eol).split(layout.eol):
+            yield line.decode(layout.encoding, "replace").rstrip("\r")
 
 
 def shown(field: str) -> str:
@@ -302,7 +305,8 @@ class _Reader:
             message = f"{place}: {what}; correct or remove the line"
             raise TextInNumbersError(message, index) from None
         if not math.isfinite(value):
-            raise InputError(f"{place}: {field} is no measured value; remove the line")
+            message = f"{place}: {field} is no measured value; remove the line"
+            raise TextInNumbersError(message, index)
         return value
 
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from anhyst.data.history import History, propose_history
 from anhyst.data.layout import PathLike, is_number, read_layout
-from anhyst.data.loopset import Loop, LoopSet, Source, time_fault
+from anhyst.data.loopset import Loop, LoopSet, Source
+from anhyst.data.path import time_fault
 from anhyst.data.rawtable import Progress, Texts, read_raw, row_line
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
 from anhyst.data.sidecar import Reading
@@ -231,9 +232,12 @@ def _selection(place: str, told: Reading, columns: dict[str, Texts]) -> Rows | N
 
 
 def _same(text: str, value: str | float) -> bool:
-    if isinstance(value, str):
-        return text == value
-    return is_number(text) and float(text.replace(",", ".")) == value
+    """Whether a field holds a selected value: the same text, or the same number."""
+    if text == value:
+        return True
+    if not is_number(text) or not is_number(str(value)):
+        return False
+    return float(text.replace(",", ".")) == float(str(value).replace(",", "."))
 
 
 def _cut(

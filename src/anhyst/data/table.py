@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from anhyst.data.layout import Layout, PathLike, is_number, read_layout
+from anhyst.data.path import time_fault
 from anhyst.data.rawtable import (
     Floats,
     Progress,
@@ -51,7 +52,8 @@ class Table:
         Raises
         ------
         InputError
-            If the column is there but its unit is missing or unknown, or it holds text.
+            If the column is there but its unit is missing or unknown, it holds text, or time goes
+            backwards.
         """
         found = [place for place, other in enumerate(self.names) if other == name]
         healthy = [place for place in found if self.headers[place].problem is None]
@@ -72,6 +74,11 @@ class Table:
             )
         values = header.unit.to_si(column) if header.unit else column
         values.flags.writeable = False
+        if name == "time" and (back := time_fault(values)) is not None:
+            raise InputError(
+                f"{self.path}: line {row_line(self.layout, back)}: time going backwards; sort the "
+                "rows"
+            )
         return values
 
     def need(self, name: str, example: str) -> Floats:
@@ -152,8 +159,7 @@ def read_columns(
 def _first_row(layout: Layout) -> list[str]:
     with layout.path.open("rb") as file:
         file.seek(layout.offset)
-        line = next(split_lines(file, layout.eol)).decode(layout.encoding, "replace")
-    fields = layout.split(line.rstrip("\r\n"))
+        fields = layout.split(next(split_lines(file, layout)))
     return fields + [""] * (layout.width - len(fields))
 
 
