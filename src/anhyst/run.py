@@ -29,6 +29,9 @@ NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
 SHORTEST_RUN = 8
 """A scheduling variable that rests for fewer samples than this is moving, not stepping."""
 
+PIECE = 1 << 16
+"""Samples that go through the core at once."""
+
 MOST_CYCLES = 10_000
 CLOSED = 1e-12
 """A cycle is closed when the state returns this well (in units of a and M_s)."""
@@ -79,15 +82,31 @@ class Prediction:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """Result of one run without interruption."""
+class _Record:
+    """A record on its way through the core: what is given, and room for what is found."""
 
+    model: ActuatorModel
+    kind: Given
+    given: FloatArray
+    schedule: FloatArray | None
+    rate: FloatArray | None
     found: FloatArray
     flux_density: FloatArray
     field: FloatArray
     reachable: BoolArray
-    state: FloatArray
-    cycles: int
+
+    def circuit(self, run: slice) -> Circuit:
+        """Return what surrounds the iron during a run."""
+        size = self.given[run].size
+        rate = np.zeros(size) if self.rate is None else self.rate[run]
+        return self.model.circuit(None if self.schedule is None else self.schedule[run], rate)
+
+    def core(self, run: slice, circuit: Circuit) -> FloatArray:
+        """Return what the core is given in a run: its drive, A/m, or the flux density, T."""
+        if self.kind == "drive":
+            return circuit.magnetomotive(self.given[run])
+        flux_density, self.reachable[run] = circuit.flux_density(self.given[run])
+        return flux_density
 
 
 def predict(
@@ -175,23 +194,27 @@ def _run(
 ) -> Prediction:
     given = as_samples(values, kind)
     at = None if schedule is None else as_samples(schedule, "schedule", given.size)
-    rate = eddy_rate(model, time, given.size)
-    past = as_history(history, model)
     if at is None:
         model.schedule_or_default(None)
-    runs = list(_runs(model, at, given.size))
-    parts = [
-        _one_run(model, kind, given[run], None if at is None else at[run], rate[run], past, run)
-        for run in runs
-    ]
-    found, flux, field, reachable = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("found", "flux_density", "field", "reachable")
+    past = as_history(history, model)
+    record = _Record(
+        model=model,
+        kind=kind,
+        given=given,
+        schedule=at,
+        rate=eddy_rate(model, time, given.size),
+        found=np.empty(given.size),
+        flux_density=np.empty(given.size),
+        field=np.empty(given.size),
+        reachable=np.ones(given.size, dtype=np.bool_),
     )
-    drive, output = (given, found) if kind == "drive" else (found, given)
-    if kind == "demand" and not reachable.all():
-        output = np.where(reachable, given, model.circuit(at, np.zeros(given.size)).output(flux))
-    valid, warnings = flag(model, kind, drive, given if kind == "demand" else output, at, reachable)
+    runs = list(_runs(model, at, given.size))
+    ends = [_one_run(record, run, past) for run in runs]
+    drive, output = (given, record.found) if kind == "drive" else (record.found, given)
+    valid, warnings = flag(model, kind, drive, output, at, record.reachable)
+    if not record.reachable.all():
+        rest = model.circuit(at, np.zeros(given.size)).output(np.zeros(given.size))
+        output = np.where(record.reachable, given, rest)
     if len(runs) > 1:
         warnings.append(
             f"the schedule changes {len(runs) - 1} times; the iron of this model changes with it, "
@@ -204,45 +227,45 @@ def _run(
     return Prediction(
         drive=drive,
         output=output,
-        flux_density=flux,
-        field=field,
+        flux_density=record.flux_density,
+        field=record.field,
         valid=valid,
-        state=parts[-1].state,
-        cycles=max(part.cycles for part in parts),
+        state=ends[-1][0],
+        cycles=max(cycles for _, cycles in ends),
         history=past,
         warnings=tuple(warnings),
     )
 
 
-def _one_run(
-    model: ActuatorModel,
-    kind: Given,
-    given: FloatArray,
-    schedule: FloatArray | None,
-    rate: FloatArray,
-    history: History,
-    run: slice,
-) -> _Part:
-    """Take one uninterrupted run through the core."""
-    start = None if schedule is None else float(schedule[0])
-    iron = model.iron_at(start)
-    settled = history.kind == "settled"
-    if settled and given.size > 1:
-        rate = np.concatenate([[np.median(rate[1:])], rate[1:]])  # the way back to the start
-    circuit = model.circuit(schedule, rate)
-    if kind == "drive":
-        core, reachable = circuit.magnetomotive(given), np.ones(given.shape, dtype=np.bool_)
-        step: Callable[..., tuple[FloatArray, FloatArray, FloatArray, int, int]] = iron.forward
-    else:
-        (core, reachable), step = circuit.flux_density(given), iron.inverse
-    state, cycles = initial_state(model, iron, history, start), 0
-    if settled:
-        state, cycles = _settle(iron, kind, core, circuit, state)
-    other, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
-    check(status, kind, run.start + index, given)
-    if kind == "drive":
-        return _Part(circuit.output(other), other, field, reachable, state, cycles)
-    return _Part(circuit.drive(other), core, field, reachable, state, cycles)
+def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray, int]:
+    """Take one uninterrupted run through the core; return the state after it and the cycles."""
+    start = None if record.schedule is None else float(record.schedule[run.start])
+    iron = record.model.iron_at(start)
+    if record.rate is not None:
+        # A settled cycle comes back to its start at its own pace; before any other first sample
+        # nothing is known, so its flux density is taken to be approached slowly.
+        later = record.rate[run][1:]
+        settled = history.kind == "settled" and later.size
+        record.rate[run.start] = np.median(later) if settled else 0.0
+    state, cycles = initial_state(record.model, iron, history, start), 0
+    if history.kind == "settled":
+        circuit = record.circuit(run)
+        core = record.core(run, circuit)
+        state, cycles = _settle(iron, record.kind, core, circuit, state)
+    forward = record.kind == "drive"
+    step: Callable[..., tuple[FloatArray, FloatArray, FloatArray, int, int]]
+    step = iron.forward if forward else iron.inverse
+    # Piece by piece: what surrounds the iron need not be held for a whole long record.
+    for first in range(run.start, run.stop, PIECE):
+        piece = slice(first, min(first + PIECE, run.stop))
+        circuit = record.circuit(piece)
+        core = record.core(piece, circuit)
+        other, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
+        check(status, record.kind, first + index, record.given)
+        record.found[piece] = circuit.output(other) if forward else circuit.drive(other)
+        record.flux_density[piece] = other if forward else core
+        record.field[piece] = field
+    return state, cycles
 
 
 def initial_state(
@@ -338,19 +361,16 @@ def as_history(history: History | str | None, model: ActuatorModel) -> History:
     return History.parse(history) if isinstance(history, str) else history
 
 
-def eddy_rate(model: ActuatorModel, time: ArrayLike | None, size: int) -> FloatArray:
-    """Return 1/dt of each sample, 1/s; zeros for a model without eddy currents.
-
-    The first sample has no predecessor: its flux density is taken to be approached slowly.
+def eddy_rate(model: ActuatorModel, time: ArrayLike | None, size: int) -> FloatArray | None:
+    """Return 1/dt of each sample, 1/s (0 for the first); None for a model without eddy currents.
 
     Raises
     ------
     InputError
         The model has eddy currents and there is no time, or it does not ascend.
     """
-    gamma = model.parameters["gamma"]
-    if not np.any(gamma):
-        return np.zeros(size)
+    if not np.any(model.parameters["gamma"]):
+        return None
     if time is None:
         raise InputError(
             "the model has eddy currents (gamma): give the time, in a file as column t_s"

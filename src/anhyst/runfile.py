@@ -124,7 +124,8 @@ def run_file(
         given, wanted = wanted, given
     values = table.need(given.name, given.column)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
-    time = table.get("time")
+    # A column of time that nothing needs may be as it likes.
+    time = table.get("time") if np.any(model.parameters["gamma"]) else None
     past = history if history is not None else str(model.history)
     runs = _find_runs(table, schedule, settled=past.startswith("settled"))
     found, valid = np.empty(len(table)), np.empty(len(table), dtype=np.bool_)

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from anhyst.data.units import Quantity
+
 Update = Callable[[float, float], None]
 
 
@@ -55,6 +57,15 @@ def table(title: str, headers: Sequence[str]) -> Table:
     for place, header in enumerate(headers):
         result.add_column(header, justify="right" if place else "left")
     return result
+
+
+def in_small_units(quantity: Quantity | None) -> tuple[str, float]:
+    """Return the heading of a scheduling variable and what to multiply it by: gaps in mm."""
+    if quantity is None:
+        return "", 1.0
+    if quantity.unit == "m":
+        return f"{quantity.symbol} mm", 1e3
+    return f"{quantity.symbol} {quantity.unit}", 1.0
 
 
 def show(*parts: str | Table) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from anhyst.cli.console import print_json, show, table
+from anhyst.cli.console import in_small_units, print_json, show, table
 from anhyst.cli.options import AsJson
 
 if TYPE_CHECKING:
@@ -61,11 +61,11 @@ def _show(result: ModelDiff, model: ActuatorModel) -> None:
     unit, drive = model.output.unit, model.input
     low, high = result.drive
     title = f"settled loops, {drive.symbol} from {low:g} to {high:g} {drive.unit}"
-    at = model.schedule.column if model.schedule else ""
+    at, scale = in_small_units(model.schedule)
     loops = table(title, [at, f"largest [{unit}]", f"mean apart [{unit}]", f"worst [{unit}]", "at"])
     for loop in result.loops:
         loops.add_row(
-            "" if loop.schedule is None else f"{loop.schedule:g}",
+            "" if loop.schedule is None else f"{scale * loop.schedule:.6g}",
             f"{loop.largest_output:.5g}",
             f"{loop.mean:.4g}",
             f"{loop.worst:.4g}",

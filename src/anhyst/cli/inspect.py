@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from anhyst.cli.console import print_json, progress_bar, show, table, warn
+from anhyst.cli.console import in_small_units, print_json, progress_bar, show, table, warn
 from anhyst.cli.options import (
     AsJson,
     Clean,
@@ -112,22 +112,24 @@ def _show(found: Inspection) -> None:
     for text in found.warnings:
         warn(text)
     drive, answer, schedule = found.input, found.output, found.schedule
-    headers = ["loop", *([schedule.column] if schedule else []), "rows", "cycles"]
-    headers += [drive.column, answer.column, f"width {drive.unit}", f"noise {answer.unit}"]
+    at, scale = in_small_units(schedule)
+    headers = ["loop", *([at] if schedule else []), "rows", "cycles"]
+    headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {answer.unit}"]
+    headers += [f"width {drive.unit}", f"noise {answer.unit}"]
     headers += [f"drift {answer.unit}", f"closure {answer.unit}", "skew", "saturation", "history"]
     figures = table(f"{len(found.loops)} loops, {drive.name} to {answer.name}", headers)
     for loop in found.loops:
-        figures.add_row(*_row(loop, scheduled=schedule is not None))
+        figures.add_row(*_row(loop, scale if schedule else None))
     show(figures)
     _show_texts("repaired", found.repairs)
     _show_texts("noted", found.notes)
     show("is it worth it?", *(f"  {sentence}" for sentence in found.verdict.sentences))
 
 
-def _row(loop: LoopFigures, *, scheduled: bool) -> list[str]:
+def _row(loop: LoopFigures, scale: float | None) -> list[str]:
     cells = [loop.label]
-    if scheduled:
-        cells.append(_number(loop.schedule))
+    if scale is not None:
+        cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
     return [
         *cells,
         str(loop.samples),
