@@ -10,21 +10,20 @@ Everything random comes from the seed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.identify.drives import Records
-from anhyst.identify.fitting import Fit, descend
+from anhyst.identify.fitting import descend
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import Form, Local
 from anhyst.identify.screening import screen, starts
 from anhyst.identify.space import OMEGA_JUMP, Space
 
 Floats = NDArray[np.float64]
-Report = Callable[[str], None]
 
 SCREENED = 256
 KEPT = 3
@@ -36,16 +35,38 @@ _SCAN = 64
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Outcome of a search under one gap map."""
+    """Outcome of a search under one gap map: coordinates, weighted sum of squares, evaluations."""
 
     space: Space
-    fit: Fit
+    theta: Floats
+    cost: float
     evaluations: int
 
     @property
     def sets(self) -> list[Local]:
         """Gauge-free parameters at each gap."""
-        return [local for local, _ in self.space.unpack(self.fit.theta)]
+        return [local for local, _ in self.space.unpack(self.theta)]
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """What a checkpoint keeps."""
+        return {
+            "theta": self.theta.tolist(),
+            "cost": self.cost,
+            "evaluations": self.evaluations,
+        }
+
+    @classmethod
+    def from_plain(cls, space: Space, plain: dict[str, Any]) -> Found:
+        """Rebuild from what a checkpoint kept."""
+        return cls(space, np.array(plain["theta"]), plain["cost"], plain["evaluations"])
+
+
+def follow(space: Space, theta: Floats, tolerance: float = 1e-10, most: int = 200) -> Found:
+    """Descend from a start and count."""
+    objective = Objective(space)
+    fit = descend(objective, theta, tolerance, most)
+    return Found(space, fit.theta, fit.cost, objective.evaluations)
 
 
 def reference_gap(records: Records) -> int:
@@ -56,9 +77,7 @@ def reference_gap(records: Records) -> int:
     return int(np.argmax(sizes))
 
 
-def search_one_gap(
-    form: Form, records: Records, seed: int, offsets: bool, report: Report
-) -> list[Found]:
+def search_one_gap(form: Form, records: Records, seed: int, offsets: bool) -> list[Found]:
     """Fit one gap from scratch.
 
     Parameters
@@ -71,8 +90,6 @@ def search_one_gap(
         Seed of the screening.
     offsets : bool
         Whether offsets are fitted.
-    report : callable
-        Told, in a few words, what is being done.
 
     Returns
     -------
@@ -80,18 +97,13 @@ def search_one_gap(
         The valleys found, best first; the best is followed to its end, the rest are not.
     """
     space = Space("none", records, form, offsets)
-    report(f"screening {SCREENED} parameter sets")
-    found = []
-    for start in starts(space, SCREENED, KEPT, seed):
-        objective = Objective(space)
-        report("descending")
-        fit = descend(objective, space.pack([start]), 1e-4, _SHORT)
-        found.append(Found(space, fit, objective.evaluations))
-    found.sort(key=lambda one: one.fit.cost)
-    objective = Objective(space)
-    best = descend(objective, found[0].fit.theta)
-    found[0] = Found(space, best, objective.evaluations + found[0].evaluations)
-    return found
+    found = [
+        follow(space, space.pack([start]), 1e-4, _SHORT)
+        for start in starts(space, SCREENED, KEPT, seed)
+    ]
+    found.sort(key=lambda one: one.cost)
+    best = follow(space, found[0].theta)
+    return [replace(best, evaluations=best.evaluations + found[0].evaluations), *found[1:]]
 
 
 def _scan(space: Space, gap: int, known: Local) -> Local:
@@ -111,18 +123,13 @@ def _scan(space: Space, gap: int, known: Local) -> Local:
 
 
 def join_gaps(
-    form: Form,
-    records: Records,
-    gap_map: str,
-    known: list[Local],
-    offsets: bool,
-    report: Report,
+    form: Form, records: Records, gap_map: str, known: list[Local], offsets: bool
 ) -> Found:
     """Fit all gaps together under one map, from what is known at the reference gap.
 
     Parameters
     ----------
-    form, records, offsets, report
+    form, records, offsets
         As in :func:`search_one_gap`, with the loops of all gaps.
     gap_map : str
         ``scaling``, ``reluctance`` or ``free``.
@@ -136,14 +143,9 @@ def join_gaps(
     space = Space(gap_map, records, form, offsets)
     home = reference_gap(records)
     tried = []
-    for place, local in enumerate(known):
-        report(f"joining {records.gaps} gaps by '{gap_map}', start {place + 1} of {len(known)}")
+    for local in known:
         sets = [local if gap == home else _scan(space, gap, local) for gap in range(records.gaps)]
-        objective = Objective(space)
-        fit = descend(objective, space.pack(sets), 1e-4, 2 * _SHORT)
-        tried.append((fit, objective.evaluations))
-    fit, evaluations = min(tried, key=lambda one: one[0].cost)
-    objective = Objective(space)
-    report(f"finishing '{gap_map}'")
-    final = descend(objective, fit.theta)
-    return Found(space, final, objective.evaluations + sum(count for _, count in tried))
+        tried.append(follow(space, space.pack(sets), 1e-4, 2 * _SHORT))
+    best = min(tried, key=lambda one: one.cost)
+    final = follow(space, best.theta)
+    return replace(final, evaluations=final.evaluations + sum(one.evaluations for one in tried))

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.identify.response import Local, NoResponse, Responder
+from anhyst._core import Operator
+from anhyst.identify.response import Local, NoResponseError, Responder
 from anhyst.identify.space import Space
 
 Floats = NDArray[np.float64]
@@ -38,45 +39,47 @@ class Objective:
         """Deviations that stand for parameters without an answer."""
         return _IMPOSSIBLE * self.space.records.output_span * self.weights
 
+    def _operators(self, sets: list[Local]) -> list[Operator]:
+        """Laws at each gap; those that are the same are built once."""
+        form = self.space.form
+        both = form.law != "effective-field"  # there omega changes the law too
+        built: dict[tuple[float, ...], Operator] = {}
+        found = []
+        for local in sets:
+            key = (local.kappa, local.c, local.omega) if both else (local.kappa, local.c)
+            if key not in built:
+                built[key] = form.operator(local)
+            found.append(built[key])
+        return found
+
     def outputs(self, sets: list[Local]) -> Floats:
         """Modelled outputs of all drives, one after the other, SI."""
         self.evaluations += 1
-        form = self.space.form
-        built: dict[tuple[float, float, float], object] = {}
-        parts = []
-        for drive in self.space.records.drives:
-            local = sets[drive.gap]
-            key = (local.kappa, local.c, local.omega if form.law != "effective-field" else 0.0)
-            operator = built.setdefault(key, None) or form.operator(local)
-            built[key] = operator
-            parts.append(self._responder.output(form, local, operator, drive))  # type: ignore[arg-type]
+        operators = self._operators(sets)
+        parts = [
+            self._responder.output(self.space.form, sets[d.gap], operators[d.gap], d)
+            for d in self.space.records.drives
+        ]
         return np.concatenate(parts)
 
     def deviations(self, theta: Floats) -> Floats:
         """Weighted deviations, shape (samples,)."""
         try:
             found = self.outputs([local for local, _ in self.space.unpack(theta)])
-        except NoResponse:
+        except NoResponseError:
             return self.impossible
-        return (found - self.measured) * self.weights
+        return np.asarray((found - self.measured) * self.weights)
 
     def with_jacobian(self, theta: Floats) -> tuple[Floats, Floats]:
         """Weighted deviations and their derivatives, shapes (samples,) and (samples, size)."""
         self.evaluations += 1
-        form = self.space.form
         sets = self.space.unpack(theta)
-        operators: dict[tuple[float, float], object] = {}
+        operators = self._operators([local for local, _ in sets])
         values, rows = [], []
         for drive in self.space.records.drives:
             local, by_theta = sets[drive.gap]
-            key = (local.kappa, local.c)
-            if key not in operators:
-                operators[key] = form.operator(local)
             output, by_local = self._responder.with_derivatives(
-                form,
-                local,
-                operators[key],  # type: ignore[arg-type]
-                drive,
+                self.space.form, local, operators[drive.gap], drive
             )
             values.append((output - drive.output) * drive.weight)
             rows.append((by_local * drive.weight) @ by_theta)

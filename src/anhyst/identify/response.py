@@ -4,8 +4,8 @@ At one gap and in units of the law (EQUATIONS section 3)::
 
     xi + omega*m(xi) = (input - in_0)/scale,    output = gain*(m + h*xi)**power + out_0
 
-``m`` is the law for ``M_s = a = 1``. ``h``, the slope of the air core, is not fitted: with the field
-and the flux density measured it follows from ``scale`` and ``gain``, else no data tell it.
+``m`` is the law for ``M_s = a = 1``. ``h``, the slope of the air core, is not fitted: with field
+and flux density measured it follows from ``scale`` and ``gain``, else no data tell it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _CLOSED = 1e-10
 _PASSES = 40
 
 
-class NoResponse(ArithmeticError):
+class NoResponseError(ArithmeticError):
     """The law has no answer for these parameters."""
 
 
@@ -95,7 +95,7 @@ class Form:
                 return Operator(local.kappa, local.c)
             return Operator(local.kappa, local.c, eps=-local.omega * local.c, law=self.law)
         except ValueError as error:
-            raise NoResponse(str(error)) from error
+            raise NoResponseError(str(error)) from error
 
 
 class Responder:
@@ -214,7 +214,7 @@ def _once(local: Local, operator: Operator, drive: Drive) -> tuple[Floats, Float
 
 
 def _seeds(local: Local, terms: _Terms, state: Floats) -> Floats:
-    """Derivatives of the state before the first sample: x follows y by the equation there."""
+    """Differentiate the state before the first sample: x follows y by the equation there."""
     pull, slope = (float(value[0]) for value in langevin(state[:1]))
     way = 1.0 + local.omega * local.c * slope
     m = (1.0 - local.c) * state[1] + local.c * pull
@@ -239,4 +239,4 @@ def _admissible(state: Floats, kappa: float) -> Floats:
 
 def _refuse(status: int) -> None:
     if status != 0:
-        raise NoResponse(status_text(status))
+        raise NoResponseError(status_text(status))

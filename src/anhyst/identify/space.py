@@ -123,7 +123,7 @@ class Space:
             if name == "scale" and self.gap_map == "reluctance":
                 value *= 1.0 - local.h * local.omega
             theta.append(self._inward(name, value))
-        return np.clip(np.array(theta), *self.bounds)
+        return np.asarray(np.clip(np.array(theta), *self.bounds))
 
     def unpack(self, theta: Floats) -> list[tuple[Local, Floats]]:
         """Parameters at each gap, and their derivatives by the coordinates, shape (7, size)."""

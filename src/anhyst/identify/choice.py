@@ -1,0 +1,209 @@
+"""Which gap map: the one that predicts gaps it has not seen."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import LoopSet
+from anhyst.errors import InputError, NegativeResult
+from anhyst.identify.default import Found, follow, join_gaps, reference_gap, search_one_gap
+from anhyst.identify.drives import Records
+from anhyst.identify.gauge import physical
+from anhyst.identify.run import Run
+from anhyst.identify.space import Space
+from anhyst.model import ActuatorModel
+
+Floats = NDArray[np.float64]
+
+MAPS = ("scaling", "reluctance", "free")
+
+
+def model_of(found: Found, loopset: LoopSet) -> ActuatorModel:
+    """Bare model of a fit: parameters and gap map, no records.
+
+    Parameters
+    ----------
+    found : Found
+        The fit.
+    loopset : LoopSet
+        For the quantities.
+
+    Returns
+    -------
+    ActuatorModel
+    """
+    space = found.space
+    nodes = tuple(float(node) for node in space.records.nodes)
+    single = len(nodes) < 2
+    return ActuatorModel(
+        name="model",
+        input=loopset.input,
+        output=loopset.output,
+        parameters=physical(found.sets, space.gap_map, loopset.input, loopset.output),
+        law=space.form.law,  # type: ignore[arg-type]
+        gap_map="none" if single else space.gap_map,  # type: ignore[arg-type]
+        schedule=loopset.schedule,
+        nodes=nodes,
+    )
+
+
+def _without(found: Found, gap: int) -> tuple[Space, Floats]:
+    """Space of the other gaps, and the coordinates of the fit there."""
+    space = found.space
+    keep = [place for place in range(space.records.gaps) if place != gap]
+    renumbered = {old: new for new, old in enumerate(keep)}
+    drives = tuple(
+        type(drive)(
+            drive.label,
+            renumbered[drive.gap],
+            drive.lead,
+            drive.input,
+            drive.output,
+            drive.settled,
+            drive.weight,
+        )
+        for drive in space.records.drives
+        if drive.gap != gap
+    )
+    records = Records(
+        drives, space.records.nodes[keep], space.records.input_span, space.records.output_span
+    )
+    left = [place for place, (_, at) in enumerate(space.entries) if at != gap]
+    return Space(space.gap_map, records, space.form, space.offsets), found.theta[left]
+
+
+def left_out_error(found: Found, loopset: LoopSet, gap: int) -> float:
+    """Mean absolute deviation at one gap, predicted from the others.
+
+    Parameters
+    ----------
+    found : Found
+        Fit to all gaps; the fit to the others starts from it.
+    loopset : LoopSet
+        All loops.
+    gap : int
+        Place of the gap that is left out.
+
+    Returns
+    -------
+    float
+        Relative to the largest output of all loops; infinite where the model cannot be computed.
+    """
+    space, theta = _without(found, gap)
+    try:
+        model = model_of(follow(space, theta, 1e-6, 40), loopset)
+        deviations = [
+            model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
+            for loop in loopset.by_schedule()[float(found.space.records.nodes[gap])]
+        ]
+    except (InputError, NegativeResult):
+        return float("inf")
+    mean = float(np.mean(np.abs(np.concatenate(deviations))))
+    return mean / found.space.records.output_span
+
+
+def _maps_to_try(run: Run, wanted: str) -> tuple[str, ...]:
+    gaps = run.records.gaps
+    if gaps >= 2:
+        return MAPS if wanted == "auto" and gaps >= 3 else ("scaling", "reluctance")
+    return ("none",)
+
+
+def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[str, float], str]:
+    """Fit under the wanted map, or under all and keep the one that predicts left-out gaps best.
+
+    Parameters
+    ----------
+    run : Run
+        Settings and stages.
+    loopset : LoopSet
+        All loops.
+    wanted : str
+        A gap map, or ``auto``.
+
+    Returns
+    -------
+    found : Found
+        The fit chosen.
+    left_out : dict of str to float
+        Left-out error of each map tried, relative to the largest output; empty below three gaps.
+    why : str
+        The reason, as a sentence.
+
+    Raises
+    ------
+    InputError
+        A gap map is wanted and there is one gap only.
+    """
+    records = run.records
+    if wanted != "auto" and records.gaps < 2:
+        raise InputError(
+            f"gap map '{wanted}' needs loops at two gaps or more, there are loops at one; measure "
+            "another gap, or use --gap-map auto for a model of this gap alone"
+        )
+    tried = _maps_to_try(run, wanted) if wanted == "auto" else (wanted,)
+    interior = range(1, records.gaps - 1)
+    run.total = 1 + len(tried) * (1 + len(interior))
+    known = _known(run)
+    if tried == ("none",):
+        run.best = known[0]
+        return known[0], {}, "there is one gap only, so nothing runs over it"
+    fits, errors = {}, {}
+    for gap_map in tried:
+        fits[gap_map] = _joined(run, gap_map, known)
+        parts = [
+            run.stage(
+                f"{gap_map} without {gap}",
+                lambda m=gap_map, g=gap: left_out_error(fits[m], loopset, g),  # type: ignore[misc]
+            )
+            for gap in interior
+        ]
+        if parts:
+            errors[gap_map] = float(np.mean(parts))
+    return _choose(fits, errors, wanted)
+
+
+def _known(run: Run) -> list[Found]:
+    """Valleys at the gap that shows most, from scratch."""
+    home = run.records.at(reference_gap(run.records))
+    space = Space("none", home, run.form, run.offsets)
+    plain = run.stage(
+        "one gap",
+        lambda: [one.plain for one in search_one_gap(run.form, home, run.seed, run.offsets)],
+    )
+    return [Found.from_plain(space, one) for one in plain]
+
+
+def _joined(run: Run, gap_map: str, known: list[Found]) -> Found:
+    space = Space(gap_map, run.records, run.form, run.offsets)
+    locals_ = [one.sets[0] for one in known]
+    plain = run.stage(
+        f"joined by {gap_map}",
+        lambda: join_gaps(run.form, run.records, gap_map, locals_, run.offsets).plain,
+    )
+    found = Found.from_plain(space, plain)
+    if run.best is None or found.cost < run.best.cost:
+        run.best = found
+    return found
+
+
+def _choose(
+    fits: dict[str, Found], errors: dict[str, float], wanted: str
+) -> tuple[Found, dict[str, float], str]:
+    if wanted != "auto":
+        return fits[wanted], errors, f"gap map '{wanted}' was asked for"
+    if errors:
+        best = min(errors, key=lambda name: errors[name])
+        others = ", ".join(f"{n} {100 * e:.2g} %" for n, e in errors.items() if n != best)
+        why = (
+            f"gap map '{best}' predicts gaps left out of the fit best: mean deviation "
+            f"{100 * errors[best]:.2g} % of the largest output ({others})"
+        )
+        return fits[best], errors, why
+    best = min(fits, key=lambda name: fits[name].cost)
+    why = (
+        f"with two gaps none can be left out to compare maps; '{best}' fits the loops best, but "
+        "between and beyond the two gaps that proves nothing"
+    )
+    return fits[best], errors, why

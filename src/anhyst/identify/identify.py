@@ -1,0 +1,223 @@
+"""The whole way from loops to a model: checks, search, figures, provenance."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import History, LoopSet
+from anhyst.errors import InputError
+from anhyst.identify.choice import model_of, search_maps
+from anhyst.identify.default import Found
+from anhyst.identify.drives import records_of
+from anhyst.identify.gauge import form_of
+from anhyst.identify.objective import Objective
+from anhyst.identify.result import IdentifyResult
+from anhyst.identify.run import Progress, Run
+from anhyst.identify.uncertainty import assess
+from anhyst.model import GAP_MAPS, LAWS
+from anhyst.record import FitFigures, LoopFit, Provenance, ValidRange
+from anhyst.version import running_version
+
+Floats = NDArray[np.float64]
+
+SEARCHES = ("default", "paper")
+
+
+def identify(
+    loopset: LoopSet,
+    *,
+    law: str = "effective-field",
+    gap_map: str = "auto",
+    search: str = "default",
+    seed: int = 1,
+    weights: str = "loops",
+    offsets: bool = True,
+    progress: Progress | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+) -> IdentifyResult:
+    """Find the model of an actuator from measured loops.
+
+    Parameters
+    ----------
+    loopset : LoopSet
+        Loops at constant scheduling values; all are fitted together.
+    law : str
+        ``effective-field`` or ``jiles-atherton-1986``.
+    gap_map : str
+        ``scaling``, ``reluctance``, ``free`` or ``auto``.
+    search : str
+        ``default``, or ``paper`` for the sequence of the paper's section II.
+    seed : int
+        Of everything random. Same seed, machine and build: the same model.
+    weights : str
+        ``loops``: each loop counts the same; ``points``: each sample; ``relative``: each loop by
+        its own largest output.
+    offsets : bool
+        Whether offsets of input and output are estimated; else they are zero.
+    progress : callable or None
+        Told the number of stages done and the total.
+    checkpoint : path-like or None
+        File that keeps finished stages, so that a killed run goes on where it was.
+
+    Returns
+    -------
+    IdentifyResult
+        After ctrl-C the best so far, marked as interrupted.
+
+    Raises
+    ------
+    InputError
+        Loops that cannot be used, or an unknown law, map, search or weighting.
+    KeyboardInterrupt
+        Ctrl-C before there was any model.
+    """
+    began = time.perf_counter()
+    _check(law, gap_map, search)
+    run = Run(
+        form=form_of(loopset.input, loopset.output, law),
+        records=records_of(loopset, weights),
+        seed=seed,
+        offsets=offsets,
+        progress=progress,
+        checkpoint=None if checkpoint is None else Path(checkpoint),
+        key=f"{search} {law}",
+    )
+    found, left_out, why, interrupted = _search(run, loopset, gap_map)
+    model = model_of(found, loopset)
+    fitted = _fitted(found, loopset)
+    warnings = _warnings(loopset, run, why)
+    settings: dict[str, str | bool | int | float] = {
+        "search": search,
+        "weights": weights,
+        "offsets": offsets,
+        "gap_map_wanted": gap_map,
+        "gap_map_reason": why,
+    }
+    model = replace(
+        model,
+        name=_name(loopset),
+        history=_history(loopset),
+        valid=_valid(loopset),
+        provenance=Provenance(running_version(), seed, loopset.sources, settings),
+    )
+    check = model.check_over_gap()
+    model = replace(
+        model,
+        fit=_figures(loopset, fitted, left_out, None if check is None else check.passed),
+        uncertainty=assess(found, loopset),
+    )
+    if not interrupted:
+        run.finish()
+    return IdentifyResult(
+        model=model,
+        loops=loopset,
+        fitted=fitted,
+        warnings=tuple(warnings),
+        seconds=time.perf_counter() - began,
+        evaluations=found.evaluations,
+        interrupted=interrupted,
+    )
+
+
+def _check(law: str, gap_map: str, search: str) -> None:
+    for what, value, known in (
+        ("law", law, LAWS),
+        ("gap map", gap_map, (*GAP_MAPS[1:], "auto")),
+        ("search", search, SEARCHES),
+    ):
+        if value not in known:
+            raise InputError(f"{what} '{value}' is unknown; use one of {', '.join(known)}")
+
+
+def _search(run: Run, loopset: LoopSet, gap_map: str) -> tuple[Found, dict[str, float], str, bool]:
+    try:
+        return *search_maps(run, loopset, gap_map), False
+    except KeyboardInterrupt:
+        if run.best is None:
+            raise
+        return run.best, {}, "the search was interrupted: this is the best so far", True
+
+
+def _fitted(found: Found, loopset: LoopSet) -> tuple[Floats, ...]:
+    """Modelled outputs in the order of the loops of the set."""
+    drives = found.space.records.drives
+    ends = np.cumsum([drive.input.size for drive in drives])[:-1]
+    outputs = np.split(Objective(found.space).outputs(found.sets), ends)
+    ordered = [id(loop) for group in loopset.by_schedule().values() for loop in group]
+    by_loop = dict(zip(ordered, outputs, strict=True))
+    return tuple(by_loop[id(loop)] for loop in loopset.loops)
+
+
+def _warnings(loopset: LoopSet, run: Run, why: str) -> list[str]:
+    warnings = [why] if run.records.gaps == 2 else []
+    if run.resumed:
+        warnings.append(f"went on from a checkpoint: {run.resumed} stages were done already")
+    if loopset.schedule is not None and run.records.gaps == 1:
+        warnings.append(
+            f"loops at one {loopset.schedule.name} only: the model holds there and nowhere else"
+        )
+    if len(loopset) == 1:
+        warnings.append(
+            "one loop only: how inner loops run is a guess of the law; measure smaller loops too"
+        )
+    return warnings
+
+
+def _name(loopset: LoopSet) -> str:
+    stems = [Path(source.path).stem for source in loopset.sources]
+    return stems[0] if stems else "actuator"
+
+
+def _history(loopset: LoopSet) -> History:
+    return Counter(loop.history for loop in loopset.loops).most_common(1)[0][0]
+
+
+def _valid(loopset: LoopSet) -> ValidRange:
+    def span(values: list[Floats]) -> tuple[float, float]:
+        return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+
+    at = loopset.schedule_values
+    return ValidRange(
+        input=span([loop.input for loop in loopset.loops]),
+        output=span([loop.output for loop in loopset.loops]),
+        schedule=(at[0], at[-1]) if at else None,
+    )
+
+
+def _figures(
+    loopset: LoopSet,
+    fitted: tuple[Floats, ...],
+    left_out: dict[str, float],
+    monotone: bool | None,
+) -> FitFigures:
+    rows = []
+    for loop, output in zip(loopset.loops, fitted, strict=True):
+        off = np.abs(output - loop.output)
+        rows.append(
+            LoopFit(
+                label=loop.label,
+                schedule=loop.schedule_value,
+                samples=loop.n,
+                largest_output=float(np.max(np.abs(loop.output))),
+                mean_abs=float(off.mean()),
+                rms=float(np.sqrt(np.mean(off**2))),
+                worst=float(off.max()),
+            )
+        )
+    samples = sum(row.samples for row in rows)
+    return FitFigures(
+        largest_output=max(row.largest_output for row in rows),
+        mean_abs=sum(row.mean_abs * row.samples for row in rows) / samples,
+        rms=float(np.sqrt(sum(row.rms**2 * row.samples for row in rows) / samples)),
+        worst=max(row.worst for row in rows),
+        loops=tuple(rows),
+        left_out=left_out,
+        monotone=monotone,
+    )

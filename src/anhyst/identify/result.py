@@ -1,0 +1,47 @@
+"""What an identification gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import LoopSet
+from anhyst.model import ActuatorModel
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifyResult:
+    """A model, and how it was found.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Complete, with fit figures, uncertainty, reduction and provenance.
+    loops : LoopSet
+        What it was fitted to.
+    fitted : tuple of ndarray
+        Modelled output of each loop of ``loops``, SI, in the same order.
+    warnings : tuple of str
+        What a user should know before trusting the model.
+    per_gap : ActuatorModel or None
+        Of the paper's search: seven parameters free at each gap, before the reduction.
+    seconds : float
+        Wall time.
+    evaluations : int
+        Runs of all loops through the law.
+    interrupted : bool
+        The search was stopped before its end; the model is the best so far.
+    """
+
+    model: ActuatorModel
+    loops: LoopSet
+    fitted: tuple[Floats, ...]
+    warnings: tuple[str, ...] = ()
+    per_gap: ActuatorModel | None = None
+    seconds: float = 0.0
+    evaluations: int = 0
+    interrupted: bool = False

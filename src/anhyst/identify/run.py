@@ -1,0 +1,115 @@
+"""One identification under way: its settings, its progress, and what a killed one left behind."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numpy as np
+
+from anhyst.atomic import atomic_writer
+from anhyst.identify.drives import Records
+from anhyst.identify.response import Form
+from anhyst.version import running_version
+
+if TYPE_CHECKING:
+    from anhyst.identify.default import Found
+
+Progress = Callable[[int, int], None]
+Stage = TypeVar("Stage")
+
+
+@dataclass
+class Run:
+    """Settings of a search, and its stages.
+
+    Parameters
+    ----------
+    form
+        Equations of the measured quantities.
+    records
+        What is fitted.
+    seed
+        Of everything random.
+    offsets
+        Whether offsets of input and output are fitted.
+    total
+        Number of stages foreseen.
+    progress
+        Told the number of stages done and the total.
+    checkpoint
+        File that keeps finished stages until the run ends well; None keeps nothing.
+    key
+        What the stages depend on; a checkpoint with another key is not used.
+    resumed
+        Number of stages taken from the checkpoint.
+    best
+        The best complete fit so far, for a run that is interrupted.
+    """
+
+    form: Form
+    records: Records
+    seed: int
+    offsets: bool
+    total: int = 1
+    progress: Progress | None = None
+    checkpoint: Path | None = None
+    key: str = ""
+    resumed: int = 0
+    best: Found | None = None
+    _done: int = 0
+    _kept: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.checkpoint is None:
+            return
+        self.key = _key(self)
+        try:
+            stored = json.loads(self.checkpoint.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return  # none there, or not one of ours: begin from the start
+        if isinstance(stored, dict) and stored.get("key") == self.key:
+            self._kept = stored["stages"]
+
+    def stage(self, name: str, work: Callable[[], Stage]) -> Stage:
+        """Do one stage, or take what an earlier, killed run has left of it.
+
+        Parameters
+        ----------
+        name : str
+            Tells stages apart.
+        work : callable
+            Does the stage; what it returns must be lists, dicts, numbers and texts only, which a
+            checkpoint gives back exactly.
+        """
+        if name in self._kept:
+            self.resumed += 1
+        else:
+            self._kept[name] = work()
+            if self.checkpoint is not None:
+                with atomic_writer(self.checkpoint) as file:
+                    json.dump({"key": self.key, "stages": self._kept}, file)
+        self._done += 1
+        if self.progress is not None:
+            self.progress(self._done, max(self.total, self._done))
+        return cast("Stage", self._kept[name])
+
+    def finish(self) -> None:
+        """Remove the checkpoint: the run has ended well."""
+        if self.checkpoint is not None:
+            self.checkpoint.unlink(missing_ok=True)
+
+
+def _key(run: Run) -> str:
+    digest = hashlib.sha256()
+    digest.update(f"{running_version()} {run.form} {run.seed} {run.offsets} {run.key}".encode())
+    for drive in run.records.drives:
+        digest.update(f"{drive.label} {drive.gap} {drive.settled} {drive.weight!r}".encode())
+        for values in (drive.lead, drive.input, drive.output):
+            digest.update(np.ascontiguousarray(values).tobytes())
+    digest.update(run.records.nodes.tobytes())
+    return digest.hexdigest()

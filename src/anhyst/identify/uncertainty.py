@@ -1,0 +1,148 @@
+"""What the data say about each fitted number, and what they cannot say."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import LoopSet
+from anhyst.identify.default import Found
+from anhyst.identify.fitting import Evaluation
+from anhyst.identify.objective import Objective
+from anhyst.identify.space import OMEGA_JUMP
+from anhyst.record import Uncertainty
+
+Floats = NDArray[np.float64]
+
+_LOOSE = 0.2
+"""Relative standard deviation above which a number is called loose."""
+
+_TIED = 0.95
+"""Correlation above which two numbers are told only together."""
+
+_MEANING = {
+    "kappa": "k/a",
+    "c": "c",
+    "omega": "(w*M_s)/a",
+    "scale": "a/c_H",
+    "gain": "output at saturation",
+    "in_0": "input offset",
+    "out_0": "output offset",
+}
+
+
+def memory(deviations: Floats) -> float:
+    """Count the samples that weigh as one, because their deviations go together.
+
+    Twice the integral of the autocorrelation up to its first zero: misfit of the law runs in long
+    waves, and counting each sample as independent would promise far too much.
+    """
+    centred = deviations - deviations.mean()
+    power = float(centred @ centred)
+    if power == 0.0:
+        return 1.0
+    spectrum = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
+    correlation = np.fft.irfft(spectrum)[: centred.size] / power
+    negative = np.flatnonzero(correlation <= 0.0)
+    end = int(negative[0]) if negative.size else centred.size
+    return max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
+
+
+def _covariance(found: Found) -> Floats:
+    objective = Objective(found.space)
+    evaluation = Evaluation(objective)
+    deviation = evaluation.deviations(found.theta)
+    jacobian = evaluation.derivatives(found.theta)
+    sizes = [drive.input.size for drive in found.space.records.drives]
+    loops = np.split(deviation, np.cumsum(sizes)[:-1])
+    freedom = max(1, deviation.size - found.theta.size)
+    variance = float(deviation @ deviation) / freedom * float(np.mean([memory(d) for d in loops]))
+    # A coordinate the data do not feel at all gets a huge, finite variance.
+    normal = jacobian.T @ jacobian
+    floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
+    return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
+
+
+def assess(found: Found, loopset: LoopSet) -> Uncertainty:
+    """Tell standard deviations, correlations and plain statements for a finished fit.
+
+    Parameters
+    ----------
+    found : Found
+        The fit.
+    loopset : LoopSet
+        What was fitted, for names and units.
+
+    Returns
+    -------
+    Uncertainty
+        In the gauge-free parameters: only they are told by data. Linear approximation at the
+        optimum, with the misfit of the law counted as noise of the memory it shows.
+    """
+    space = found.space
+    covariance = _covariance(found)
+    deviation = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(deviation, deviation)
+    units = {
+        "scale": loopset.input.unit,
+        "in_0": loopset.input.unit,
+        "gain": loopset.output.unit,
+        "out_0": loopset.output.unit,
+    }
+    names, values, stds = [], [], []
+    for (name, gap), coordinate, std in zip(space.entries, found.theta, deviation, strict=True):
+        local = found.sets[gap or 0]
+        value = getattr(local, name)
+        label = _MEANING[name] + (f" ({units[name]})" if name in units else "")
+        if gap is not None and loopset.schedule is not None:
+            label += f" at {loopset.schedule.show(float(space.records.nodes[gap]))}"
+        names.append(label)
+        values.append(float(value))
+        stds.append(float(std * _slope(name, float(coordinate), value, space.unit(name))))
+    return Uncertainty(
+        names=tuple(names),
+        values=tuple(values),
+        std=tuple(stds),
+        correlation=tuple(tuple(float(v) for v in row) for row in correlation),
+        statements=tuple(_statements(found, names, values, stds, correlation)),
+    )
+
+
+def _slope(name: str, coordinate: float, value: float, unit: float) -> float:
+    """Give the derivative of a parameter by its coordinate."""
+    if name == "omega":
+        return value + OMEGA_JUMP
+    return abs(value) if name in {"kappa", "scale", "gain"} else unit
+
+
+def _statements(
+    found: Found, names: list[str], values: list[float], stds: list[float], correlation: Floats
+) -> list[str]:
+    said = []
+    for name, value, std in zip(names, values, stds, strict=True):
+        if "offset" not in name and std > _LOOSE * abs(value):
+            share = "more than its size" if std > abs(value) else f"{100 * std / abs(value):.0f} %"
+            said.append(f"{name} is hardly told by these loops: uncertain by {share}")
+    said.extend(
+        f"{', '.join(names[place] for place in group)}: told only together (correlations above "
+        f"{_TIED:g}); none of them means much by itself"
+        for group in _tied(correlation)
+    )
+    form, gap_map = found.space.form, found.space.gap_map
+    if form.permeability == 0.0:
+        said.append(
+            "the slope of the air core is not told by these quantities: a/(M_s*(1-alpha)) is set "
+            f"to {form.h:g}, and M_s by choice of gauge; outputs do not depend on the choice"
+        )
+    if gap_map == "reluctance":
+        said.append("alpha and an offset of rho act alike in the reluctance map: alpha is set to 0")
+    return said
+
+
+def _tied(correlation: Floats) -> list[list[int]]:
+    """Group coordinates that hang together by strong correlations."""
+    groups: list[list[int]] = []
+    for place in range(correlation.shape[0]):
+        near = [g for g in groups if any(abs(correlation[place, o]) > _TIED for o in g)]
+        groups = [g for g in groups if g not in near] + [[*(o for g in near for o in g), place]]
+    return [sorted(group) for group in groups if len(group) > 1]
