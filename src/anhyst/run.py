@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anhyst._core import status_text
 from anhyst.data.history import History
-from anhyst.data.units import Quantity
 from anhyst.errors import InputError, NegativeResult
+from anhyst.validity import Given, flag
 
 if TYPE_CHECKING:
     from anhyst._core import Iron
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-Given = Literal["drive", "demand"]
 
 OK = 0
 NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
@@ -35,12 +34,6 @@ PIECE = 1 << 16
 MOST_CYCLES = 10_000
 CLOSED = 1e-12
 """A cycle is closed when the state returns this well (in units of a and M_s)."""
-
-GIVEN_MARGIN = 1e-9
-COMPUTED_MARGIN = 0.02
-"""What a value may exceed the valid range by, in parts of the range, and count as inside. A
-computed one gets more: the model of the largest measured loop does not end on its largest sample.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +59,10 @@ class Prediction:
         Repetitions it took to settle; 0 for another history.
     history : History
         What was assumed to have happened before.
-    warnings : tuple of str
-        What a reader has to know, one sentence each.
+    reachable : ndarray of bool
+        Whether the demand has an answer at all; all True after ``predict``.
+    flags, notes : tuple of str
+        Sentences about samples outside the valid range, and about what was assumed.
     """
 
     drive: FloatArray
@@ -78,7 +73,14 @@ class Prediction:
     state: FloatArray
     cycles: int
     history: History
-    warnings: tuple[str, ...]
+    reachable: BoolArray
+    flags: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader has to know, one sentence each."""
+        return self.flags + self.notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,17 +213,18 @@ def _run(
     runs = list(_runs(model, at, given.size))
     ends = [_one_run(record, run, past) for run in runs]
     drive, output = (given, record.found) if kind == "drive" else (record.found, given)
-    valid, warnings = flag(model, kind, drive, output, at, record.reachable)
+    valid, flags = flag(model, kind, drive, output, at, record.reachable)
     if not record.reachable.all():
         rest = model.circuit(at, np.zeros(given.size)).output(np.zeros(given.size))
         output = np.where(record.reachable, given, rest)
+    notes = []
     if len(runs) > 1:
-        warnings.append(
+        notes.append(
             f"the schedule changes {len(runs) - 1} times; the iron of this model changes with it, "
             f"so each stretch starts again ({past})"
         )
     if past.kind == "settled" and any(_is_open(given[run]) for run in runs):
-        warnings.append(
+        notes.append(
             f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
         )
     return Prediction(
@@ -233,7 +236,9 @@ def _run(
         state=ends[-1][0],
         cycles=max(cycles for _, cycles in ends),
         history=past,
-        warnings=tuple(warnings),
+        reachable=record.reachable,
+        flags=flags,
+        notes=tuple(notes),
     )
 
 
@@ -410,61 +415,3 @@ def _runs(model: ActuatorModel, schedule: FloatArray | None, size: int) -> Itera
 def _is_open(given: FloatArray) -> bool:
     """Whether a record ends farther from its start than from sample to sample."""
     return given.size > 2 and bool(abs(given[-1] - given[0]) > 2.0 * np.abs(np.diff(given)).max())
-
-
-def flag(
-    model: ActuatorModel,
-    kind: Given,
-    drive: FloatArray,
-    output: FloatArray,
-    schedule: FloatArray | None,
-    reachable: BoolArray,
-) -> tuple[BoolArray, list[str]]:
-    """Flag samples outside the valid range, and say so.
-
-    Returns
-    -------
-    valid : ndarray of bool, shape (n,)
-        True inside.
-    warnings : list of str
-        One sentence for each quantity that leaves its range.
-    """
-    valid, warnings = reachable.copy(), []
-    if not reachable.all():
-        first = int(np.argmin(reachable))
-        warnings.append(
-            f"{int((~reachable).sum())} of {drive.size} samples demand less than any drive can "
-            f"give (first: sample {first}, {output[first]:g} {model.output.unit})"
-        )
-    if model.valid is None:
-        return valid, warnings
-    computed = {"drive": model.output, "demand": model.input}[kind]
-    ranges = (
-        (model.input, drive, model.valid.input),
-        (model.output, output, model.valid.output),
-        (model.schedule, schedule, model.valid.schedule),
-    )
-    for quantity, values, limits in ranges:
-        if quantity is None or values is None or limits is None:
-            continue
-        margin = COMPUTED_MARGIN if quantity is computed else GIVEN_MARGIN
-        inside, warning = _inside(quantity, values, limits, margin)
-        valid &= inside
-        warnings.extend(warning)
-    return valid, warnings
-
-
-def _inside(
-    quantity: Quantity, values: FloatArray, limits: tuple[float, float], margin: float
-) -> tuple[BoolArray, list[str]]:
-    low, high = limits
-    allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
-    inside = (values >= low - allowance) & (values <= high + allowance)
-    if inside.all():
-        return inside, []
-    first = int(np.argmin(inside))
-    name = quantity.name.replace("_", " ")
-    return inside, [
-        f"{int((~inside).sum())} of {values.size} samples lie outside the valid range of {name}, "
-        f"{low:g} to {high:g} {quantity.unit} (first: sample {first}, {values[first]:g})"
-    ]

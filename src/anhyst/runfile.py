@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -15,6 +16,7 @@ from anhyst.data.rawtable import Texts
 from anhyst.data.table import Table, read_columns
 from anhyst.errors import InputError, NegativeResult
 from anhyst.run import SHORTEST_RUN
+from anhyst.validity import flag
 
 if TYPE_CHECKING:
     from anhyst.data.units import Quantity
@@ -128,15 +130,23 @@ def run_file(
     time = table.get("time") if np.any(model.parameters["gamma"]) else None
     past = history if history is not None else str(model.history)
     runs = _find_runs(table, schedule, settled=past.startswith("settled"))
-    found, valid = np.empty(len(table)), np.empty(len(table), dtype=np.bool_)
-    warnings: dict[str, None] = {}
+    found = np.empty(len(table))
+    reachable = np.ones(len(table), dtype=np.bool_)
+    notes: Counter[str] = Counter()
     for rows in runs:
         result = _one_run(model, direction, path, values, schedule, time, past, rows)
         found[rows] = result.output if direction == "predict" else result.drive
-        valid[rows] = result.valid
-        where = f"rows {rows[0] + 1} to {rows[-1] + 1}: " if len(runs) > 1 else ""
-        warnings |= {f"{where}{text}": None for text in result.warnings}
+        reachable[rows] = result.reachable
+        notes.update(result.notes)
+    if direction == "predict":
+        valid, flags = flag(model, "drive", values, found, schedule, reachable, rows=True)
+    else:
+        valid, flags = flag(model, "demand", found, values, schedule, reachable, rows=True)
     column = _write(table, out, wanted, found, valid)
+    many = len(runs) > 1
+    told = [
+        f"{text} ({count} of {len(runs)} runs)" if many else text for text, count in notes.items()
+    ]
     return RunSummary(
         out=str(out),
         column=column,
@@ -148,7 +158,7 @@ def run_file(
         high=float(found.max()),
         outside=int((~valid).sum()),
         deviation=_deviation(table.get(wanted.name), found),
-        warnings=tuple(warnings),
+        warnings=(*flags, *told),
     )
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from anhyst.data.history import History
 from anhyst.errors import InputError
-from anhyst.run import as_history, as_samples, check, flag, initial_state, predict
+from anhyst.run import as_history, as_samples, check, initial_state, predict
+from anhyst.validity import flag
 
 if TYPE_CHECKING:
     from anhyst.model import ActuatorModel, Circuit

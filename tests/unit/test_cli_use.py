@@ -85,7 +85,7 @@ def test_samples_outside_the_valid_range_are_warned_of(folder: Path) -> None:
     (folder / "drive.csv").write_text(text)
     result = anhyst("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
     assert result.returncode == 0
-    assert result.stderr.startswith("anhyst: warning: 1 of 59 samples lie outside the valid range")
+    assert result.stderr.startswith("anhyst: warning: 1 of 59 rows lie outside the valid range")
     assert "1 rows lie outside" in result.stdout
 
 

@@ -192,8 +192,8 @@ def test_free_map_that_varies_only_around_the_iron_may_move() -> None:
     ("current", "gap", "inside", "said"),
     [
         (I_MAX, 0.4e-3, True, ""),
-        (2.5, 0.6e-3, False, "valid range of current, 0 to 2 A (first: sample 1, 2.5)"),
-        (1.0, 0.7e-3, False, "valid range of gap, 0.0003 to 0.0006 m (first: sample 0, 0.0007)"),
+        (2.5, 0.6e-3, False, "valid range of current, 0 to 2 A (first: sample 1, 2.5 A)"),
+        (1.0, 0.7e-3, False, "valid range of gap, 0.0003 to 0.0006 m (first: sample 0, 0.0007 m)"),
     ],
 )
 def test_samples_outside_the_valid_range_are_flagged(

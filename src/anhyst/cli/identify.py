@@ -41,6 +41,14 @@ class GapMapChoice(StrEnum):
     AUTO = "auto"
 
 
+class Weights(StrEnum):
+    """What counts the same."""
+
+    LOOPS = "loops"
+    POINTS = "points"
+    RELATIVE = "relative"
+
+
 class Search(StrEnum):
     """Ways to search."""
 
@@ -73,6 +81,17 @@ def identify(
     seed: Annotated[
         int, typer.Option(help="The same seed gives the same model on the same machine.")
     ] = 1,
+    weights: Annotated[
+        Weights,
+        typer.Option(
+            metavar="WHAT",
+            help="What counts the same: 'loops', so that inner loops count; 'points'; or "
+            "'relative', each loop by its own largest output.",
+        ),
+    ] = Weights.LOOPS,
+    offsets: Annotated[
+        bool, typer.Option(help="Estimate offsets of input and output, or take them as zero.")
+    ] = True,
     columns: Columns = None,
     sidecar: Sidecar = None,
     schedule: Schedule = None,
@@ -118,6 +137,8 @@ def identify(
             gap_map=gap_map.value,
             search=search.value,
             seed=seed,
+            weights=weights.value,
+            offsets=offsets,
             progress=progress,
             checkpoint=out.with_name(f"{out.name}.checkpoint"),
         )
