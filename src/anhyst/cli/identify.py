@@ -150,6 +150,7 @@ def identify(
     else:
         _show(result, out)
     if result.interrupted:
+        warn(f"stopped before the end: {out} holds the best model so far; start again to go on")
         raise KeyboardInterrupt
     check = result.model.check_over_gap()
     if check is not None and not check.passed:

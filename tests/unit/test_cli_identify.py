@@ -1,0 +1,99 @@
+"""``identify`` and ``inspect`` through the real command line, on the bundled example."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
+COMMAND = [sys.executable, "-m", "anhyst.cli.app"]
+
+
+def anhyst(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [*COMMAND, *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def test_loops_go_in_and_a_model_comes_out_that_predicts_unseen_gaps(tmp_path: Path) -> None:
+    result = anhyst(
+        "identify", EXAMPLE / "loops.csv", "--out", "model.toml", "--json", cwd=tmp_path
+    )
+    assert result.returncode == 0, result.stderr
+    summary = json.loads(result.stdout)
+    assert summary["gap_map"] in {"scaling", "reluctance"}
+    assert set(summary["fit"]["left_out"]) >= {"scaling", "reluctance"}
+    assert not summary["interrupted"]
+    assert [path.name for path in tmp_path.iterdir()] == ["model.toml"]
+    unseen = EXAMPLE / "unseen_truth.csv"
+    result = anhyst("predict", "model.toml", unseen, "-o", "f.csv", "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    apart = json.loads(result.stdout)["deviation"]
+    assert apart["mean_abs"] < 0.005 * apart["largest"]
+
+
+def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Path) -> None:
+    text = (EXAMPLE / "loops.csv").read_text()
+    for old, new in (("0.00030", "x"), ("0.00060", "0.00030"), ("x", "0.00060")):
+        text = text.replace(f",{old},", f",{new},")
+    (tmp_path / "swapped.csv").write_text(text)
+    arguments = ["swapped.csv", "--history", "settled", "--gap-map", "scaling", "-o", "model.toml"]
+    result = anhyst("identify", *arguments, cwd=tmp_path)
+    assert result.returncode == 1
+    last = result.stderr.splitlines()[-1]
+    assert last.startswith("anhyst: model.toml: the output falls as the gap closes: by ")
+    assert "monotone = false" in (tmp_path / "model.toml").read_text()
+
+
+def test_ctrl_c_ends_with_its_own_code_and_nothing_half_written(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [*COMMAND, "identify", EXAMPLE / "loops.csv", "--out", "model.toml", "--search", "paper"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(1.5)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert errors.endswith("anhyst: interrupted\n")
+    assert not list(tmp_path.glob(".*part"))
+
+
+def test_what_was_read_and_the_verdict_are_shown(tmp_path: Path) -> None:
+    result = anhyst("inspect", EXAMPLE / "loops.csv", "--plot", "loops.png", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "16 loops, current to force" in result.stdout
+    assert "A hysteresis model is worth it" in result.stdout
+    assert (tmp_path / "loops.png").read_bytes().startswith(b"\x89PNG")
+    found = json.loads(anhyst("inspect", EXAMPLE / "loops.csv", "--json", cwd=tmp_path).stdout)
+    assert found["schedule_values"] == pytest.approx([3e-4, 4e-4, 5e-4, 6e-4])
+    assert found["verdict"]["worthwhile"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["inspect", "none.csv"], "none.csv: no such file"),
+        (["inspect", "x.csv", "--plot", "x.gif"], "x.gif: a plot is written as .png, .svg or .pdf"),
+        (["inspect", "x.csv", "--columns", "I_A"], "columns: 'I_A' is not of the form name=value"),
+        (
+            ["inspect", EXAMPLE / "loops.csv", "--clean", "wash"],
+            "cleaning step 'wash' is not known",
+        ),
+        (["identify", "x.csv", "--out", "none/m.toml"], "none/m.toml: cannot be written"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path: Path, arguments: list[object], said: str) -> None:
+    result = anhyst(*arguments, cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith(f"anhyst: error: {said}")
+    assert result.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
