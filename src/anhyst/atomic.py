@@ -13,24 +13,20 @@ from anhyst.errors import InputError
 
 PathLike = str | os.PathLike[str]
 
-_REASONS = {
-    errno.ENOSPC: "the disk is full; make room",
-    errno.EDQUOT: "your quota is used up; make room",
-    errno.EFBIG: "the file would be larger than allowed; raise the limit",
-    errno.EROFS: "the file system is read-only; write somewhere else",
-    errno.EACCES: "no permission to write there; write somewhere else",
-    errno.EPERM: "no permission to write there; write somewhere else",
-    errno.ENOENT: "the folder does not exist; create it",
-    errno.ENOTDIR: "the folder is not a folder; write somewhere else",
-    errno.EISDIR: "is a folder; name a file",
-    errno.ENAMETOOLONG: "the name is too long; shorten it",
+_ADVICE = {
+    errno.ENOSPC: "make room",
+    errno.EDQUOT: "make room",
+    errno.EFBIG: "raise the limit on file sizes",
+    errno.ENOENT: "create the folder first",
+    errno.EISDIR: "name a file in it",
+    errno.ENAMETOOLONG: "shorten it",
 }
 
 
 def write_error(path: PathLike, error: OSError) -> InputError:
-    """Say why a file could not be written, in one line."""
-    reason = _REASONS.get(error.errno or 0, error.strerror or str(error))
-    return InputError(f"{path}: cannot be written: {reason}")
+    """Say why a file could not be written and what to do, in one line."""
+    advice = _ADVICE.get(error.errno or 0, "choose another place")
+    return InputError(f"{path}: cannot be written: {error.strerror or error}; {advice}")
 
 
 @contextmanager
@@ -59,7 +55,7 @@ def atomic_writer(path: PathLike) -> Iterator[IO[str]]:
     target = Path(os.path.realpath(path))  # a link keeps pointing where it points
     try:
         if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, "is a folder")
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if target.exists() and not target.is_file():
             with target.open("w", encoding="utf-8", newline="") as stream:
                 yield stream
@@ -97,7 +93,7 @@ def check_writable(path: PathLike) -> None:
     target = Path(os.path.realpath(path))
     try:
         if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, "is a folder")
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if target.exists() and not target.is_file():
             return
         beside = _beside(target)

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import atomic_writer, read_columns, write_csv
+from anhyst.atomic import atomic_writer
+from anhyst.data import read_columns, write_csv
 from anhyst.data.rawtable import Texts
 from anhyst.errors import InputError
 

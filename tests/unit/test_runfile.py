@@ -163,5 +163,5 @@ def test_a_missing_column_is_named(tmp_path: Path, header: str, reason: str) -> 
 
 
 def test_a_place_that_cannot_be_written_is_told_before_anything_is_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"f\.csv: cannot be written: the folder does not exist"):
+    with pytest.raises(InputError, match=r"f\.csv: cannot be written: No such file or directory"):
         run_file(MODEL, "predict", tmp_path / "missing.csv", tmp_path / "none" / "f.csv")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from anhyst.data.files import atomic_writer, write_csv
+from anhyst.data.files import write_csv
 from anhyst.data.history import History
 from anhyst.data.loopset import Loop, LoopSet, Source
 from anhyst.data.table import Table, read_columns
@@ -15,7 +15,6 @@ __all__ = [
     "Quantity",
     "Source",
     "Table",
-    "atomic_writer",
     "read_columns",
     "write_csv",
 ]

@@ -1,51 +1,19 @@
-"""Writing files whole or not at all."""
+"""Writing tables whole or not at all."""
 
 from __future__ import annotations
 
-import contextlib
-import os
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import TextIO
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.atomic import atomic_writer
 from anhyst.data.layout import PathLike
 from anhyst.data.rawtable import Texts
-from anhyst.errors import InputError
 
 Column = NDArray[np.float64] | NDArray[np.bool_] | Texts
 
 _BLOCK = 1 << 16
-
-
-@contextlib.contextmanager
-def atomic_writer(path: PathLike) -> Iterator[TextIO]:
-    """Open a text file for writing that appears under its name only when complete.
-
-    Raises
-    ------
-    InputError
-        If the folder is missing or read-only, or the disk is full. Nothing is left behind, also
-        when the writing is interrupted.
-    """
-    path = Path(path)
-    # A device or a pipe cannot be replaced by a file, and must not be.
-    special = os.path.exists(path) and not os.path.isfile(path)
-    draft = path if special else path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with draft.open("w", encoding="utf-8", newline="\n") as file:
-            yield file
-        if not special:
-            draft.replace(path)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"{path}: cannot be written: {reason}; choose another place") from error
-    finally:
-        if not special:
-            with contextlib.suppress(OSError):
-                draft.unlink(missing_ok=True)
 
 
 def write_csv(path: PathLike, columns: Mapping[str, Column]) -> None:
