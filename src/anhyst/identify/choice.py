@@ -7,16 +7,29 @@ from numpy.typing import NDArray
 
 from anhyst.data import LoopSet
 from anhyst.errors import InputError, NegativeResult
-from anhyst.identify.default import Found, follow, join_gaps, reference_gap, search_one_gap
+from anhyst.identify.default import (
+    SCREENED,
+    Found,
+    follow,
+    join_gaps,
+    reference_gap,
+    search_each_gap,
+    search_one_gap,
+)
 from anhyst.identify.drives import Records
 from anhyst.identify.gauge import physical
+from anhyst.identify.response import Local
 from anhyst.identify.run import Run
+from anhyst.identify.screening import starts
 from anhyst.identify.space import Space
 from anhyst.model import ActuatorModel
 
 Floats = NDArray[np.float64]
 
 MAPS = ("scaling", "reluctance", "free")
+
+CARRIED = 24
+"""Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
 
 
 def model_of(found: Found, loopset: LoopSet) -> ActuatorModel:
@@ -146,9 +159,8 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
     interior = range(1, records.gaps - 1)
     run.total = 1 + len(tried) * (1 + len(interior))
     known = _known(run)
-    if tried == ("none",):
-        run.best = known[0]
-        return known[0], {}, "there is one gap only, so nothing runs over it"
+    if run.best is not None:
+        return run.best, {}, "there is one gap only, so nothing runs over it"
     fits, errors = {}, {}
     for gap_map in tried:
         fits[gap_map] = _joined(run, gap_map, known)
@@ -164,24 +176,29 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
     return _choose(fits, errors, wanted)
 
 
-def _known(run: Run) -> list[Found]:
-    """Valleys at the gap that shows most, from scratch."""
+def _known(run: Run) -> list[Local]:
+    """Give sets at the gap that shows most: its optimum first, then others worth a try."""
     home = run.records.at(reference_gap(run.records))
     space = Space("none", home, run.form, run.offsets)
     plain = run.stage(
-        "one gap",
-        lambda: [one.plain for one in search_one_gap(run.form, home, run.seed, run.offsets)],
+        "one gap", lambda: search_one_gap(run.form, home, run.seed, run.offsets).plain
     )
-    return [Found.from_plain(space, one) for one in plain]
+    found = Found.from_plain(space, plain)
+    if run.records.gaps == 1:
+        run.best = found
+        return found.sets
+    return [*found.sets, *starts(space, SCREENED, CARRIED, run.seed)]
 
 
-def _joined(run: Run, gap_map: str, known: list[Found]) -> Found:
+def _joined(run: Run, gap_map: str, known: list[Local]) -> Found:
     space = Space(gap_map, run.records, run.form, run.offsets)
-    locals_ = [one.sets[0] for one in known]
-    plain = run.stage(
-        f"joined by {gap_map}",
-        lambda: join_gaps(run.form, run.records, gap_map, locals_, run.offsets).plain,
-    )
+
+    def search() -> dict[str, object]:
+        if gap_map == "free":
+            return search_each_gap(run.form, run.records, run.seed, run.offsets).plain
+        return join_gaps(run.form, run.records, gap_map, known, run.offsets).plain
+
+    plain = run.stage(f"joined by {gap_map}", search)
     found = Found.from_plain(space, plain)
     if run.best is None or found.cost < run.best.cost:
         run.best = found

@@ -3,7 +3,8 @@
 1. Thousands of sets over the loops of the gap with the largest output (:mod:`.screening`).
 2. Least squares from the few best that differ, at that gap alone.
 3. For a gap map, the parameter that the map ties to the gap is scanned at every other gap with the
-   rest held, and all gaps are fitted together.
+   rest held, for the optimum of 2 and more sets of 1, and all gaps are fitted together from the
+   best. Under the map ``free`` nothing is shared, and every gap is fitted like the first.
 
 Everything random comes from the seed.
 """
@@ -20,8 +21,8 @@ from anhyst.identify.drives import Records
 from anhyst.identify.fitting import descend
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import Form, Local
-from anhyst.identify.screening import screen, starts
-from anhyst.identify.space import OMEGA_JUMP, Space
+from anhyst.identify.screening import cost_at_gap, scan_gap, starts
+from anhyst.identify.space import Space
 
 Floats = NDArray[np.float64]
 
@@ -29,8 +30,6 @@ SCREENED = 256
 KEPT = 3
 _SHORT = 6
 """Evaluations of a first descent: enough to tell a good valley from a bad one."""
-
-_SCAN = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ def reference_gap(records: Records) -> int:
     return int(np.argmax(sizes))
 
 
-def search_one_gap(form: Form, records: Records, seed: int, offsets: bool) -> list[Found]:
+def search_one_gap(form: Form, records: Records, seed: int, offsets: bool) -> Found:
     """Fit one gap from scratch.
 
     Parameters
@@ -93,33 +92,40 @@ def search_one_gap(form: Form, records: Records, seed: int, offsets: bool) -> li
 
     Returns
     -------
-    list of Found
-        The valleys found, best first; the best is followed to its end, the rest are not.
+    Found
     """
     space = Space("none", records, form, offsets)
-    found = [
-        follow(space, space.pack([start]), 1e-4, _SHORT)
-        for start in starts(space, SCREENED, KEPT, seed)
-    ]
-    found.sort(key=lambda one: one.cost)
-    best = follow(space, found[0].theta)
-    return [replace(best, evaluations=best.evaluations + found[0].evaluations), *found[1:]]
+    return _best_end(space, [space.pack([one]) for one in starts(space, SCREENED, KEPT, seed)])
 
 
-def _scan(space: Space, gap: int, known: Local) -> Local:
-    """Best value at one gap of the parameter that the map ties to it, the rest held."""
-    spread = np.linspace(-1.0, 1.0, _SCAN)
-    if space.gap_map == "reluctance":
-        omega = np.exp(np.linspace(np.log(0.05), np.log(300.0), _SCAN)) - OMEGA_JUMP
-        unscaled = known.scale * (1.0 - known.h * known.omega)
-        scale = unscaled / np.maximum(1.0 - known.h * omega, 0.01)
-    else:
-        omega = np.full(_SCAN, known.omega)
-        scale = known.scale * 5.0**spread
-    sets = np.stack([np.full(_SCAN, known.kappa), np.full(_SCAN, known.c), omega, scale])
-    cost, _, _ = screen(space.form, space.records.at(gap), sets, known)
-    best = int(np.argmin(cost))
-    return replace(known, omega=float(omega[best]), scale=float(scale[best]))
+def _best_end(space: Space, begins: list[Floats]) -> Found:
+    """Descend a little from each begin, and to the end from the best of them."""
+    tried = [follow(space, theta, 1e-4, _SHORT + space.records.gaps) for theta in begins]
+    best = min(tried, key=lambda one: one.cost)
+    final = follow(space, best.theta)
+    return replace(final, evaluations=final.evaluations + sum(one.evaluations for one in tried))
+
+
+def search_each_gap(form: Form, records: Records, seed: int, offsets: bool) -> Found:
+    """Fit every gap from scratch and by itself: the map ``free``.
+
+    Parameters
+    ----------
+    form, records, seed, offsets
+        As in :func:`search_one_gap`, with the loops of all gaps.
+
+    Returns
+    -------
+    Found
+    """
+    space = Space("free", records, form, offsets)
+    found = [search_one_gap(form, records.at(gap), seed, offsets) for gap in range(records.gaps)]
+    return Found(
+        space,
+        space.pack([one.sets[0] for one in found]),
+        sum(one.cost for one in found),
+        sum(one.evaluations for one in found),
+    )
 
 
 def join_gaps(
@@ -132,9 +138,9 @@ def join_gaps(
     form, records, offsets
         As in :func:`search_one_gap`, with the loops of all gaps.
     gap_map : str
-        ``scaling``, ``reluctance`` or ``free``.
+        ``scaling`` or ``reluctance``.
     known : list of Local
-        Sets to begin with; the map's scan is made from each.
+        Sets to begin with, at the reference gap.
 
     Returns
     -------
@@ -142,10 +148,10 @@ def join_gaps(
     """
     space = Space(gap_map, records, form, offsets)
     home = reference_gap(records)
-    tried = []
-    for local in known:
-        sets = [local if gap == home else _scan(space, gap, local) for gap in range(records.gaps)]
-        tried.append(follow(space, space.pack(sets), 1e-4, 2 * _SHORT))
-    best = min(tried, key=lambda one: one.cost)
-    final = follow(space, best.theta)
-    return replace(final, evaluations=final.evaluations + sum(one.evaluations for one in tried))
+    at_gaps = [
+        (known, cost_at_gap(space, gap, known)) if gap == home else scan_gap(space, gap, known)
+        for gap in range(records.gaps)
+    ]
+    order = np.argsort(np.sum([cost for _, cost in at_gaps], axis=0))
+    begins = [[found[place] for found, _ in at_gaps] for place in order[:KEPT]]
+    return _best_end(space, [space.pack(sets) for sets in begins])

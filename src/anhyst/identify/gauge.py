@@ -5,7 +5,8 @@ chosen, and the choice is told:
 
 - field and flux density measured: nothing is left to choose;
 - otherwise ``M_s`` is set to 1e6 A/m where no measured quantity sets it;
-- reluctance map: ``alpha = 0``.
+- reluctance map: ``alpha = 0``, or, where the smallest gap comes out below zero reluctance, that
+  gap is made the zero of ``rho`` and alpha takes the difference.
 """
 
 from __future__ import annotations
@@ -84,10 +85,25 @@ def physical(
     }[gap_map]
     if len(sets) == 1:
         vary = set()
+    if gap_map == "reluctance":
+        _lift_reluctance(table, power)
     return {
         name: tuple(row[name] for row in table) if name in vary else table[0][name]
         for name in table[0]
     }
+
+
+def _lift_reluctance(table: list[dict[str, float]], power: int) -> None:
+    """Move along the redundancy between alpha and rho until no reluctance is negative."""
+    p = 1.0 + min(row["rho"] for row in table)
+    if p >= 1.0:
+        return
+    for row in table:
+        row["rho"] = (1.0 + row["rho"]) / p - 1.0
+        row["alpha"] = 1.0 - p
+        row["a"] *= p
+        row["k"] *= p
+        row["c_out"] /= p**power
 
 
 def _at_one_gap(

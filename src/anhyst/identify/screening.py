@@ -6,16 +6,26 @@ reversibility, interaction and the scale of the input are left to sample.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from anhyst._core import batch
 from anhyst.identify.drives import Records
-from anhyst.identify.response import Form, Local
-from anhyst.identify.space import OMEGA_JUMP, Space
+from anhyst.identify.response import LOCAL, Form, Local
+from anhyst.identify.space import Space
 
 Floats = NDArray[np.float64]
+
+OMEGA_JUMP = 3.0
+"""At omega = -3 the law may begin to jump; the batch does not follow it there."""
+
+_ALMOST_JUMPING = -2.95
+
+_SCAN = 32
+"""Values tried for a parameter at one gap."""
 
 _WARM_UP = 2
 """Repetitions before a settled cycle is compared; enough to rank sets."""
@@ -24,7 +34,7 @@ _THIN = 64
 """Samples a loop at the screening, at most."""
 
 
-def sample_sets(records: Records, count: int, seed: int, h: float) -> Floats:
+def sample_sets(records: Records, count: int, seed: int) -> Floats:
     """Draw kappa, c, omega, scale by a scrambled Sobol sequence.
 
     What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
@@ -56,9 +66,7 @@ def thinned(drive: Floats, most: int) -> NDArray[np.intp]:
     return np.unique(np.clip(places, 0, drive.size - 1))
 
 
-def screen(
-    form: Form, records: Records, sets: Floats, known: Local | None = None
-) -> tuple[Floats, Floats, Floats]:
+def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, Floats]:
     """Deviation of many sets at one gap, with the best gain and offset for each.
 
     Parameters
@@ -69,29 +77,39 @@ def screen(
         Loops at a single gap.
     sets : ndarray, shape (4, count)
         As :func:`sample_sets` draws them.
-    known : Local or None
-        Takes gain and offsets from here instead of the best.
 
     Returns
     -------
     cost, gain, out_0 : ndarray, shape (count,)
         Weighted sum of squares as the objective's; infinite where gain comes out negative.
     """
+    moments, total = _moments(form, records, sets, np.zeros(sets.shape[1]))
+    ones, first, second, mean, cross = moments
+    spread = ones * second - first**2
+    gain = (ones * cross - first * mean) / np.where(spread > 0.0, spread, np.inf)
+    out_0 = (mean - gain * first) / ones
+    cost = _cost(moments, total, gain, out_0)
+    return np.where(gain > 0.0, cost, np.inf), gain, out_0
+
+
+def _moments(form: Form, records: Records, sets: Floats, offset: Floats) -> tuple[Floats, float]:
+    """Weighted sums, over all samples, that the deviation of any gain and offset follows from.
+
+    With b the output for gain 1 and y the measured one: 1, b, b^2, y, b*y; and the sum of y^2.
+    """
     count = sets.shape[1]
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
-    offset = np.full(count, known.in_0 if known else 0.0)
     moments = np.zeros((5, count))
     total = 0.0
     for drive in records.drives:
         x, y = np.zeros(count), np.zeros(count)
         kept = thinned(drive.input, _THIN)
         driven = np.ascontiguousarray(drive.input[kept])
-        repetitions = _WARM_UP if drive.settled else 0
         # Up to the first sample in small steps: the linear step is not exact over long ones.
         rise = np.concatenate([np.linspace(0.0, end, 16)[1:] for end in (*drive.lead, driven[0])])
         batch(kappa, c, omega, scale, offset, rise, x, y, keep=False)
-        for _ in range(repetitions):
+        for _ in range(_WARM_UP if drive.settled else 0):
             batch(kappa, c, omega, scale, offset, driven, x, y, keep=False)
         m, x_out = batch(kappa, c, omega, scale, offset, driven, x, y)
         shape = (m + form.h * x_out) ** form.power
@@ -103,20 +121,7 @@ def screen(
         moments[3] += weight * measured.sum()
         moments[4] += weight * (measured @ shape)
         total += weight * float(measured @ measured)
-    if known is None:
-        return _solve_linear(moments, total)
-    gain, out_0 = np.full(count, known.gain), np.full(count, known.out_0)
-    return _cost(moments, total, gain, out_0), gain, out_0
-
-
-def _solve_linear(moments: Floats, total: float) -> tuple[Floats, Floats, Floats]:
-    ones, first, second, mean, cross = moments
-    spread = ones * second - first**2
-    safe = np.where(spread > 0.0, spread, np.inf)
-    gain = (ones * cross - first * mean) / safe
-    out_0 = (mean - gain * first) / ones
-    cost = _cost(moments, total, gain, out_0)
-    return np.where(gain > 0.0, cost, np.inf), gain, out_0
+    return moments, total
 
 
 def _cost(moments: Floats, total: float, gain: Floats, out_0: Floats) -> Floats:
@@ -125,10 +130,8 @@ def _cost(moments: Floats, total: float, gain: Floats, out_0: Floats) -> Floats:
     return np.asarray(square + 2.0 * (gain * out_0 * first - gain * cross - out_0 * mean))
 
 
-def starts(
-    space: Space, count: int, keep: int, seed: int, seen: Local | None = None
-) -> list[Local]:
-    """Best sets of a screening at the first gap of a space, far enough apart to differ.
+def starts(space: Space, count: int, keep: int, seed: int) -> list[Local]:
+    """Best sets of a screening at the only gap of a space, far enough apart to differ.
 
     Parameters
     ----------
@@ -138,17 +141,13 @@ def starts(
         Sets drawn, and starts wanted.
     seed : int
         Seed of the drawing.
-    seen : Local or None
-        A set to offer beside those drawn.
 
     Returns
     -------
     list of Local
         Best first.
     """
-    sets = sample_sets(space.records, count, seed, space.form.h)
-    if seen is not None:
-        sets = np.column_stack([sets, [seen.kappa, seen.c, seen.omega, seen.scale]])
+    sets = sample_sets(space.records, count, seed)
     cost, gain, out_0 = screen(space.form, space.records, sets)
     apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + OMEGA_JUMP)])
     chosen: list[int] = []
@@ -164,3 +163,58 @@ def starts(
         local = Local(kappa, c, omega, scale, float(gain[place]), 0.0, offset, 0.0)
         found.append(space.form.with_h(local))
     return found
+
+
+def scan_gap(space: Space, gap: int, known: list[Local]) -> tuple[list[Local], Floats]:
+    """Find, at one gap, the best value of the parameter that the map ties to it, the rest held.
+
+    Parameters
+    ----------
+    space : Space
+        With the map and the loops of all gaps.
+    gap : int
+        Place of the gap.
+    known : list of Local
+        Sets at another gap.
+
+    Returns
+    -------
+    sets : list of Local
+        The same sets made to fit this gap.
+    cost : ndarray, shape (len(known),)
+        Their weighted sums of squares there.
+    """
+    count = len(known)
+    table = np.repeat(_table(known), _SCAN, axis=1)
+    if space.gap_map == "reluctance":
+        unscaled = table[3] * (1.0 - space.form.h * table[2])
+        reach = np.linspace(np.log(0.05), np.log(300.0), _SCAN)
+        table[2] = np.tile(np.exp(reach) - OMEGA_JUMP, count)
+        table[3] = unscaled / np.maximum(1.0 - space.form.h * table[2], 0.01)
+    else:
+        table[3] *= np.tile(5.0 ** np.linspace(-1.0, 1.0, _SCAN), count)
+    cost = _cost_of(space.form, space.records.at(gap), table).reshape(count, _SCAN)
+    best = np.argmin(cost, axis=1)
+    at = best + _SCAN * np.arange(count)
+    sets = [
+        replace(local, omega=float(table[2, place]), scale=float(table[3, place]))
+        for local, place in zip(known, at, strict=True)
+    ]
+    return sets, cost[np.arange(count), best]
+
+
+def cost_at_gap(space: Space, gap: int, known: list[Local]) -> Floats:
+    """Weighted sums of squares of sets at one gap, as they are, shape (len(known),)."""
+    return _cost_of(space.form, space.records.at(gap), _table(known))
+
+
+def _table(known: list[Local]) -> Floats:
+    """Lay sets out as columns, rows in the order of LOCAL."""
+    return np.array([[getattr(local, name) for local in known] for name in LOCAL])
+
+
+def _cost_of(form: Form, records: Records, table: Floats) -> Floats:
+    kappa, c, omega, scale, gain, in_0, out_0 = table
+    followed = np.stack([kappa, c, np.maximum(omega, _ALMOST_JUMPING), scale])
+    moments, total = _moments(form, records, followed, in_0)
+    return _cost(moments, total, gain, out_0)

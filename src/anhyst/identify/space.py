@@ -2,7 +2,8 @@
 
 A coordinate vector holds, in the order of :data:`~anhyst.identify.response.LOCAL`, one entry for
 each parameter that is shared by all gaps and one for each gap for those that are not. Positive
-ones are logarithms; ``omega`` is taken as ``log(omega + 3)``, since at -3 the law begins to jump.
+ones are logarithms; ``omega``, which may have either sign and any size, is the hyperbolic sine of
+its coordinate.
 """
 
 from __future__ import annotations
@@ -27,11 +28,10 @@ PER_GAP = {
 """Which parameters each gap map lets differ from gap to gap. With ``reluctance`` the scale of the
 input follows from omega: ``scale = scale_0/(1 - h*omega)``, where 1/(1 - h*omega) = 1 + rho."""
 
-OMEGA_JUMP = 3.0
 _LIMITS = {
     "kappa": (2e-3, 5e2),
     "c": (0.0, 0.999),
-    "omega": (-2.98, 2e3),
+    "omega": (-30.0, 2e3),
     "scale": (1e-5, 1e2),  # of the input span
     "gain": (1e-3, 1e4),  # of the output span
     "in_0": (-0.2, 0.2),  # of the input span
@@ -100,7 +100,7 @@ class Space:
         if name in {"kappa", "scale", "gain"}:
             return float(np.log(value))
         if name == "omega":
-            return float(np.log(value + OMEGA_JUMP))
+            return float(np.arcsinh(value))
         return value / self.unit(name)
 
     def _outward(self, name: str, coordinate: float) -> tuple[float, float]:
@@ -109,8 +109,7 @@ class Space:
             value = float(np.exp(coordinate))
             return value, value
         if name == "omega":
-            rest = float(np.exp(coordinate))
-            return rest - OMEGA_JUMP, rest
+            return float(np.sinh(coordinate)), float(np.cosh(coordinate))
         unit = self.unit(name)
         return coordinate * unit, unit
 

@@ -9,7 +9,6 @@ from anhyst.data import LoopSet
 from anhyst.identify.default import Found
 from anhyst.identify.fitting import Evaluation
 from anhyst.identify.objective import Objective
-from anhyst.identify.space import OMEGA_JUMP
 from anhyst.record import Uncertainty
 
 Floats = NDArray[np.float64]
@@ -111,7 +110,7 @@ def assess(found: Found, loopset: LoopSet) -> Uncertainty:
 def _slope(name: str, coordinate: float, value: float, unit: float) -> float:
     """Give the derivative of a parameter by its coordinate."""
     if name == "omega":
-        return value + OMEGA_JUMP
+        return float(np.cosh(coordinate))
     return abs(value) if name in {"kappa", "scale", "gain"} else unit
 
 
