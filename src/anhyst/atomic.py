@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from anhyst.errors import InputError
 
@@ -52,20 +53,44 @@ def atomic_writer(path: PathLike) -> Iterator[IO[str]]:
     InputError
         The place cannot be written, or the disk is full.
     """
+    with _draft(path) as place, place.open("w", encoding="utf-8", newline="") as stream:
+        yield stream
+        _to_disk(stream)
+
+
+def write_bytes(path: PathLike, content: bytes) -> None:
+    """Write a binary file, such as a picture, whole or not at all; as :func:`atomic_writer`.
+
+    Parameters
+    ----------
+    path : path-like
+        Where the file is to appear.
+    content : bytes
+        All of it.
+
+    Raises
+    ------
+    InputError
+        The place cannot be written, or the disk is full.
+    """
+    with _draft(path) as place, place.open("wb") as stream:
+        stream.write(content)
+        _to_disk(stream)
+
+
+@contextmanager
+def _draft(path: PathLike) -> Iterator[Path]:
+    """Give the place to write to now, and put what was written where it belongs."""
     target = Path(os.path.realpath(path))  # a link keeps pointing where it points
     try:
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if target.exists() and not target.is_file():
-            with target.open("w", encoding="utf-8", newline="") as stream:
-                yield stream
+            yield target
             return
         beside = _beside(target)
         try:
-            with beside.open("x", encoding="utf-8", newline="") as stream:
-                yield stream
-                stream.flush()
-                os.fsync(stream.fileno())
+            yield beside
             if target.exists():
                 beside.chmod(target.stat().st_mode & 0o7777)
             beside.replace(target)
@@ -75,6 +100,13 @@ def atomic_writer(path: PathLike) -> Iterator[IO[str]]:
             raise
     except OSError as error:
         raise write_error(path, error) from error
+
+
+def _to_disk(stream: IO[Any]) -> None:
+    """Have the disk itself say whether there was room; a device or a pipe cannot."""
+    stream.flush()
+    if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+        os.fsync(stream.fileno())
 
 
 def check_writable(path: PathLike) -> None:

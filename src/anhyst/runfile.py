@@ -15,13 +15,12 @@ from anhyst.data.files import write_csv
 from anhyst.data.rawtable import Texts
 from anhyst.data.table import Table, read_columns
 from anhyst.errors import InputError, NegativeResult
-from anhyst.run import SHORTEST_RUN
+from anhyst.run import SHORTEST_RUN, invert, predict
 from anhyst.validity import flag
 
 if TYPE_CHECKING:
     from anhyst.data.units import Quantity
     from anhyst.model import ActuatorModel
-    from anhyst.run import Prediction
 
 FloatArray = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -121,73 +120,60 @@ def run_file(
     """
     check_writable(out)
     table = read_columns(path, columns, progress)
-    given, wanted = model.input, model.output
-    if direction == "invert":
-        given, wanted = wanted, given
-    values = table.need(given.name, given.column)
-    schedule = None if model.schedule is None else table.get(model.schedule.name)
-    # A column of time that nothing needs may be as it likes.
-    time = table.get("time") if np.any(model.parameters["gamma"]) else None
     past = history if history is not None else str(model.history)
-    runs = _find_runs(table, schedule, settled=past.startswith("settled"))
-    found = np.empty(len(table))
-    reachable = np.ones(len(table), dtype=np.bool_)
-    notes: Counter[str] = Counter()
-    for rows in runs:
-        result = _one_run(model, direction, path, values, schedule, time, past, rows)
-        found[rows] = result.output if direction == "predict" else result.drive
-        reachable[rows] = result.reachable
-        notes.update(result.notes)
-    if direction == "predict":
-        valid, flags = flag(model, "drive", values, found, schedule, reachable, rows=True)
-    else:
-        valid, flags = flag(model, "demand", found, values, schedule, reachable, rows=True)
-    column = _write(table, out, wanted, found, valid)
-    many = len(runs) > 1
-    told = [
-        f"{text} ({count} of {len(runs)} runs)" if many else text for text, count in notes.items()
-    ]
+    found, valid, runs, warnings = _compute(model, direction, table, past)
+    wanted = model.output if direction == "predict" else model.input
     return RunSummary(
         out=str(out),
-        column=column,
+        column=_write(table, out, wanted, found, valid),
         unit=wanted.unit,
         rows=len(table),
-        runs=len(runs),
+        runs=runs,
         history=past,
         low=float(found.min()),
         high=float(found.max()),
         outside=int((~valid).sum()),
-        deviation=_deviation(table.get(wanted.name), found),
-        warnings=(*flags, *told),
+        deviation=_deviation(table, wanted, found),
+        warnings=warnings,
     )
 
 
-def _one_run(
-    model: ActuatorModel,
-    direction: Direction,
-    path: PathLike,
-    values: FloatArray,
-    schedule: FloatArray | None,
-    time: FloatArray | None,
-    history: str,
-    rows: Rows,
-) -> Prediction:
-    from anhyst.run import invert, predict
+def _compute(
+    model: ActuatorModel, direction: Direction, table: Table, history: str
+) -> tuple[FloatArray, NDArray[np.bool_], int, tuple[str, ...]]:
+    """Compute all runs of a table: what was wanted, where it is valid, how many, what to say."""
+    forward = direction == "predict"
+    given = model.input if forward else model.output
+    values = table.need(given.name, given.column)
+    schedule = None if model.schedule is None else table.get(model.schedule.name)
+    # A column of time that nothing needs may be as it likes.
+    time = table.get("time") if np.any(model.parameters["gamma"]) else None
+    runs = _find_runs(table, schedule, settled=history.startswith("settled"))
+    found, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
+    notes: Counter[str] = Counter()
+    for rows in runs:
+        at, clock = (None if c is None else _part(c, rows) for c in (schedule, time))
+        try:
+            result = (predict if forward else invert)(
+                model, _part(values, rows), at, clock, history
+            )
+        except (InputError, NegativeResult) as error:
+            where = "" if rows.size == values.size else f"rows from {rows[0] + 1}: "
+            raise type(error)(f"{table.path}: {where}{error}") from error
+        found[rows] = result.output if forward else result.drive
+        reachable[rows] = result.reachable
+        notes.update(result.notes)
+    if forward:
+        valid, flags = flag(model, "drive", values, found, schedule, reachable, rows=True)
+    else:
+        valid, flags = flag(model, "demand", found, values, schedule, reachable, rows=True)
+    count = len(runs)
+    told = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
+    return found, valid, count, (*flags, *told)
 
-    compute = predict if direction == "predict" else invert
 
-    def part(column: FloatArray | None) -> FloatArray | None:
-        if column is None:
-            return None
-        return column if rows.size == column.size else column[rows]
-
-    mine = part(values)
-    assert mine is not None
-    try:
-        return compute(model, mine, part(schedule), part(time), history)
-    except (InputError, NegativeResult) as error:
-        where = f"{path}: " if rows.size == values.size else f"{path}: rows from {rows[0] + 1}: "
-        raise type(error)(f"{where}{error}") from error
+def _part(column: FloatArray, rows: Rows) -> FloatArray:
+    return column if rows.size == column.size else column[rows]
 
 
 def _find_runs(table: Table, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
@@ -234,7 +220,11 @@ def _write(
     return name
 
 
-def _deviation(measured: FloatArray | None, found: FloatArray) -> Deviation | None:
+def _deviation(table: Table, wanted: Quantity, found: FloatArray) -> Deviation | None:
+    try:
+        measured = table.get(wanted.name)
+    except InputError:  # a column that nobody asked for may be as it likes
+        return None
     if measured is None:
         return None
     apart = np.abs(found - measured)

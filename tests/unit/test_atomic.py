@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.atomic import atomic_writer, check_writable
+from anhyst.atomic import atomic_writer, check_writable, write_bytes
 from anhyst.errors import InputError
 
 
@@ -82,3 +82,12 @@ def test_a_link_and_the_file_mode_are_kept(tmp_path: Path) -> None:
     assert link.is_symlink()
     assert real.read_text() == "new"
     assert real.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_picture_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    write_bytes(tmp_path / "loops.png", b"\x89PNG")
+    assert (tmp_path / "loops.png").read_bytes() == b"\x89PNG"
+    with pytest.raises(InputError, match="create the folder first"):
+        write_bytes(tmp_path / "none" / "loops.png", b"\x89PNG")
+    write_bytes("/dev/null", b"gone")
+    assert os.listdir(tmp_path) == ["loops.png"]

@@ -19,6 +19,7 @@ from anhyst.cli.options import (
     Loops,
     Schedule,
     Sidecar,
+    read_options,
 )
 
 if TYPE_CHECKING:
@@ -56,42 +57,46 @@ class Search(StrEnum):
     PAPER = "paper"
 
 
+Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Model file to write.")]
+LawOption = Annotated[
+    Law,
+    typer.Option(metavar="LAW", help="The hysteresis law: effective-field or jiles-atherton-1986."),
+]
+GapMapOption = Annotated[
+    GapMapChoice,
+    typer.Option(
+        metavar="MAP",
+        help="How the gap enters: 'scaling' of the field (the paper), series 'reluctance', 'free' "
+        "(anything may vary; fixed gaps only), or 'auto': whichever predicts left-out gaps best.",
+    ),
+]
+SearchOption = Annotated[
+    Search,
+    typer.Option(metavar="HOW", help="'default', or 'paper' to reproduce the paper's figures."),
+]
+Seed = Annotated[int, typer.Option(help="The same seed gives the same model on the same machine.")]
+WeightsOption = Annotated[
+    Weights,
+    typer.Option(
+        metavar="WHAT",
+        help="What counts the same: 'loops', so that inner loops count; 'points'; or 'relative', "
+        "each loop by its own largest output.",
+    ),
+]
+Offsets = Annotated[
+    bool, typer.Option(help="Estimate offsets of input and output, or take them as zero.")
+]
+
+
 def identify(
     loops: Loops,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Model file to write.")],
-    law: Annotated[
-        Law,
-        typer.Option(
-            metavar="LAW", help="The hysteresis law: effective-field or jiles-atherton-1986."
-        ),
-    ] = Law.EFFECTIVE_FIELD,
-    gap_map: Annotated[
-        GapMapChoice,
-        typer.Option(
-            metavar="MAP",
-            help="How the gap enters: 'scaling' of the field (the paper), series 'reluctance', "
-            "'free' (anything may vary; fixed gaps only), or 'auto': whichever predicts left-out "
-            "gaps best.",
-        ),
-    ] = GapMapChoice.AUTO,
-    search: Annotated[
-        Search,
-        typer.Option(metavar="HOW", help="'default', or 'paper' to reproduce the paper's figures."),
-    ] = Search.DEFAULT,
-    seed: Annotated[
-        int, typer.Option(help="The same seed gives the same model on the same machine.")
-    ] = 1,
-    weights: Annotated[
-        Weights,
-        typer.Option(
-            metavar="WHAT",
-            help="What counts the same: 'loops', so that inner loops count; 'points'; or "
-            "'relative', each loop by its own largest output.",
-        ),
-    ] = Weights.LOOPS,
-    offsets: Annotated[
-        bool, typer.Option(help="Estimate offsets of input and output, or take them as zero.")
-    ] = True,
+    out: Out,
+    law: LawOption = Law.EFFECTIVE_FIELD,
+    gap_map: GapMapOption = GapMapChoice.AUTO,
+    search: SearchOption = Search.DEFAULT,
+    seed: Seed = 1,
+    weights: WeightsOption = Weights.LOOPS,
+    offsets: Offsets = True,
     columns: Columns = None,
     sidecar: Sidecar = None,
     schedule: Schedule = None,
@@ -113,21 +118,12 @@ def identify(
     Example: anhyst identify loops.csv --out model.toml --gap-map auto
     """
     from anhyst.atomic import check_writable
-    from anhyst.errors import NegativeResult
     from anhyst.identify import identify as find_model
     from anhyst.modelfile import write_model
-    from anhyst.sources import ReadOptions, with_read_options
+    from anhyst.sources import with_read_options
 
     check_writable(out)
-    options = ReadOptions.from_text(
-        columns=columns,
-        constants=constants,
-        schedule=schedule,
-        loop=loop,
-        history=history,
-        sidecar=None if sidecar is None else str(sidecar),
-        clean=clean,
-    )
+    options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
     with progress_bar("searching") as progress:
@@ -143,6 +139,13 @@ def identify(
             checkpoint=out.with_name(f"{out.name}.checkpoint"),
         )
     write_model(with_read_options(result.model, options), out)
+    _tell(result, out, as_json)
+
+
+def _tell(result: IdentifyResult, out: Path, as_json: bool) -> None:
+    """Say what came out, and end as it deserves."""
+    from anhyst.errors import NegativeResult
+
     for text in result.warnings:
         warn(text)
     if as_json:

@@ -19,6 +19,7 @@ from anhyst.cli.options import (
     Loops,
     Schedule,
     Sidecar,
+    read_options,
 )
 
 if TYPE_CHECKING:
@@ -52,26 +53,17 @@ def inspect(
     Example: anhyst inspect loops.csv --plot loops.png
     """
     from anhyst.data.inspection import inspect as look_at
-    from anhyst.sources import ReadOptions
 
     if plot is not None:
         _check_plot(plot)
-    options = ReadOptions.from_text(
-        columns=columns,
-        constants=constants,
-        schedule=schedule,
-        loop=loop,
-        history=history,
-        sidecar=None if sidecar is None else str(sidecar),
-        clean=clean,
-    )
+    options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     # Thinning would hide noise and skew, which are what is looked for.
     options = replace(options, clean=tuple(step for step in options.clean if step != "thin"))
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
     found = look_at(measured)
     if plot is not None:
-        _draw(measured, plot)
+        _draw(found, measured, plot)
     if as_json:
         print_json(found.as_dict())
         return
@@ -89,23 +81,16 @@ def _check_plot(path: Path) -> None:
     check_writable(path)
 
 
-def _draw(loops: LoopSet, path: Path) -> None:
-    import matplotlib
+def _draw(found: Inspection, loops: LoopSet, path: Path) -> None:
+    from io import BytesIO
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
+    from anhyst.atomic import write_bytes
+    from anhyst.data.plot import plot_inspection
 
-    from anhyst.atomic import write_error
-
-    figure, axes = plt.subplots(figsize=(8.0, 6.0), layout="constrained")
-    loops.plot(axes)
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        path.unlink(missing_ok=True)
-        raise write_error(path, error) from error
-    finally:
-        plt.close(figure)
+    picture = BytesIO()
+    figure = plot_inspection(found, loops)
+    figure.savefig(picture, format=path.suffix[1:].lower(), dpi=150)
+    write_bytes(path, picture.getvalue())
 
 
 def _show(found: Inspection) -> None:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from anhyst.sources import ReadOptions
 
 Loops = Annotated[
     list[Path], typer.Argument(metavar="LOOPS", help="CSV files, or folders of them.")
@@ -72,3 +75,32 @@ RunHistory = Annotated[
     ),
 ]
 ModelPath = Annotated[Path, typer.Argument(metavar="MODEL", help="A model.toml.")]
+
+
+def read_options(
+    columns: str | None,
+    sidecar: Path | None,
+    schedule: str | None,
+    loop: str | None,
+    constants: str | None,
+    history: str | None,
+    clean: str | None,
+) -> ReadOptions:
+    """Collect what the options say about reading measurements.
+
+    Raises
+    ------
+    InputError
+        A text that is not of the right form.
+    """
+    from anhyst.sources import ReadOptions
+
+    return ReadOptions.from_text(
+        columns=columns,
+        sidecar=None if sidecar is None else str(sidecar),
+        schedule=schedule,
+        loop=loop,
+        constants=constants,
+        history=history,
+        clean=clean,
+    )
