@@ -51,8 +51,10 @@ def random_cases(
             continue
         r_d = a * kappa * rng.uniform(0.01, 0.5) if play else 0.0
         iron = Iron(m_s, a, kappa * a, c, alpha, r_d, law, step)
-        shear = a + max(-alpha, 0.0) * m_s / 3.0
-        cases.append(Case(iron, log_uniform(rng, 0.3, 30.0) * shear))
+        amplitude = log_uniform(rng, 0.3, 30.0) * (a + max(-alpha, 0.0) * m_s / 3.0)
+        # Below this the rounding of B alone is 1e-9 of the amplitude of H.
+        if amplitude > m_s / 3e5:
+            cases.append(Case(iron, amplitude))
     return cases
 
 

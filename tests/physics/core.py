@@ -1,0 +1,71 @@
+"""The C core behind the face of the reference, so that a claim can be put to both."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from anhyst import _core
+from anhyst.laws.iron import Iron
+from anhyst.laws.operator import DEMAGNETISED, State
+
+FloatArray = NDArray[np.float64]
+
+
+class Record(NamedTuple):
+    """What the core returns, the state as the reference has it."""
+
+    found: FloatArray
+    field: FloatArray
+    state: State
+    status: int
+    sample: int
+
+
+def core_of(iron: Iron) -> _core.Iron:
+    return _core.Iron(iron.m_s, iron.a, iron.k, iron.c, iron.alpha, iron.r_d, iron.law, iron.step)
+
+
+def run(
+    core: _core.Iron,
+    direction: str,
+    given: ArrayLike,
+    rho: ArrayLike = 0.0,
+    eddy: ArrayLike = 0.0,
+    state: State = DEMAGNETISED,
+) -> Record:
+    """Run the core forward or inverse without asking for success."""
+    samples = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    ratio = np.broadcast_to(np.asarray(rho, dtype=np.float64), samples.shape).copy()
+    memory = np.broadcast_to(np.asarray(eddy, dtype=np.float64), samples.shape).copy()
+    call = core.forward if direction == "forward" else core.inverse
+    found, field, after, status, index = call(samples, ratio, memory, np.array(state))
+    return Record(found, field, State(*np.asarray(after).tolist()), status, index)
+
+
+def forward(
+    iron: Iron,
+    drive: ArrayLike,
+    rho: ArrayLike = 0.0,
+    eddy: ArrayLike = 0.0,
+    state: State = DEMAGNETISED,
+) -> tuple[FloatArray, FloatArray, State]:
+    """Return what :meth:`Iron.forward` returns, from the core."""
+    record = run(core_of(iron), "forward", drive, rho, eddy, state)
+    assert record.status == 0, (_core.status_text(record.status), record.sample, iron)
+    return record[:3]
+
+
+def inverse(
+    iron: Iron,
+    b: ArrayLike,
+    rho: ArrayLike = 0.0,
+    eddy: ArrayLike = 0.0,
+    state: State = DEMAGNETISED,
+) -> tuple[FloatArray, FloatArray, State]:
+    """Return what :meth:`Iron.inverse` returns, from the core."""
+    record = run(core_of(iron), "inverse", b, rho, eddy, state)
+    assert record.status == 0, (_core.status_text(record.status), record.sample, iron)
+    return record[:3]
