@@ -9,6 +9,7 @@ from anhyst.data import LoopSet
 from anhyst.errors import InputError, NegativeResult
 from anhyst.identify.default import (
     SCREENED,
+    TIE,
     Found,
     follow,
     join_gaps,
@@ -105,7 +106,8 @@ def left_out_error(found: Found, loopset: LoopSet, gap: int) -> float:
     """
     space, theta = _without(found, gap)
     try:
-        model = model_of(follow(space, theta, 1e-6, 40), loopset)
+        tie = TIE * found.cost if space.gap_map == "free" else 0.0
+        model = model_of(follow(space, theta, 1e-6, 40, tie), loopset)
         deviations = [
             model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
             for loop in loopset.by_schedule()[float(found.space.records.nodes[gap])]

@@ -4,7 +4,7 @@
 2. Least squares from the few best that differ, at that gap alone.
 3. For a gap map, the parameter that the map ties to the gap is scanned at every other gap with the
    rest held, for the optimum of 2 and more sets of 1, and all gaps are fitted together from the
-   best. Under the map ``free`` nothing is shared, and every gap is fitted like the first.
+   best. Under the map ``free`` nothing is shared: every gap is fitted like the first, then tied.
 
 Everything random comes from the seed.
 """
@@ -28,6 +28,9 @@ Floats = NDArray[np.float64]
 
 SCREENED = 256
 KEPT = 3
+TIE = 3e-3
+"""Weight of the ties of the map ``free``, relative to the cost of the fit without them."""
+
 _SHORT = 6
 """Evaluations of a first descent: enough to tell a good valley from a bad one."""
 
@@ -61,9 +64,11 @@ class Found:
         return cls(space, np.array(plain["theta"]), plain["cost"], plain["evaluations"])
 
 
-def follow(space: Space, theta: Floats, tolerance: float = 1e-10, most: int = 200) -> Found:
+def follow(
+    space: Space, theta: Floats, tolerance: float = 1e-10, most: int = 200, tie: float = 0.0
+) -> Found:
     """Descend from a start and count."""
-    objective = Objective(space)
+    objective = Objective(space, tie)
     fit = descend(objective, theta, tolerance, most)
     return Found(space, fit.theta, fit.cost, objective.evaluations)
 
@@ -107,7 +112,12 @@ def _best_end(space: Space, begins: list[Floats]) -> Found:
 
 
 def search_each_gap(form: Form, records: Records, seed: int, offsets: bool) -> Found:
-    """Fit every gap from scratch and by itself: the map ``free``.
+    """Fit every gap with parameters of its own: the map ``free``.
+
+    Each gap is fitted from scratch, and once more from its neighbour's end, so that all gaps can
+    lie in one valley. Then all are tied together so weakly that the fit hardly notices
+    (:data:`TIE`): directions that the loops of one gap do not tell would otherwise scatter, and
+    nothing could be interpolated.
 
     Parameters
     ----------
@@ -117,15 +127,22 @@ def search_each_gap(form: Form, records: Records, seed: int, offsets: bool) -> F
     Returns
     -------
     Found
+        Its cost contains the ties.
     """
     space = Space("free", records, form, offsets)
-    found = [search_one_gap(form, records.at(gap), seed, offsets) for gap in range(records.gaps)]
-    return Found(
-        space,
-        space.pack([one.sets[0] for one in found]),
-        sum(one.cost for one in found),
-        sum(one.evaluations for one in found),
-    )
+    alone = [search_one_gap(form, records.at(gap), seed, offsets) for gap in range(records.gaps)]
+    home = reference_gap(records)
+    carried = {home: alone[home]}
+    for gap in [*range(home + 1, records.gaps), *range(home - 1, -1, -1)]:
+        neighbour = carried[gap - 1 if gap > home else gap + 1]
+        carried[gap] = follow(alone[gap].space, neighbour.theta, 1e-6, 30)
+    tie = TIE * sum(one.cost for one in alone)
+    ends = [
+        follow(space, space.pack([one.sets[0] for one in ones]), 1e-6, 60, tie)
+        for ones in (alone, [carried[gap] for gap in range(records.gaps)])
+    ]
+    best = min(ends, key=lambda one: one.cost)
+    return replace(best, evaluations=sum(one.evaluations for one in (*alone, *ends)))
 
 
 def join_gaps(

@@ -23,9 +23,14 @@ class Objective:
 
     The sum of squares is the mean square deviation relative to the largest output, as far as the
     weights make all samples equal. ``evaluations`` counts calls.
+
+    With ``tie`` above zero, differences of coordinates from gap to gap count as deviations too,
+    times its square root: what the loops do not tell then runs smoothly over the gap instead of
+    anyhow.
     """
 
     space: Space
+    tie: float = 0.0
     evaluations: int = 0
     _responder: Responder = field(default_factory=Responder)
 
@@ -33,11 +38,13 @@ class Objective:
         drives = self.space.records.drives
         self.measured = np.concatenate([drive.output for drive in drives])
         self.weights = np.concatenate([np.full(d.output.size, d.weight) for d in drives])
+        self._ties = np.sqrt(self.tie) * _differences(self.space)
 
     @property
     def impossible(self) -> Floats:
         """Deviations that stand for parameters without an answer."""
-        return _IMPOSSIBLE * self.space.records.output_span * self.weights
+        far = _IMPOSSIBLE * self.space.records.output_span * self.weights
+        return np.concatenate([far, np.zeros(self._ties.shape[0])])
 
     def _operators(self, sets: list[Local]) -> list[Operator]:
         """Laws at each gap; those that are the same are built once."""
@@ -63,15 +70,15 @@ class Objective:
         return np.concatenate(parts)
 
     def deviations(self, theta: Floats) -> Floats:
-        """Weighted deviations, shape (samples,)."""
+        """Weighted deviations, shape (samples,), and ties, if any, after them."""
         try:
             found = self.outputs([local for local, _ in self.space.unpack(theta)])
         except NoResponseError:
             return self.impossible
-        return np.asarray((found - self.measured) * self.weights)
+        return np.concatenate([(found - self.measured) * self.weights, self._ties @ theta])
 
     def with_jacobian(self, theta: Floats) -> tuple[Floats, Floats]:
-        """Weighted deviations and their derivatives, shapes (samples,) and (samples, size)."""
+        """Deviations as above and their derivatives, one row for each, shape (.., size)."""
         self.evaluations += 1
         sets = self.space.unpack(theta)
         operators = self._operators([local for local, _ in sets])
@@ -83,4 +90,20 @@ class Objective:
             )
             values.append((output - drive.output) * drive.weight)
             rows.append((by_local * drive.weight) @ by_theta)
+        values.append(self._ties @ theta)
+        rows.append(self._ties)
         return np.concatenate(values), np.concatenate(rows)
+
+
+def _differences(space: Space) -> Floats:
+    """Rows that take the difference of a coordinate between neighbouring gaps; offsets are free."""
+    place = {entry: at for at, entry in enumerate(space.entries)}
+    pairs = [
+        (place[name, gap], place[name, gap + 1])
+        for name, gap in space.entries
+        if gap is not None and gap + 1 < space.records.gaps and name not in {"in_0", "out_0"}
+    ]
+    rows = np.zeros((len(pairs), space.size))
+    for row, (first, second) in zip(rows, pairs, strict=True):
+        row[first], row[second] = -1.0, 1.0
+    return rows
