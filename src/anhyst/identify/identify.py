@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import History, LoopSet
+from anhyst.data.plausibility import check_plausible
 from anhyst.errors import InputError
 from anhyst.identify.choice import model_of, search_maps
 from anhyst.identify.default import Found
@@ -74,12 +75,14 @@ def identify(
     Raises
     ------
     InputError
-        Loops that cannot be used, or an unknown law, map, search or weighting.
+        Loops that cannot be used or cannot be what they claim, or an unknown law, map, search or
+        weighting.
     KeyboardInterrupt
         Ctrl-C before there was any model.
     """
     began = time.perf_counter()
     _check(law, gap_map, search)
+    odd = check_plausible(loopset)
     run = Run(
         form=form_of(loopset.input, loopset.output, law),
         records=records_of(loopset, weights),
@@ -92,7 +95,7 @@ def identify(
     found, left_out, why, interrupted = _search(run, loopset, gap_map)
     model = model_of(found, loopset)
     fitted = _fitted(found, loopset)
-    warnings = _warnings(loopset, run, why)
+    warnings = [*odd, *_warnings(loopset, run, why)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from anhyst._core import batch
+from anhyst.errors import InputError
 from anhyst.identify.drives import Records
 from anhyst.identify.response import LOCAL, Form, Local
 from anhyst.identify.space import Space
@@ -146,6 +147,11 @@ def starts(space: Space, count: int, keep: int, seed: int) -> list[Local]:
     -------
     list of Local
         Best first.
+
+    Raises
+    ------
+    InputError
+        No set comes near the loops at all.
     """
     sets = sample_sets(space.records, count, seed)
     cost, gain, out_0 = screen(space.form, space.records, sets)
@@ -156,6 +162,11 @@ def starts(space: Space, count: int, keep: int, seed: int) -> list[Local]:
             break
         if all(np.linalg.norm(apart[:, place] - apart[:, other]) > 0.7 for other in chosen):
             chosen.append(int(place))
+    if not chosen:
+        raise InputError(
+            "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
+            "or columns with 'anhyst inspect --plot'"
+        )
     found = []
     for place in chosen:
         kappa, c, omega, scale = (float(value) for value in sets[:, place])
