@@ -84,7 +84,7 @@ def _without(found: Found, gap: int) -> tuple[Space, Floats]:
         drives, space.records.nodes[keep], space.records.input_span, space.records.output_span
     )
     left = [place for place, (_, at) in enumerate(space.entries) if at != gap]
-    return Space(space.gap_map, records, space.form, space.offsets), found.theta[left]
+    return Space(space.gap_map, records, space.form, space.held), found.theta[left]
 
 
 def left_out_error(found: Found, loopset: LoopSet, gap: int) -> float:
@@ -159,32 +159,26 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
         )
     tried = _maps_to_try(run, wanted) if wanted == "auto" else (wanted,)
     interior = range(1, records.gaps - 1)
-    run.total = 1 + len(tried) * (1 + len(interior))
+    run.total = 1 + sum(len(_variants(run, name)) * (1 + len(interior)) for name in tried)
     known = _known(run)
     if run.best is not None:
         return run.best, {}, "there is one gap only, so nothing runs over it"
     fits, errors = {}, {}
     for gap_map in tried:
-        fits[gap_map] = _joined(run, gap_map, known)
-        parts = [
-            run.stage(
-                f"{gap_map} without {gap}",
-                lambda m=gap_map, g=gap: left_out_error(fits[m], loopset, g),  # type: ignore[misc]
-            )
-            for gap in interior
-        ]
-        if parts:
-            errors[gap_map] = float(np.mean(parts))
+        found = [_joined(run, gap_map, known, held) for held in _variants(run, gap_map)]
+        missed = [_left_out(run, one, loopset) for one in found]
+        best = int(np.argmin(missed if interior else [one.cost for one in found]))
+        fits[gap_map] = found[best]
+        if interior:
+            errors[gap_map] = missed[best]
     return _choose(fits, errors, wanted)
 
 
 def _known(run: Run) -> list[Local]:
     """Give sets at the gap that shows most: its optimum first, then others worth a try."""
     home = run.records.at(reference_gap(run.records))
-    space = Space("none", home, run.form, run.offsets)
-    plain = run.stage(
-        "one gap", lambda: search_one_gap(run.form, home, run.seed, run.offsets).plain
-    )
+    space = Space("none", home, run.form, run.held)
+    plain = run.stage("one gap", lambda: search_one_gap(run.form, home, run.seed, run.held).plain)
     found = Found.from_plain(space, plain)
     if run.records.gaps == 1:
         run.best = found
@@ -192,15 +186,37 @@ def _known(run: Run) -> list[Local]:
     return [*found.sets, *starts(space, SCREENED, CARRIED, run.seed)]
 
 
-def _joined(run: Run, gap_map: str, known: list[Local]) -> Found:
-    space = Space(gap_map, run.records, run.form, run.offsets)
+def _variants(run: Run, gap_map: str) -> tuple[frozenset[str], ...]:
+    """Name what to hold at zero: each set is worth a fit of its own.
+
+    With everything free at each gap, interaction and shape of the anhysteretic replace each other
+    almost without trace, and what is interpolated of them need not fit together. Without
+    interaction the fit is a little worse and may predict much better.
+    """
+    both = gap_map == "free" and run.records.gaps >= 3
+    return (run.held, run.held | {"omega"}) if both else (run.held,)
+
+
+def _left_out(run: Run, found: Found, loopset: LoopSet) -> float:
+    parts = [
+        run.stage(
+            f"{found.space.gap_map} holding {sorted(found.space.held)} without {gap}",
+            lambda g=gap: left_out_error(found, loopset, g),  # type: ignore[misc]
+        )
+        for gap in range(1, run.records.gaps - 1)
+    ]
+    return float(np.mean(parts)) if parts else float("nan")
+
+
+def _joined(run: Run, gap_map: str, known: list[Local], held: frozenset[str]) -> Found:
+    space = Space(gap_map, run.records, run.form, held)
 
     def search() -> dict[str, object]:
         if gap_map == "free":
-            return search_each_gap(run.form, run.records, run.seed, run.offsets).plain
-        return join_gaps(run.form, run.records, gap_map, known, run.offsets).plain
+            return search_each_gap(run.form, run.records, run.seed, held).plain
+        return join_gaps(run.form, run.records, gap_map, known, held).plain
 
-    plain = run.stage(f"joined by {gap_map}", search)
+    plain = run.stage(f"joined by {gap_map} holding {sorted(held)}", search)
     found = Found.from_plain(space, plain)
     if run.best is None or found.cost < run.best.cost:
         run.best = found

@@ -81,7 +81,7 @@ def reference_gap(records: Records) -> int:
     return int(np.argmax(sizes))
 
 
-def search_one_gap(form: Form, records: Records, seed: int, offsets: bool) -> Found:
+def search_one_gap(form: Form, records: Records, seed: int, held: frozenset[str]) -> Found:
     """Fit one gap from scratch.
 
     Parameters
@@ -92,14 +92,14 @@ def search_one_gap(form: Form, records: Records, seed: int, offsets: bool) -> Fo
         Loops at a single gap.
     seed : int
         Seed of the screening.
-    offsets : bool
-        Whether offsets are fitted.
+    held : frozenset of str
+        Parameters that are zero and not fitted.
 
     Returns
     -------
     Found
     """
-    space = Space("none", records, form, offsets)
+    space = Space("none", records, form, held)
     return _best_end(space, [space.pack([one]) for one in starts(space, SCREENED, KEPT, seed)])
 
 
@@ -111,7 +111,7 @@ def _best_end(space: Space, begins: list[Floats]) -> Found:
     return replace(final, evaluations=final.evaluations + sum(one.evaluations for one in tried))
 
 
-def search_each_gap(form: Form, records: Records, seed: int, offsets: bool) -> Found:
+def search_each_gap(form: Form, records: Records, seed: int, held: frozenset[str]) -> Found:
     """Fit every gap with parameters of its own: the map ``free``.
 
     Each gap is fitted from scratch, and once more from its neighbour's end, so that all gaps can
@@ -121,7 +121,7 @@ def search_each_gap(form: Form, records: Records, seed: int, offsets: bool) -> F
 
     Parameters
     ----------
-    form, records, seed, offsets
+    form, records, seed, held
         As in :func:`search_one_gap`, with the loops of all gaps.
 
     Returns
@@ -129,8 +129,8 @@ def search_each_gap(form: Form, records: Records, seed: int, offsets: bool) -> F
     Found
         Its cost contains the ties.
     """
-    space = Space("free", records, form, offsets)
-    alone = [search_one_gap(form, records.at(gap), seed, offsets) for gap in range(records.gaps)]
+    space = Space("free", records, form, held)
+    alone = [search_one_gap(form, records.at(gap), seed, held) for gap in range(records.gaps)]
     home = reference_gap(records)
     carried = {home: alone[home]}
     for gap in [*range(home + 1, records.gaps), *range(home - 1, -1, -1)]:
@@ -146,13 +146,13 @@ def search_each_gap(form: Form, records: Records, seed: int, offsets: bool) -> F
 
 
 def join_gaps(
-    form: Form, records: Records, gap_map: str, known: list[Local], offsets: bool
+    form: Form, records: Records, gap_map: str, known: list[Local], held: frozenset[str]
 ) -> Found:
     """Fit all gaps together under one map, from what is known at the reference gap.
 
     Parameters
     ----------
-    form, records, offsets
+    form, records, held
         As in :func:`search_one_gap`, with the loops of all gaps.
     gap_map : str
         ``scaling`` or ``reluctance``.
@@ -163,7 +163,7 @@ def join_gaps(
     -------
     Found
     """
-    space = Space(gap_map, records, form, offsets)
+    space = Space(gap_map, records, form, held)
     home = reference_gap(records)
     at_gaps = [
         (known, cost_at_gap(space, gap, known)) if gap == home else scan_gap(space, gap, known)

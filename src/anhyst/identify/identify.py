@@ -87,7 +87,7 @@ def identify(
         form=form_of(loopset.input, loopset.output, law),
         records=records_of(loopset, weights),
         seed=seed,
-        offsets=offsets,
+        held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
         progress=progress,
         checkpoint=None if checkpoint is None else Path(checkpoint),
         key=f"{search} {law}",

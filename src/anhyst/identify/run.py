@@ -35,8 +35,8 @@ class Run:
         What is fitted.
     seed
         Of everything random.
-    offsets
-        Whether offsets of input and output are fitted.
+    held
+        Parameters that are zero and not fitted.
     total
         Number of stages foreseen.
     progress
@@ -54,7 +54,7 @@ class Run:
     form: Form
     records: Records
     seed: int
-    offsets: bool
+    held: frozenset[str]
     total: int = 1
     progress: Progress | None = None
     checkpoint: Path | None = None
@@ -106,7 +106,9 @@ class Run:
 
 def _key(run: Run) -> str:
     digest = hashlib.sha256()
-    digest.update(f"{running_version()} {run.form} {run.seed} {run.offsets} {run.key}".encode())
+    digest.update(
+        f"{running_version()} {run.form} {run.seed} {sorted(run.held)} {run.key}".encode()
+    )
     for drive in run.records.drives:
         digest.update(f"{drive.label} {drive.gap} {drive.settled} {drive.weight!r}".encode())
         for values in (drive.lead, drive.input, drive.output):

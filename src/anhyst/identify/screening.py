@@ -14,7 +14,7 @@ from scipy.stats import qmc
 
 from anhyst._core import batch
 from anhyst.errors import InputError
-from anhyst.identify.drives import Records
+from anhyst.identify.drives import Drive, Records
 from anhyst.identify.response import LOCAL, Form, Local
 from anhyst.identify.space import Space
 
@@ -35,12 +35,13 @@ _THIN = 64
 """Samples a loop at the screening, at most."""
 
 
-def sample_sets(records: Records, count: int, seed: int) -> Floats:
+def sample_sets(records: Records, count: int, seed: int, interacting: bool = True) -> Floats:
     """Draw kappa, c, omega, scale by a scrambled Sobol sequence.
 
     What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
     effective field, 0.3 to 30 on a logarithmic scale), pinning relative to that (0.01 to 3,
-    logarithmic), reversibility (0 to 0.95), and omega + 3 (0.1 to 300, logarithmic).
+    logarithmic), reversibility (0 to 0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is
+    to be zero.
 
     Returns
     -------
@@ -51,7 +52,7 @@ def sample_sets(records: Records, count: int, seed: int) -> Floats:
     reach = 0.3 * 100.0 ** draw[0]
     kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
     c = 0.95 * draw[2]
-    omega = 0.1 * 3000.0 ** draw[3] - OMEGA_JUMP
+    omega = 0.1 * 3000.0 ** draw[3] - OMEGA_JUMP if interacting else np.zeros(count)
     saturated = 1.0 / np.tanh(reach) - 1.0 / reach
     drive = np.maximum(reach + omega * saturated, 0.1 * reach)
     largest = max(float(np.max(np.abs(drive_.input))) for drive_ in records.drives)
@@ -93,26 +94,50 @@ def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, 
     return np.where(gain > 0.0, cost, np.inf), gain, out_0
 
 
+def follow_sets(
+    drive: Drive, kept: NDArray[np.intp], sets: Floats, offset: Floats
+) -> tuple[Floats, Floats]:
+    """Follow one drive with many sets at once.
+
+    Parameters
+    ----------
+    drive : Drive
+        What drives them; a settled cycle is repeated a few times first.
+    kept : ndarray, shape (n,)
+        Samples to stop at (:func:`thinned`).
+    sets : ndarray, shape (4, count)
+        As :func:`sample_sets` draws them; omega above -3.
+    offset : ndarray, shape (count,)
+        Input offset of each set, SI.
+
+    Returns
+    -------
+    m, xi : ndarray, shape (n, count)
+        Magnetisation and effective field in units of the law.
+    """
+    kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
+    scale = 1.0 / sets[3]
+    x, y = np.zeros(kappa.size), np.zeros(kappa.size)
+    driven = np.ascontiguousarray(drive.input[kept])
+    # Up to the first sample in small steps: the linear step is not exact over long ones.
+    rise = np.concatenate([np.linspace(0.0, end, 16)[1:] for end in (*drive.lead, driven[0])])
+    batch(kappa, c, omega, scale, offset, rise, x, y, keep=False)
+    for _ in range(_WARM_UP if drive.settled else 0):
+        batch(kappa, c, omega, scale, offset, driven, x, y, keep=False)
+    return batch(kappa, c, omega, scale, offset, driven, x, y)
+
+
 def _moments(form: Form, records: Records, sets: Floats, offset: Floats) -> tuple[Floats, float]:
     """Weighted sums, over all samples, that the deviation of any gain and offset follows from.
 
     With b the output for gain 1 and y the measured one: 1, b, b^2, y, b*y; and the sum of y^2.
     """
     count = sets.shape[1]
-    kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
-    scale = 1.0 / sets[3]
     moments = np.zeros((5, count))
     total = 0.0
     for drive in records.drives:
-        x, y = np.zeros(count), np.zeros(count)
         kept = thinned(drive.input, _THIN)
-        driven = np.ascontiguousarray(drive.input[kept])
-        # Up to the first sample in small steps: the linear step is not exact over long ones.
-        rise = np.concatenate([np.linspace(0.0, end, 16)[1:] for end in (*drive.lead, driven[0])])
-        batch(kappa, c, omega, scale, offset, rise, x, y, keep=False)
-        for _ in range(_WARM_UP if drive.settled else 0):
-            batch(kappa, c, omega, scale, offset, driven, x, y, keep=False)
-        m, x_out = batch(kappa, c, omega, scale, offset, driven, x, y)
+        m, x_out = follow_sets(drive, kept, sets, offset)
         shape = (m + form.h * x_out) ** form.power
         weight = drive.weight**2 * drive.input.size / kept.size
         measured = drive.output[kept]
@@ -153,7 +178,7 @@ def starts(space: Space, count: int, keep: int, seed: int) -> list[Local]:
     InputError
         No set comes near the loops at all.
     """
-    sets = sample_sets(space.records, count, seed)
+    sets = sample_sets(space.records, count, seed, interacting="omega" not in space.held)
     cost, gain, out_0 = screen(space.form, space.records, sets)
     apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + OMEGA_JUMP)])
     chosen: list[int] = []
@@ -170,7 +195,7 @@ def starts(space: Space, count: int, keep: int, seed: int) -> list[Local]:
     found = []
     for place in chosen:
         kappa, c, omega, scale = (float(value) for value in sets[:, place])
-        offset = float(out_0[place]) if space.offsets else 0.0
+        offset = 0.0 if "out_0" in space.held else float(out_0[place])
         local = Local(kappa, c, omega, scale, float(gain[place]), 0.0, offset, 0.0)
         found.append(space.form.with_h(local))
     return found

@@ -51,21 +51,21 @@ class Space:
         What is fitted.
     form
         Equations of the measured quantities.
-    offsets
-        Whether ``in_0`` and ``out_0`` are fitted; else they are zero.
+    held
+        Names of parameters that are zero and not fitted: ``in_0``, ``out_0``, ``omega``.
     """
 
     gap_map: str
     records: Records
     form: Form
-    offsets: bool = True
+    held: frozenset[str] = frozenset()
 
     @cached_property
     def entries(self) -> tuple[tuple[str, int | None], ...]:
         """Name and gap of each coordinate; no gap for those shared by all."""
         found: list[tuple[str, int | None]] = []
         for name in LOCAL:
-            if name in {"in_0", "out_0"} and not self.offsets:
+            if name in self.held:
                 continue
             if name in PER_GAP[self.gap_map]:
                 found.extend((name, gap) for gap in range(self.records.gaps))
