@@ -113,7 +113,9 @@ class Responder:
             lead = (drive.lead - local.in_0) / local.scale
             _, _, state, status, _ = operator.run(np.full(lead.size, local.omega), lead, state)
             _refuse(status)
-        x, m, after, status, _ = operator.run(omega, r, self._start(operator, drive, state))
+        elif drive.settled and id(drive) in self._starts:
+            state = _admissible(self._starts[id(drive)], local.kappa)
+        x, m, after, status, _ = operator.run(omega, r, state)
         _refuse(status)
         passes = 1
         while drive.settled and abs(after[1] - state[1]) > _CLOSED:
@@ -146,9 +148,6 @@ class Responder:
             jacobian[:, 3] += steep * x * local.h / local.scale
             jacobian[:, 4] -= steep * x * local.h / local.gain
         return local.gain * b**form.power + local.out_0, jacobian
-
-    def _start(self, operator: Operator, drive: Drive, state: Floats) -> Floats:
-        return self._starts.get(id(drive), state) if drive.settled else state
 
     def _settled(
         self, local: Local, operator: Operator, drive: Drive
