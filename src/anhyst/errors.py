@@ -15,3 +15,10 @@ class NegativeResult(RuntimeError):
 
     The command line prints it and exits with 1.
     """
+
+
+class Interrupted(RuntimeError):
+    """Ctrl-C stopped the work; says what was kept.
+
+    The command line prints it and exits with 130.
+    """

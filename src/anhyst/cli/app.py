@@ -16,7 +16,7 @@ from anhyst.cli.identify import identify
 from anhyst.cli.inspect import inspect
 from anhyst.cli.report import report
 from anhyst.cli.use import invert, predict
-from anhyst.errors import InputError, NegativeResult
+from anhyst.errors import InputError, Interrupted, NegativeResult
 
 BAD_INPUT = 2
 NEGATIVE = 1
@@ -85,6 +85,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Nobody reads any more; keep the interpreter from complaining when it flushes.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NEGATIVE
+    except Interrupted as stop:
+        print(f"anhyst: interrupted: {one_line(str(stop))}", file=sys.stderr)
+        return INTERRUPTED
     if code == INTERRUPTED:
         print("anhyst: interrupted", file=sys.stderr)
     return code

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,9 +23,12 @@ from anhyst.cli.options import (
     Sidecar,
     read_options,
 )
+from anhyst.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
     from anhyst.identify import IdentifyResult
+
+GO_ON = "the same command goes on from there"
 
 
 class Law(StrEnum):
@@ -126,7 +131,7 @@ def identify(
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
-    with progress_bar("searching") as progress:
+    with _stoppable(), progress_bar("searching") as progress:
         result = find_model(
             measured,
             law=law.value,
@@ -136,16 +141,29 @@ def identify(
             weights=weights.value,
             offsets=offsets,
             progress=progress,
-            checkpoint=out.with_name(f"{out.name}.checkpoint"),
+            checkpoint=_checkpoint(out),
         )
     write_model(with_read_options(result.model, options), out)
     _tell(result, out, as_json)
 
 
+def _checkpoint(out: Path) -> Path | None:
+    """Place of the checkpoint; beside a device there is none."""
+    if out.exists() and not out.is_file():
+        return None
+    return out.with_name(f"{out.name}.checkpoint")
+
+
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise Interrupted(f"too early for a model, nothing written; {GO_ON}") from None
+
+
 def _tell(result: IdentifyResult, out: Path, as_json: bool) -> None:
     """Say what came out, and end as it deserves."""
-    from anhyst.errors import NegativeResult
-
     for text in result.warnings:
         warn(text)
     if as_json:
@@ -153,8 +171,7 @@ def _tell(result: IdentifyResult, out: Path, as_json: bool) -> None:
     else:
         _show(result, out)
     if result.interrupted:
-        warn(f"stopped before the end: {out} holds the best model so far; start again to go on")
-        raise KeyboardInterrupt
+        raise Interrupted(f"{out} holds the best model so far; {GO_ON}")
     check = result.model.check_over_gap()
     if check is not None and not check.passed:
         raise NegativeResult(f"{out}: {check.text(result.model.input.unit)}")
