@@ -26,6 +26,7 @@ LOCAL = ("kappa", "c", "omega", "scale", "gain", "in_0", "out_0")
 _DIRECTIONS = 5  # kappa, c, omega, scale, in_0; the core differentiates by these
 _SEED = 5  # one more direction: the state at the start of a settled cycle
 _CLOSED = 1e-10
+_NEARLY_CLOSED = 1e-5
 _PASSES = 40
 
 
@@ -114,7 +115,7 @@ class Responder:
             _, _, state, status, _ = operator.run(np.full(lead.size, local.omega), lead, state)
             _refuse(status)
         elif drive.settled and id(drive) in self._starts:
-            state = _admissible(self._starts[id(drive)], local.kappa)
+            state = _admissible(self._starts[id(drive)], local, float(r[-1]))
         x, m, after, status, _ = operator.run(omega, r, state)
         _refuse(status)
         passes = 1
@@ -158,21 +159,24 @@ class Responder:
         if state is None:
             _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
             _refuse(status)
-        state = _admissible(state, local.kappa)
+        state = _admissible(state, local, float(terms.r[-1]))
         for _ in range(_PASSES):
             seeds = _seeds(local, terms, state)
             x, m, x_t, m_t, after, seeds_after, status, _ = operator.sensitivity(
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
             )
             _refuse(status)
-            moved = after[1] - state[1]
-            kept = seeds_after[_SEED, 1]
-            if abs(moved) < _CLOSED or kept > 0.999:
+            kept = min(float(seeds_after[_SEED, 1]), 0.999)
+            missing = (after[1] - state[1]) / (1.0 - kept)
+            if abs(missing) < _NEARLY_CLOSED:
                 break
-            shift = moved * kept / (1.0 - kept)
-            state = _admissible(after + shift * seeds[_SEED], local.kappa)
-        self._starts[id(drive)] = after
-        start_t = seeds_after[:_DIRECTIONS, 1] / max(1.0 - kept, 1e-3)
+            start = after + kept * missing * seeds[_SEED]
+            state = _admissible(start, local, float(terms.r[-1]))
+        # The rest of the way is so short that the derivatives carry it: no further pass.
+        x += missing * x_t[:, _SEED]
+        m += missing * m_t[:, _SEED]
+        self._starts[id(drive)] = after + kept * missing * seeds[_SEED]
+        start_t = seeds_after[:_DIRECTIONS, 1] / (1.0 - kept)
         m_t[:, :_DIRECTIONS] += m_t[:, _SEED, None] * start_t
         x_t[:, :_DIRECTIONS] += x_t[:, _SEED, None] * start_t
         return x, m, x_t, m_t
@@ -226,14 +230,18 @@ def _seeds(local: Local, terms: _Terms, state: Floats) -> Floats:
     return seeds
 
 
-def _admissible(state: Floats, kappa: float) -> Floats:
-    """Bring a state taken from other parameters back to where this law can be."""
-    state = state.copy()
-    state[2] = state[0]
-    pull = float(langevin(state[:1])[0][0])
-    room = kappa / 3.0
-    state[1] = min(max(state[1], pull - room), pull + room)
-    return state
+def _admissible(state: Floats, local: Local, r: float) -> Floats:
+    """Make a state from elsewhere one before the first sample: x by the equation, y within reach.
+
+    With y at rest the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
+    """
+    x, y = float(state[0]), float(state[1])
+    for _ in range(4):
+        pull, slope = (float(value[0]) for value in langevin(np.array([x])))
+        rest = x + local.omega * ((1.0 - local.c) * y + local.c * pull) - r
+        x -= rest / (1.0 + local.omega * local.c * slope)
+    room = local.kappa / 3.0
+    return np.array([x, min(max(y, pull - room), pull + room), x])
 
 
 def _refuse(status: int) -> None:
