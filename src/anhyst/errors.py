@@ -10,14 +10,14 @@ class InputError(ValueError):
     """
 
 
-class NegativeResult(RuntimeError):
+class NegativeResult(RuntimeError):  # noqa: N818 - an answer
     """The work was done and the answer is no, such as a model that fails its acceptance test.
 
     The command line prints it and exits with 1.
     """
 
 
-class Interrupted(RuntimeError):
+class Interrupted(RuntimeError):  # noqa: N818 - an end
     """Ctrl-C stopped the work; says what was kept.
 
     The command line prints it and exits with 130.

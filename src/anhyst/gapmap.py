@@ -139,8 +139,9 @@ class Curve:
         inside, slopes = self._interpolant
         low, high = self.nodes[0], self.nodes[-1]
         straight = inside(np.clip(query, low, high))
-        straight += slopes[0] * np.minimum(query - low, 0.0)
-        straight += slopes[1] * np.maximum(query - high, 0.0)
+        with np.errstate(over="ignore"):  # a parameter that is not finite is refused by name
+            straight += slopes[0] * np.minimum(query - low, 0.0)
+            straight += slopes[1] * np.maximum(query - high, 0.0)
         result = self._from_straight(straight)
         # Through a logarithm and back costs the last digit; at a node the value is known.
         place = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)

@@ -157,7 +157,9 @@ class Circuit:
 
     def magnetomotive(self, drive: FloatArray) -> FloatArray:
         """Drive in units of the input -> drive of the core, A/m."""
-        return self.turns * (drive - self.in_0)
+        with np.errstate(over="ignore"):  # the core refuses what is not finite, and says where
+            product: FloatArray = self.turns * (drive - self.in_0)
+        return product
 
     def drive(self, magnetomotive: FloatArray) -> FloatArray:
         """Drive of the core, A/m -> drive in units of the input."""

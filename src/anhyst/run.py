@@ -28,12 +28,36 @@ NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
 SHORTEST_RUN = 8
 """A scheduling variable that rests for fewer samples than this is moving, not stepping."""
 
+_Step = Callable[
+    [FloatArray, FloatArray, FloatArray, FloatArray],
+    tuple[FloatArray, FloatArray, FloatArray, int, int],
+]
+
 PIECE = 1 << 16
 """Samples that go through the core at once."""
 
 MOST_CYCLES = 10_000
 CLOSED = 1e-12
 """A cycle is closed when the state returns this well (in units of a and M_s)."""
+
+
+class SampleError(InputError):
+    """A sample that the core refuses.
+
+    Parameters
+    ----------
+    name : str
+        Of what the sample is one.
+    sample : int
+        Its place, from 0.
+    what : str
+        Its value and what is wrong with it.
+    """
+
+    def __init__(self, name: str, sample: int, what: str) -> None:
+        super().__init__(f"{name}: sample {sample} {what}")
+        self.sample = sample
+        self.what = what
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,12 +278,9 @@ def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray,
         record.rate[run.start] = np.median(later) if settled else 0.0
     state, cycles = initial_state(record.model, iron, history, start), 0
     if history.kind == "settled":
-        circuit = record.circuit(run)
-        core = record.core(run, circuit)
-        state, cycles = _settle(iron, record.kind, core, circuit, state)
+        state, cycles = _settle(iron, record, run, state)
     forward = record.kind == "drive"
-    step: Callable[..., tuple[FloatArray, FloatArray, FloatArray, int, int]]
-    step = iron.forward if forward else iron.inverse
+    step = _step(iron, record.kind)
     # Piece by piece: what surrounds the iron need not be held for a whole long record.
     for first in range(run.start, run.stop, PIECE):
         piece = slice(first, min(first + PIECE, run.stop))
@@ -308,19 +329,25 @@ def initial_state(
     return conditioned
 
 
-def _settle(
-    iron: Iron, kind: Given, core: FloatArray, circuit: Circuit, state: FloatArray
-) -> tuple[FloatArray, int]:
+def _step(iron: Iron, kind: Given) -> _Step:
+    step: _Step = iron.forward if kind == "drive" else iron.inverse
+    return step
+
+
+def _settle(iron: Iron, record: _Record, run: slice, start: FloatArray) -> tuple[FloatArray, int]:
     """Repeat a cycle until the state returns."""
-    state, cycles, status = iron.settle(
-        core, circuit.rho, circuit.eddy, state, kind == "demand", MOST_CYCLES, CLOSED
-    )
+    kind, circuit = record.kind, record.circuit(run)
+    core = record.core(run, circuit)
+    around = (core, circuit.rho, circuit.eddy)
+    state, cycles, status = iron.settle(*around, start, kind == "demand", MOST_CYCLES, CLOSED)
     if status == NOT_SETTLED:
         raise NegativeResult(
             f"the {kind} was repeated {cycles} times and the cycle still does not close: "
             "it is too small against the pinning of the model; use another history"
         )
-    check(status, kind, 0, core)
+    if status != OK:  # once more, to see where
+        *_, again, index = _step(iron, kind)(*around, start)
+        check(again or status, kind, run.start + index, record.given)
     return state, cycles
 
 
@@ -390,9 +417,8 @@ def check(status: int, name: str, index: int, given: FloatArray) -> None:
     """Turn a return code of the core into an error that names the sample."""
     if status == OK:
         return
-    value = f" ({given[index]:g})" if 0 <= index < given.size else ""
-    text = f"{name}: sample {index}{value}: {status_text(status)}"
-    raise NegativeResult(text) if status in {NOT_CONVERGED, NOT_SETTLED} else InputError(text)
+    error = SampleError(name, index, f"({given[index]:g}) {status_text(status)}")
+    raise NegativeResult(str(error)) if status in {NOT_CONVERGED, NOT_SETTLED} else error
 
 
 def _runs(model: ActuatorModel, schedule: FloatArray | None, size: int) -> Iterator[slice]:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from anhyst.atomic import PathLike, check_writable
 from anhyst.data.files import write_csv
-from anhyst.data.rawtable import Texts
+from anhyst.data.rawtable import Texts, row_line
 from anhyst.data.table import Table, read_columns
 from anhyst.errors import InputError, NegativeResult
-from anhyst.run import SHORTEST_RUN, invert, predict
+from anhyst.run import SHORTEST_RUN, SampleError, invert, predict
 from anhyst.validity import flag
 
 if TYPE_CHECKING:
@@ -157,6 +157,12 @@ def _compute(
             result = (predict if forward else invert)(
                 model, _part(values, rows), at, clock, history
             )
+        except SampleError as error:
+            line = row_line(table.layout, int(rows[error.sample]))
+            raise InputError(
+                f"{table.path}: line {line}: {given.name.replace('_', ' ')} {error.what}; stay "
+                "nearer to the valid range of the model"
+            ) from error
         except (InputError, NegativeResult) as error:
             where = "" if rows.size == values.size else f"rows from {rows[0] + 1}: "
             raise type(error)(f"{table.path}: {where}{error}") from error
