@@ -1,1 +1,10 @@
-"""From a measured loop to a linear actuator."""
+"""From a measured loop to a linear actuator.
+
+A step is a function, and lives in the module of its name:
+
+- `anhyst.data`: ``LoopSet.from_csv`` reads loops; ``anhyst.data.inspection.inspect`` judges them;
+- `anhyst.identify`: ``identify`` finds a model;
+- `anhyst.model`: ``ActuatorModel`` predicts and inverts, whole records or step by step;
+- `anhyst.modelfile`: ``read_model`` and ``write_model``;
+- `anhyst.report`: ``write_report``; `anhyst.diff`: ``diff``.
+"""

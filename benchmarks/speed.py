@@ -1,0 +1,95 @@
+"""How long the law takes, and how far that is from what its arithmetic alone would cost.
+
+Best of several repetitions, in processor time: other work on the machine only ever adds. The
+arithmetic alone is measured too: the same number of exponentials and Langevin functions, one after
+the other over an array, with nothing around them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from rows import Row
+
+from anhyst._core import Operator, batch, batch_functions, demagnetised, langevin
+
+Array = NDArray[np.float64]
+
+REPETITIONS = 15
+KAPPA, REVERSIBILITY, OMEGA = 0.8, 0.2, -0.8
+SAMPLES_A_LOOP = 200
+
+
+def best_ns(work: Callable[[], object], items: int) -> float:
+    """Processor time an item, ns, best of several."""
+    times = []
+    for _ in range(REPETITIONS):
+        began = time.process_time_ns()
+        work()
+        times.append((time.process_time_ns() - began) / items)
+    return min(times)
+
+
+def _drive(samples: int) -> Array:
+    return np.asarray(4.0 * np.sin(2.0 * np.pi * np.arange(samples) / SAMPLES_A_LOOP))
+
+
+def scalar() -> Row:
+    """One forward step of the exact law, solved to rounding."""
+    n = 200_000
+    r, omega = _drive(n), np.full(n, OMEGA)
+    law = Operator(KAPPA, REVERSIBILITY)
+    state = demagnetised()
+    spent = best_ns(lambda: law.run(omega, r, state), n)
+    arguments = np.linspace(-4.0, 4.0, n)
+    one = best_ns(lambda: langevin(arguments), n)
+    # Start and three to four visits a step, each a Langevin function and all but one an exp.
+    exponential = best_ns(lambda: np.exp(-np.abs(arguments)), n)
+    alone = 4.0 * one + 3.0 * exponential
+    return Row(
+        "forward step, implicit, scalar f64",
+        "<= 150 ns",
+        f"{spent:.0f} ns; its 4 Langevin functions and 3 exponentials alone {alone:.0f} ns",
+        spent <= 150.0,
+    )
+
+
+def batched() -> list[Row]:
+    """One step of a batch, implicit and explicit, a parameter set and sample."""
+    sets, n = 256, SAMPLES_A_LOOP
+    rng = np.random.default_rng(0)
+    kappa, c = rng.uniform(0.3, 3.0, sets), rng.uniform(0.05, 0.6, sets)
+    omega, scale = rng.uniform(-1.5, 5.0, sets), np.ones(sets)
+    offset, drive = np.zeros(sets), _drive(n)
+    x, y = np.zeros(sets), np.zeros(sets)
+
+    def follow(implicit: bool) -> None:
+        for _ in range(10):
+            batch(kappa, c, omega, scale, offset, drive, x, y, implicit=implicit, keep=False)
+
+    arguments = np.linspace(0.0, 4.0, 2048)
+    one = best_ns(lambda: [batch_functions(arguments) for _ in range(100)], 100 * arguments.size)
+    rows = []
+    for name, implicit, reach, visits in (
+        ("implicit", True, 10.0, 3.0),
+        ("explicit", False, 2.0, 1.0),
+    ):
+        spent = best_ns(lambda: follow(implicit), 10 * sets * n)  # noqa: B023
+        rows.append(
+            Row(
+                f"forward step, {name}, batched",
+                f"<= {reach:g} ns",
+                f"{spent:.2f} ns a set; its {visits:.0f} Langevin and exp alone "
+                f"{visits * one:.2f} ns",
+                spent <= reach,
+            )
+        )
+    return rows
+
+
+def rows() -> list[Row]:
+    """All lines about speed."""
+    return [scalar(), *batched()]

@@ -1,0 +1,205 @@
+"""The main job on the bundled example: from measured loops to a model, checked on what it never saw.
+
+Inspects the loops at four gaps, identifies with both gap maps, predicts the two unseen gaps, inverts
+triangular force demands between the gaps and lets the simulated magnet run the currents, and writes
+models, report, plots and a table. ``make demo`` runs it; everything goes to ``demo/``.
+
+The baseline is a single-valued curve, and the best there can be: it is fitted to true loops of the
+very gap it is judged at, where the model has to get along with what other gaps tell.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from anhyst.data import LoopSet
+from anhyst.data.inspection import inspect
+from anhyst.data.verdict import monotone_fit, single_valued
+from anhyst.identify import identify
+from anhyst.model import ActuatorModel
+from anhyst.modelfile import read_model, write_model
+from anhyst.report import write_plots, write_report
+
+Array = NDArray[np.float64]
+
+HERE = Path(__file__).parent
+BETWEEN = 0.45e-3
+"""Gap of the demands, m: not measured, the one of the paper's Figs. 2 and 5."""
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Mean and largest absolute deviation, N."""
+
+    mean: float
+    worst: float
+
+    @classmethod
+    def of(cls, parts: list[Array]) -> Deviation:
+        """Over all samples of several records."""
+        size = np.abs(np.concatenate(parts))
+        return cls(float(size.mean()), float(size.max()))
+
+
+def load_magnet() -> ModuleType:
+    """Load the script that simulates the magnet; it stands beside this one."""
+    name = "anhyst_example_magnet"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, HERE / "make_loops.py")
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
+
+
+def unseen_deviation(model: ActuatorModel, truth: LoopSet) -> Deviation:
+    """Model against noise-free loops at gaps it has not seen."""
+    return Deviation.of(
+        [
+            model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
+            for loop in truth.loops
+        ]
+    )
+
+
+def unseen_single_valued(truth: LoopSet) -> Deviation:
+    """The best single-valued curves at the same gaps, fitted to these very loops."""
+    return Deviation.of([residual for _, residual in single_valued(truth)])
+
+
+def triangle(low: float, high: float, samples: int = 400) -> Array:
+    """One cycle of a triangular demand, from low to high and back."""
+    up = np.linspace(low, high, samples // 2, endpoint=False)
+    return np.concatenate([up, up[::-1] + (high - low) / (samples // 2)])
+
+
+def run_magnet(current: Array, gap: float) -> Array:
+    """True force of the simulated magnet in the fourth cycle of a current from its own sensor."""
+    magnet, settings = load_magnet().load()
+    flowing = np.maximum(current - settings["sensors"]["current_offset_A"], 0.0)
+    cycles = settings["drive"]["conditioning_cycles"] + 1
+    force = np.array([magnet.step(i, gap) for i in np.tile(flowing, cycles)])
+    return force[-current.size :]
+
+
+def single_valued_inverse(gap: float) -> tuple[Array, Array]:
+    """Best single-valued current over force at a gap, fitted to true loops there."""
+    module = load_magnet()
+    _, settings = module.load()
+    largest = settings["drive"]["current_max_A"]
+    offset = settings["sensors"]["current_offset_A"]
+    parts = []
+    for loop in settings["identification"]["loops"]:
+        magnet, _ = module.load()
+        current, force, _ = module.settled_loop(
+            magnet, gap, loop["low"] * largest, loop["high"] * largest, settings
+        )
+        parts.append((force, current + offset))
+    force, current = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(force, kind="stable")
+    return force[order], monotone_fit(current[order], np.ones(order.size))
+
+
+def demand_deviations(model: ActuatorModel) -> dict[str, tuple[Deviation, Deviation, float]]:
+    """Open loop at a gap between those measured: demand against true force.
+
+    Returns
+    -------
+    dict
+        For each demand: deviation with the model inverted, with the single-valued inverse, and the
+        largest force at that gap, N.
+    """
+    force, current = single_valued_inverse(BETWEEN)
+    largest = float(force[-1])
+    found = {}
+    for low, high in ((0.05, 0.95), (0.30, 0.70)):
+        demand = triangle(low * largest, high * largest)
+        inverse = model.invert(demand, BETWEEN, history="settled")
+        compensated = run_magnet(inverse.drive, BETWEEN) - demand
+        plain = run_magnet(np.interp(demand, force, current), BETWEEN) - demand
+        name = f"{100 * low:.0f} to {100 * high:.0f} %"
+        found[name] = (Deviation.of([compensated]), Deviation.of([plain]), largest)
+    return found
+
+
+def table_of(models: dict[str, ActuatorModel], truth: LoopSet, seconds: dict[str, float]) -> Table:
+    """Build the one table of the demo."""
+    largest = max(float(np.max(loop.output)) for loop in truth.loops)
+    fitted = max(model.fit.largest_output for model in models.values() if model.fit)
+    table = Table(title="bundled example (simulated): deviation of the force", title_justify="left")
+    for name in ("what", "with", "mean", "worst", "of"):
+        table.add_column(name, justify="right" if name in {"mean", "worst"} else "left")
+
+    def add(what: str, how: str, off: Deviation, of: float) -> None:
+        mean, worst = (f"{100 * value / of:.2f} %" for value in (off.mean, off.worst))
+        table.add_row(what, how, mean, worst, f"{of:.1f} N")
+
+    for name, model in models.items():
+        if model.fit is not None:
+            off = Deviation(model.fit.mean_abs, model.fit.worst)
+            add("fit, 4 gaps, 16 loops", f"map {name}", off, fitted)
+    for name, model in models.items():
+        add("prediction, 2 unseen gaps", f"map {name}", unseen_deviation(model, truth), largest)
+    add("", "best single-valued curve", unseen_single_valued(truth), largest)
+    for name, model in models.items():
+        for demand, (off, plain, of) in demand_deviations(model).items():
+            add(f"demand {demand} at 0.45 mm", f"map {name}, inverted", off, of)
+            if name == list(models)[-1]:
+                add("", "best single-valued inverse", plain, of)
+    table.caption = ", ".join(f"{what} {spent:.2f} s" for what, spent in seconds.items())
+    return table
+
+
+def main() -> None:
+    """Run the demo."""
+    parser = argparse.ArgumentParser(description="Run the bundled example from loops to report.")
+    parser.add_argument("--out", type=Path, default=Path("demo"), help="folder to write to")
+    out = parser.parse_args().out
+    out.mkdir(parents=True, exist_ok=True)
+    console = Console()
+    seconds = {}
+    began = time.perf_counter()
+    loops = LoopSet.from_csv(HERE / "loops.csv")
+    truth = LoopSet.from_csv(HERE / "unseen_truth.csv")
+    console.print(*inspect(loops).verdict.sentences, sep="\n", highlight=False)
+    seconds["read and inspect"] = time.perf_counter() - began
+
+    models = {}
+    for gap_map in ("scaling", "reluctance"):
+        began = time.perf_counter()
+        found = identify(loops, gap_map=gap_map)
+        seconds[f"identify '{gap_map}'"] = time.perf_counter() - began
+        models[gap_map] = found.model
+        write_model(found.model, out / f"{gap_map}.toml")
+        write_plots(found.model, loops, found.fitted, out / gap_map)
+        check = found.model.check_over_gap()
+        assert check is not None
+        console.print(f"map {gap_map}: {check.text('A')}", highlight=False)
+
+    began = time.perf_counter()
+    for gap_map in models:
+        write_report(out / f"{gap_map}.toml", out / f"{gap_map}.html")
+    seconds["reports"] = time.perf_counter() - began
+    # What is judged is what the files hold, not what is still in memory.
+    stored = {gap_map: read_model(out / f"{gap_map}.toml") for gap_map in models}
+    table = table_of(stored, truth, seconds)
+    console.print(table)
+    with (out / "table.txt").open("w", encoding="utf-8") as file:
+        Console(file=file, width=110).print(table)
+    console.print(f"models, reports and plots are in {out}/", highlight=False)
+
+
+if __name__ == "__main__":
+    main()
