@@ -7,17 +7,16 @@ import time
 from pathlib import Path
 
 import numpy as np
-import rival_scipy_de as rival
 from numpy.typing import NDArray
-from rows import Row
 
-import anhyst.identify.default as default
+import rival_scipy_de as rival
 from anhyst.data import Loop, LoopSet
 from anhyst.data.clean import thin
-from anhyst.identify import identify
+from anhyst.identify import default, identify
 from anhyst.identify.drives import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
+from rows import Row
 
 Array = NDArray[np.float64]
 
@@ -153,7 +152,7 @@ def gadolinium(folder: Path) -> list[Row]:
 
 
 def ferrite_gaps(folder: Path) -> Row:
-    """A split ferrite core at three gaps: fit two, predict the third, reluctance map."""
+    """Fit two gaps of a split ferrite core and predict the third, reluctance map."""
     path = folder / "ferrite_core_gaps" / "loops_by_gap.csv"
     loops = LoopSet.from_csv(path, columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"})
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)

@@ -18,10 +18,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # processor times are for on
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from rows import ROOT, Row, measurements
 
 from anhyst.data import LoopSet
 from anhyst.identify import identify
+from rows import ROOT, Row, measurements
 
 
 def _demo() -> ModuleType:

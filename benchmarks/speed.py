@@ -12,9 +12,9 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from rows import Row
 
 from anhyst._core import Operator, batch, batch_functions, demagnetised, langevin
+from rows import Row
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def batched() -> list[Row]:
             Row(
                 f"forward step, {name}, batched",
                 f"<= {reach:g} ns",
-                f"{spent:.2f} ns a set; its {visits:.0f} Langevin and exp alone "
+                f"{spent:.2f} ns a set; {visits:.0f} Langevin and exp alone "
                 f"{visits * one:.2f} ns",
                 spent <= reach,
             )

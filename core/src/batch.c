@@ -64,7 +64,10 @@ static inline double langevin(double z, double *slope)
 
 /* States and parameters of one block. */
 typedef struct {
-  double kappa_inverse[BLOCK], c[BLOCK], omega[BLOCK], scale[BLOCK], offset[BLOCK];
+  double kappa_inverse[BLOCK], c[BLOCK], omega[BLOCK];
+  double scale[BLOCK], shift[BLOCK];    /* r = scale*drive - shift */
+  double reversible[BLOCK];             /* omega*c */
+  double pinned[BLOCK];                 /* omega*(1 - c)/kappa */
   double x[BLOCK], y[BLOCK];
   double pull[BLOCK];        /* L(x) */
   double m[BLOCK];           /* dimensionless magnetisation */
@@ -120,8 +123,8 @@ static inline double land_exactly(double y0, double m0, double m1, double ahead,
 static inline void visit(block *restrict b, double drive, int what, int commit)
 {
   for (int i = 0; i < BLOCK; i++) {
-    const double c = b->c[i], omega = b->omega[i], per_kappa = b->kappa_inverse[i];
-    const double r = b->scale[i] * (drive - b->offset[i]);
+    const double c = b->c[i], omega = b->omega[i], pinned = b->pinned[i];
+    const double r = b->scale[i] * drive - b->shift[i];
     const double left = r - b->x[i] - omega * b->m[i];
     const double sign = left >= 0.0 ? 1.0 : -1.0;
     const double distance = what == PREDICT ? fabs(left) * b->way_inverse[i] : b->distance[i];
@@ -130,9 +133,8 @@ static inline void visit(block *restrict b, double drive, int what, int commit)
     double slope;
     const double m1 = langevin(x1, &slope);
     const double ahead = positive(m1 - y0);
-    const double s = distance * per_kappa;
-    const double stiffness = 1.0 + omega * c * slope;
-    const double pinned = omega * (1.0 - c) * per_kappa;
+    const double s = distance * b->kappa_inverse[i];
+    const double stiffness = 1.0 + b->reversible[i] * slope;
     landing at;
     if (what == PREDICT) {
       at = land_roughly(y0, positive(m0 - y0), ahead, s, stiffness, pinned);
@@ -143,7 +145,7 @@ static inline void visit(block *restrict b, double drive, int what, int commit)
         at.way_inverse = 1.0 / (stiffness + pinned * positive(m1 - at.y));
       }
     }
-    const double m = (1.0 - c) * at.y + c * m1;
+    const double m = at.y + c * (m1 - at.y);
     b->way_inverse[i] = at.way_inverse;
     if (commit) {
       b->x[i] = sign * x1;
@@ -166,7 +168,9 @@ static void load_block(block *b, const anhyst_batch_sets *sets, size_t first, co
     b->c[i] = sets->c[at];
     b->omega[i] = sets->omega[at];
     b->scale[i] = sets->scale[at];
-    b->offset[i] = sets->offset[at];
+    b->shift[i] = sets->scale[at] * sets->offset[at];
+    b->reversible[i] = b->omega[i] * b->c[i];
+    b->pinned[i] = b->omega[i] * (1.0 - b->c[i]) * b->kappa_inverse[i];
     b->x[i] = x[at];
     b->y[i] = y[at];
     double slope;

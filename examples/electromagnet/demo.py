@@ -1,8 +1,8 @@
-"""The main job on the bundled example: from measured loops to a model, checked on what it never saw.
+"""The main job on the bundled example: from measured loops to a model, checked on the unseen.
 
-Inspects the loops at four gaps, identifies with both gap maps, predicts the two unseen gaps, inverts
-triangular force demands between the gaps and lets the simulated magnet run the currents, and writes
-models, report, plots and a table. ``make demo`` runs it; everything goes to ``demo/``.
+Inspects the loops at four gaps, identifies with both gap maps, predicts the two unseen gaps,
+inverts triangular force demands between the gaps and lets the simulated magnet run the currents,
+and writes models, reports, plots and a table. ``make demo`` runs it; all goes to ``demo/``.
 
 The baseline is a single-valued curve, and the best there can be: it is fitted to true loops of the
 very gap it is judged at, where the model has to get along with what other gaps tell.
@@ -75,7 +75,7 @@ def unseen_deviation(model: ActuatorModel, truth: LoopSet) -> Deviation:
 
 
 def unseen_single_valued(truth: LoopSet) -> Deviation:
-    """The best single-valued curves at the same gaps, fitted to these very loops."""
+    """Judge the best single-valued curves at the same gaps, fitted to these very loops."""
     return Deviation.of([residual for _, residual in single_valued(truth)])
 
 
@@ -86,7 +86,7 @@ def triangle(low: float, high: float, samples: int = 400) -> Array:
 
 
 def run_magnet(current: Array, gap: float) -> Array:
-    """True force of the simulated magnet in the fourth cycle of a current from its own sensor."""
+    """Give the true force in the fourth cycle of a current, which the sensor's offset shifts."""
     magnet, settings = load_magnet().load()
     flowing = np.maximum(current - settings["sensors"]["current_offset_A"], 0.0)
     cycles = settings["drive"]["conditioning_cycles"] + 1

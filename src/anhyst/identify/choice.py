@@ -50,11 +50,12 @@ def model_of(found: Found, loopset: LoopSet) -> ActuatorModel:
     space = found.space
     nodes = tuple(float(node) for node in space.records.nodes)
     single = len(nodes) < 2
+    gaps = nodes if loopset.schedule is not None and loopset.schedule.name == "gap" else ()
     return ActuatorModel(
         name="model",
         input=loopset.input,
         output=loopset.output,
-        parameters=physical(found.sets, space.gap_map, loopset.input, loopset.output),
+        parameters=physical(found.sets, space.gap_map, loopset.input, loopset.output, gaps),
         law=space.form.law,  # type: ignore[arg-type]
         gap_map="none" if single else space.gap_map,  # type: ignore[arg-type]
         schedule=loopset.schedule,

@@ -5,8 +5,8 @@ chosen, and the choice is told:
 
 - field and flux density measured: nothing is left to choose;
 - otherwise ``M_s`` is set to 1e6 A/m where no measured quantity sets it;
-- reluctance map: ``alpha = 0``, or, where the smallest gap comes out below zero reluctance, that
-  gap is made the zero of ``rho`` and alpha takes the difference.
+- reluctance map: ``alpha = 0``, or, where ``rho`` or its straight continuation to the closed gap
+  would come out negative, that place is made the zero of ``rho`` and alpha takes the difference.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from anhyst.data import Quantity
+from anhyst.gapmap import Curve
 from anhyst.identify.response import Form, Local
 
 MU_0 = 4e-7 * np.pi
@@ -54,7 +55,11 @@ def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> Fo
 
 
 def physical(
-    sets: Sequence[Local], gap_map: str, input_quantity: Quantity, output_quantity: Quantity
+    sets: Sequence[Local],
+    gap_map: str,
+    input_quantity: Quantity,
+    output_quantity: Quantity,
+    gaps: Sequence[float] = (),
 ) -> dict[str, Parameter]:
     """Physical parameters for gauge-free ones, for :class:`anhyst.model.ActuatorModel`.
 
@@ -66,6 +71,8 @@ def physical(
         ``none``, ``scaling``, ``reluctance`` or ``free``.
     input_quantity, output_quantity : Quantity
         As measured.
+    gaps : sequence of float
+        Gap of each set, m; empty if it is not a gap that is scheduled.
 
     Returns
     -------
@@ -86,16 +93,21 @@ def physical(
     if len(sets) == 1:
         vary = set()
     if gap_map == "reluctance":
-        _lift_reluctance(table, power)
+        _lift_reluctance(table, gaps, power)
     return {
         name: tuple(row[name] for row in table) if name in vary else table[0][name]
         for name in table[0]
     }
 
 
-def _lift_reluctance(table: list[dict[str, float]], power: int) -> None:
+def _lift_reluctance(table: list[dict[str, float]], gaps: Sequence[float], power: int) -> None:
     """Move along the redundancy between alpha and rho until no reluctance is negative."""
-    p = 1.0 + min(row["rho"] for row in table)
+    rho = np.array([row["rho"] for row in table])
+    least = float(rho.min())
+    if len(gaps) > 1:
+        closed = Curve("rho", np.asarray(gaps, dtype=np.float64), rho)(np.zeros(1))
+        least = min(least, float(closed[0]))
+    p = 1.0 + least
     if p >= 1.0:
         return
     for row in table:
