@@ -70,10 +70,10 @@ def test_conversion_to_si_and_back_is_exact_to_rounding(symbol: str, thousandths
 def test_numbers_survive_a_file_bit_by_bit(values: np.ndarray, sign: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "table.csv"
-        write_csv(path, {"I_A": values[:, 0], "F_N": values[:, 1], "gap_m": values[:, 2]})
+        write_csv(path, {"I_A": values[:, 0], "F_N": values[:, 1], "x_m": values[:, 2]})
         path.write_text(path.read_text().replace(",", sign))
         table = read_columns(path)
-        for place, name in enumerate(("current", "force", "gap")):
+        for place, name in enumerate(("current", "force", "displacement")):
             assert np.array_equal(table.need(name, ""), values[:, place])
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from anhyst.atomic import atomic_writer
 from anhyst.data import read_columns, write_csv
+from anhyst.data.layout import read_layout
 from anhyst.data.rawtable import Texts
 from anhyst.errors import InputError
 
@@ -75,7 +76,6 @@ def test_latin1_degree_sign_is_read(tmp_path: Path) -> None:
         (b"  \n \n", "is empty"),
         ("# only\n# notes\n", "holds no table"),
         ("I_A,F_N\n", "has a header but no data"),
-        ("I_A\n1\n2\n", "line 1: one column only ('I_A')"),
         ("1,2\n3,4\n", "line 1: numbers where the header should be"),
         (GOOD.replace("2.5", "abc"), "line 3, column 'F_N': 'abc' is not a number"),
         (GOOD.replace("2.5", ""), "line 3, column 'F_N': is empty"),
@@ -103,6 +103,27 @@ def test_faults_are_one_line_with_file_and_line(
     assert message.startswith(f"{path}: ")
     assert words in message
     assert message.isprintable()
+
+
+def test_a_drive_may_be_all_there_is(tmp_path: Path) -> None:
+    path = file_of(tmp_path, "I [A]\n0\n1.5\n2,5\n")
+    assert read_columns(path).need("current", "").tolist() == [0.0, 1.5, 2.5]
+    with pytest.raises(InputError, match=r"line 1: one column only \('I \[A\]'\); a loop needs"):
+        read_layout(path)
+
+
+def test_a_header_may_stand_behind_many_comments(tmp_path: Path) -> None:
+    table = read_columns(file_of(tmp_path, "# a remark\n" * 10_000 + GOOD))
+    assert table.need("current", "I_A").tolist() == [0.0, 1.0, 2.0]
+    assert len(table.notes) == 10_000
+
+
+def test_a_negative_gap_is_named_with_its_line(tmp_path: Path) -> None:
+    table = read_columns(file_of(tmp_path, "I_A,gap_mm\n0,0.3\n1,-0.3\n"))
+    with pytest.raises(
+        InputError, match=r"loops\.csv: line 3: negative gap -0\.0003 m; gaps count"
+    ):
+        table.get("gap")
 
 
 def test_missing_file_and_folder_are_named(tmp_path: Path) -> None:
@@ -210,11 +231,11 @@ def test_fault_far_into_a_long_file_is_found(tmp_path: Path) -> None:
 def test_slow_and_fast_way_read_the_same(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     rows = [",".join(f"{v:.17g}" for v in row) for row in rng.normal(size=(300, 3))]
-    plain = file_of(tmp_path, "I_A,F_N,gap_m\n" + "\n".join(rows) + "\n", "fast.csv")
+    plain = file_of(tmp_path, "I_A,F_N,x_m\n" + "\n".join(rows) + "\n", "fast.csv")
     rows.insert(100, "# a comment sends this chunk the slow way")
-    slow = file_of(tmp_path, "I_A,F_N,gap_m\n" + "\n".join(rows) + "\n", "slow.csv")
+    slow = file_of(tmp_path, "I_A,F_N,x_m\n" + "\n".join(rows) + "\n", "slow.csv")
     one, two = read_columns(plain), read_columns(slow)
-    for name in ("current", "force", "gap"):
+    for name in ("current", "force", "displacement"):
         assert np.array_equal(one.need(name, ""), two.need(name, ""))
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import codecs
+import contextlib
 import csv
 import os
 import re
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +16,9 @@ from anhyst.errors import InputError
 
 PathLike = str | os.PathLike[str]
 
-_HEAD_BYTES = 1 << 16
+_HEAD_BYTES = (1 << 16, 1 << 22)
+"""Bytes looked at for the header: few, and many where comments or columns are many."""
+_READ_ADVICE = "check the path and its permissions"
 _HEADER_ADVICE = "name the columns in the first line, such as 'I_A,F_N,gap_m'"
 
 
@@ -52,7 +56,8 @@ def split_line(text: str, delimiter: str | None) -> list[str]:
     if delimiter is None:
         return text.replace('"', "").split()
     if '"' in text:
-        return [field.strip() for field in next(csv.reader([text], delimiter=delimiter))]
+        with contextlib.suppress(csv.Error):  # rubbish that is no CSV either
+            return [field.strip() for field in next(csv.reader([text], delimiter=delimiter))]
     return [field.strip() for field in text.split(delimiter)]
 
 
@@ -65,23 +70,41 @@ def is_number(text: str) -> bool:
     return "_" not in text
 
 
-def read_layout(path: PathLike) -> Layout:
+def read_layout(path: PathLike, least: int = 2) -> Layout:
     """Look at the beginning of a text table.
+
+    Parameters
+    ----------
+    path
+        The file.
+    least
+        Number of columns it must have.
 
     Raises
     ------
     InputError
-        If the file is missing, empty, no text, has no header, one column only or no data.
+        If the file is missing, empty, no text, has no header, too few columns or no data.
     """
     path = Path(path)
-    head, size = _read_head(path)
+    for most in _HEAD_BYTES:
+        head, size = _read_head(path, most)
+        try:
+            return _find_layout(path, head, size, least)
+        except _HeadTooShortError:
+            continue
+    raise InputError(f"{path}: the first {_HEAD_BYTES[-1] >> 20} MiB hold no row of data: no table")
+
+
+def _find_layout(path: Path, head: bytes, size: int, least: int) -> Layout:
     _refuse_binary(path, head)
     encoding = "utf-8-sig" if head.startswith(codecs.BOM_UTF8) else _encoding(head)
     start = len(codecs.BOM_UTF8) if encoding == "utf-8-sig" else 0
     eol = b"\n" if b"\n" in head or b"\r" not in head else b"\r"
-    lines = _lines(head[start:], eol, encoding, complete=size <= len(head))
+    complete = size <= len(head)
+    lines = _lines(head[start:], eol, encoding, complete=complete)
     notes, first = _skip_comments(lines, 0)
     if first == len(lines):
+        _ask_for_more(complete)
         raise InputError(f"{path}: holds no table, only blank lines and comments; {_HEADER_ADVICE}")
     delimiter = _delimiter(lines[first][0])
     header = _fields(lines[first][0], delimiter)
@@ -90,7 +113,7 @@ def read_layout(path: PathLike) -> Layout:
         header, delimiter = _header_from_comment(path, lines, first, header)
         notes, after = notes[:-1], first
     header = _drop_empty_tail(header)
-    if len(header) < 2:
+    if len(header) < least:
         raise InputError(
             f"{path}: line {first + 1}: one column only ('{_short(header[0])}'); a loop needs an "
             "input and an output column, separated by comma, semicolon, tab or blanks"
@@ -101,6 +124,7 @@ def read_layout(path: PathLike) -> Layout:
         even_more, after = _skip_comments(lines, after + 1)
         more = more + even_more
     if after == len(lines):
+        _ask_for_more(complete)
         raise InputError(f"{path}: has a header but no data; nothing to read")
     offset = start + lines[after][1]
     found = tuple(notes + more)
@@ -109,18 +133,35 @@ def read_layout(path: PathLike) -> Layout:
     )
 
 
-def _read_head(path: Path) -> tuple[bytes, int]:
+class _HeadTooShortError(Exception):
+    """The data begin behind what has been read of the file."""
+
+
+def _ask_for_more(complete: bool) -> None:
+    if not complete:
+        raise _HeadTooShortError
+
+
+def _read_head(path: Path, most: int) -> tuple[bytes, int]:
     try:
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+            raise InputError(
+                f"{path}: is a pipe or a device, and a table is read more than once; save it as a "
+                "file first"
+            )
         with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
+            head = file.read(most)
             size = os.fstat(file.fileno()).st_size
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; check the path") from None
     except IsADirectoryError:
         raise InputError(f"{path}: is a folder, not a file; name the file in it") from None
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        raise InputError(f"{path}: cannot be read: {error.strerror}; {_READ_ADVICE}") from None
     if not head.strip():
+        if size > len(head):
+            raise InputError(f"{path}: begins with {len(head)} blanks: no table; {_HEADER_ADVICE}")
         raise InputError(f"{path}: is empty; {_HEADER_ADVICE}")
     return head, size
 

@@ -14,7 +14,7 @@ from anhyst.data.history import SETTLED, History
 from anhyst.data.layout import PathLike
 from anhyst.data.path import reversal_count, time_fault
 from anhyst.data.rawtable import Progress, Texts
-from anhyst.data.units import QUANTITIES, Quantity
+from anhyst.data.units import GAP_ADVICE, QUANTITIES, Quantity
 from anhyst.errors import InputError
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ class LoopSet:
                 raise InputError(f"loop '{loop.label}': has a {what} while others do not, or none")
             is_gap = loop.schedule is not None and self.schedule == QUANTITIES["gap"]
             if is_gap and (least := float(np.min(loop.schedule))) < 0.0:  # type: ignore[arg-type]
-                raise InputError(f"loop '{loop.label}': negative gap {least:g} m")
+                raise InputError(f"loop '{loop.label}': negative gap {least:g} m; {GAP_ADVICE}")
             key = (loop.label, loop.schedule_value)
             if key in seen and (loop.schedule is None or key[1] is not None):
                 raise InputError(f"two loops are both called '{self.describe(loop)}'; rename one")

@@ -18,7 +18,7 @@ from anhyst.data.rawtable import Progress, Texts, read_raw, row_line
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
 from anhyst.data.sidecar import Reading
 from anhyst.data.table import map_headers
-from anhyst.data.units import QUANTITIES, Header, Quantity
+from anhyst.data.units import GAP_ADVICE, QUANTITIES, Header, Quantity
 from anhyst.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -278,8 +278,7 @@ def _refuse_negative_gaps(columns: _Columns) -> None:
     if below.size:
         row = int(below[0])
         raise InputError(
-            f"{columns.where(row)}: negative gap {columns.schedule[row]:g} m; gaps count from "
-            "contact, 0 and up"
+            f"{columns.where(row)}: negative gap {columns.schedule[row]:g} m; {GAP_ADVICE}"
         )
 
 

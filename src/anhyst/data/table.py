@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from anhyst.data.layout import Layout, PathLike, is_number, read_layout
 from anhyst.data.path import time_fault
 from anhyst.data.rawtable import (
@@ -17,7 +19,7 @@ from anhyst.data.rawtable import (
     shown,
     split_lines,
 )
-from anhyst.data.units import Header, Quantity, parse_header
+from anhyst.data.units import GAP_ADVICE, Header, Quantity, parse_header
 from anhyst.errors import InputError
 
 
@@ -52,8 +54,8 @@ class Table:
         Raises
         ------
         InputError
-            If the column is there but its unit is missing or unknown, it holds text, or time goes
-            backwards.
+            If the column is there but its unit is missing or unknown, it holds text, time goes
+            backwards, or a gap is negative.
         """
         found = [place for place, other in enumerate(self.names) if other == name]
         healthy = [place for place in found if self.headers[place].problem is None]
@@ -78,6 +80,12 @@ class Table:
             raise InputError(
                 f"{self.path}: line {row_line(self.layout, back)}: time going backwards; sort the "
                 "rows"
+            )
+        if name == "gap" and float(values.min()) < 0.0:
+            below = int(np.argmax(values < 0.0))
+            raise InputError(
+                f"{self.path}: line {row_line(self.layout, below)}: negative gap "
+                f"{values[below]:g} m; {GAP_ADVICE}"
             )
         return values
 
@@ -128,7 +136,7 @@ def read_columns(
     InputError
         As `read_raw`; also if ``columns`` names a column that is not there.
     """
-    layout = read_layout(path)
+    layout = read_layout(path, least=1)
     headers = map_headers(str(layout.path), layout.header, columns or {}, layout.units)
     first = _first_row(layout)
     known = {place for place, header in enumerate(headers) if header.is_known}

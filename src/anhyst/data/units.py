@@ -162,6 +162,8 @@ INPUTS = ("current", "field", "voltage")
 OUTPUTS = ("force", "flux_density", "flux_linkage", "displacement")
 """Names of the quantities that answer, first choice first."""
 
+GAP_ADVICE = "gaps count from contact, 0 and up"
+
 LABEL = "loop"
 """Header of the column that tells loops apart."""
 
