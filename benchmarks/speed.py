@@ -82,8 +82,7 @@ def batched() -> list[Row]:
             Row(
                 f"forward step, {name}, batched",
                 f"<= {reach:g} ns",
-                f"{spent:.2f} ns a set; {visits:.0f} Langevin and exp alone "
-                f"{visits * one:.2f} ns",
+                f"{spent:.2f} ns a set; {visits:.0f} Langevin and exp alone {visits * one:.2f} ns",
                 spent <= reach,
             )
         )
