@@ -18,7 +18,7 @@ LAWS: tuple[LawName, ...] = ("effective-field", "jiles-atherton-1986")
 VARIANTS: list[tuple[LawName, StepKind, int]] = [
     ("effective-field", "exact", 1500),
     ("effective-field", "linear", 1500),
-    ("jiles-atherton-1986", "exact", 40),
+    ("jiles-atherton-1986", "exact", 12),
 ]
 
 

@@ -26,7 +26,7 @@ def force(iron: Iron, c_h: float, c_b: float, rho: float, current: FloatArray) -
 def gauge_cases() -> list[Case]:
     """Sets of both laws; `current` is the drive over a ``c_H`` of 1e3."""
     default = random_cases(40, seed=51) + random_cases(20, seed=52, play=True)
-    return default + random_cases(3, seed=53, law="jiles-atherton-1986")
+    return default + random_cases(1, seed=53, law="jiles-atherton-1986")
 
 
 def test_scaling_gauge() -> None:

@@ -254,6 +254,10 @@ def solve(law: Operator, state: State, omega: float, r: float) -> Step:
     if may_jump(law, omega):
         return law.step(state, _walk(law, state, omega, r))
     near, far = sorted((d, d / (1.0 + omega * law.largest_slope)), key=abs)
+    # The residual rises along the path: doubling from the near end spares long steps.
+    while 2.0 * abs(near) < abs(far) and residual(state.x + 2.0 * near) * d < 0.0:
+        near *= 2.0
+    far = math.copysign(min(abs(far), 2.0 * abs(near)), d)
     # Rounding may put the root a few last places outside; the ends are widened by that much.
     slack = 8.0 * _RTOL * (abs(state.x) + abs(r) + abs(omega) * (1.0 + abs(m0)))
     widen = math.copysign(slack, d)
