@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -109,13 +109,15 @@ def _to_disk(stream: IO[Any]) -> None:
         os.fsync(stream.fileno())
 
 
-def check_writable(path: PathLike) -> None:
+def check_writable(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
     """Find out before long work whether a file can be written.
 
     Parameters
     ----------
     path : path-like
         Where the file is to appear. What stands there is not touched.
+    reads : iterable of path-like
+        Files that the work reads, which must not be written over.
 
     Raises
     ------
@@ -123,6 +125,8 @@ def check_writable(path: PathLike) -> None:
         It cannot, and why.
     """
     target = Path(os.path.realpath(path))
+    if any(target == Path(os.path.realpath(source)) for source in reads):
+        raise InputError(f"{path}: is read by this command; write to another file")
     try:
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))

@@ -119,7 +119,7 @@ def read_model(path: PathLike) -> ActuatorModel:
         text = Path(path).read_bytes().decode("utf-8")
     except OSError as error:
         reason = "no such file; check the path" if isinstance(error, FileNotFoundError) else (
-            f"cannot be read: {error.strerror}"
+            f"cannot be read: {error.strerror}; name a model.toml"
         )  # fmt: skip
         raise InputError(f"{path}: {reason}") from error
     except UnicodeDecodeError as error:

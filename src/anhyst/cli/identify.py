@@ -123,11 +123,12 @@ def identify(
     Example: anhyst identify loops.csv --out model.toml --gap-map auto
     """
     from anhyst.atomic import check_writable
+    from anhyst.data.reading import files_read
     from anhyst.identify import identify as find_model
     from anhyst.modelfile import write_model
     from anhyst.sources import with_read_options
 
-    check_writable(out)
+    check_writable(out, reads=files_read(loops, sidecar))
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)

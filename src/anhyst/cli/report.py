@@ -29,7 +29,7 @@ def report(
     from anhyst.atomic import check_writable
     from anhyst.report import write_report
 
-    check_writable(out)
+    check_writable(out, reads=[model])
     write_report(model, out)
     if as_json:
         print_json({"out": str(out)})

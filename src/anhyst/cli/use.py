@@ -70,10 +70,12 @@ def _run(
     history: str | None,
     as_json: bool,
 ) -> None:
+    from anhyst.atomic import check_writable
     from anhyst.modelfile import read_model
     from anhyst.runfile import run_file
     from anhyst.sources import ReadOptions
 
+    check_writable(out, reads=[model_path, path])
     mapping = ReadOptions.from_text(columns=columns).columns
     model = read_model(model_path)
     with progress_bar(f"reading {path.name}") as progress:

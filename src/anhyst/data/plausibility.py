@@ -15,6 +15,10 @@ Floats = NDArray[np.float64]
 
 _MAGNETIC = ("force", "flux_density", "flux_linkage")
 _SWAP_ADVICE = "are the columns of current and force swapped?"
+_WIDE_GAP = 0.02
+"""From this gap on, m, the numbers are more likely in mm."""
+_SAME = 1e-3
+"""Scheduling values nearer to each other than this, relative, are more likely the same."""
 _FLAT = 0.3
 _STRONG = 0.8
 
@@ -35,7 +39,7 @@ def check_plausible(loopset: LoopSet) -> tuple[str, ...]:
     InputError
         If the sign of the output is flipped, or input and output are swapped.
     """
-    warnings: list[str] = []
+    warnings = _check_schedule(loopset)
     for loop in loopset.loops:
         name = loopset.describe(loop)
         if loopset.output.name == "force":
@@ -48,6 +52,25 @@ def check_plausible(loopset: LoopSet) -> tuple[str, ...]:
         if not loop.reverses:
             warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
     return tuple(warnings)
+
+
+def _check_schedule(loopset: LoopSet) -> list[str]:
+    warnings: list[str] = []
+    quantity, values = loopset.schedule, loopset.schedule_values
+    if quantity is None or not values:
+        return warnings
+    if quantity.name == "gap" and values[-1] >= _WIDE_GAP:
+        warnings.append(
+            f"gaps up to {1e3 * values[-1]:.4g} mm are very wide for an electromagnet; if the "
+            "numbers of the file are mm, name the column 'gap_mm'"
+        )
+    for one, two in itertools.pairwise(values):
+        if two - one < _SAME * max(abs(one), abs(two)):
+            warnings.append(
+                f"{quantity.name} {one:.9g} and {two:.9g} {quantity.unit} are all but the same; if "
+                "they are, write one value for both"
+            )
+    return warnings
 
 
 def _check_force_sign(loopset: LoopSet, loop: Loop, name: str) -> None:

@@ -16,7 +16,7 @@ from anhyst.data.loopset import Loop, LoopSet, Source
 from anhyst.data.path import time_fault
 from anhyst.data.rawtable import Progress, Texts, read_raw, row_line
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
-from anhyst.data.sidecar import Reading
+from anhyst.data.sidecar import Reading, is_sidecar
 from anhyst.data.table import map_headers
 from anhyst.data.units import GAP_ADVICE, QUANTITIES, Header, Quantity
 from anhyst.errors import InputError
@@ -97,6 +97,21 @@ def read_loops(
     return _join(parts)
 
 
+def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
+    """Files that `read_loops` reads for these arguments, sidecars included.
+
+    Raises
+    ------
+    InputError
+        If a folder holds no table, or a sidecar is no TOML.
+    """
+    files = _expand(paths)
+    if sidecar is not None:
+        return [*files, Path(sidecar)]
+    beside = [path.with_suffix(".toml") for path in files if path.suffix != ".toml"]
+    return files + [path for path in beside if is_sidecar(path)]
+
+
 def loops_of_frame(frame: Any, told: Reading) -> LoopSet:
     """Take loops from a data frame (anything with ``columns`` and ``[name]``).
 
@@ -159,7 +174,8 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
 
 def _find_sidecar(path: Path) -> Reading:
     sidecar = path.with_suffix(".toml")
-    return Reading.from_toml(sidecar) if sidecar != path and sidecar.is_file() else Reading()
+    found = sidecar != path and is_sidecar(sidecar)
+    return Reading.from_toml(sidecar) if found else Reading()
 
 
 def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: bool) -> _Part:

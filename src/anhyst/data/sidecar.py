@@ -70,13 +70,7 @@ class Reading:
             If the file is missing, no TOML, or a key is unknown or of the wrong type.
         """
         path = Path(path)
-        try:
-            found = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: is no valid TOML: {error}") from None
-        return cls._from_keys(path, found)
+        return cls._from_keys(path, _load(path))
 
     @classmethod
     def _from_keys(cls, path: Path, found: Mapping[str, Any]) -> Reading:
@@ -117,6 +111,26 @@ class Reading:
             mine, theirs = getattr(self, item.name), getattr(other, item.name)
             merged[item.name] = {**theirs, **mine} if isinstance(mine, dict) else mine or theirs
         return Reading(**merged)
+
+
+def is_sidecar(path: Path) -> bool:
+    """Whether there is a TOML file that describes measurements, and not a model made from them.
+
+    Raises
+    ------
+    InputError
+        If the file is no valid TOML.
+    """
+    return path.is_file() and "format" not in _load(path)
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is no valid TOML: {error}; mend or remove it") from None
 
 
 def _check_members(path: Path, key: str, found: Mapping[str, Any], kind: Any) -> None:

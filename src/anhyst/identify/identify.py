@@ -30,6 +30,9 @@ Floats = NDArray[np.float64]
 
 SEARCHES = ("default", "paper")
 
+FEWEST = 5
+"""With fewer samples than this for each quantity that is fitted, a user is warned."""
+
 
 def identify(
     loopset: LoopSet,
@@ -95,7 +98,7 @@ def identify(
     found, left_out, why, interrupted = _search(run, loopset, gap_map)
     model = model_of(found, loopset)
     fitted = _fitted(found, loopset)
-    warnings = [*odd, *_warnings(loopset, run, why)]
+    warnings = [*odd, *_warnings(loopset, run, why, found.theta.size)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -158,7 +161,7 @@ def _fitted(found: Found, loopset: LoopSet) -> tuple[Floats, ...]:
     return tuple(by_loop[id(loop)] for loop in loopset.loops)
 
 
-def _warnings(loopset: LoopSet, run: Run, why: str) -> list[str]:
+def _warnings(loopset: LoopSet, run: Run, why: str, quantities: int) -> list[str]:
     warnings = [why] if run.records.gaps == 2 else []
     if run.resumed:
         warnings.append(f"went on from a checkpoint: {run.resumed} stages were done already")
@@ -169,6 +172,12 @@ def _warnings(loopset: LoopSet, run: Run, why: str) -> list[str]:
     if len(loopset) == 1:
         warnings.append(
             "one loop only: how inner loops run is a guess of the law; measure smaller loops too"
+        )
+    samples = sum(loop.n for loop in loopset.loops)
+    if samples < FEWEST * quantities:
+        warnings.append(
+            f"{samples} samples for {quantities} quantities to find: that the model fits proves "
+            "nothing; record more samples"
         )
     return warnings
 
