@@ -1,0 +1,97 @@
+"""What a section of the report is made of; the template knows how each of them looks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+Tone = Literal["good", "warn", "bad", "info"]
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph."""
+
+    text: str
+    kind: str = "text"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A sentence in a box: ``title`` says in a word or two what it is, without any colour."""
+
+    tone: Tone
+    title: str
+    text: str
+    kind: str = "note"
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A figure: its SVG, what it shows in words, and the caption below it."""
+
+    svg: str
+    alt: str
+    caption: str
+    kind: str = "picture"
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A cell of a table; ``bar`` in 0..1 draws a bar behind its text."""
+
+    text: str
+    strong: bool = False
+    bar: float | None = None
+    code: bool = False
+
+
+Row = tuple[Cell, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table under a title; the first ``texts`` columns are words, the others numbers."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[Row, ...]
+    caption: str = ""
+    texts: int = 1
+    kind: str = "table"
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """A list of sentences under a title."""
+
+    title: str
+    items: tuple[str, ...]
+    kind: str = "items"
+
+
+Block = Text | Note | Picture | Table | Items
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A section of the report; ``key`` is its anchor."""
+
+    key: str
+    title: str
+    blocks: tuple[Block, ...] = field(default=())
+
+
+def table(
+    title: str,
+    head: Sequence[str],
+    rows: Sequence[Sequence[str | Cell]],
+    caption: str = "",
+    texts: int = 1,
+) -> Table:
+    """Make a table of texts and cells."""
+    made = tuple(
+        tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in row) for row in rows
+    )
+    return Table(title, tuple(head), made, caption, texts)

@@ -1,0 +1,385 @@
+"""Figures of the report, each a function that gives a Matplotlib figure.
+
+Nothing here touches :mod:`matplotlib.pyplot`: a figure belongs to who asked for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from anhyst.data.branches import branches
+from anhyst.data.estimates import noise
+from anhyst.data.loopset import Loop, LoopSet
+from anhyst.record import ReductionStep, Uncertainty
+from anhyst.report.figures_over_schedule import figure_between, figure_parameters
+from anhyst.report.numbers import NBSP, Scale, label, name_of, number, scale_for, shown_at
+from anhyst.report.style import (
+    FAINT,
+    FALLING,
+    MEASURED,
+    MODEL,
+    RISING,
+    columns_of,
+    new_figure,
+    panels,
+    styled,
+)
+
+__all__ = [
+    "figure_between",
+    "figure_correlation",
+    "figure_loops",
+    "figure_parameters",
+    "figure_reduction",
+    "figure_residuals",
+    "figure_small_loops",
+]
+
+FloatArray = NDArray[np.float64]
+Fitted = Sequence[FloatArray | None]
+"""Modelled output of each loop of a set, in its order; None where it cannot be computed."""
+
+MOST_PANELS = 18
+SMALL = 0.25
+"""A loop is small if its input spans less than this share of the largest one drawn with it."""
+NUMBERED = 14
+"""Correlation matrices up to this size carry their numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Loops that share a panel: their title, and their places in the set."""
+
+    title: str
+    places: tuple[int, ...]
+
+
+def groups_of(loopset: LoopSet) -> list[Group]:
+    """Group loops by scheduling value, ascending; loops along which it moves come last."""
+    if loopset.schedule is None:
+        return [Group("", tuple(range(len(loopset))))]
+    found: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
+    for place, loop in enumerate(loopset.loops):
+        found.setdefault(loop.schedule_value, []).append(place)
+    schedule = loopset.schedule
+    return [
+        Group(
+            f"{name_of(schedule)} moving" if at is None else shown_at(schedule, at), tuple(places)
+        )
+        for at, places in found.items()
+    ]
+
+
+def small_loops(loopset: LoopSet) -> list[Group]:
+    """Loops that are too small to be seen among the others of their group, each by itself."""
+    found = []
+    for group in groups_of(loopset):
+        spans = {place: float(np.ptp(loopset.loops[place].input)) for place in group.places}
+        found += [
+            Group(", ".join(filter(None, (group.title, loopset.loops[place].label))), (place,))
+            for place, span in spans.items()
+            if span < SMALL * max(spans.values())
+        ]
+    return found
+
+
+def shown(groups: list[Group]) -> list[Group]:
+    """Choose groups, evenly, where there are more than a figure can hold."""
+    if len(groups) <= MOST_PANELS:
+        return groups
+    places = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
+    return [groups[place] for place in places]
+
+
+@styled
+def figure_loops(loopset: LoopSet, fitted: Fitted) -> Figure:
+    """Draw measured and modelled loops, one panel for each value of the scheduling variable.
+
+    Parameters
+    ----------
+    loopset : LoopSet
+        The measured loops.
+    fitted : sequence of ndarray or None
+        Modelled output of each loop, SI.
+
+    Returns
+    -------
+    Figure
+        Measured samples as grey points, the model as a line.
+    """
+    return _loops(loopset, fitted, groups_of(loopset))
+
+
+@styled
+def figure_small_loops(loopset: LoopSet, fitted: Fitted) -> Figure | None:
+    """Draw each loop that :func:`figure_loops` shows too small, on its own; None if there is none.
+
+    Parameters
+    ----------
+    loopset, fitted
+        As in :func:`figure_loops`.
+    """
+    groups = small_loops(loopset)
+    return _loops(loopset, fitted, groups, own_units=True) if groups else None
+
+
+def _loops(
+    loopset: LoopSet, fitted: Fitted, groups: list[Group], *, own_units: bool = False
+) -> Figure:
+    groups = shown(groups)
+    figure, axes = _panels(len(groups), panel_height=(4.4, 3.1, 2.5))
+    everything = _scales(loopset, range(len(loopset)))
+    for ax, group in zip(axes, groups, strict=True):
+        across, up = _scales(loopset, group.places) if own_units else everything
+        loops = [loopset.loops[place] for place in group.places]
+        x = across.factor * np.concatenate([loop.input for loop in loops])
+        y = up.factor * np.concatenate([loop.output for loop in loops])
+        size = 2.6 if x.size < 2000 else 1.9
+        dots: dict[str, Any] = {
+            "ls": "none",
+            "marker": "o",
+            "ms": size,
+            "mew": 0.0,
+            "color": MEASURED,
+        }
+        ax.plot(x, y, rasterized=True, **dots)
+        for loop, place in zip(loops, group.places, strict=True):
+            output = fitted[place]
+            if output is not None:
+                ax.plot(across.factor * loop.input, up.factor * output, color=MODEL, lw=0.9)
+        ax.set_title(group.title)
+        _label(ax, axes, loopset, across, up, every=own_units)
+    handles = [
+        Line2D([], [], ls="none", marker="o", ms=5.0, mew=0.0, color=MEASURED, label="measured"),
+        Line2D([], [], color=MODEL, lw=1.6, label="model"),
+    ]
+    figure.legend(handles=handles, loc="outside upper right", ncols=2)
+    return figure
+
+
+@styled
+def figure_residuals(loopset: LoopSet, fitted: Fitted) -> Figure:
+    """Draw what the model leaves over, one panel for each value of the scheduling variable.
+
+    Parameters
+    ----------
+    loopset, fitted
+        As in :func:`figure_loops`.
+
+    Returns
+    -------
+    Figure
+        Model minus measurement over the input, rising and falling branches told apart by colour,
+        over a band of twice the standard deviation of the noise of the output.
+    """
+    groups = shown(groups_of(loopset))
+    figure, axes = _panels(len(groups), panel_height=(3.4, 2.5, 2.1), share_y=True)
+    left_over = [
+        None if output is None else output - loop.output
+        for loop, output in zip(loopset.loops, fitted, strict=True)
+    ]
+    largest = [float(np.max(np.abs(one))) for one in left_over if one is not None]
+    across = scale_for(loopset.input, [_largest(loop.input) for loop in loopset.loops])
+    up = scale_for(loopset.output, largest)
+    for ax, group in zip(axes, groups, strict=True):
+        loops = [loopset.loops[place] for place in group.places]
+        sigma = np.average([noise(o.output) for o in loops], weights=[o.n for o in loops])
+        ax.axhspan(-2.0 * up.factor * sigma, 2.0 * up.factor * sigma, color=FAINT, lw=0.0)
+        ax.axhline(0.0, color="#555555", lw=0.7)
+        _residuals(ax, loopset, left_over, group, across, up)
+        ax.set_title(group.title)
+        _label(ax, axes, loopset, across, up, what="model \N{MINUS SIGN} measured")
+        if (axes.index(ax) + 1) % columns_of(len(axes)) == 0 or ax is axes[-1]:
+            _percent_axis(ax, up.factor * _largest_output(loopset))
+    dots: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 5.0, "mew": 0.0}
+    rising = f"{name_of(loopset.input)} rising"
+    falling = f"{name_of(loopset.input)} falling"
+    handles = [
+        Line2D([], [], color=RISING, label=rising, **dots),
+        Line2D([], [], color=FALLING, label=falling, **dots),
+        Patch(color=FAINT, lw=0.0, label="noise, ±2σ"),
+    ]
+    figure.legend(handles=handles, loc="outside upper right", ncols=3)
+    return figure
+
+
+def _percent_axis(ax: Axes, whole: float) -> None:
+    """Add an axis on the right in percent of the largest output."""
+    if whole <= 0.0:
+        return
+    functions = (lambda y: 100.0 * y / whole, lambda y: 0.01 * y * whole)
+    axis = ax.secondary_yaxis("right", functions=functions)
+    axis.set_ylabel("% of the largest")
+    axis.spines["right"].set_visible(True)
+
+
+def rising(loop: Loop) -> NDArray[np.bool_]:
+    """Tell which samples lie on rising branches of the input, shape (n,)."""
+    found = np.zeros(loop.n, dtype=np.bool_)
+    for part in branches(loop.input):
+        found[part.rows] = part.rising
+    return found
+
+
+def _residuals(
+    ax: Axes,
+    loopset: LoopSet,
+    left_over: Sequence[FloatArray | None],
+    group: Group,
+    across: Scale,
+    up: Scale,
+) -> None:
+    for upwards, colour in ((True, RISING), (False, FALLING)):
+        x, y = [np.empty(0)], [np.empty(0)]
+        for place in group.places:
+            loop, over = loopset.loops[place], left_over[place]
+            if over is None:
+                continue
+            rows = rising(loop) == upwards
+            x.append(across.factor * loop.input[rows])
+            y.append(up.factor * over[rows])
+        drawn = np.concatenate(x), np.concatenate(y)
+        size = 2.4 if drawn[0].size < 2000 else 1.4
+        dots: dict[str, Any] = {"ls": "none", "marker": "o", "ms": size, "mew": 0.0, "alpha": 0.7}
+        ax.plot(*drawn, color=colour, rasterized=True, **dots)
+
+
+@styled
+def figure_reduction(steps: Sequence[ReductionStep]) -> Figure:
+    """Draw the cost of each reduction step, beside what freezing another parameter would cost.
+
+    Parameters
+    ----------
+    steps : sequence of ReductionStep
+        In their order; at least one.
+
+    Returns
+    -------
+    Figure
+        Bars: the mean deviation after each step; rings: the candidates that were not taken.
+    """
+    figure = new_figure(3.2)
+    ax = figure.subplots()
+    costs = 100.0 * np.array([steps[0].cost_before, *(step.cost_after for step in steps)])
+    names = ["all free", *(f"freeze {step.frozen}" for step in steps)]
+    ax.bar(range(costs.size), costs, width=0.55, color=[MEASURED, *([MODEL] * len(steps))])
+    for place, cost in enumerate(costs.tolist()):
+        text = f"{number(cost, 2)} %"
+        ax.annotate(text, (place, cost), (0, 3), textcoords="offset points", ha="center")
+    for place, step in enumerate(steps, start=1):
+        for name, cost in step.candidates.items():
+            if name == step.frozen or not np.isfinite(cost):
+                continue
+            ax.plot(place + 0.36, 100.0 * cost, "o", mfc="none", color=FALLING, ms=5.0)
+            where = (place + 0.41, 100.0 * cost)
+            ax.annotate(name, where, va="center", fontsize=7.5, color="#8A3B00")
+    others = [100.0 * c for step in steps for c in step.candidates.values() if np.isfinite(c)]
+    top = max([*costs.tolist(), *others], default=1.0)
+    if costs.min() > 0.0 and top > 30.0 * costs.min():
+        ax.set_yscale("log")
+    ax.set_xticks(range(costs.size), names)
+    ax.set_xlim(-0.5, costs.size - 0.2)
+    ax.grid(visible=False, axis="x")
+    ax.set_ylabel("mean deviation,\n% of the largest output")
+    handles = [
+        Patch(color=MODEL, label="parameter frozen"),
+        Line2D([], [], ls="none", marker="o", mfc="none", color=FALLING, label="not taken"),
+    ]
+    figure.legend(handles=handles, loc="outside upper right", ncols=2)
+    return figure
+
+
+@styled
+def figure_correlation(unsure: Uncertainty) -> Figure:
+    """Draw the correlations of what was fitted as a heat map.
+
+    Parameters
+    ----------
+    unsure : Uncertainty
+        With a correlation matrix of shape (n, n), n >= 1.
+
+    Returns
+    -------
+    Figure
+        Blue: they rise together; red: one falls as the other rises; white: told apart.
+    """
+    matrix = np.array(unsure.correlation)
+    count = matrix.shape[0]
+    figure = new_figure(0.9 + 0.3 * count, width=min(9.6, 4.2 + 0.42 * count))
+    ax = figure.subplots()
+    drawn = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
+    if count <= NUMBERED:
+        for row, column in np.ndindex(matrix.shape):
+            value = float(matrix[row, column])
+            if not np.isfinite(value):
+                continue
+            ink = "white" if abs(value) > 0.6 else "#222222"
+            text = f"{value:.2f}".replace("-", "\N{MINUS SIGN}")
+            middle = (column + 0.5, row + 0.5)
+            ax.annotate(text, middle, ha="center", va="center", fontsize=7.0, color=ink)
+    numbers = [str(place + 1) for place in range(count)]
+    labels = [f"{name}{2 * NBSP}{n}" for n, name in zip(numbers, unsure.names, strict=True)]
+    ax.set_yticks(np.arange(count) + 0.5, [text.replace("*", "·") for text in labels])
+    ax.set_xticks(np.arange(count) + 0.5, numbers)
+    ax.xaxis.tick_top()
+    ax.invert_yaxis()
+    ax.grid(visible=False)
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
+    bar = figure.colorbar(drawn, ax=ax, shrink=0.8, ticks=[-1, -0.5, 0, 0.5, 1])
+    bar.outline.set_visible(False)
+    return figure
+
+
+def _panels(
+    count: int, *, panel_height: tuple[float, float, float], share_y: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """Start a figure of panels; the height of one depends on whether there are 1, 2, 3 columns."""
+    columns = columns_of(count)
+    rows = -(-count // columns)
+    figure = new_figure(0.4 + rows * panel_height[columns - 1])
+    return figure, panels(figure, count, share_y=share_y)
+
+
+def _label(
+    ax: Axes,
+    axes: list[Axes],
+    loopset: LoopSet,
+    across: Scale,
+    up: Scale,
+    *,
+    what: str = "",
+    every: bool = False,
+) -> None:
+    """Label the outer axes, or every one where units differ."""
+    columns = columns_of(len(axes))
+    place = axes.index(ax)
+    if every or place + columns >= len(axes):
+        ax.set_xlabel(label(loopset.input, across))
+    if every or place % columns == 0:
+        ax.set_ylabel(up.head(what) if what else label(loopset.output, up))
+
+
+def _scales(loopset: LoopSet, places: Sequence[int]) -> tuple[Scale, Scale]:
+    loops = [loopset.loops[place] for place in places]
+    return (
+        scale_for(loopset.input, [_largest(loop.input) for loop in loops]),
+        scale_for(loopset.output, [_largest(loop.output) for loop in loops]),
+    )
+
+
+def _largest_output(loopset: LoopSet) -> float:
+    return max(_largest(loop.output) for loop in loopset.loops)
+
+
+def _largest(values: FloatArray) -> float:
+    return float(np.max(np.abs(values)))

@@ -1,0 +1,138 @@
+"""The page: sections in the order an engineer reads them, rendered to one self-contained file."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+
+from anhyst.atomic import PathLike, atomic_writer
+from anhyst.errors import InputError
+from anhyst.model import ActuatorModel
+from anhyst.modelfile import read_model
+from anhyst.report.blocks import Section
+from anhyst.report.evidence import gather, own_figures
+from anhyst.report.headline import headline
+from anhyst.report.sections_fit import section_loops, section_measurement, section_residuals
+from anhyst.report.sections_model import (
+    section_between,
+    section_gap_map,
+    section_origin,
+    section_parameters,
+    section_parameters_over,
+    section_reduction,
+)
+from anhyst.report.subject import Subject
+
+TEMPLATE = "template.html.j2"
+
+
+def write_report(model_path: PathLike, out: PathLike) -> tuple[str, ...]:
+    """Write the report of a model: one HTML file that needs nothing else.
+
+    The measurements are read again. Where they are missing or have changed, the report is written
+    from the model file alone and says so.
+
+    Parameters
+    ----------
+    model_path : path-like
+        A model file.
+    out : path-like
+        Where the HTML file is to appear, whole or not at all.
+
+    Returns
+    -------
+    tuple of str
+        What a user should know, one sentence each: measurements that could not be read, figures
+        that are stale, an acceptance test that failed.
+
+    Raises
+    ------
+    InputError
+        The model file cannot be used, or the report cannot be written.
+    """
+    path = Path(model_path)
+    subject = subject_of(read_model(path), path.parent)
+    html = render(subject, path.name, hashlib.sha256(path.read_bytes()).hexdigest())
+    with atomic_writer(out) as stream:
+        stream.write(html)
+    warnings = list(subject.warnings)
+    if subject.absent:
+        warnings.insert(0, f"{subject.absent}; the report is written from the model file alone")
+    if subject.check is not None and not subject.check.passed:
+        warnings.insert(0, f"{os.fspath(path)}: {subject.check.text(subject.model.input.unit)}")
+    return tuple(warnings)
+
+
+def subject_of(model: ActuatorModel, folder: PathLike) -> Subject:
+    """Gather all there is to say about a model.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    folder : path-like
+        Where else to look for its measurements.
+
+    Returns
+    -------
+    Subject
+        Without evidence if the measurements cannot be read, and why.
+    """
+    check = model.check_over_gap()
+    try:
+        evidence = gather(model, folder)
+    except InputError as error:
+        return Subject(model, model.fit, check, None, str(error))
+    fit, stale = own_figures(model, evidence)
+    warnings = (*evidence.warnings, *([stale] if stale else []))
+    return Subject(model, fit, check, evidence, "", warnings)
+
+
+def render(subject: Subject, file_name: str, file_hash: str) -> str:
+    """Return the text of the report.
+
+    Parameters
+    ----------
+    subject : Subject
+        What it is about.
+    file_name, file_hash : str
+        Name and SHA-256 of the model file.
+
+    Returns
+    -------
+    str
+        HTML; the same for the same subject.
+    """
+    found: list[Section | None] = [
+        section_loops(subject),
+        section_residuals(subject),
+        section_parameters_over(subject),
+        section_reduction(subject),
+        section_between(subject),
+        section_gap_map(subject),
+        section_parameters(subject),
+        section_measurement(subject),
+        section_origin(subject, file_name, file_hash),
+    ]
+    return _template().render(
+        head=headline(subject),
+        sections=[section for section in found if section is not None],
+        version=subject.model.provenance.version,
+    )
+
+
+@cache
+def _template() -> Template:
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(TEMPLATE)
