@@ -130,6 +130,8 @@ def read_model(path: PathLike) -> ActuatorModel:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(_damage(path, text, str(error))) from error
+    except (ValueError, RecursionError) as error:  # numbers without end, brackets without end
+        raise InputError(f"{path}: damaged TOML: {error}; is this a model file?") from error
     return _Reader(path, key_lines(text)).read(content)
 
 
@@ -178,7 +180,9 @@ class _Reader:
             version = content.get("version")
             self._add(
                 ("version",),
-                f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst",
+                f"is missing; a file of this anhyst says version = {VERSION}"
+                if version is None
+                else f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst",
             )
         self._stop_if_wrong()
 

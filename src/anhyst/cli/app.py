@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import Annotated, cast
 
@@ -96,7 +97,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     """Run a verb; what is wrong with its input becomes one line."""
     try:
-        return int(app(args=arguments, prog_name="anhyst", standalone_mode=False) or 0)
+        with warnings.catch_warnings():
+            # Verbs say themselves what a user has to know; lines of libraries are for developers.
+            warnings.simplefilter("ignore")
+            return int(app(args=arguments, prog_name="anhyst", standalone_mode=False) or 0)
     except NegativeResult as error:
         print(f"anhyst: {one_line(str(error))}", file=sys.stderr)
         return NEGATIVE
@@ -105,7 +109,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     except _Refusal as error:
         if not (message := error.format_message()):
             return BAD_INPUT  # the help has been shown
-        text = f"{message} See 'anhyst --help'."
+        text = f"{message.replace('Value error, ', '')} See 'anhyst --help'."
     except MemoryError:
         text = "not enough memory for this; thin the data or cut the file into parts"
     except BrokenPipeError:

@@ -79,7 +79,9 @@ SearchOption = Annotated[
     Search,
     typer.Option(metavar="HOW", help="'default', or 'paper' to reproduce the paper's figures."),
 ]
-Seed = Annotated[int, typer.Option(help="The same seed gives the same model on the same machine.")]
+Seed = Annotated[
+    int, typer.Option(min=0, help="The same seed gives the same model on the same machine.")
+]
 WeightsOption = Annotated[
     Weights,
     typer.Option(
