@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +22,7 @@ from anhyst.identify.default import (
 from anhyst.identify.drives import Records
 from anhyst.identify.gauge import physical
 from anhyst.identify.response import Local
-from anhyst.identify.run import Run
+from anhyst.identify.run import SEARCHED, Run
 from anhyst.identify.screening import starts
 from anhyst.identify.space import Space
 from anhyst.model import ActuatorModel
@@ -69,15 +71,7 @@ def _without(found: Found, gap: int) -> tuple[Space, Floats]:
     keep = [place for place in range(space.records.gaps) if place != gap]
     renumbered = {old: new for new, old in enumerate(keep)}
     drives = tuple(
-        type(drive)(
-            drive.label,
-            renumbered[drive.gap],
-            drive.lead,
-            drive.input,
-            drive.output,
-            drive.settled,
-            drive.weight,
-        )
+        replace(drive, gap=renumbered[drive.gap])
         for drive in space.records.drives
         if drive.gap != gap
     )
@@ -120,7 +114,7 @@ def left_out_error(found: Found, loopset: LoopSet, gap: int) -> float:
 
 
 def _maps_to_try(run: Run, wanted: str) -> tuple[str, ...]:
-    gaps = run.records.gaps
+    gaps = run.searched.gaps
     if gaps >= 2:
         return MAPS if wanted == "auto" and gaps >= 3 else ("scaling", "reluctance")
     return ("none",)
@@ -152,7 +146,7 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
     InputError
         A gap map is wanted and there is one gap only.
     """
-    records = run.records
+    records = run.searched
     if wanted != "auto" and records.gaps < 2:
         raise InputError(
             f"gap map '{wanted}' needs loops at two gaps or more, there are loops at one; measure "
@@ -163,7 +157,7 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
     run.total = 1 + sum(len(_variants(run, name)) * (1 + len(interior)) for name in tried)
     known = _known(run)
     if run.best is not None:
-        return run.best, {}, "there is one gap only, so nothing runs over it"
+        return _finished(run, run.best), {}, "there is one gap only, so nothing runs over it"
     fits, errors = {}, {}
     for gap_map in tried:
         found = [_joined(run, gap_map, known, held) for held in _variants(run, gap_map)]
@@ -172,16 +166,28 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
         fits[gap_map] = found[best]
         if interior:
             errors[gap_map] = missed[best]
-    return _choose(fits, errors, wanted)
+    chosen, why = _choose(fits, errors, wanted)
+    return _finished(run, chosen), errors, why
+
+
+def _finished(run: Run, found: Found) -> Found:
+    """Follow the fit to its end on every sample, where the search took fewer."""
+    if all(drive.input.size <= SEARCHED for drive in run.records.drives):
+        return found
+    space = Space(found.space.gap_map, run.records, run.form, found.space.held)
+    tie = TIE * found.cost if found.space.gap_map == "free" else 0.0
+    return Found.from_plain(
+        space, run.stage("all samples", lambda: follow(space, found.theta, 1e-8, 50, tie).plain)
+    )
 
 
 def _known(run: Run) -> list[Local]:
     """Give sets at the gap that shows most: its optimum first, then others worth a try."""
-    home = run.records.at(reference_gap(run.records))
+    home = run.searched.at(reference_gap(run.searched))
     space = Space("none", home, run.form, run.held)
     plain = run.stage("one gap", lambda: search_one_gap(run.form, home, run.seed, run.held).plain)
     found = Found.from_plain(space, plain)
-    if run.records.gaps == 1:
+    if run.searched.gaps == 1:
         run.best = found
         return found.sets
     return [*found.sets, *starts(space, SCREENED, CARRIED, run.seed)]
@@ -194,7 +200,7 @@ def _variants(run: Run, gap_map: str) -> tuple[frozenset[str], ...]:
     almost without trace, and what is interpolated of them need not fit together. Without
     interaction the fit is a little worse and may predict much better.
     """
-    both = gap_map == "free" and run.records.gaps >= 3
+    both = gap_map == "free" and run.searched.gaps >= 3
     return (run.held, run.held | {"omega"}) if both else (run.held,)
 
 
@@ -204,18 +210,18 @@ def _left_out(run: Run, found: Found, loopset: LoopSet) -> float:
             f"{found.space.gap_map} holding {sorted(found.space.held)} without {gap}",
             lambda g=gap: left_out_error(found, loopset, g),  # type: ignore[misc]
         )
-        for gap in range(1, run.records.gaps - 1)
+        for gap in range(1, run.searched.gaps - 1)
     ]
     return float(np.mean(parts)) if parts else float("nan")
 
 
 def _joined(run: Run, gap_map: str, known: list[Local], held: frozenset[str]) -> Found:
-    space = Space(gap_map, run.records, run.form, held)
+    space = Space(gap_map, run.searched, run.form, held)
 
     def search() -> dict[str, object]:
         if gap_map == "free":
-            return search_each_gap(run.form, run.records, run.seed, held).plain
-        return join_gaps(run.form, run.records, gap_map, known, held).plain
+            return search_each_gap(run.form, run.searched, run.seed, held).plain
+        return join_gaps(run.form, run.searched, gap_map, known, held).plain
 
     plain = run.stage(f"joined by {gap_map} holding {sorted(held)}", search)
     found = Found.from_plain(space, plain)
@@ -224,11 +230,9 @@ def _joined(run: Run, gap_map: str, known: list[Local], held: frozenset[str]) ->
     return found
 
 
-def _choose(
-    fits: dict[str, Found], errors: dict[str, float], wanted: str
-) -> tuple[Found, dict[str, float], str]:
+def _choose(fits: dict[str, Found], errors: dict[str, float], wanted: str) -> tuple[Found, str]:
     if wanted != "auto":
-        return fits[wanted], errors, f"gap map '{wanted}' was asked for"
+        return fits[wanted], f"gap map '{wanted}' was asked for"
     if errors:
         best = min(errors, key=lambda name: errors[name])
         others = ", ".join(f"{n} {100 * e:.2g} %" for n, e in errors.items() if n != best)
@@ -236,10 +240,10 @@ def _choose(
             f"gap map '{best}' predicts gaps left out of the fit best: mean deviation "
             f"{100 * errors[best]:.2g} % of the largest output ({others})"
         )
-        return fits[best], errors, why
+        return fits[best], why
     best = min(fits, key=lambda name: fits[name].cost)
     why = (
         f"with two gaps none can be left out to compare maps; '{best}' fits the loops best, but "
         "between and beyond the two gaps that proves nothing"
     )
-    return fits[best], errors, why
+    return fits[best], why

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import Loop, LoopSet
+from anhyst.data.path import turning_points
 from anhyst.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -65,12 +66,32 @@ class Records:
 
     def at(self, gap: int) -> Records:
         """Only one gap, as a problem of its own with the same scales."""
-        kept = tuple(
-            Drive(d.label, 0, d.lead, d.input, d.output, d.settled, d.weight)
-            for d in self.drives
-            if d.gap == gap
-        )
+        kept = tuple(replace(drive, gap=0) for drive in self.drives if drive.gap == gap)
         return Records(kept, self.nodes[gap : gap + 1], self.input_span, self.output_span)
+
+    def thinned(self, most: int) -> Records:
+        """Take at most about `most` samples of each loop, weighing the same together.
+
+        The exact step does not care how densely a path is sampled, so a search may.
+        """
+        drives = []
+        for drive in self.drives:
+            kept = thinned(drive.input, most)
+            weight = drive.weight * float(np.sqrt(drive.input.size / kept.size))
+            drives.append(
+                replace(drive, input=drive.input[kept], output=drive.output[kept], weight=weight)
+            )
+        return replace(self, drives=tuple(drives))
+
+
+def thinned(drive: Floats, most: int) -> NDArray[np.intp]:
+    """Places of at most about `most` samples spread evenly over the way, and of every reversal."""
+    if drive.size <= most:
+        return np.arange(drive.size)
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+    places = np.searchsorted(way, np.linspace(0.0, way[-1], most))
+    turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
+    return np.union1d(np.clip(places, 0, drive.size - 1), turns)
 
 
 def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from anhyst.identify.default import Found
 
 Progress = Callable[[int, int], None]
+
+SEARCHED = 400
+"""Samples of a loop that a search looks at, at most."""
+
 Stage = TypeVar("Stage")
 
 
@@ -74,6 +79,11 @@ class Run:
             return  # none there, or not one of ours: begin from the start
         if isinstance(stored, dict) and stored.get("key") == self.key:
             self._kept = stored["stages"]
+
+    @cached_property
+    def searched(self) -> Records:
+        """What the search runs on: long loops thinned, since the exact step does not mind."""
+        return self.records.thinned(SEARCHED)
 
     def stage(self, name: str, work: Callable[[], Stage]) -> Stage:
         """Do one stage, or take what an earlier, killed run has left of it.

@@ -14,7 +14,7 @@ from scipy.stats import qmc
 
 from anhyst._core import batch
 from anhyst.errors import InputError
-from anhyst.identify.drives import Drive, Records
+from anhyst.identify.drives import Drive, Records, thinned
 from anhyst.identify.response import LOCAL, Form, Local
 from anhyst.identify.space import Space
 
@@ -57,15 +57,6 @@ def sample_sets(records: Records, count: int, seed: int, interacting: bool = Tru
     drive = np.maximum(reach + omega * saturated, 0.1 * reach)
     largest = max(float(np.max(np.abs(drive_.input))) for drive_ in records.drives)
     return np.stack([kappa, c, omega, largest / drive])
-
-
-def thinned(drive: Floats, most: int) -> NDArray[np.intp]:
-    """Places of at most about `most` samples spread evenly over the way of the drive."""
-    if drive.size <= most:
-        return np.arange(drive.size)
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
-    places = np.searchsorted(way, np.linspace(0.0, way[-1], most))
-    return np.unique(np.clip(places, 0, drive.size - 1))
 
 
 def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, Floats]:
