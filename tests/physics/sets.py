@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from anhyst.laws.effective_field import StepKind
 from anhyst.laws.iron import Iron, LawName
@@ -77,3 +78,21 @@ def wandered(iron: Iron, seed: int) -> State:
     for x in rng.normal(scale=3.0, size=6).tolist():
         state = iron.operator.step(state, x).state
     return state
+
+
+def virgin_fold(iron: Iron) -> tuple[float, float] | None:
+    """Return effective field (over `a`) and field (A/m) of the first jump of the virgin rise."""
+    law, weight = iron.operator, -iron.alpha * iron.m_s / iron.a
+    places = np.linspace(0.01, 10.0, 500).tolist()
+    slopes = [1.0 + weight * law.step(DEMAGNETISED, x).slope for x in places]
+    for i in range(1, len(places)):
+        if slopes[i - 1] > 0.0 > slopes[i]:
+            x = float(
+                brentq(
+                    lambda x: 1.0 + weight * law.step(DEMAGNETISED, x).slope,
+                    places[i - 1],
+                    places[i],
+                )
+            )
+            return x, iron.a * (x + weight * law.step(DEMAGNETISED, x).m)
+    return None

@@ -12,7 +12,7 @@ from anhyst.laws.iron import Iron, LawName
 from anhyst.laws.operator import DEMAGNETISED, State
 
 from . import core
-from .sets import Case, random_cases, random_walk, sine, wandered
+from .sets import Case, random_cases, random_walk, sine, virgin_fold, wandered
 
 LAWS: tuple[LawName, ...] = ("effective-field", "jiles-atherton-1986")
 VARIANTS: list[tuple[LawName, StepKind, int]] = [
@@ -103,6 +103,23 @@ def test_path_cut_differently_gives_the_same_end(jumping: bool) -> None:
         coarse = core.forward(case.iron, corners)[0]
         fine = core.forward(case.iron, np.concatenate(ramps))[0][24::25]
         np.testing.assert_allclose(fine, coarse, rtol=0, atol=2e-9 * MU_0 * case.iron.m_s)
+
+
+def test_jump_happens_at_the_fold_and_not_before() -> None:
+    jumped = 0
+    for case in random_cases(150, seed=28, jumping=True):
+        iron, fold = case.iron, virgin_fold(case.iron)
+        if fold is None:
+            continue
+        # The table of the core moves the fold by its error times M_s/a.
+        shift = 1e-10 * abs(iron.alpha) * iron.m_s
+        x, field = fold
+        before = core.forward(iron, [field * (1.0 - 1e-8) - shift])[2].x
+        after = core.forward(iron, [field * (1.0 + 1e-8) + shift])[2].x
+        assert before < x < after, iron
+        assert x - before < 1e-2, iron
+        jumped += after - x > 1e-2
+    assert jumped > 20
 
 
 @pytest.mark.parametrize("law", LAWS)

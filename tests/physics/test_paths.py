@@ -16,7 +16,7 @@ from anhyst.laws.jiles_atherton_1986 import JilesAtherton1986
 from anhyst.laws.langevin import langevin_scalar, langevin_slope_scalar
 from anhyst.laws.operator import DEMAGNETISED, State
 
-from .sets import random_cases, random_walk, sine, wandered
+from .sets import random_cases, random_walk, sine, virgin_fold, wandered
 
 RateOfIrreversible = Callable[[float, float], float]
 
@@ -140,6 +140,21 @@ def test_jump_goes_to_the_first_solution_in_the_direction_of_travel() -> None:
         on_the_way = np.linspace(state.x, found, 400)[1:-1]
         residual = [x + omega * law.step(state, x).m - r for x in on_the_way.tolist()]
         assert np.all(np.array(residual) * np.sign(found - state.x) < 1e-12)
+
+
+def test_jump_happens_at_the_fold_and_not_before() -> None:
+    jumped = 0
+    for case in random_cases(40, seed=28, jumping=True):
+        fold = virgin_fold(case.iron)
+        if fold is None:
+            continue
+        x, field = fold
+        before = case.iron.solve_forward(DEMAGNETISED, field * (1.0 - 1e-8)).state.x
+        after = case.iron.solve_forward(DEMAGNETISED, field * (1.0 + 1e-8)).state.x
+        assert before < x < after
+        assert x - before < 1e-2
+        jumped += after - x > 1e-2
+    assert jumped > 5
 
 
 @pytest.mark.parametrize("kappa", [0.05, 0.5, 5.0])
