@@ -115,7 +115,8 @@ def follow_sets(
     batch(kappa, c, omega, scale, offset, rise, x, y, keep=False)
     for _ in range(_WARM_UP if drive.settled else 0):
         batch(kappa, c, omega, scale, offset, driven, x, y, keep=False)
-    return batch(kappa, c, omega, scale, offset, driven, x, y)
+    m, xi = batch(kappa, c, omega, scale, offset, driven, x, y)
+    return m, xi
 
 
 def _moments(form: Form, records: Records, sets: Floats, offset: Floats) -> tuple[Floats, float]:
