@@ -5,8 +5,9 @@ Nothing here touches :mod:`matplotlib.pyplot`: a figure belongs to who asked for
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from anhyst.data.estimates import noise
 from anhyst.data.loopset import Loop, LoopSet
 from anhyst.record import ReductionStep, Uncertainty
 from anhyst.report.figures_over_schedule import figure_between, figure_parameters
-from anhyst.report.numbers import NBSP, Scale, label, name_of, number, scale_for, shown_at
+from anhyst.report.numbers import NBSP, Scale, label, name_of, number, scale_for, shown_at, written
 from anhyst.report.style import (
     FAINT,
     FALLING,
@@ -85,11 +86,15 @@ def small_loops(loopset: LoopSet) -> list[Group]:
     for group in groups_of(loopset):
         spans = {place: float(np.ptp(loopset.loops[place].input)) for place in group.places}
         found += [
-            Group(", ".join(filter(None, (group.title, loopset.loops[place].label))), (place,))
+            Group(", ".join(filter(None, (group.title, _name(loopset.loops[place])))), (place,))
             for place, span in spans.items()
             if span < SMALL * max(spans.values())
         ]
     return found
+
+
+def _name(loop: Loop) -> str:
+    return f"loop {loop.label}" if loop.label.isdigit() else loop.label
 
 
 def shown(groups: list[Group]) -> list[Group]:
@@ -254,13 +259,17 @@ def _residuals(
 
 
 @styled
-def figure_reduction(steps: Sequence[ReductionStep]) -> Figure:
+def figure_reduction(
+    steps: Sequence[ReductionStep], names: Mapping[str, str] = MappingProxyType({})
+) -> Figure:
     """Draw the cost of each reduction step, beside what freezing another parameter would cost.
 
     Parameters
     ----------
     steps : sequence of ReductionStep
         In their order; at least one.
+    names : mapping of str to str
+        Symbols of parameters, where they are not the names of the steps.
 
     Returns
     -------
@@ -270,23 +279,23 @@ def figure_reduction(steps: Sequence[ReductionStep]) -> Figure:
     figure = new_figure(3.2)
     ax = figure.subplots()
     costs = 100.0 * np.array([steps[0].cost_before, *(step.cost_after for step in steps)])
-    names = ["all free", *(f"freeze {step.frozen}" for step in steps)]
+    frozen = [names.get(step.frozen, step.frozen) for step in steps]
     ax.bar(range(costs.size), costs, width=0.55, color=[MEASURED, *([MODEL] * len(steps))])
     for place, cost in enumerate(costs.tolist()):
         text = f"{number(cost, 2)} %"
         ax.annotate(text, (place, cost), (0, 3), textcoords="offset points", ha="center")
-    for place, step in enumerate(steps, start=1):
-        for name, cost in step.candidates.items():
-            if name == step.frozen or not np.isfinite(cost):
-                continue
-            ax.plot(place + 0.36, 100.0 * cost, "o", mfc="none", color=FALLING, ms=5.0)
-            where = (place + 0.41, 100.0 * cost)
-            ax.annotate(name, where, va="center", fontsize=7.5, color="#8A3B00")
     others = [100.0 * c for step in steps for c in step.candidates.values() if np.isfinite(c)]
-    top = max([*costs.tolist(), *others], default=1.0)
-    if costs.min() > 0.0 and top > 30.0 * costs.min():
-        ax.set_yscale("log")
-    ax.set_xticks(range(costs.size), names)
+    top = max([*costs.tolist(), *others])
+    ax.set_ylim(0.0, 1.12 * top)
+    for place, step in enumerate(steps, start=1):
+        last = -np.inf
+        for cost, name in _not_taken(step):
+            ax.plot(place + 0.36, cost, "o", mfc="none", color=FALLING, ms=5.0)
+            last = max(cost, last + 0.055 * top)  # labels of like costs one above the other
+            where = (place + 0.41, last)
+            text = names.get(name, name)
+            ax.annotate(text, where, va="center", fontsize=7.5, color="#8A3B00")
+    ax.set_xticks(range(costs.size), ["all free", *(f"freeze {name}" for name in frozen)])
     ax.set_xlim(-0.5, costs.size - 0.2)
     ax.grid(visible=False, axis="x")
     ax.set_ylabel("mean deviation,\n% of the largest output")
@@ -296,6 +305,15 @@ def figure_reduction(steps: Sequence[ReductionStep]) -> Figure:
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=2)
     return figure
+
+
+def _not_taken(step: ReductionStep) -> list[tuple[float, str]]:
+    """Cost in percent and name of each candidate of a step that was not frozen, ascending."""
+    return sorted(
+        (100.0 * cost, name)
+        for name, cost in step.candidates.items()
+        if name != step.frozen and np.isfinite(cost)
+    )
 
 
 @styled
@@ -327,8 +345,10 @@ def figure_correlation(unsure: Uncertainty) -> Figure:
             middle = (column + 0.5, row + 0.5)
             ax.annotate(text, middle, ha="center", va="center", fontsize=7.0, color=ink)
     numbers = [str(place + 1) for place in range(count)]
-    labels = [f"{name}{2 * NBSP}{n}" for n, name in zip(numbers, unsure.names, strict=True)]
-    ax.set_yticks(np.arange(count) + 0.5, [text.replace("*", "·") for text in labels])
+    labels = [
+        f"{written(name)}{2 * NBSP}{n}" for n, name in zip(numbers, unsure.names, strict=True)
+    ]
+    ax.set_yticks(np.arange(count) + 0.5, labels)
     ax.set_xticks(np.arange(count) + 0.5, numbers)
     ax.xaxis.tick_top()
     ax.invert_yaxis()

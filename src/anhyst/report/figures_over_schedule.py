@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -15,7 +16,7 @@ from anhyst.errors import InputError, NegativeResult
 from anhyst.model import ActuatorModel
 from anhyst.modelschema import parameter_names
 from anhyst.monotone import GapCheck
-from anhyst.report.numbers import Scale, label, name_of, number, scale_for, scale_of
+from anhyst.report.numbers import GREEK, Scale, label, name_of, number, scale_for, scale_of
 from anhyst.report.style import ALARM, MODEL, columns_of, new_figure, panels, styled
 
 FloatArray = NDArray[np.float64]
@@ -26,7 +27,6 @@ GRID = 61
 SHARES = (0.25, 0.5, 0.75, 1.0)
 """Shares of the largest drive at which the output is drawn over the scheduling variable."""
 MOST_LOOPS = 15
-_GREEK = {"rho": r"\rho", "alpha": r"\alpha", "gamma": r"\gamma"}
 
 
 def parameter_unit(model: ActuatorModel, name: str) -> str:
@@ -86,7 +86,7 @@ def figure_parameters(model: ActuatorModel) -> Figure | None:
 def _formula(name: str) -> str:
     base, _, index = name.partition("_")
     index = rf"_{{{index}}}" if index else ""
-    return f"${_GREEK.get(base, base)}{index}$"
+    return f"${GREEK.get(base, base)}{index}$"
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ def figure_between(model: ActuatorModel, check: GapCheck | None = None) -> Figur
     """
     if not model.varying or len(model.nodes) < 2 or model.valid is None:
         return None
-    figure = new_figure(4.3)
+    figure = new_figure(4.5)
     left, right = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
     across = scale_for(model.input, model.valid.input)
     up = scale_for(model.output, model.valid.output)
@@ -214,7 +214,8 @@ def _over_schedule(
     ax.set_xlabel(label(model.schedule, size))
     ax.set_ylabel(label(model.output, up))
     ax.set_title(f"{name_of(model.output)} at a fixed {name_of(model.input)}")
-    ax.legend(handles=handles, fontsize=7.5, handlelength=2.6)
+    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
+    ax.legend(handles=handles, fontsize=7.5, handlelength=2.6, **below)
 
 
 def _mark_failure(ax: Axes, check: GapCheck, size: Scale, across: Scale, up: Scale) -> Line2D:

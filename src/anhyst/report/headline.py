@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.report.blocks import Cell, Note, Table, table
-from anhyst.report.numbers import MINUS, Scale, name_of, number, percent
+from anhyst.report.numbers import MINUS, Scale, name_of, number, percent, symbol_of
 from anhyst.report.subject import Subject
 
 _RMS_OF_MEAN = float(np.sqrt(0.5 * np.pi))
@@ -46,22 +46,24 @@ def headline(subject: Subject) -> Headline:
     model = subject.model
     over = f" over the {subject.over}" if model.varying else ""
     what = (
-        f"From {subject.drive} {model.input.symbol} to {subject.answer} "
-        f"{model.output.symbol}{over}: {LAWS[model.law]}"
-        + (f", gap map “{model.gap_map}”." if model.varying else ".")
+        f"From {subject.drive} {symbol_of(model.input)} to {subject.answer} "
+        f"{symbol_of(model.output)}{over}: {LAWS[model.law]}"
+        + (f", map “{model.gap_map}”." if model.varying else ".")
     )
     notes = [Note("warn", "Note", text[:1].upper() + text[1:]) for text in subject.warnings]
     if subject.absent:
         text = (
             f"The measurements were not read: {subject.absent}. This report is written from the "
-            "model file alone, without measured loops and residuals."
+            "model file alone, without measured loops and residuals; deviations are those that "
+            "the file keeps."
         )
         notes.append(Note("warn", "Without measurements", text))
+    found = (*verdict(subject), acceptance(subject), *notes)
     return Headline(
         title=model.name,
         what=what,
         basis=_basis(subject),
-        notes=(*verdict(subject), acceptance(subject), *notes),
+        notes=tuple(sorted(found, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=_comparison(subject),
         holds=_holds(subject),
@@ -153,11 +155,11 @@ def _tiles(subject: Subject) -> tuple[Tile, ...]:
     tiles = [Tile(scale.show(v), name, f"{percent(share(subject, v))} {of}") for name, v in named]
     if subject.evidence is not None and subject.evidence.verdict.single_mean > 0.0:
         part = fit.mean_abs / subject.evidence.verdict.single_mean
-        than = "error than the best single-valued curve"
+        rival = "the best single-valued curve"
         if part < 1.0:
-            tiles.append(Tile(percent(1.0 - part), "less", than))
+            tiles.append(Tile(percent(1.0 - part), "less error", f"than {rival}"))
         else:
-            tiles.append(Tile(f"{number(part, 2)} times", "the", than.replace("than", "of")))
+            tiles.append(Tile(f"{number(part, 2)} times", "the error", f"of {rival}"))
     return tuple(tiles)
 
 

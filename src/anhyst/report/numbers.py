@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from anhyst.data.units import Quantity
 
 MINUS = "\N{MINUS SIGN}"
 NBSP = "\N{NO-BREAK SPACE}"
 NOT_TOLD = "\N{EN DASH}"
+
+GREEK: Mapping[str, str] = MappingProxyType({"rho": "ρ", "alpha": "α", "gamma": "γ", "psi": "ψ"})
 
 _PREFIXES = (("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9))
 _PREFIXED = frozenset({"A", "A/m", "V", "N", "T", "Wb", "s", "Pa", "Hz"})
@@ -96,11 +100,11 @@ def number(value: float, digits: int = 3, *, short: bool = False) -> str:
         return NOT_TOLD if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
     if value == 0.0:
         return "0"
-    power = math.floor(math.log10(abs(value)))
+    scaled, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    power = int(exponent)  # of the rounded value: 9.996 has two digits before the point
     if not -5 <= power < 7:
-        scaled, _, exponent = f"{value:.{digits - 1}e}".partition("e")
         plain = scaled.rstrip("0").rstrip(".") if "." in scaled else scaled
-        text = f"{plain}×10{str(int(exponent)).translate(_SUPERSCRIPT)}"
+        text = f"{plain}×10{str(power).translate(_SUPERSCRIPT)}"
     else:
         text = f"{value:.{max(0, digits - 1 - power)}f}"
         text = text.rstrip("0").rstrip(".") if short and "." in text else text
@@ -141,7 +145,18 @@ def with_deviation(value: float, deviation: float) -> str:
 def label(quantity: Quantity, scale: Scale) -> str:
     """Text for an axis: the quantity, its symbol and the unit it is shown in."""
     name = name_of(quantity)
-    return scale.head(name if name == quantity.symbol else f"{name} {quantity.symbol}")
+    return scale.head(name if name == quantity.symbol else f"{name} {symbol_of(quantity)}")
+
+
+def symbol_of(quantity: Quantity) -> str:
+    """Give the symbol of a quantity, Greek where it is spelt out in files."""
+    return GREEK.get(quantity.symbol, quantity.symbol)
+
+
+def written(text: str) -> str:
+    """Set a text of the model file as a reader expects it: minus signs, dots for products."""
+    text = re.sub(r"(?<=\s)-(?=\d)", MINUS, text.replace("*", "·"))
+    return re.sub(r"(?<=\d) (?=mm|°C|%)", NBSP, text)
 
 
 def shown_at(quantity: Quantity, value: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,7 +23,7 @@ from anhyst.report.figures import (
     small_loops,
 )
 from anhyst.report.headline import share
-from anhyst.report.numbers import NBSP, Scale, number, percent, scale_for, shown_at
+from anhyst.report.numbers import Scale, number, percent, scale_for, shown_at, written
 from anhyst.report.style import svg_text
 from anhyst.report.subject import Subject
 
@@ -87,7 +88,7 @@ def section_residuals(subject: Subject) -> Section | None:
             f"rising branches blue, on falling branches orange, noise as a grey band. {place}"
         )
         caption = (
-            "Model minus measurement. The grey band holds 95\N{NO-BREAK SPACE}% of the noise of the "
+            f"Model minus measurement. The grey band holds {percent(0.95)} of the noise of the "
             f"{subject.answer} (mean size {noise}); what stands out of it is not noise."
         )
         blocks += [Text(place), Picture(svg, alt, caption + _left_out(evidence))]
@@ -169,7 +170,8 @@ def _loop_table(subject: Subject, loops: Sequence[LoopFit]) -> Table:
     rival = dict(enumerate(subject.evidence.rival)) if subject.evidence else {}
     worst, most = max(loop.worst for loop in loops), max(loop.mean_abs for loop in loops)
     rows = []
-    for place, loop in enumerate(loops):
+    for place in sorted(range(len(loops)), key=lambda at: _order(loops[at].schedule)):
+        loop = loops[place]
         row = [Cell(loop.label)]
         if model.schedule is not None:
             row.append(Cell(subject.schedule_scale.number(loop.schedule, 4, short=True)))
@@ -200,7 +202,8 @@ def _loop_table(subject: Subject, loops: Sequence[LoopFit]) -> Table:
 
 
 def _over(subject: Subject) -> str:
-    return subject.schedule_scale.head(subject.over)
+    assert subject.model.schedule is not None
+    return subject.schedule_scale.head(subject.model.schedule.symbol)
 
 
 def section_measurement(subject: Subject) -> Section | None:
@@ -212,8 +215,10 @@ def section_measurement(subject: Subject) -> Section | None:
     inspection = evidence.inspection
     if inspection is not None:
         said = " ".join(inspection.verdict.sentences)
-        blocks += [Text(re.sub(r"(?<=\d)%", f"{NBSP}%", said))]
+        blocks += [Text(written(re.sub(r"(?<=\d)%", " %", said)))]
         blocks += [_recorded(subject, inspection), _dirt(subject, inspection)]
+    if not evidence.loops.repairs:
+        blocks.append(Text("Nothing was repaired: the samples were fitted as they were read."))
     for title, texts in (
         ("Looks odd", inspection.warnings if inspection else ()),
         ("Repaired before the fit", evidence.loops.repairs),
@@ -221,8 +226,6 @@ def section_measurement(subject: Subject) -> Section | None:
     ):
         if texts:
             blocks.append(Items(title, tuple(_short(text, evidence) for text in texts)))
-    if not evidence.loops.repairs:
-        blocks.append(Text("Nothing was repaired: the samples were fitted as they were read."))
     return Section("measurement", "What was understood of the measurement", tuple(blocks))
 
 
@@ -265,9 +268,9 @@ def _dirt(subject: Subject, inspection: Inspection) -> Table:
     optional: list[Column] = [
         (up.head("drift"), lambda one: up.number(one.drift, 2)),
         (up.head("closure"), lambda one: up.number(one.closure, 2)),
-        (across.head("input offset"), lambda one: across.number(one.input_offset, 2)),
-        (up.head("output offset"), lambda one: up.number(one.output_offset, 2)),
-        ("skew [samples]", lambda one: number(float("nan") if one.skew is None else one.skew, 2)),
+        (across.head("offset in"), lambda one: across.number(one.input_offset, 2)),
+        (up.head("offset out"), lambda one: up.number(one.output_offset, 2)),
+        ("skew", lambda one: number(float("nan") if one.skew is None else one.skew, 2)),
         ("saturation", lambda one: Scale(1.0, "").number(one.saturation, 2)),
     ]
     nothing = number(float("nan"))
@@ -275,7 +278,7 @@ def _dirt(subject: Subject, inspection: Inspection) -> Table:
     caption = (
         "Width and height: largest distance of the branches. Noise: standard deviation of the "
         "output. Drift: over the record. Closure: end minus start of a cycle. Skew: delay of the "
-        "output behind the input. Saturation: slope at the tip over the steepest slope."
+        "output behind the input, in samples. Saturation: slope at the tip over the steepest slope."
     )
     title = "How wide the loops are, and how clean the record"
     return _figures_table(subject, inspection, columns, title, caption)
@@ -290,7 +293,7 @@ def _figures_table(
 ) -> Table:
     scheduled = inspection.schedule is not None
     rows = []
-    for one in inspection.loops:
+    for one in sorted(inspection.loops, key=lambda loop: _order(loop.schedule)):
         row = [one.label]
         if scheduled:
             at = subject.schedule_scale.number(one.schedule, 4, short=True)
@@ -298,6 +301,11 @@ def _figures_table(
         rows.append([*row, *(text(one) for _, text in columns)])
     head = ["loop", *([_over(subject)] if scheduled else []), *(name for name, _ in columns)]
     return table(title, head, rows, caption)
+
+
+def _order(schedule: float | None) -> float:
+    """Give the place of a loop in a table: ascending, those without a value last."""
+    return math.inf if schedule is None else schedule
 
 
 def _inputs(one: LoopFigures) -> tuple[float, float]:
@@ -309,4 +317,4 @@ def _outputs(one: LoopFigures) -> tuple[float, float]:
 
 
 def _span(scale: Scale, low: float, high: float) -> str:
-    return f"{scale.number(low)} to {scale.number(high)}"
+    return f"{scale.number(low, short=True)} to {scale.number(high, short=True)}"

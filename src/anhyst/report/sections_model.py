@@ -22,12 +22,10 @@ from anhyst.report.figures_over_schedule import (
     parameter_unit,
 )
 from anhyst.report.headline import LAWS, acceptance
-from anhyst.report.numbers import NBSP, number, percent, scale_of, with_deviation
+from anhyst.report.numbers import GREEK, NBSP, number, percent, scale_of, with_deviation, written
 from anhyst.report.style import svg_text
 from anhyst.report.subject import Subject
 from anhyst.sources import PREFIX
-
-GREEK: Mapping[str, str] = MappingProxyType({"rho": "ρ", "alpha": "α", "gamma": "γ", "psi": "ψ"})
 
 GAP_MAPS: Mapping[str, str] = MappingProxyType(
     {
@@ -102,6 +100,11 @@ def section_reduction(subject: Subject) -> Section | None:
     if not steps:
         return None
     first, last = steps[0].cost_before, steps[-1].cost_after
+    model = subject.model
+    names = {
+        name: GREEK.get(bare, bare)
+        for name, (bare, _) in parameter_names(model.input, model.output).items()
+    }
     text = (
         f"After the best sets for each {subject.over or 'node'} were found, one parameter after "
         "the other was replaced by its mean and the rest searched again. In each round every "
@@ -115,11 +118,11 @@ def section_reduction(subject: Subject) -> Section | None:
         others = sorted(
             (cost, name) for name, cost in step.candidates.items() if name != step.frozen
         )
-        listed = ", ".join(f"{name} {_cost(cost)}" for cost, name in others)
+        listed = ", ".join(f"{names.get(name, name)} {_cost(cost)}" for cost, name in others)
         rows.append(
             [
                 Cell(str(place)),
-                Cell(step.frozen, strong=True),
+                Cell(names.get(step.frozen, step.frozen), strong=True),
                 Cell(listed or "none"),
                 Cell(percent(step.cost_before, 3)),
                 Cell(percent(step.cost_after, 3), bar=step.cost_after / most if most else None),
@@ -129,7 +132,10 @@ def section_reduction(subject: Subject) -> Section | None:
     head = ["round", "frozen", "instead of", "before", "after", "rise"]
     alt = (
         f"Bar chart of the mean deviation: {percent(first)} with all parameters free; "
-        + "; ".join(f"{percent(step.cost_after)} after freezing {step.frozen}" for step in steps)
+        + "; ".join(
+            f"{percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
+            for step in steps
+        )
     )
     caption = (
         "Mean deviation in parts of the largest output after each round (bars); rings: what "
@@ -137,7 +143,9 @@ def section_reduction(subject: Subject) -> Section | None:
     )
     blocks = (
         Text(text),
-        Picture(svg_text(figure_reduction(steps), subject.next_prefix()), f"{alt}.", caption),
+        Picture(
+            svg_text(figure_reduction(steps, names), subject.next_prefix()), f"{alt}.", caption
+        ),
         table("Cost of each round", head, rows, "Cheapest alternatives first.", texts=3),
     )
     return Section("reduction", "Cost of each reduction step", blocks)
@@ -194,7 +202,8 @@ def section_gap_map(subject: Subject) -> Section | None:
         reason = reason.replace("inf %", "cannot be computed")
         blocks.append(Text(reason[:1].upper() + reason[1:] + "."))
     if left_out:
-        most = max((e for e in left_out.values() if math.isfinite(e)), default=0.0)
+        finite = [error for error in left_out.values() if math.isfinite(error)]
+        most = max(finite) if len(finite) > 1 else 0.0
         rows = [
             [
                 Cell(name, strong=name == model.gap_map),
@@ -253,22 +262,23 @@ def equations(subject: Subject) -> Markup:
         values = model.parameters[name]
         return any(values) if isinstance(values, tuple) else bool(values)
 
-    left = Markup("({} − {})").format(drive, names["in_0"]) if there("in_0") else drive
+    # Field and flux density of the iron need names of their own where those of the ends are taken.
+    field = symbol("H_iron" if model.input.symbol == "H" else "H")
+    flux = symbol("B_iron" if model.output.symbol == "B" else "B")
+    left = Markup("{} − {}").format(drive, names["in_0"]) if there("in_0") else drive
     if model.parameters["c_H"] != 1.0:
-        left = Markup("{} · {}").format(names["c_H"], left)
-    right = field = Markup("<i>H</i>")
+        form = "{} · ({})" if there("in_0") else "{} · {}"
+        left = Markup(form).format(names["c_H"], left)
+    right = field
     if there("rho"):
-        right += Markup(" + {} · <i>B</i>/µ<sub>0</sub>").format(names["rho"])
+        right += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
     if there("gamma"):
-        right += Markup(" + {} · d<i>B</i>/d<i>t</i>").format(names["gamma"])
-    power = Markup("<sup>2</sup>") if model.power == 2 else ""
-    output = Markup("<i>B</i>{}").format(power)
+        right += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
+    output = Markup("{}{}").format(flux, Markup("<sup>2</sup>") if model.power == 2 else "")
     if model.parameters["c_out"] != 1.0:
         output = Markup("{} · {}").format(names["c_out"], output)
     if there("out_0"):
         output += Markup(" + {}").format(names["out_0"])
-    if left == right:
-        left, right = drive, field
     return Markup(
         '<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>'
     ).format(left, right, answer, output)
@@ -278,24 +288,26 @@ def symbol(name: str) -> Markup:
     """Write a symbol with its index lowered and its Greek letter."""
     base, _, index = name.partition("_")
     written = Markup("<i>{}</i>").format(GREEK.get(base, base))
-    return written + Markup("<sub>{}</sub>").format(index) if index else written
+    return written + Markup("<sub>{}</sub>").format(GREEK.get(index, index)) if index else written
 
 
 def _uncertainty(subject: Subject, unsure: Uncertainty) -> list[Block]:
-    rows = []
+    rows, last = [], ""
     for place, (name, value, deviation) in enumerate(
         zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
     ):
         part = deviation / abs(value) if value and "offset" not in name else None
+        meaning = _meaning(name)
         rows.append(
             [
                 Cell(str(place)),
-                Cell(name.replace("*", "·")),
-                Cell(_meaning(name)),
+                Cell(written(name)),
+                Cell("" if meaning == last else meaning),
                 Cell(with_deviation(value, deviation)),
                 Cell(percent(part), strong=part is not None and part > 0.2),
             ]
         )
+        last = meaning
     caption = (
         "What was fitted: quantities that the data can tell, unlike single parameters that may be "
         "exchanged for each other. Estimate and standard deviation, with the misfit of the law "
@@ -312,7 +324,7 @@ def _uncertainty(subject: Subject, unsure: Uncertainty) -> list[Block]:
         )
         blocks.append(Picture(svg, _correlated(unsure), caption))
     if unsure.statements:
-        said = (text.replace("*", "·") for text in unsure.statements)
+        said = (written(text) for text in unsure.statements)
         blocks.append(Items("What the data cannot tell", tuple(said)))
     return blocks
 

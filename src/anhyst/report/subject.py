@@ -61,8 +61,8 @@ class Subject:
 
     @property
     def deviation(self) -> Scale:
-        """Scale of deviations of the output: that of the worst one."""
-        return scale_of(self.model.output.unit, [self.fit.worst] if self.fit else [])
+        """Scale of deviations of the output: that of their mean."""
+        return scale_of(self.model.output.unit, [self.fit.mean_abs] if self.fit else [])
 
     @property
     def input_scale(self) -> Scale:
