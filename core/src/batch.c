@@ -65,9 +65,9 @@ static inline double langevin(double z, double *slope)
 /* States and parameters of one block. */
 typedef struct {
   double kappa_inverse[BLOCK], c[BLOCK], omega[BLOCK];
-  double scale[BLOCK], shift[BLOCK];    /* r = scale*drive - shift */
-  double reversible[BLOCK];             /* omega*c */
-  double pinned[BLOCK];                 /* omega*(1 - c)/kappa */
+  double scale[BLOCK], shift[BLOCK]; /* r = scale*drive - shift */
+  double reversible[BLOCK];          /* omega*c */
+  double pinned[BLOCK];              /* omega*(1 - c)/kappa */
   double x[BLOCK], y[BLOCK];
   double pull[BLOCK];        /* L(x) */
   double m[BLOCK];           /* dimensionless magnetisation */

@@ -6,11 +6,11 @@
 #include "anhyst/langevin.h"
 
 /* Gauss-Laguerre, 8 points for the weight exp(-s). */
-static const double laguerre_at[8] = {
-    0.17027963230510093, 0.90370177679938, 2.251086629866131,  4.266700170287659,
-    7.0459054023934655,  10.758516010180996, 15.740678641278004, 22.863131736889265};
+static const double laguerre_at[8] = {0.17027963230510093, 0.90370177679938,   2.251086629866131,
+                                      4.266700170287659,   7.0459054023934655, 10.758516010180996,
+                                      15.740678641278004,  22.863131736889265};
 static const double laguerre_weight[8] = {
-    0.36918858934163495,   0.4187867808143447,    0.17579498663717255, 0.033343492261215794,
+    0.36918858934163495,   0.4187867808143447,    0.17579498663717255,  0.033343492261215794,
     0.0027945362352256834, 9.076508773358139e-05, 8.48574671627257e-07, 1.0480011748715153e-09};
 
 /* exp(-40) is below the last place of any result here. */
@@ -23,6 +23,7 @@ typedef struct {
   double kappa;
   double x;
   double value;  /* A(x) */
+  double steep;  /* dA/dx */
   double tilted; /* dA/dkappa */
   double span;   /* length for which places and weights below were made */
   int points;
@@ -54,6 +55,7 @@ static walker walker_start(double kappa)
   w.span = -1.0;
   w.points = 0;
   w.value = -1.0 + (1.0 - q * (1.0 - 2.0 * q * (1.0 - 3.0 * q))) / far;
+  w.steep = (1.0 - 2.0 * q * (1.0 - 3.0 * q)) / (far * far);
   w.tilted = -(1.0 - 4.0 * q * (1.0 - 4.5 * q)) / (far * far);
   return w;
 }
@@ -86,6 +88,7 @@ static void walker_advance(walker *w, double x)
   const double length = (x - w->x) / w->kappa;
   const double span = length < memory ? length : memory;
   double gained = 0.0;
+  double risen = 0.0;
   double tilt = 0.0;
   double slope;
   if (fabs(span - w->span) > 0.0) {
@@ -93,11 +96,12 @@ static void walker_advance(walker *w, double x)
   }
   for (int i = 0; i < w->points; i++) {
     gained += w->weight[i] * anhyst_langevin_f64(x - w->kappa * w->place[i], &slope);
+    risen += w->weight[i] * slope;
     tilt += w->weight[i] * w->place[i] * slope;
   }
   const double kept = exp(-length);
-  const double steepness = (anhyst_langevin_f64(w->x, &slope) - w->value) / w->kappa;
-  w->tilted = kept * (w->tilted - length * steepness) - tilt;
+  w->tilted = kept * (w->tilted - length * w->steep) - tilt;
+  w->steep = kept * w->steep + risen;
   w->value = kept * w->value + gained;
   w->x = x;
 }
@@ -107,7 +111,8 @@ static jet walker_value(const walker *w)
   jet at;
   double slope;
   at.f = w->value;
-  at.f1 = (anhyst_langevin_f64(w->x, &slope) - at.f) / w->kappa;
+  at.f1 = w->steep; /* and not (L - A)/kappa, whose digits cancel where kappa is small */
+  (void)anhyst_langevin_f64(w->x, &slope);
   at.f2 = (slope - at.f1) / w->kappa;
   return at;
 }

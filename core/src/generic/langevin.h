@@ -9,7 +9,7 @@ ANHYST_REAL ANHYST_NAME(anhyst_langevin)(ANHYST_REAL z, ANHYST_REAL *slope)
     *slope = R(1.0) - value * value - R(2.0) * per_z;
     return value;
   }
-  if (size > R(20.0)) { /* coth is 1 to the last place */
+  if (size > R(22.0)) { /* coth is 1 to the last place */
     const ANHYST_REAL per_size = R(1.0) / size;
     *slope = per_size * per_size;
     return z < R(0.0) ? per_size - R(1.0) : R(1.0) - per_size;

@@ -53,17 +53,28 @@ static ANHYST_REAL ANHYST_NAME(slope_1986)(const ANHYST_NAME(anhyst_path) *path,
 }
 
 /* Classical Runge-Kutta from the departure; full sub-steps first, then the rest, so that the
-   result is a continuous function of the end. */
+   result is a continuous function of the end. Of a path much longer than the lag remembers only the
+   end is followed, from the steady lag kappa*L'. */
 static ANHYST_REAL ANHYST_NAME(march_1986)(const ANHYST_NAME(anhyst_path) *path, ANHYST_REAL p)
 {
   const ANHYST_REAL eighth = path->law->kappa / R(8.0);
-  const ANHYST_REAL full = path->sign * (eighth < R(0.0625) ? eighth : R(0.0625));
+  const ANHYST_REAL eps = path->law->eps;
+  const ANHYST_REAL stretch = R(1.0) - eps / R(3.0);
+  const ANHYST_REAL memory =
+      R(40.0) * path->law->kappa * (eps < R(0.0) ? stretch * stretch : R(1.0) / stretch);
   ANHYST_REAL at = path->departure;
   ANHYST_REAL y = path->from.y;
+  if (ANHYST_FABS(p - at) > memory) {
+    ANHYST_REAL slope;
+    at = p - path->sign * memory;
+    y = ANHYST_NAME(anhyst_langevin)(at, &slope);
+    y -= path->sign * path->law->kappa * slope;
+  }
   int more = 1;
   while (more) {
-    ANHYST_REAL h = full;
-    if (ANHYST_FABS(p - at) <= ANHYST_FABS(full)) {
+    const ANHYST_REAL bend = (R(1.0) + ANHYST_FABS(at)) / R(16.0);
+    ANHYST_REAL h = path->sign * (eighth < bend ? eighth : bend);
+    if (ANHYST_FABS(p - at) <= ANHYST_FABS(h)) {
       h = p - at;
       more = 0;
     }
