@@ -28,6 +28,8 @@ _SEED = 5  # one more direction: the state at the start of a settled cycle
 _CLOSED = 1e-10
 _NEARLY_CLOSED = 1e-5
 _PASSES = 40
+_FAR = 1e3  # effective field, in units of a, that no loop needs
+_FULL = 1.0 - 1e-6  # magnetisation that no effective field up to there exceeds
 
 
 class NoResponseError(ArithmeticError):
@@ -240,8 +242,11 @@ def _admissible(state: Floats, local: Local, r: float) -> Floats:
         pull, slope = (float(value[0]) for value in langevin(np.array([x])))
         rest = x + local.omega * ((1.0 - local.c) * y + local.c * pull) - r
         x -= rest / (1.0 + local.omega * local.c * slope)
+    x = min(max(x, -_FAR), _FAR)  # y from other parameters can send it anywhere
+    pull = float(langevin(np.array([x]))[0][0])
     room = local.kappa / 3.0
-    return np.array([x, min(max(y, pull - room), pull + room), x])
+    y = min(max(y, pull - room, -_FULL), pull + room, _FULL)
+    return np.array([x, y, x])
 
 
 def _refuse(status: int) -> None:
