@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,8 @@ class GapCheck:
         Drive at which it has, in units of the input.
     branch : str
         ``"rising"`` or ``"falling"``.
+    towards : float
+        1 where a rise is one upward; -1 where output is negative and rises in magnitude.
     trouble : str
         Why a gap could not be computed; empty if all could.
     """
@@ -54,7 +57,14 @@ class GapCheck:
     gap: float
     at_drive: float
     branch: str
+    towards: float = 1.0
     trouble: str = ""
+
+    @property
+    def failing(self) -> tuple[float, ...]:
+        """Gaps where the output has fallen, or could not be computed, m."""
+        fallen = np.fmax.reduce(_falls(self.towards * self.output), axis=1, initial=0.0) > TOLERANCE
+        return tuple(self.gaps[fallen | np.isnan(self.output).any(axis=1)].tolist())
 
     @property
     def passed(self) -> bool:
@@ -77,7 +87,9 @@ class GapCheck:
         )
 
 
-def check_over_gap(model: ActuatorModel) -> GapCheck | None:
+def check_over_gap(
+    model: ActuatorModel, at: Callable[[float], ActuatorModel] | None = None
+) -> GapCheck | None:
     """Test that at any fixed drive the output rises as the gap closes.
 
     The settled cycle between zero and the largest measured drive is computed on a dense grid of
@@ -87,6 +99,8 @@ def check_over_gap(model: ActuatorModel) -> GapCheck | None:
     ----------
     model : ActuatorModel
         The model. Its largest drive is that of its valid range.
+    at : callable, optional
+        Gives the model of a single gap, for another interpolation than the model's own.
 
     Returns
     -------
@@ -103,13 +117,22 @@ def check_over_gap(model: ActuatorModel) -> GapCheck | None:
     gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
     half = np.linspace(0.0, _largest_drive(model), DRIVES_A_BRANCH)
     drive = np.concatenate([half, half[-2::-1]])
-    output = np.full((gaps.size, drive.size), np.nan)
-    for place, gap in enumerate(gaps):
-        try:
-            output[place] = model.predict(drive, gap, _slow(drive.size), "settled").output
-        except (InputError, NegativeResult) as error:
-            return GapCheck(gaps, drive, output, np.inf, float(gap), 0.0, "rising", str(error))
     towards = -1.0 if model.power == 1 and half[-1] < 0.0 else 1.0  # "rises" means: in magnitude
+    output = np.full((gaps.size, drive.size), np.nan)
+    troubles: list[tuple[float, str]] = []
+    for place, gap in enumerate(gaps.tolist()):
+        try:
+            if at is None:
+                found = model.predict(drive, gap, _slow(drive.size), "settled")
+            else:
+                found = at(gap).predict(drive, None, _slow(drive.size), "settled")
+        except (InputError, NegativeResult) as error:
+            troubles.append((gap, str(error)))
+        else:
+            output[place] = found.output
+    if troubles:
+        gap, trouble = troubles[0]
+        return GapCheck(gaps, drive, output, np.inf, gap, 0.0, "rising", towards, trouble)
     return _judge(gaps, drive, output, towards)
 
 
@@ -124,10 +147,18 @@ def _slow(size: int) -> FloatArray:
     return 1e9 * np.arange(size, dtype=np.float64)
 
 
+def _falls(output: FloatArray) -> FloatArray:
+    """How far the output lies below that of any wider gap, in parts of the largest output."""
+    closing = output[::-1]
+    best = np.fmax.accumulate(closing, axis=0)
+    largest = max(
+        float(np.fmax.reduce(np.abs(output), axis=None, initial=0.0)), np.finfo(np.float64).tiny
+    )
+    return (best - closing)[::-1] / largest
+
+
 def _judge(gaps: FloatArray, drive: FloatArray, output: FloatArray, towards: float) -> GapCheck:
-    closing = towards * output[::-1]
-    best = np.maximum.accumulate(closing, axis=0)
-    fall = (best - closing)[::-1] / max(float(np.abs(output).max()), np.finfo(np.float64).tiny)
+    fall = _falls(towards * output)
     gap, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
     return GapCheck(
         gaps=gaps,
@@ -137,4 +168,5 @@ def _judge(gaps: FloatArray, drive: FloatArray, output: FloatArray, towards: flo
         gap=float(gaps[gap]),
         at_drive=float(drive[sample]),
         branch="rising" if sample < DRIVES_A_BRANCH else "falling",
+        towards=towards,
     )
