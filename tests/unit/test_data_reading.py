@@ -276,7 +276,7 @@ def test_frames_follow_the_same_rules() -> None:
     with pytest.raises(InputError, match="data frame: column 'F_N' holds text"):
         LoopSet.from_dataframe(frame.assign(F_N="x"))
     frame.loc[3, "F_N"] = np.nan
-    with pytest.raises(InputError, match="loop 'a': output holds NaN"):
+    with pytest.raises(InputError, match="data frame: row 3: nan is no measured value"):
         LoopSet.from_dataframe(frame)
 
 

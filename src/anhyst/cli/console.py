@@ -28,8 +28,9 @@ def warn(text: str) -> None:
 
 
 def one_line(text: str) -> str:
-    """Fold a text into one line."""
-    return " ".join(text.split())
+    """Fold a text into one line, with nothing in it that would steer a terminal."""
+    folded = " ".join(text.split())
+    return "".join(sign if sign.isprintable() else "?" for sign in folded)
 
 
 def print_json(result: Mapping[str, Any]) -> None:

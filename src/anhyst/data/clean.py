@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
 from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.noise import noise as noise_of
 from anhyst.data.path import turning_points
 from anhyst.errors import InputError
 
@@ -72,9 +73,7 @@ def spikes(loopset: LoopSet) -> LoopSet:
         padded = np.pad(loop.output, 2, mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
         away = np.abs(loop.output - np.median(windows, axis=1))
-        limit = max(
-            _SPIKE_SIGMA * estimates.noise(loop.output), _SPIKE_SHARE * float(np.ptp(loop.output))
-        )
+        limit = max(_SPIKE_SIGMA * noise_of(loop.output), _SPIKE_SHARE * float(np.ptp(loop.output)))
         spike = away > limit
         for turn in turning_points(loop.input, 0.02 * float(np.ptp(loop.input))):
             spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is no spike

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from anhyst.data.branches import Branch, branches, is_bipolar, repeats, smooth
 from anhyst.data.loopset import Loop
+from anhyst.data.noise import TO_SIGMA
 from anhyst.data.path import crossings
 
 Floats = NDArray[np.float64]
 
-_TO_SIGMA = 1.4826
-"""Median absolute deviation to standard deviation, normal distribution."""
 _MOST_SKEW = 8.0
 """Largest delay between channels looked for, in samples."""
 _DELAYS = np.linspace(-_MOST_SKEW, _MOST_SKEW, 161)
@@ -24,29 +23,6 @@ _DRIFTING = 0.05
 _TIPS = 40
 _SYMMETRIC = 0.1
 """Tips of a symmetric loop agree in size within this share."""
-
-
-def noise(values: Floats) -> float:
-    """Estimate the standard deviation of white noise on a smooth signal, from differences.
-
-    Differences of any order (2 to 5 are taken) hold the noise and what is left of the signal, so
-    that the smallest of the estimates is the nearest. Robust against spikes and steps (median).
-
-    Parameters
-    ----------
-    values
-        Evenly sampled signal of shape (n,); below 12 samples the answer is 0.
-    """
-    if values.size < 12:
-        return 0.0
-    found = []
-    difference = np.diff(values)
-    gain = 2.0
-    for order in range(2, 6):
-        difference = np.diff(difference)
-        gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
-        found.append(_TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
-    return float(min(found))
 
 
 def drift(loop: Loop) -> float | None:
@@ -136,7 +112,7 @@ def skew(loop: Loop) -> float | None:
     delay = float(np.median(votes))
     if abs(delay) > 0.9 * _MOST_SKEW:
         return None
-    spread = _TO_SIGMA * float(np.median(np.abs(np.array(votes) - delay)))
+    spread = TO_SIGMA * float(np.median(np.abs(np.array(votes) - delay)))
     if abs(delay) < 0.2 or spread > max(0.5, 0.5 * abs(delay)):
         return 0.0
     # Few votes may agree by chance: the fewer they are, the plainer the gain must be.

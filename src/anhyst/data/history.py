@@ -9,6 +9,7 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.data.noise import noise
 from anhyst.data.path import crossings, turning_points
 from anhyst.errors import InputError
 
@@ -94,7 +95,8 @@ def propose_history(drive: NDArray[np.float64], answer: NDArray[np.float64]) -> 
         and abs(answer[0]) <= 2 * _NEAR * float(np.max(np.abs(answer)))
     )  # fmt: skip
     back = _return_to_start(drive, answer, span)
-    if back is not None and abs(back - answer[0]) <= _NEAR * height:
+    # Two single samples differ by noise alone now and then.
+    if back is not None and abs(back - answer[0]) <= max(_NEAR * height, 5.0 * noise(answer)):
         error = abs(back - answer[0]) / height
         return SETTLED, f"it comes back to its start within {error:.2%} of its height"
     if at_rest:

@@ -11,6 +11,7 @@ from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
 from anhyst.data.history import History, propose_history
 from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.noise import noise as noise_of
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.units import Quantity
 from anhyst.data.verdict import Verdict, judge, loop_width, single_valued
@@ -189,7 +190,7 @@ def _figures(loop: Loop, deviation: estimates.Floats, *, even: bool) -> LoopFigu
         output_offset=centre[1] if centre else None,
         drift=estimates.drift(loop),
         closure=estimates.closure(loop),
-        noise=estimates.noise(loop.output),
+        noise=noise_of(loop.output),
         skew=estimates.skew(loop),
         saturation=estimates.saturation(loop),
         width=width.width,

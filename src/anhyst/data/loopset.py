@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from anhyst.data.files import Column, write_csv
 from anhyst.data.history import SETTLED, History
 from anhyst.data.layout import PathLike
-from anhyst.data.path import reversal_count, time_fault
+from anhyst.data.path import reversal_count, time_fault, value_fault
 from anhyst.data.rawtable import Progress, Texts
 from anhyst.data.units import GAP_ADVICE, QUANTITIES, Quantity
 from anhyst.errors import InputError
@@ -48,7 +48,7 @@ class Loop:
     Raises
     ------
     InputError
-        If the arrays do not fit together, hold NaN or Inf, are too short, the input is constant
+        If the arrays do not fit together, hold what nobody measured, are too short, the input is constant
         or time goes backwards.
     """
 
@@ -84,8 +84,11 @@ class Loop:
             raise InputError(
                 f"loop '{self.label}': has {array.size} samples; a loop needs at least 3"
             )
-        if not np.isfinite(array).all():
-            raise InputError(f"loop '{self.label}': {name} holds NaN or Inf; remove those samples")
+        if (odd := value_fault(array)) is not None:
+            raise InputError(
+                f"loop '{self.label}': {name} holds {array[odd]:g} at sample {odd + 1}: no "
+                "measured value; remove the sample"
+            )
         if array.flags.writeable or not array.flags.c_contiguous:
             array = array.copy()
             array.flags.writeable = False

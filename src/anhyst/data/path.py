@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+LARGEST = 1e50
+"""Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""
+
 
 def turning_points(values: NDArray[np.float64], threshold: float) -> NDArray[np.intp]:
     """Find the first sample, every reversal larger than the threshold, and the last sample.
@@ -67,6 +70,12 @@ def crossings(
     place = np.flatnonzero(below[:-1] & ~below[1:])
     share = (level - values[place]) / (values[place + 1] - values[place])
     return other[place] + share * (other[place + 1] - other[place])
+
+
+def value_fault(values: NDArray[np.float64]) -> int | None:
+    """Find the index of the first sample that nobody measured: NaN, Inf, or beyond `LARGEST`."""
+    good = np.abs(values) <= LARGEST
+    return None if good.all() else int(np.argmin(good))
 
 
 def time_fault(time: NDArray[np.float64]) -> int | None:

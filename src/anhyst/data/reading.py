@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anhyst.data.history import History, propose_history
 from anhyst.data.layout import PathLike, is_number, read_layout
 from anhyst.data.loopset import Loop, LoopSet, Source
-from anhyst.data.path import time_fault
+from anhyst.data.path import time_fault, value_fault
 from anhyst.data.rawtable import Progress, Texts, read_raw, row_line
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
 from anhyst.data.sidecar import Reading, is_sidecar
@@ -350,6 +350,11 @@ def _loop(columns: _Columns, rows: Rows, told: Reading) -> tuple[Loop, str | Non
         # Rows in one piece are a view: long records are not copied.
         taken = values[start:stop] if stop - start == rows.size else values[rows]
         taken.flags.writeable = False
+        if (odd := value_fault(taken)) is not None:
+            raise InputError(
+                f"{columns.where(int(rows[odd]))}: {taken[odd]:g} is no measured value; remove the "
+                "line"
+            )
         return taken
 
     time = part(columns.time)

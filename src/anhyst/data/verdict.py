@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.branches import branches, folded, is_even, separation, smooth
-from anhyst.data.estimates import noise
 from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.noise import noise
 
 Floats = NDArray[np.float64]
 Level = Literal["yes", "little", "no"]
