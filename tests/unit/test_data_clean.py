@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from anhyst.data import History, Loop, LoopSet, estimates
 from anhyst.data.clean import DEFAULT_STEPS, STEPS, clean, thin
+from anhyst.data.noise import noise
 from anhyst.data.path import turning_points
 from anhyst.data.units import QUANTITIES
 from anhyst.errors import InputError
@@ -143,14 +144,14 @@ def test_noise_alone_is_no_delay() -> None:
 def test_noise_is_told_from_the_signal(sigma: float) -> None:
     _, flux, _ = iron(5.0, 1000)
     noisy = flux + np.random.default_rng(5).normal(0.0, sigma, flux.size)
-    assert estimates.noise(noisy) == pytest.approx(sigma, rel=0.1)
+    assert noise(noisy) == pytest.approx(sigma, rel=0.1)
 
 
 def test_spikes_do_not_count_as_noise() -> None:
     _, flux, _ = iron(5.0, 1000)
     noisy = flux + np.random.default_rng(5).normal(0.0, 1e-3, flux.size)
     noisy[::100] += 0.5
-    assert estimates.noise(noisy) == pytest.approx(1e-3, rel=0.2)
+    assert noise(noisy) == pytest.approx(1e-3, rel=0.2)
 
 
 def test_wobbling_gap_is_settled_to_its_median() -> None:

@@ -134,7 +134,10 @@ def _statements(
             f"to {form.h:g}, and M_s by choice of gauge; outputs do not depend on the choice"
         )
     if gap_map == "reluctance":
-        said.append("alpha and an offset of rho act alike in the reluctance map: alpha is set to 0")
+        said.append(
+            "alpha and an offset of rho act alike in the reluctance map: alpha is chosen so that "
+            "rho is nowhere negative down to the closed gap"
+        )
     return said
 
 

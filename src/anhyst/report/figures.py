@@ -18,8 +18,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from anhyst.data.branches import branches
-from anhyst.data.estimates import noise
 from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.noise import noise
 from anhyst.record import ReductionStep, Uncertainty
 from anhyst.report.figures_over_schedule import figure_between, figure_parameters
 from anhyst.report.numbers import NBSP, Scale, label, name_of, number, scale_for, shown_at, written
