@@ -48,8 +48,8 @@ class Loop:
     Raises
     ------
     InputError
-        If the arrays do not fit together, hold what nobody measured, are too short, the input is constant
-        or time goes backwards.
+        If the arrays do not fit together, hold what nobody measured, are too short, the input is
+        constant or time goes backwards.
     """
 
     label: str
