@@ -52,6 +52,8 @@ Fitted = Sequence[FloatArray | None]
 MOST_PANELS = 18
 SMALL = 0.25
 """A loop is small if its input spans less than this share of the largest one drawn with it."""
+MOST_ABOVE = 3.0
+"""Costs of candidates are drawn up to so many times the highest bar."""
 NUMBERED = 14
 """Correlation matrices up to this size carry their numbers."""
 
@@ -284,17 +286,12 @@ def figure_reduction(
     for place, cost in enumerate(costs.tolist()):
         text = f"{number(cost, 2)} %"
         ax.annotate(text, (place, cost), (0, 3), textcoords="offset points", ha="center")
-    others = [100.0 * c for step in steps for c in step.candidates.values() if np.isfinite(c)]
-    top = max([*costs.tolist(), *others])
-    ax.set_ylim(0.0, 1.12 * top)
+    others = [cost for step in steps for cost, _ in _not_taken(step)]
+    bars = max(float(costs.max()), 1e-9)
+    top = min(max([bars, *others]), MOST_ABOVE * bars)
+    ax.set_ylim(0.0, 1.15 * top)
     for place, step in enumerate(steps, start=1):
-        last = -np.inf
-        for cost, name in _not_taken(step):
-            ax.plot(place + 0.36, cost, "o", mfc="none", color=FALLING, ms=5.0)
-            last = max(cost, last + 0.055 * top)  # labels of like costs one above the other
-            where = (place + 0.41, last)
-            text = names.get(name, name)
-            ax.annotate(text, where, va="center", fontsize=7.5, color="#8A3B00")
+        _draw_candidates(ax, place + 0.36, _not_taken(step), top, names)
     ax.set_xticks(range(costs.size), ["all free", *(f"freeze {name}" for name in frozen)])
     ax.set_xlim(-0.5, costs.size - 0.2)
     ax.grid(visible=False, axis="x")
@@ -305,6 +302,21 @@ def figure_reduction(
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=2)
     return figure
+
+
+def _draw_candidates(
+    ax: Axes, place: float, costs: list[tuple[float, str]], top: float, names: Mapping[str, str]
+) -> None:
+    """Draw rings with their names; those above the picture at its upper edge, with their cost."""
+    last = -np.inf
+    for cost, name in costs:
+        text = names.get(name, name)
+        if cost > top:
+            text += f" ↑ {number(cost, 2)} %"
+        else:
+            ax.plot(place, cost, "o", mfc="none", color=FALLING, ms=5.0)
+        last = max(min(cost, top), last + 0.055 * top)  # labels of like costs one above the other
+        ax.annotate(text, (place + 0.05, last), va="center", fontsize=7.5, color="#8A3B00")
 
 
 def _not_taken(step: ReductionStep) -> list[tuple[float, str]]:

@@ -84,8 +84,12 @@ def scale_of(unit: str, values: Iterable[float | None]) -> Scale:
 
 
 def scale_for(quantity: Quantity, values: Iterable[float | None]) -> Scale:
-    """Choose the unit for values of a quantity."""
-    return scale_of(quantity.unit, values)
+    """Choose the unit for values of a quantity; displacements below 1 mm come out in µm."""
+    given = list(values)
+    largest = max((abs(value) for value in given if value is not None), default=0.0)
+    if quantity.name == "displacement" and 0.0 < largest < 1e-3:
+        return Scale(1e6, "µm")
+    return scale_of(quantity.unit, given)
 
 
 def number(value: float, digits: int = 3, *, short: bool = False) -> str:
@@ -130,7 +134,7 @@ def with_deviation(value: float, deviation: float) -> str:
     >>> with_deviation(1.747004, 0.141138), with_deviation(392.274, 7.2005)
     ('1.75 ± 0.14', '392.3 ± 7.2')
     >>> with_deviation(1.7, float("inf"))
-    '1.7 ± ∞'
+    '1.70 ± ∞'
     """
     if not (math.isfinite(deviation) and math.isfinite(value)) or deviation <= 0.0:
         return f"{number(value)} ± {number(deviation)}"

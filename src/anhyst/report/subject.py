@@ -9,7 +9,7 @@ from anhyst.model import ActuatorModel
 from anhyst.monotone import GapCheck
 from anhyst.record import FitFigures
 from anhyst.report.evidence import Evidence
-from anhyst.report.numbers import Scale, name_of, scale_for, scale_of
+from anhyst.report.numbers import Scale, name_of, scale_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Subject:
     @property
     def deviation(self) -> Scale:
         """Scale of deviations of the output: that of their mean."""
-        return scale_of(self.model.output.unit, [self.fit.mean_abs] if self.fit else [])
+        return scale_for(self.model.output, [self.fit.mean_abs] if self.fit else [])
 
     @property
     def input_scale(self) -> Scale:
