@@ -65,6 +65,7 @@ def test_what_is_not_told_is_a_dash() -> None:
 def test_an_estimate_has_no_more_digits_than_its_deviation() -> None:
     assert with_deviation(21557.4, 9284.0) == "21557 ± 9284"
     assert with_deviation(-0.00123456, 0.000021) == "−0.001235 ± 0.000021"
+    assert with_deviation(-0.0001, 0.011) == "0.000 ± 0.011"
     assert with_deviation(2.0, math.nan) == "2.00 ± –"
 
 

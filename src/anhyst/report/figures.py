@@ -53,7 +53,7 @@ MOST_PANELS = 18
 SMALL = 0.25
 """A loop is small if its input spans less than this share of the largest one drawn with it."""
 MOST_ABOVE = 3.0
-"""Costs of candidates are drawn up to so many times the highest bar."""
+"""Costs of candidates above so many times the highest bar are told, not drawn."""
 NUMBERED = 14
 """Correlation matrices up to this size carry their numbers."""
 
@@ -288,8 +288,8 @@ def figure_reduction(
         ax.annotate(text, (place, cost), (0, 3), textcoords="offset points", ha="center")
     others = [cost for step in steps for cost, _ in _not_taken(step)]
     bars = max(float(costs.max()), 1e-9)
-    top = min(max([bars, *others]), MOST_ABOVE * bars)
-    ax.set_ylim(0.0, 1.15 * top)
+    top = max([bars, *(cost for cost in others if cost <= MOST_ABOVE * bars)])
+    ax.set_ylim(0.0, 1.2 * top)
     for place, step in enumerate(steps, start=1):
         _draw_candidates(ax, place + 0.36, _not_taken(step), top, names)
     ax.set_xticks(range(costs.size), ["all free", *(f"freeze {name}" for name in frozen)])
@@ -315,7 +315,9 @@ def _draw_candidates(
             text += f" ↑ {number(cost, 2)} %"
         else:
             ax.plot(place, cost, "o", mfc="none", color=FALLING, ms=5.0)
-        last = max(min(cost, top), last + 0.055 * top)  # labels of like costs one above the other
+        last = max(
+            min(cost, 1.1 * top), last + 0.055 * top
+        )  # labels of like costs one above the other
         ax.annotate(text, (place + 0.05, last), va="center", fontsize=7.5, color="#8A3B00")
 
 
@@ -344,10 +346,12 @@ def figure_correlation(unsure: Uncertainty) -> Figure:
     """
     matrix = np.array(unsure.correlation)
     count = matrix.shape[0]
-    figure = new_figure(0.9 + 0.3 * count, width=min(9.6, 4.2 + 0.42 * count))
+    numbered = count <= NUMBERED
+    height = 0.9 + (0.3 if numbered else 0.19) * count
+    figure = new_figure(height, width=min(9.6, 4.2 + 0.42 * count))
     ax = figure.subplots()
     drawn = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
-    if count <= NUMBERED:
+    if numbered:
         for row, column in np.ndindex(matrix.shape):
             value = float(matrix[row, column])
             if not np.isfinite(value):
@@ -360,8 +364,9 @@ def figure_correlation(unsure: Uncertainty) -> Figure:
     labels = [
         f"{written(name)}{2 * NBSP}{n}" for n, name in zip(numbers, unsure.names, strict=True)
     ]
-    ax.set_yticks(np.arange(count) + 0.5, labels)
-    ax.set_xticks(np.arange(count) + 0.5, numbers)
+    every = 1 + count // 20
+    ax.set_yticks(np.arange(count) + 0.5, labels, fontsize=9.0 if numbered else 7.5)
+    ax.set_xticks(np.arange(0, count, every) + 0.5, numbers[::every])
     ax.xaxis.tick_top()
     ax.invert_yaxis()
     ax.grid(visible=False)

@@ -47,6 +47,15 @@ def parameter_unit(model: ActuatorModel, name: str) -> str:
     }.get(name, "1")
 
 
+def running(model: ActuatorModel) -> tuple[str, ...]:
+    """Names of the parameters that run over the scheduling variable by more than rounding."""
+    return tuple(
+        name
+        for name in model.varying
+        if np.ptp(model.parameters[name]) > 1e-9 * np.max(np.abs(model.parameters[name]))
+    )
+
+
 @styled
 def figure_parameters(model: ActuatorModel) -> Figure | None:
     """Draw every varying parameter over the scheduling variable: nodes and the curve between.
@@ -61,17 +70,18 @@ def figure_parameters(model: ActuatorModel) -> Figure | None:
     Figure or None
         None where nothing varies.
     """
-    if not model.varying or model.schedule is None:
+    shown = running(model)
+    if not shown or model.schedule is None:
         return None
     names = parameter_names(model.input, model.output)
-    columns = columns_of(len(model.varying))
-    rows = -(-len(model.varying) // columns)
+    columns = columns_of(len(shown))
+    rows = -(-len(shown) // columns)
     figure = new_figure(
         0.2 + rows * (3.2, 2.8, 2.3)[columns - 1], width=6.4 if columns == 1 else 9.6
     )
     at = np.linspace(model.nodes[0], model.nodes[-1], POINTS)
     across = scale_for(model.schedule, model.nodes)
-    for ax, name in zip(panels(figure, len(model.varying)), model.varying, strict=True):
+    for ax, name in zip(panels(figure, len(shown)), shown, strict=True):
         curve = model.over_schedule(name, at)
         nodes = model.over_schedule(name, model.nodes)
         up = scale_of(parameter_unit(model, name), np.abs(nodes).tolist())

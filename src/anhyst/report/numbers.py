@@ -142,7 +142,8 @@ def with_deviation(value: float, deviation: float) -> str:
     if not -6 <= power < 6:
         return f"{number(value)} ± {number(deviation, 2)}"
     decimals = max(0, 1 - power)
-    text = f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
+    rounded = round(value, decimals) + 0.0  # a negative zero becomes a plain one
+    text = f"{rounded:.{decimals}f} ± {deviation:.{decimals}f}"
     return text.replace("-", MINUS)
 
 

@@ -20,6 +20,7 @@ from anhyst.report.figures_over_schedule import (
     figure_between,
     figure_parameters,
     parameter_unit,
+    running,
 )
 from anhyst.report.headline import LAWS, acceptance
 from anhyst.report.numbers import GREEK, NBSP, number, percent, scale_of, with_deviation, written
@@ -59,7 +60,7 @@ def section_parameters_over(subject: Subject) -> Section | None:
     if figure is None:
         return None
     names = parameter_names(model.input, model.output)
-    varying = ", ".join(names[name][0] for name in model.varying)
+    varying = ", ".join(names[name][0] for name in running(model))
     nodes = ", ".join(subject.schedule_scale.number(node, 4, short=True) for node in model.nodes)
     alt = (
         f"{varying} over the {subject.over}: dots at the nodes {nodes} "
@@ -81,7 +82,7 @@ def _node_table(subject: Subject) -> Table:
     model = subject.model
     names = parameter_names(model.input, model.output)
     head, columns = [subject.schedule_scale.head(subject.over)], []
-    for name in model.varying:
+    for name in running(model):
         values = model.over_schedule(name, model.nodes).tolist()
         scale = scale_of(parameter_unit(model, name), values)
         unit = f" [{scale.unit}]" if scale.unit else ""
@@ -231,7 +232,7 @@ def section_parameters(subject: Subject) -> Section:
         several = values if isinstance(values, tuple) else (values,)
         scale = scale_of(parameter_unit(model, name), several)
         text = scale.number(several[0], 5, short=True)
-        if name in model.varying:
+        if name in running(model):
             text = f"{scale.number(min(several), 5)} to {scale.number(max(several), 5)}"
         meaning = MEANING[name]
         if name == "rho" and subject.over != "gap":
