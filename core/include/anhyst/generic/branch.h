@@ -21,7 +21,7 @@ typedef struct {
 
 /* Tabulates A for kappa in [ANHYST_KAPPA_MIN, ANHYST_KAPPA_MAX] by the recursion
    A(x+h) = exp(-h/kappa)*A(x) + integral of exp(-s)*L(x+h-kappa*s) over 0 < s < h/kappa, with
-   8-point Gauss panels. Error of the interpolated value: 3e-11 (double), 2e-6 (single).
+   8-point Gauss panels. Error of the interpolated value: 4e-11 (double), 2e-6 (single).
    Returns ANHYST_OK or ANHYST_BAD_PARAMETER (branch unchanged). */
 anhyst_status ANHYST_NAME(anhyst_branch_build)(ANHYST_NAME(anhyst_branch) *branch,
                                                ANHYST_REAL kappa);
