@@ -27,7 +27,8 @@ _DIRECTIONS = 5  # kappa, c, omega, scale, in_0; the core differentiates by thes
 _SEED = 5  # one more direction: the state at the start of a settled cycle
 _CLOSED = 1e-10
 _NEARLY_CLOSED = 1e-5
-_PASSES = 40
+_PASSES = 80
+_CREEPING = 4  # passes after which the rest of the way is extrapolated
 _FAR = 1e3  # effective field, in units of a, that no loop needs
 _FULL = 1.0 - 1e-6  # magnetisation that no effective field up to there exceeds
 
@@ -120,14 +121,14 @@ class Responder:
             state = _admissible(self._starts[id(drive)], local, float(r[-1]))
         x, m, after, status, _ = operator.run(omega, r, state)
         _refuse(status)
-        passes = 1
-        while drive.settled and abs(after[1] - state[1]) > _CLOSED:
-            if passes == _PASSES:
-                break  # creeping still; what is left is far below any noise
+        ends = [float(state[1])]
+        while drive.settled and abs(after[1] - state[1]) > _CLOSED and len(ends) < _PASSES:
+            ends.append(float(after[1]))
             state = after
+            if len(ends) % _CREEPING == 0:
+                state = _admissible(_limit(after, ends), local, float(r[-1]))
             x, m, after, status, _ = operator.run(omega, r, state)
             _refuse(status)
-            passes += 1
         if drive.settled:
             self._starts[id(drive)] = after
         return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
@@ -247,6 +248,14 @@ def _admissible(state: Floats, local: Local, r: float) -> Floats:
     room = local.kappa / 3.0
     y = min(max(y, pull - room, -_FULL), pull + room, _FULL)
     return np.array([x, y, x])
+
+
+def _limit(state: Floats, ends: list[float]) -> Floats:
+    """Where the last three ends of passes lead: small loops creep for hundreds of passes."""
+    first, second = ends[-2] - ends[-3], ends[-1] - ends[-2]
+    if abs(second) >= abs(first):
+        return state
+    return np.array([state[0], ends[-1] - second * second / (second - first), state[2]])
 
 
 def _refuse(status: int) -> None:
