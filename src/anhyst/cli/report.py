@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from anhyst.cli.console import print_json, show
+from anhyst.cli.console import print_json, show, warn
 from anhyst.cli.options import AsJson, ModelPath
 
 
@@ -22,7 +22,8 @@ def report(
 
     Measured against modelled loops at each gap, residuals, parameters over the gap, the cost of
     each reduction, uncertainty, verdict and provenance. The measurements that the model was
-    identified from are read again; they must still be where the model file says.
+    identified from are read again; where they are missing or have changed, the report is written
+    from the model alone and says so.
 
     Example: anhyst report model.toml --out report.html
     """
@@ -30,8 +31,10 @@ def report(
     from anhyst.report import write_report
 
     check_writable(out, reads=[model])
-    write_report(model, out)
+    warnings = write_report(model, out)
+    for text in warnings:
+        warn(text)
     if as_json:
-        print_json({"out": str(out)})
+        print_json({"out": str(out), "warnings": list(warnings)})
     else:
         show(f"{out} written")

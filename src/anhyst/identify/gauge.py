@@ -125,7 +125,7 @@ def _at_one_gap(
     if gap_map == "reluctance":
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
     else:
-        alpha, rho = -h * omega / (1.0 - h * omega), 0.0
+        alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
     unscaled = local.scale / (1.0 + rho)  # input for one unit of effective field without the gap
     if input_name == "field":
         a = unscaled
@@ -136,6 +136,9 @@ def _at_one_gap(
     else:
         saturation = SATURATION
         a = h * saturation * (1.0 - alpha)
+    c_out = local.gain / (MU_0 * saturation * (1.0 - alpha)) ** power
+    if abs(c_out - 1.0) < 1e-12:
+        c_out = 1.0  # flux density measured: but for rounding it is one by construction
     return {
         "M_s": saturation,
         "a": a,
@@ -144,7 +147,7 @@ def _at_one_gap(
         "alpha": alpha,
         "rho": rho,
         "c_H": a / unscaled,
-        "c_out": local.gain / (MU_0 * saturation * (1.0 - alpha)) ** power,
+        "c_out": c_out,
         "in_0": local.in_0,
         "out_0": local.out_0,
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +19,13 @@ from anhyst.identify.default import Found
 from anhyst.identify.drives import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
+from anhyst.identify.paper import check_splines
 from anhyst.identify.result import IdentifyResult
 from anhyst.identify.run import Progress, Run
+from anhyst.identify.sequence import search_paper
 from anhyst.identify.uncertainty import assess
-from anhyst.model import GAP_MAPS, LAWS
-from anhyst.record import FitFigures, LoopFit, Provenance, ValidRange
+from anhyst.model import GAP_MAPS, LAWS, ActuatorModel
+from anhyst.record import FitFigures, LoopFit, Provenance, ReductionStep, ValidRange
 from anhyst.version import running_version
 
 Floats = NDArray[np.float64]
@@ -95,9 +97,8 @@ def identify(
         checkpoint=None if checkpoint is None else Path(checkpoint),
         key=f"{search} {law}",
     )
-    found, left_out, why, interrupted = _search(run, loopset, gap_map)
-    model = model_of(found, loopset)
-    fitted = _fitted(found, loopset)
+    outcome = _search(run, loopset, gap_map, search)
+    found, why = outcome.found, outcome.why
     warnings = [*odd, *_warnings(loopset, run, why, found.theta.size)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
@@ -106,29 +107,34 @@ def identify(
         "gap_map_wanted": gap_map,
         "gap_map_reason": why,
     }
-    model = replace(
-        model,
-        name=_name(loopset),
-        history=_history(loopset),
-        valid=_valid(loopset),
-        provenance=Provenance(running_version(), seed, loopset.sources, settings),
-    )
+    common = {
+        "name": _name(loopset),
+        "history": _history(loopset),
+        "valid": _valid(loopset),
+        "provenance": Provenance(running_version(), seed, loopset.sources, settings),
+    }
+    model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
+    per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
     check = model.check_over_gap()
+    monotone = None if check is None else check.passed
+    fitted = outcome.fitted
     model = replace(
         model,
-        fit=_figures(loopset, fitted, left_out, None if check is None else check.passed),
+        fit=_figures(loopset, fitted, outcome.left_out, monotone),
         uncertainty=assess(found, loopset),
     )
-    if not interrupted:
+    if not outcome.interrupted:
         run.finish()
     return IdentifyResult(
         model=model,
         loops=loopset,
         fitted=fitted,
         warnings=tuple(warnings),
+        per_gap=per_gap,
+        splines=None if per_gap is None else check_splines(per_gap),
         seconds=time.perf_counter() - began,
         evaluations=found.evaluations,
-        interrupted=interrupted,
+        interrupted=outcome.interrupted,
     )
 
 
@@ -142,13 +148,41 @@ def _check(law: str, gap_map: str, search: str) -> None:
             raise InputError(f"{what} '{value}' is unknown; use one of {', '.join(known)}")
 
 
-def _search(run: Run, loopset: LoopSet, gap_map: str) -> tuple[Found, dict[str, float], str, bool]:
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    """What a search has come to; the model is bare yet."""
+
+    found: Found
+    model: ActuatorModel
+    fitted: tuple[Floats, ...]
+    why: str
+    interrupted: bool
+    left_out: dict[str, float] = field(default_factory=dict)
+    steps: tuple[ReductionStep, ...] = ()
+    per_gap: ActuatorModel | None = None
+
+
+def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
+    if search == "paper":
+        end = search_paper(run, loopset, gap_map)
+        fitted = tuple(
+            end.model.predict(loop.input, loop.schedule, loop.time, loop.history).output
+            for loop in loopset.loops
+        )
+        return _Outcome(
+            end.found, end.model, fitted, end.why, end.interrupted, {}, end.steps, end.per_gap
+        )
+    left_out: dict[str, float] = {}
+    interrupted = False
     try:
-        return *search_maps(run, loopset, gap_map), False
+        found, left_out, why = search_maps(run, loopset, gap_map)
     except KeyboardInterrupt:
         if run.best is None:
             raise
-        return run.best, {}, "the search was interrupted: this is the best so far", True
+        found, interrupted = run.best, True
+        why = "the search was interrupted: this is the best so far"
+    model = model_of(found, loopset)
+    return _Outcome(found, model, _fitted(found, loopset), why, interrupted, left_out)
 
 
 def _fitted(found: Found, loopset: LoopSet) -> tuple[Floats, ...]:
@@ -183,8 +217,12 @@ def _warnings(loopset: LoopSet, run: Run, why: str, quantities: int) -> list[str
 
 
 def _name(loopset: LoopSet) -> str:
-    stems = [Path(source.path).stem for source in loopset.sources]
-    return stems[0] if stems else "actuator"
+    """Name a model after its file, or after the folder that its files share."""
+    paths = [Path(source.path) for source in loopset.sources]
+    if len(paths) == 1:
+        return paths[0].stem
+    folders = {path.parent.name for path in paths}
+    return folders.pop() or "actuator" if len(folders) == 1 else "actuator"
 
 
 def _history(loopset: LoopSet) -> History:

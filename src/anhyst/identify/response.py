@@ -28,6 +28,7 @@ _SEED = 5  # one more direction: the state at the start of a settled cycle
 _CLOSED = 1e-10
 _NEARLY_CLOSED = 1e-5
 _PASSES = 80
+_FLATTEST = 0.95
 _CREEPING = 4  # passes after which the rest of the way is extrapolated
 _FAR = 1e3  # effective field, in units of a, that no loop needs
 _FULL = 1.0 - 1e-6  # magnetisation that no effective field up to there exceeds
@@ -94,6 +95,8 @@ class Form:
 
     def operator(self, local: Local) -> Operator:
         """Build the law for a parameter set; in the law of 1986 interaction enters twice."""
+        if local.h * local.omega > _FLATTEST:
+            raise NoResponseError("the curve would be all but as flat as the air core")
         try:
             if self.law == "effective-field":
                 return Operator(local.kappa, local.c)

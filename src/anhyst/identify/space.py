@@ -8,7 +8,7 @@ its coordinate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,11 +31,11 @@ input follows from omega: ``scale = scale_0/(1 - h*omega)``, where 1/(1 - h*omeg
 _LIMITS = {
     "kappa": (2e-3, 5e2),
     "c": (0.0, 0.999),
-    "omega": (-30.0, 2e3),
+    "omega": (-30.0, 9e2),
     "scale": (1e-5, 1e2),  # of the input span
     "gain": (1e-3, 1e4),  # of the output span
-    "in_0": (-0.2, 0.2),  # of the input span
-    "out_0": (-0.2, 0.2),  # of the output span
+    "in_0": (-1.0, 1.0),  # of the input span
+    "out_0": (-2.0, 2.0),  # of the output span
 }
 
 
@@ -59,6 +59,11 @@ class Space:
     records: Records
     form: Form
     held: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        if self.gap_map == "reluctance":
+            # Behind a gap the measured field is not that in the iron: it cannot tell h.
+            object.__setattr__(self, "form", replace(self.form, permeability=0.0))
 
     @cached_property
     def entries(self) -> tuple[tuple[str, int | None], ...]:
@@ -120,7 +125,7 @@ class Space:
             local = sets[gap or 0]
             value = getattr(local, name)
             if name == "scale" and self.gap_map == "reluctance":
-                value *= 1.0 - local.h * local.omega
+                value *= 1.0 - self.form.h * local.omega
             theta.append(self._inward(name, value))
         return np.asarray(np.clip(np.array(theta), *self.bounds))
 
