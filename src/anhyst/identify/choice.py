@@ -120,6 +120,21 @@ def _maps_to_try(run: Run, wanted: str) -> tuple[str, ...]:
     return ("none",)
 
 
+def require_gaps(records: Records, wanted: str) -> None:
+    """Refuse a gap map where there is nothing to see of it.
+
+    Raises
+    ------
+    InputError
+        A gap map is wanted and there is one gap only.
+    """
+    if wanted != "auto" and records.gaps < 2:
+        raise InputError(
+            f"gap map '{wanted}' needs loops at two gaps or more, there are loops at one; measure "
+            "another gap, or use --gap-map auto for a model of this gap alone"
+        )
+
+
 def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[str, float], str]:
     """Fit under the wanted map, or under all and keep the one that predicts left-out gaps best.
 
@@ -137,7 +152,8 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
     found : Found
         The fit chosen.
     left_out : dict of str to float
-        Left-out error of each map tried, relative to the largest output; empty below three gaps.
+        Left-out error of each map tried, relative to the largest output; empty below three gaps,
+        and without those maps that cannot be computed at a gap left out.
     why : str
         The reason, as a sentence.
 
@@ -147,11 +163,7 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
         A gap map is wanted and there is one gap only.
     """
     records = run.searched
-    if wanted != "auto" and records.gaps < 2:
-        raise InputError(
-            f"gap map '{wanted}' needs loops at two gaps or more, there are loops at one; measure "
-            "another gap, or use --gap-map auto for a model of this gap alone"
-        )
+    require_gaps(records, wanted)
     tried = _maps_to_try(run, wanted) if wanted == "auto" else (wanted,)
     interior = range(1, records.gaps - 1)
     run.total = 1 + sum(len(_variants(run, name)) * (1 + len(interior)) for name in tried)
@@ -167,7 +179,8 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
         if interior:
             errors[gap_map] = missed[best]
     chosen, why = _choose(fits, errors, wanted)
-    return _finished(run, chosen), errors, why
+    told = {name: error for name, error in errors.items() if np.isfinite(error)}
+    return _finished(run, chosen), told, why
 
 
 def _finished(run: Run, found: Found) -> Found:
@@ -235,7 +248,11 @@ def _choose(fits: dict[str, Found], errors: dict[str, float], wanted: str) -> tu
         return fits[wanted], f"gap map '{wanted}' was asked for"
     if errors:
         best = min(errors, key=lambda name: errors[name])
-        others = ", ".join(f"{n} {100 * e:.2g} %" for n, e in errors.items() if n != best)
+        others = ", ".join(
+            f"{n} {100 * e:.2g} %" if np.isfinite(e) else f"{n} cannot be computed there"
+            for n, e in errors.items()
+            if n != best
+        )
         why = (
             f"gap map '{best}' predicts gaps left out of the fit best: mean deviation "
             f"{100 * errors[best]:.2g} % of the largest output ({others})"
