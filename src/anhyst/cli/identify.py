@@ -126,14 +126,16 @@ def identify(
     """
     from anhyst.atomic import check_writable
     from anhyst.data.reading import files_read
-    from anhyst.identify import identify as find_model
-    from anhyst.modelfile import write_model
-    from anhyst.sources import with_read_options
 
     check_writable(out, reads=files_read(loops, sidecar))
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
+    # Only now: these take longer to import than it takes to refuse a bad file.
+    from anhyst.identify import identify as find_model
+    from anhyst.modelfile import write_model
+    from anhyst.sources import with_read_options
+
     with _stoppable(), progress_bar("searching") as progress:
         result = find_model(
             measured,

@@ -1,0 +1,1 @@
+"""Bad input and bad luck through the real command line, each in a process of its own."""

@@ -1,0 +1,94 @@
+"""The real command line, and what it must keep to whatever it is given."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+COMMAND = (sys.executable, "-m", "anhyst.cli.app")
+PATIENCE = 180.0
+"""Seconds after which a command counts as hanging, on a busy machine."""
+
+_COLOUR = ("FORCE_COLOR", "NO_COLOR", "PY_COLORS", "CLICOLOR_FORCE", "GITHUB_ACTIONS", "COLUMNS")
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name not in _COLOUR}
+
+Result = subprocess.CompletedProcess[str]
+
+
+def anhyst(*arguments: object, cwd: Path, **options: Any) -> Result:
+    """Run a command to its end, nothing on its standard input."""
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)],
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+        env=ENVIRONMENT,
+        **options,
+    )
+
+
+def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
+    """Start a command and let it run."""
+    return subprocess.Popen(
+        [*COMMAND, *map(str, arguments)],
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=ENVIRONMENT,
+    )
+
+
+def contents(folder: Path) -> dict[str, bytes | None]:
+    """Everything in a folder, hidden files included; None for folders and pipes."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+def refused(*arguments: object, cwd: Path, **options: Any) -> str:
+    """Run a command that must refuse its input: exit code 2, one line, every file as before.
+
+    Returns
+    -------
+    What the line says after ``anhyst: error:``.
+    """
+    before = contents(cwd)
+    result = anhyst(*arguments, cwd=cwd, **options)
+    said = said_in_one_line(result)
+    assert contents(cwd) == before
+    return said
+
+
+def said_in_one_line(result: Result) -> str:
+    """Check that a command ended as on bad input; return what it said."""
+    lines = result.stderr.splitlines()
+    assert result.returncode == 2, result
+    assert result.stdout == ""
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("anhyst: error: ")
+    assert lines[0].isprintable()
+    return lines[0].removeprefix("anhyst: error: ")
+
+
+def as_ordinary_user() -> Callable[[], None] | None:
+    """Return what makes a child obey permissions: root otherwise writes and reads everything."""
+    if sys.platform != "linux" or os.geteuid() != 0:
+        return None
+    libc = ctypes.CDLL(None)
+
+    def drop() -> None:
+        for capability in (1, 2):  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
+            libc.prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
+
+    return drop
