@@ -134,6 +134,6 @@ def descend(objective: Objective, theta: Floats, tolerance: float = 1e-10, most:
         else:
             damping *= growth
             growth *= 2.0
-            if foreseen <= tolerance * cost or damping > 1e12:
+            if abs(foreseen) <= tolerance * cost or damping > 1e12:
                 break
     return Fit(theta, cost)
