@@ -137,9 +137,8 @@ def demand_deviations(model: ActuatorModel) -> dict[str, tuple[Deviation, Deviat
 def table_of(models: dict[str, ActuatorModel], truth: LoopSet, seconds: dict[str, float]) -> Table:
     """Build the one table of the demo."""
     largest = max(float(np.max(loop.output)) for loop in truth.loops)
-    fitted = max(model.fit.largest_output for model in models.values() if model.fit)
-    table = Table(title="bundled example (simulated): deviation of the force", title_justify="left")
-    for name in ("what", "with", "mean", "worst", "of"):
+    table = Table(title="bundled example (simulated): error of the force", title_justify="left")
+    for name in ("what", "with", "mean", "worst", "in % of"):
         table.add_column(name, justify="right" if name in {"mean", "worst"} else "left")
 
     def add(what: str, how: str, off: Deviation, of: float) -> None:
@@ -149,16 +148,21 @@ def table_of(models: dict[str, ActuatorModel], truth: LoopSet, seconds: dict[str
     for name, model in models.items():
         if model.fit is not None:
             off = Deviation(model.fit.mean_abs, model.fit.worst)
-            add("fit, 4 gaps, 16 loops", f"map {name}", off, fitted)
+            add("fit to 16 noisy loops", name, off, model.fit.largest_output)
+    table.add_section()
     for name, model in models.items():
-        add("prediction, 2 unseen gaps", f"map {name}", unseen_deviation(model, truth), largest)
-    add("", "best single-valued curve", unseen_single_valued(truth), largest)
-    for name, model in models.items():
-        for demand, (off, plain, of) in demand_deviations(model).items():
-            add(f"demand {demand} at 0.45 mm", f"map {name}, inverted", off, of)
-            if name == list(models)[-1]:
-                add("", "best single-valued inverse", plain, of)
+        add("two unseen gaps, truth", name, unseen_deviation(model, truth), largest)
+    add("", "single-valued curve", unseen_single_valued(truth), largest)
+    inverted = {name: demand_deviations(model) for name, model in models.items()}
+    for demand in next(iter(inverted.values())):
+        table.add_section()
+        for name, found in inverted.items():
+            off, plain, of = found[demand]
+            add(f"demand {demand}, 0.45 mm", name, off, of)
+        add("", "single-valued inverse", plain, of)
+    total = f"total {sum(seconds.values()):.2f} s"
     table.caption = ", ".join(f"{what} {spent:.2f} s" for what, spent in seconds.items())
+    table.caption += f": {total}"
     return table
 
 
