@@ -187,11 +187,13 @@ def _finished(run: Run, found: Found) -> Found:
     """Follow the fit to its end on every sample, where the search took fewer."""
     if all(drive.input.size <= SEARCHED for drive in run.records.drives):
         return found
-    space = Space(found.space.gap_map, run.records, run.form, found.space.held)
-    tie = TIE * found.cost if found.space.gap_map == "free" else 0.0
-    return Found.from_plain(
-        space, run.stage("all samples", lambda: follow(space, found.theta, 1e-8, 50, tie).plain)
+    space = found.on(run.records).space
+    tie = TIE * found.cost if space.gap_map == "free" else 0.0
+    plain = run.stage(
+        f"{space.gap_map} holding {sorted(space.held)} on all samples",
+        lambda: follow(space, found.theta, 1e-8, 50, tie).plain,
     )
+    return Found.from_plain(space, plain)
 
 
 def _known(run: Run) -> list[Local]:

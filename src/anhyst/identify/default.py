@@ -49,6 +49,10 @@ class Found:
         """Gauge-free parameters at each gap."""
         return [local for local, _ in self.space.unpack(self.theta)]
 
+    def on(self, records: Records) -> Found:
+        """Take the same parameters to other records of the same gaps."""
+        return replace(self, space=replace(self.space, records=records))
+
     @property
     def plain(self) -> dict[str, Any]:
         """What a checkpoint keeps."""

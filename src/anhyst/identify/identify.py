@@ -179,7 +179,7 @@ def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
     except KeyboardInterrupt:
         if run.best is None:
             raise
-        found, interrupted = run.best, True
+        found, interrupted = run.best.on(run.records), True  # the search may have thinned them
         why = "the search was interrupted: this is the best so far"
     model = model_of(found, loopset)
     return _Outcome(found, model, _fitted(found, loopset), why, interrupted, left_out)

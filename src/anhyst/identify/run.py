@@ -78,7 +78,7 @@ class Run:
         except (OSError, ValueError):
             return  # none there, or not one of ours: begin from the start
         if isinstance(stored, dict) and stored.get("key") == self.key:
-            self._kept = stored["stages"]
+            self._kept = dict(stored.get("stages", {}))
 
     @cached_property
     def searched(self) -> Records:
