@@ -1,0 +1,174 @@
+"""A damaged model file is refused by every verb that reads one, with its line and key."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from .command import anhyst, refused
+from .records import model, table
+
+GOOD = model()
+
+VERBS = {
+    "predict": ["predict", "model.toml", "drive.csv", "--out", "force.csv"],
+    "invert": ["invert", "model.toml", "drive.csv", "--out", "current.csv"],
+    "report": ["report", "model.toml", "--out", "report.html"],
+    "diff": ["diff", "good.toml", "model.toml"],
+}
+
+
+def edited(key: str, value: str) -> str:
+    """Return the good model with one value replaced, whatever it was."""
+    text, count = re.subn(rf"(?m)^({re.escape(key)} =) [^#\n]*", rf"\1 {value} ", GOOD)
+    assert count == 1
+    return text
+
+
+def line_of(text: str, beginning: str) -> int:
+    return next(
+        number for number, line in enumerate(text.split("\n"), 1) if line.startswith(beginning)
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "good.toml").write_text(GOOD)
+    (tmp_path / "drive.csv").write_text(table())
+    return tmp_path
+
+
+def damage(folder: Path, content: str | bytes) -> Path:
+    data = content.encode() if isinstance(content, str) else content
+    (folder / "model.toml").write_bytes(data)
+    return folder
+
+
+def test_the_good_model_is_good(folder: Path) -> None:
+    damage(folder, GOOD)
+    for verb in ("predict", "invert", "diff"):
+        result = anhyst(*VERBS[verb], cwd=folder)
+        assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        pytest.param("version", "2", "version: is 2, but this anhyst reads version 1; update",
+                     id="another version"),
+        pytest.param("format", '"recipe"', 'format: must be "anhyst-model"', id="another format"),
+        pytest.param("law", '"preisach"', "law: must be 'effective-field' or", id="unknown law"),
+        pytest.param("gap_map", '"spline"', "gap_map: must be 'none', 'scaling'", id="unknown map"),
+        pytest.param("history", '"virgin"', "history: history 'virgin' is not known; use",
+                     id="unknown history"),
+        pytest.param("k_A_per_m", "nan", "parameters.k_A_per_m: must be a finite number", id="NaN"),
+        pytest.param("M_s_A_per_m", "inf", "parameters.M_s_A_per_m: must be a finite", id="Inf"),
+        pytest.param("a_A_per_m", "1" + "0" * 400, "parameters.a_A_per_m: must be a finite number",
+                     id="beyond any float"),
+        pytest.param("k_A_per_m", '"300"', "parameters.k_A_per_m: must be a finite number, or one",
+                     id="text in a number"),
+        pytest.param("k_A_per_m", "-300.0", "parameters.k_A_per_m: must be above 0, is -300",
+                     id="negative"),
+        pytest.param("c", "1.5", "parameters.c: must lie within 0 and 1, is 1.5",
+                     id="out of range"),
+        pytest.param("alpha", "1.0", "parameters.alpha: must be below 1, is 1", id="runaway"),
+        pytest.param("rho", "[0.004, -0.008]", "parameters.rho: must not be negative, is -0.008",
+                     id="negative at a node"),
+        pytest.param("rho", "[0.004]", "parameters.rho: has 1 values for 2 nodes; give one for",
+                     id="too few values"),
+        pytest.param("nodes_m", "[0.6e-3, 0.3e-3]", "schedule.nodes_m: must be finite and ascend",
+                     id="nodes descend"),
+        pytest.param("nodes_m", "[0.3e-3, 0.3e-3]", "schedule.nodes_m: must be finite and ascend",
+                     id="duplicate gaps"),
+        pytest.param("I_A", "[2.0, 0.0]", "valid.I_A: the first must not exceed the second",
+                     id="empty range"),
+    ],
+)  # fmt: skip
+def test_a_wrong_value_is_told_with_its_line_and_key(
+    folder: Path, key: str, value: str, said: str
+) -> None:
+    text = edited(key, value)
+    place = f"model.toml:{line_of(text, f'{key} = ')}: "
+    assert refused(*VERBS["predict"], cwd=damage(folder, text)).startswith(place + said)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        pytest.param("\nk_A_per_m", "\nk", "parameters.k: its unit must stand in the key; write",
+                     id="no unit"),
+        pytest.param("\nk_A_per_m", "\nk_Oe", "parameters.k_Oe: its unit must stand in the key",
+                     id="another unit"),
+        pytest.param('unit = "A"', 'unit = "mA"', "input.unit: is 'mA'; model files are in SI",
+                     id="not SI"),
+        pytest.param('unit = "N"', "", "output.unit: is missing; add it",
+                     id="no unit of the output"),
+        pytest.param("alpha = ", "alfa = ", "parameters.alfa: is unknown; did you mean alpha?",
+                     id="misspelt key"),
+        pytest.param("[valid]", "[walid]", "walid: is unknown; remove it or correct",
+                     id="unknown table"),
+        pytest.param("\nk_A_per_m", "\n#", "parameters.k_A_per_m: is missing; add it",
+                     id="missing key"),
+        pytest.param("version = 1", "", "version: is missing; a file of this anhyst says version",
+                     id="no version"),
+        pytest.param("alpha = ", "c = ", "damaged TOML: cannot overwrite a value; mend this line",
+                     id="key twice"),
+        pytest.param("[parameters]", "[parameters", "damaged TOML: expected ']'",
+                     id="open bracket"),
+    ],
+)  # fmt: skip
+def test_a_wrong_key_is_told(folder: Path, old: str, new: str, said: str) -> None:
+    assert old in GOOD
+    told = refused(*VERBS["predict"], cwd=damage(folder, GOOD.replace(old, new, 1)))
+    assert told.startswith("model.toml:")
+    assert said in told
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        pytest.param("", 'model.toml: format: must be "anhyst-model"; is this a model', id="empty"),
+        pytest.param(GOOD.encode("utf-16"), "model.toml: is no UTF-8 text, so no model file",
+                     id="UTF-16"),
+        pytest.param(bytes(range(256)) * 9, "model.toml: is no UTF-8 text, so no model file",
+                     id="binary"),
+        pytest.param(table(), "model.toml:1: damaged TOML: expected '='", id="measurements"),
+        pytest.param("a = " + "[" * 9000, "model.toml: damaged TOML: maximum recursion",
+                     id="endless brackets"),
+        pytest.param("a = " + "9" * 9000, "model.toml: damaged TOML: exceeds the limit",
+                     id="endless number"),
+    ],
+)  # fmt: skip
+def test_what_is_no_model_is_refused(folder: Path, content: str | bytes, said: str) -> None:
+    assert refused(*VERBS["predict"], cwd=damage(folder, content)).lower().startswith(said.lower())
+
+
+def test_a_truncated_model_is_refused_wherever_it_ends(folder: Path) -> None:
+    for share in (0.2, 0.55, 0.8):
+        said = refused(*VERBS["predict"], cwd=damage(folder, GOOD[: int(share * len(GOOD))]))
+        assert said.startswith("model.toml")
+
+
+@pytest.mark.parametrize("verb", ["invert", "report", "diff"])
+def test_every_verb_refuses_a_damaged_model(folder: Path, verb: str) -> None:
+    text = edited("c", "1.5")
+    said = refused(*VERBS[verb], cwd=damage(folder, text))
+    assert (
+        said == f"model.toml:{line_of(text, 'c = ')}: parameters.c: must lie within 0 and 1, is 1.5"
+    )
+    (folder / "model.toml").unlink()
+    assert refused(*VERBS[verb], cwd=folder) == "model.toml: no such file; check the path"
+
+
+def test_several_faults_are_told_at_once(folder: Path) -> None:
+    text = edited("c", "1.5").replace("k_A_per_m", "k").replace("alpha", "alfa")
+    said = refused(*VERBS["predict"], cwd=damage(folder, text))
+    assert "; wrong as well: " in said
+    assert all(key in said for key in ("parameters.k", "parameters.alfa"))
+
+
+def test_a_folder_is_no_model(folder: Path) -> None:
+    (folder / "model.toml").mkdir()
+    assert refused(*VERBS["predict"], cwd=folder).endswith("Is a directory; name a model.toml")
