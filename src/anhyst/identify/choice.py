@@ -247,7 +247,13 @@ def _joined(run: Run, gap_map: str, known: list[Local], held: frozenset[str]) ->
 
 def _choose(fits: dict[str, Found], errors: dict[str, float], wanted: str) -> tuple[Found, str]:
     if wanted != "auto":
-        return fits[wanted], f"gap map '{wanted}' was asked for"
+        why = f"gap map '{wanted}' was asked for"
+        if not errors:
+            why += (
+                "; with two gaps none can be left out to test it, so between and beyond them it is "
+                "a guess"
+            )
+        return fits[wanted], why
     if errors:
         best = min(errors, key=lambda name: errors[name])
         others = ", ".join(
