@@ -109,7 +109,9 @@ def _run(arguments: Sequence[str] | None) -> int:
     except _Refusal as error:
         if not (message := error.format_message()):
             return BAD_INPUT  # the help has been shown
-        text = f"{message.replace('Value error, ', '')} See 'anhyst --help'."
+        message = message.replace("Value error, ", "")
+        stop = "" if message.endswith((".", "?")) else "."
+        text = f"{message}{stop} See 'anhyst --help'."
     except MemoryError:
         text = "not enough memory for this; thin the data or cut the file into parts"
     except BrokenPipeError:

@@ -1,0 +1,93 @@
+"""Commands that make no sense are refused before any work."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from .command import ENVIRONMENT, anhyst, refused
+from .records import model, table
+
+IDENTIFY = ["identify", "loops.csv", "--out", "model.toml"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "loops.csv").write_text(table())
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["precict"], "No such command 'precict'. Did you mean 'predict'? See 'anhyst --help'."),
+        (["--frce"], "No such option: --frce"),
+        ([*IDENTIFY, "--gap", "scaling"], "No such option: --gap (Possible options: --gap-map"),
+        ([*IDENTIFY, "--law", "preisach"], "Invalid value for '--law': 'preisach' is not one of "
+         "'effective-field', 'jiles-atherton-1986'. See 'anhyst --help'."),
+        ([*IDENTIFY, "--search", "grid"], "Invalid value for '--search': 'grid' is not one of"),
+        ([*IDENTIFY, "--gap-map", "spline"], "Invalid value for '--gap-map': 'spline' is not one"),
+        ([*IDENTIFY, "--weights", "x"], "Invalid value for '--weights': 'x' is not one of 'loops'"),
+        ([*IDENTIFY, "--seed", "one"], "Invalid value for '--seed': "),
+        ([*IDENTIFY, "--seed", "-1"], "Invalid value for '--seed': "),
+        ([*IDENTIFY, "--clean", "wash"], "cleaning step 'wash' is not known; there are: dedupe"),
+        ([*IDENTIFY, "--history", "virgin"], "history 'virgin' is not known; use demagnetised"),
+        ([*IDENTIFY, "--columns", "F_N"], "columns: 'F_N' is not of the form name=value"),
+        ([*IDENTIFY, "--columns", "F=F_N"], "loops.csv: has no column 'F' to map (columns: t_s"),
+        ([*IDENTIFY, "--columns", "F_N=F_lbf"], "loops.csv: column 'F_N' mapped to 'F_lbf': "),
+        ([*IDENTIFY, "--constants", "T_C=warm"], "loops.csv: constant 'T_C': 'warm' is no number"),
+        ([*IDENTIFY, "--constants", "T=20"], "loops.csv: constant 'T': has no unit; call it 'T_C'"),
+        ([*IDENTIFY, "--constants", "gap_mm=1"], "loops.csv: gap is both a column and a constant"),
+        ([*IDENTIFY, "--schedule", "humidity"], "loops.csv: has no column or constant 'humidity'"),
+        ([*IDENTIFY, "--loop", "run"], "loops.csv: has no column 'run'"),
+        ([*IDENTIFY, "--sidecar", "none.toml"], "none.toml: cannot be read: No such file"),
+        (["identify", "--out", "model.toml"], "Missing argument 'LOOPS'"),
+        (["identify", "loops.csv"], "Missing option '--out'"),
+        (["diff", "model.toml"], "Missing argument 'B'"),
+        (["inspect", "loops.csv", "--plot", "loops.gif"], "loops.gif: a plot is written as .png"),
+    ],
+)  # fmt: skip
+def test_wrong_usage_is_refused(folder: Path, arguments: list[str], said: str) -> None:
+    assert refused(*arguments, cwd=folder).startswith(said)
+
+
+def test_what_is_read_is_not_written_over(folder: Path) -> None:
+    (folder / "model.toml").write_text(model())
+    (folder / "loops.toml").write_text('history = "settled"\n')
+    (folder / "link.csv").symlink_to("loops.csv")
+    said = "is read by this command; write to another file"
+    for out in ("loops.csv", "link.csv", "loops.toml", "../" + folder.name + "/loops.csv"):
+        assert refused("identify", "loops.csv", "-o", out, cwd=folder) == f"{out}: {said}"
+    for out in ("loops.csv", "model.toml"):
+        told = refused("predict", "model.toml", "loops.csv", "-o", out, cwd=folder)
+        assert told == f"{out}: {said}"
+    assert refused("report", "model.toml", "-o", "model.toml", cwd=folder) == f"model.toml: {said}"
+
+
+def test_a_model_beside_its_measurements_is_no_sidecar(folder: Path) -> None:
+    first = anhyst("identify", "loops.csv", "--out", "loops.toml", cwd=folder)
+    assert first.returncode == 0, first.stderr
+    text = (folder / "loops.toml").read_text()
+    again = anhyst("identify", "loops.csv", "--out", "loops.toml", cwd=folder)
+    assert again.returncode == 0, again.stderr
+    assert (folder / "loops.toml").read_text() == text
+
+
+def test_the_installed_command_ends_the_same(folder: Path) -> None:
+    script = Path(sys.executable).with_name("anhyst")
+    if not script.exists():
+        pytest.skip("anhyst is not installed beside this Python")
+    result = subprocess.run(
+        [script, "inspect", "none.csv"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=ENVIRONMENT,
+    )
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert result.stderr == "anhyst: error: none.csv: no such file; check the path\n"

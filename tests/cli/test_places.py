@@ -1,0 +1,175 @@
+"""Places that cannot be written: said at once where it can be known, and nothing is left behind."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from .command import (
+    COMMAND,
+    ENVIRONMENT,
+    PATIENCE,
+    anhyst,
+    as_ordinary_user,
+    contents,
+    refused,
+    said_in_one_line,
+)
+from .records import model, table
+
+WRITERS = {
+    "identify": (["identify", "loops.csv", "--out"], "model.toml"),
+    "predict": (["predict", "good.toml", "loops.csv", "--out"], "force.csv"),
+    "invert": (["invert", "good.toml", "loops.csv", "--out"], "current.csv"),
+    "inspect": (["inspect", "loops.csv", "--plot"], "loops.png"),
+    "report": (["report", "good.toml", "--out"], "report.html"),
+}
+LARGE = {verb: call for verb, call in WRITERS.items() if verb != "report"}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "loops.csv").write_text(table())
+    (tmp_path / "good.toml").write_text(model())
+    return tmp_path
+
+
+@pytest.mark.parametrize("verb", WRITERS)
+def test_a_missing_folder_is_told_at_once(folder: Path, verb: str) -> None:
+    start, name = WRITERS[verb]
+    said = refused(*start, f"none/{name}", cwd=folder)
+    assert said == (
+        f"none/{name}: cannot be written: No such file or directory; create the folder first"
+    )
+
+
+@pytest.mark.parametrize("verb", WRITERS)
+def test_a_folder_is_not_written_over(folder: Path, verb: str) -> None:
+    start, name = WRITERS[verb]
+    (folder / name).mkdir()
+    said = refused(*start, name, cwd=folder)
+    assert said == f"{name}: cannot be written: Is a directory; name a file in it"
+
+
+def permissions_count(folder: Path) -> bool:
+    """Whether a child that is no superuser is really kept out of a folder without permission."""
+    probe = [sys.executable, "-c", "open('probe', 'w')"]
+    result = subprocess.run(
+        probe, cwd=folder, capture_output=True, preexec_fn=as_ordinary_user(), check=False
+    )
+    return result.returncode != 0
+
+
+@pytest.mark.parametrize("verb", WRITERS)
+def test_a_read_only_folder_is_told_at_once(folder: Path, verb: str) -> None:
+    start, name = WRITERS[verb]
+    locked = folder / "locked"
+    locked.mkdir(mode=0o555)
+    if not permissions_count(locked):
+        pytest.skip("permissions of folders do not count here")
+    said = refused(*start, f"locked/{name}", cwd=folder, preexec_fn=as_ordinary_user())
+    assert said == (f"locked/{name}: cannot be written: Permission denied; choose another place")
+
+
+def small_files(size: int) -> Callable[[], None]:
+    """Return what lets a child write files of some bytes only, as on a disk that is full."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    return limit
+
+
+@pytest.mark.parametrize("verb", LARGE)
+def test_a_disk_that_fills_up_leaves_the_old_file_as_it_was(folder: Path, verb: str) -> None:
+    start, name = LARGE[verb]
+    (folder / name).write_text("old")
+    before = contents(folder)
+    # Room for the checkpoint of a search, not for what comes out.
+    result = anhyst(*start, name, cwd=folder, preexec_fn=small_files(2000))
+    said = said_in_one_line(result)
+    assert said == f"{name}: cannot be written: File too large; raise the limit on file sizes"
+    assert contents(folder) == before
+
+
+def test_a_disk_without_room_for_a_checkpoint_is_told(folder: Path) -> None:
+    start, name = WRITERS["identify"]
+    said = refused(*start, name, cwd=folder, preexec_fn=small_files(0))
+    assert said.startswith(f"{name}.checkpoint: cannot be written: File too large")
+
+
+@pytest.mark.parametrize("verb", WRITERS)
+def test_a_device_that_is_full_is_told(folder: Path, verb: str) -> None:
+    if not Path("/dev/full").is_char_device():
+        pytest.skip("no /dev/full here")
+    if verb in {"inspect", "report"}:
+        (folder / "full.png").symlink_to("/dev/full")
+        (folder / "full.html").symlink_to("/dev/full")
+    start, name = WRITERS[verb]
+    out = {"inspect": "full.png", "report": "full.html"}.get(verb, "/dev/full")
+    if verb == "report":
+        make = ["identify", "loops.csv", "--out", "good.toml"]
+        assert anhyst(*make, cwd=folder).returncode == 0
+    result = anhyst(*start, out, cwd=folder)
+    assert result.returncode == 2, (name, result.stderr)
+    assert result.stderr.splitlines()[-1] == (
+        f"anhyst: error: {out}: cannot be written: No space left on device; make room"
+    )
+    assert not list(Path("/dev").glob("full.*"))
+
+
+def on_a_small_disk(folder: Path, command: list[str], *, read_only: bool) -> str:
+    """Run a command in a file system of its own, 32 KiB large or read-only; list it afterwards."""
+    if os.geteuid() != 0 or shutil.which("unshare") is None:
+        pytest.skip("only root can mount a small disk")
+    (folder / "disk").mkdir()
+    options = "size=32k" + (",ro" if read_only else "")
+    script = f'mount -t tmpfs -o {options} none disk || exit 77; "$@"; echo $?; ls -A disk'
+    result = subprocess.run(
+        ["unshare", "--mount", "sh", "-c", script, "sh", *command],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+        env=ENVIRONMENT,
+    )
+    if result.returncode == 77:
+        pytest.skip("mounting is not allowed here")
+    code, *left = result.stdout.splitlines()
+    assert code == "2", result
+    assert left == []
+    assert result.stderr.count("\n") == 1
+    return result.stderr.strip()
+
+
+def test_a_disk_that_is_really_full_is_told(folder: Path) -> None:
+    # Forty times the record: more than the disk holds, written in pieces.
+    header, *lines = table().splitlines()
+    (folder / "long.csv").write_text("\n".join([header, *lines * 40]) + "\n")
+    options = ["--columns", "t_s="]
+    said = on_a_small_disk(
+        folder,
+        [*COMMAND, "predict", "good.toml", "long.csv", "--out", "disk/force.csv", *options],
+        read_only=False,
+    )
+    assert said == (
+        "anhyst: error: disk/force.csv: cannot be written: No space left on device; make room"
+    )
+
+
+def test_a_read_only_disk_is_told(folder: Path) -> None:
+    said = on_a_small_disk(
+        folder, [*COMMAND, "identify", "loops.csv", "--out", "disk/model.toml"], read_only=True
+    )
+    assert said == (
+        "anhyst: error: disk/model.toml: cannot be written: Read-only file system; choose "
+        "another place"
+    )
