@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from anhyst.data import LoopSet
 from anhyst.model import ActuatorModel
+from anhyst.monotone import GapCheck
 
 Floats = NDArray[np.float64]
 
@@ -29,6 +30,9 @@ class IdentifyResult:
         What a user should know before trusting the model.
     per_gap : ActuatorModel or None
         Of the paper's search: seven parameters free at each gap, before the reduction.
+    splines : GapCheck or None
+        The acceptance test over the gap with ordinary splines through the parameters of
+        ``per_gap`` (the paper's Fig. 2); its ``failing`` are the gaps where it fails.
     seconds : float
         Wall time.
     evaluations : int
@@ -42,6 +46,7 @@ class IdentifyResult:
     fitted: tuple[Floats, ...]
     warnings: tuple[str, ...] = ()
     per_gap: ActuatorModel | None = None
+    splines: GapCheck | None = None
     seconds: float = 0.0
     evaluations: int = 0
     interrupted: bool = False

@@ -1,0 +1,87 @@
+# Each target prepares .venv first where that is needed; nothing is installed outside this folder.
+#   make demo    run the bundled example, results in demo/
+#   make test    all tests                      make check   format, lint, types, C analysis
+#   make bench   the table of figures           make format  lay out Python and C sources
+#   make build   compile the core anew          make clean   remove what make made, .venv too
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+C_SOURCES := $(shell find core tests/core -name '*.c' -o -name '*.h') \
+	$(wildcard src/anhyst/_core/*.cpp src/anhyst/_core/*.h)
+BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake \
+	$(shell find core src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
+
+.PHONY: demo test check bench build format clean \
+	check-python check-imports check-c-format check-c-tidy check-cppcheck
+
+demo: build
+	@$(BIN)/python examples/electromagnet/demo.py
+
+test: build
+	@$(BIN)/python -m pytest
+
+bench: build .venv/.stamp-bench
+	@$(BIN)/python benchmarks/run.py
+
+check: check-python check-imports check-c-format check-c-tidy check-cppcheck
+	@echo "check: all clean"
+
+build: .venv/.stamp-package
+
+check-python: build
+	@echo "check: ruff, mypy"
+	@$(BIN)/ruff format --check --quiet --diff
+	@$(BIN)/ruff check --quiet
+	@$(BIN)/mypy --no-error-summary
+
+check-imports: build
+	@echo "check: import-linter"
+	@$(BIN)/lint-imports --no-cache > build/imports.log || { cat build/imports.log; exit 1; }
+
+check-c-format: build
+	@echo "check: clang-format"
+	@$(BIN)/clang-format --dry-run -Werror $(C_SOURCES)
+
+check-c-tidy: build/analysis/compile_commands.json
+	@echo "check: clang-tidy"
+	@$(BIN)/python $(BIN)/run-clang-tidy.py \
+		-clang-tidy-binary $(BIN)/clang-tidy -p build/analysis -quiet -warnings-as-errors='*' \
+		> build/tidy.log 2>&1 || { grep -E -A4 'error:|warning:' build/tidy.log; exit 1; }
+
+check-cppcheck: build/analysis/compile_commands.json
+	@echo "check: cppcheck"
+	@$(BIN)/cppcheck --project=build/analysis/compile_commands.json --quiet --std=c99 \
+		--enable=warning,performance,portability --inline-suppr --error-exitcode=1
+
+format: build
+	@$(BIN)/ruff format --quiet
+	@$(BIN)/ruff check --fix --quiet
+	@$(BIN)/clang-format -i $(C_SOURCES)
+
+clean:
+	rm -rf .venv build demo .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find src tests examples benchmarks -name __pycache__ -type d -exec rm -rf {} +
+
+# The analysers read how each file of the core and its C tests is compiled.
+build/analysis/compile_commands.json: CMakeLists.txt core/core.cmake tests/core/CMakeLists.txt \
+		.venv/.stamp-package
+	@$(BIN)/cmake -S . -B build/analysis -G Ninja -DANHYST_PYTHON=OFF -DANHYST_TESTS=ON \
+		-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DCMAKE_EXPORT_COMPILE_COMMANDS=ON > /dev/null
+	@touch $@
+
+# Tools first, so that the package can be built without a second download into a throw-away folder.
+.venv/.stamp-tools: tools/environment.py
+	@echo "make: preparing .venv"
+	@$(PYTHON) tools/environment.py
+	@touch $@
+
+.venv/.stamp-package: .venv/.stamp-tools $(BUILD_INPUTS)
+	@echo "make: building the core and installing anhyst into .venv"
+	@PATH="$(CURDIR)/$(BIN):$$PATH" $(PIP) install --no-build-isolation --editable '.[dev]'
+	@touch $@
+
+.venv/.stamp-bench: .venv/.stamp-package
+	@echo "make: installing what the benchmarks compare with"
+	@$(PIP) install $$($(PYTHON) tools/environment.py --extra bench)
+	@touch $@

@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims: what was measured against what is promised, printed whether it holds or not. */
+#ifndef TEST_CHECK_H
+#define TEST_CHECK_H
+
+#include <math.h>
+#include <stdio.h>
+
+static int failures = 0;
+
+#define CHECK(condition) check_that((condition) ? 1 : 0, #condition, __LINE__)
+#define CHECK_BELOW(what, measured, limit)                                                         \
+  check_below(what, (double)(measured), (double)(limit), __LINE__)
+
+static inline void check_that(int holds, const char *text, int line)
+{
+  if (!holds) {
+    failures++;
+    printf("FAILED line %d: %s\n", line, text);
+  }
+}
+
+static inline void check_below(const char *what, double measured, double limit, int line)
+{
+  const int holds = measured <= limit;
+  printf("%s line %d: %s: %.3g, claimed %.3g\n", holds ? "ok    " : "FAILED", line, what, measured,
+         limit);
+  fflush(stdout);
+  if (!holds) {
+    failures++;
+  }
+}
+
+/* Keeps the largest value; something that is not a number counts as infinite. */
+static inline void keep_worst(double *worst, double value)
+{
+  if (!(value <= *worst)) {
+    *worst = isnan(value) ? (double)INFINITY : value;
+  }
+}
+
+static inline int verdict(void)
+{
+  printf("%s\n", failures == 0 ? "all claims hold" : "some claims do not hold");
+  return failures == 0 ? 0 : 1;
+}
+
+#endif
