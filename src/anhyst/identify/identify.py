@@ -25,7 +25,7 @@ from anhyst.identify.run import Progress, Run
 from anhyst.identify.sequence import search_paper
 from anhyst.identify.uncertainty import assess
 from anhyst.model import GAP_MAPS, LAWS, ActuatorModel
-from anhyst.record import FitFigures, LoopFit, Provenance, ReductionStep, ValidRange
+from anhyst.record import Provenance, ReductionStep, ValidRange
 from anhyst.version import running_version
 
 Floats = NDArray[np.float64]
@@ -238,36 +238,4 @@ def _valid(loopset: LoopSet) -> ValidRange:
         input=span([loop.input for loop in loopset.loops]),
         output=span([loop.output for loop in loopset.loops]),
         schedule=(at[0], at[-1]) if at else None,
-    )
-
-
-def _figures(
-    loopset: LoopSet,
-    fitted: tuple[Floats, ...],
-    left_out: dict[str, float],
-    monotone: bool | None,
-) -> FitFigures:
-    rows = []
-    for loop, output in zip(loopset.loops, fitted, strict=True):
-        off = np.abs(output - loop.output)
-        rows.append(
-            LoopFit(
-                label=loop.label,
-                schedule=loop.schedule_value,
-                samples=loop.n,
-                largest_output=float(np.max(np.abs(loop.output))),
-                mean_abs=float(off.mean()),
-                rms=float(np.sqrt(np.mean(off**2))),
-                worst=float(off.max()),
-            )
-        )
-    samples = sum(row.samples for row in rows)
-    return FitFigures(
-        largest_output=max(row.largest_output for row in rows),
-        mean_abs=sum(row.mean_abs * row.samples for row in rows) / samples,
-        rms=float(np.sqrt(sum(row.rms**2 * row.samples for row in rows) / samples)),
-        worst=max(row.worst for row in rows),
-        loops=tuple(rows),
-        left_out=left_out,
-        monotone=monotone,
     )

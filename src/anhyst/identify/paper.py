@@ -125,7 +125,7 @@ class Bench:
         return float(np.dot(self._shares, costs))
 
     def cost_at(self, gap: int, values: Values) -> float:
-        """The same at one gap."""
+        """Compute the same at one gap."""
         return Criterion(self.run.form, self._records[gap]).of_one(values)
 
     def _criterion(self, gap: int, samples: int) -> Criterion:
