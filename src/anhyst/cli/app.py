@@ -91,6 +91,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
     if code == INTERRUPTED:
         print("anhyst: interrupted", file=sys.stderr)
+        # Python remembers an interrupt that went through an exec (as dataclasses use while they
+        # are imported) and would kill itself by it in the end; another exec makes it forget.
+        exec("")
     return code
 
 
