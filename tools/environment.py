@@ -23,7 +23,7 @@ exec "{python}" -m ziglang c++ "$@"
 
 def missing() -> str:
     """Return what the machine lacks, with the remedy, or an empty string."""
-    if sys.version_info < (3, 11):
+    if sys.version_info < (3, 11):  # noqa: UP036 - run before the right Python is chosen
         found = ".".join(map(str, sys.version_info[:3]))
         return f"Python 3.11 or newer is needed, this is {found}: make PYTHON=python3.11"
     try:

@@ -51,7 +51,7 @@ static inline int draw_iron(uint64_t *seed, anhyst_step step, int what, sample_i
 
 /* A state reached by wandering from the demagnetised one, by effective field. */
 static inline ANHYST_NAME(anhyst_state)
-    wander(uint64_t *seed, const ANHYST_NAME(anhyst_operator) *law, double spread)
+wander(uint64_t *seed, const ANHYST_NAME(anhyst_operator) *law, double spread)
 {
   ANHYST_NAME(anhyst_state) state = {R(0.0), R(0.0), R(0.0)};
   const int steps = (int)(random_bits(seed) % 8);

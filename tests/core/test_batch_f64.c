@@ -34,11 +34,13 @@ static anhyst_batch_sets draw(uint64_t *seed, size_t sets)
   for (size_t i = 0; i < sets; i++) {
     drawn.kappa[i] = log_uniform(seed, 0.1, 10.0);
     drawn.c[i] = uniform(seed, 0.0, 1.0);
-    drawn.omega[i] = random_bits(seed) % 2 == 0 ? uniform(seed, -1.5, 0.0) : uniform(seed, 0.0, 10.0);
+    drawn.omega[i] =
+        random_bits(seed) % 2 == 0 ? uniform(seed, -1.5, 0.0) : uniform(seed, 0.0, 10.0);
     drawn.scale[i] = log_uniform(seed, 0.1, 1.0);
     drawn.offset[i] = uniform(seed, -0.1, 0.1);
   }
-  const anhyst_batch_sets all = {sets, drawn.kappa, drawn.c, drawn.omega, drawn.scale, drawn.offset};
+  const anhyst_batch_sets all = {sets,        drawn.kappa, drawn.c,
+                                 drawn.omega, drawn.scale, drawn.offset};
   return all;
 }
 
@@ -103,11 +105,12 @@ static void batch_agrees_with_the_scalar_linear_step(const char *name, runner *r
     keep_worst(&worst.distance, found.distance);
     keep_worst(&worst.residual, found.residual);
   }
+  const errors coarse = against_scalar(run, 64, 100);
   const errors finer = against_scalar(run, 64, 200);
   printf("%s:\n", name);
   CHECK_BELOW("  residual, 100 samples a loop", worst.residual, 2.5e-4);
   CHECK_BELOW("  m against the scalar linear step", worst.distance, 1e-5);
-  CHECK_BELOW("  residual at 200 samples over that at 100", finer.residual / worst.residual, 0.15);
+  CHECK_BELOW("  residual at 200 samples over that at 100", finer.residual / coarse.residual, 0.5);
 }
 
 static void inline_functions_are_as_good_as_stated(const char *name, functions *batch_functions)

@@ -36,10 +36,12 @@ static void table_agrees_with_quadrature(void)
       const real x = (real)place(&seed);
       const long double truth = true_branch((long double)kappa, (long double)x);
       const long double tilt = true_branch_slope((long double)kappa, (long double)x);
-      keep_worst(&error, fabs((double)((long double)ANHYST_NAME(anhyst_branch_at)(&branch, x) - truth)));
-      keep_worst(&slope_error,
-                 (double)kappa *
-                     fabs((double)((long double)ANHYST_NAME(anhyst_branch_slope_at)(&slope, x) - tilt)));
+      keep_worst(&error,
+                 fabs((double)((long double)ANHYST_NAME(anhyst_branch_at)(&branch, x) - truth)));
+      keep_worst(
+          &slope_error,
+          (double)kappa *
+              fabs((double)((long double)ANHYST_NAME(anhyst_branch_slope_at)(&slope, x) - tilt)));
     }
   }
   CHECK_BELOW("error of the branch", error, EITHER(4e-11, 2e-6));

@@ -36,16 +36,29 @@ def quietly(*command: str) -> None:
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}{done.stderr}"
 
 
+def can_sanitize(compiler: str, folder: Path) -> bool:
+    """Tell whether the compiler's sanitizers are installed: they are packages of their own."""
+    source = folder / "probe.c"
+    source.write_text("int main(void) { return 0; }\n", encoding="utf-8")
+    command = [compiler, "-fsanitize=address,undefined", str(source), "-o", str(folder / "probe")]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
 @pytest.fixture(scope="session", params=["cc", "cc-sanitized", "clang-sanitized"])
 def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the C tests, built by one compiler in one way; warnings are errors."""
     build = tmp_path_factory.mktemp(request.param)
-    compiler, _, sanitized = request.param.partition("-")
-    options = [f"-DANHYST_SANITIZE={'ON' if sanitized else 'OFF'}"]
-    if compiler == "clang":
-        options.append(f"-DCMAKE_C_COMPILER={tool('clang', 'clang-19', 'clang-16', 'clang-14')}")
+    kind, _, sanitized = request.param.partition("-")
+    compiler = tool("clang") if kind == "clang" else tool("cc", "gcc")
+    if sanitized and not can_sanitize(compiler, build):
+        pytest.skip(f"{compiler} has no sanitizers here")
     cmake = tool("cmake")
-    settings = ["-DANHYST_PYTHON=OFF", "-DANHYST_TESTS=ON", *options]
+    settings = [
+        "-DANHYST_PYTHON=OFF",
+        "-DANHYST_TESTS=ON",
+        f"-DANHYST_SANITIZE={'ON' if sanitized else 'OFF'}",
+        f"-DCMAKE_C_COMPILER={compiler}",
+    ]
     quietly(cmake, "-S", str(ROOT), "-B", str(build), *settings)
     quietly(cmake, "--build", str(build), "--parallel", "2")
     return build / "tests" / "core"

@@ -118,9 +118,9 @@ static void parameters_out_of_range_are_refused(void)
   const struct {
     int which;
     real value;
-  } bad[] = {{0, R(0.0)},  {0, R(-1.0)}, {0, nan},     {0, inf},    {1, R(0.0)}, {1, R(-1.0)},
-             {1, nan},     {1, inf},     {2, R(0.0)},  {2, R(1e6)}, {2, nan},    {2, inf},
-             {3, R(-0.1)}, {3, R(1.1)},  {3, nan},     {4, R(1.0)}, {4, nan},    {4, -inf},
+  } bad[] = {{0, R(0.0)},  {0, R(-1.0)}, {0, nan},    {0, inf},    {1, R(0.0)}, {1, R(-1.0)},
+             {1, nan},     {1, inf},     {2, R(0.0)}, {2, R(1e6)}, {2, nan},    {2, inf},
+             {3, R(-0.1)}, {3, R(1.1)},  {3, nan},    {4, R(1.0)}, {4, nan},    {4, -inf},
              {5, R(-1.0)}, {5, nan},     {5, inf}};
   const anhyst_step steps[] = {ANHYST_STEP_LINEAR, ANHYST_STEP_JA1986};
   for (int s = 0; s < 2; s++) {
@@ -154,8 +154,8 @@ static void settling_closes_the_cycle_or_says_so(void)
     }
     real drive[12];
     for (int j = 0; j < 12; j++) {
-      drive[j] = (real)(sample.amplitude *
-                        (0.5 + 0.5 * sin(2.0 * 3.14159265358979 * (double)j / 12.0)));
+      drive[j] =
+          (real)(sample.amplitude * (0.5 + 0.5 * sin(2.0 * 3.14159265358979 * (double)j / 12.0)));
     }
     const real tol = EITHER(1e-10, 1e-4f);
     ANHYST_NAME(anhyst_state) state = {R(0.0), R(0.0), R(0.0)};
@@ -170,8 +170,8 @@ static void settling_closes_the_cycle_or_says_so(void)
                                      &index) == ANHYST_OK);
     CHECK(fabs((double)(state.y - before.y)) <= 2.0 * (double)tol);
     ANHYST_NAME(anhyst_state) hasty = {R(0.0), R(0.0), R(0.0)};
-    const anhyst_status one = ANHYST_NAME(anhyst_settle)(
-        &sample.iron, &hasty, 0, 12, drive, zeros, zeros, tol, 1, &cycles, &index);
+    const anhyst_status one = ANHYST_NAME(anhyst_settle)(&sample.iron, &hasty, 0, 12, drive, zeros,
+                                                         zeros, tol, 1, &cycles, &index);
     CHECK(one == ANHYST_OK || one == ANHYST_NOT_SETTLED);
     unsettled += one == ANHYST_NOT_SETTLED;
   }

@@ -5,8 +5,8 @@
 
 static ANHYST_NAME(anhyst_branch) branch;
 
-static ANHYST_NAME(anhyst_operator)
-    make_law(uint64_t *seed, anhyst_step step, double kappa_low, double kappa_high)
+static ANHYST_NAME(anhyst_operator) make_law(uint64_t *seed, anhyst_step step, double kappa_low,
+                                             double kappa_high)
 {
   ANHYST_NAME(anhyst_operator) law = {step, R(0.0), R(0.0), R(0.0), R(0.0), &branch};
   law.kappa = (real)log_uniform(seed, kappa_low, kappa_high);
@@ -18,8 +18,8 @@ static ANHYST_NAME(anhyst_operator)
   return law;
 }
 
-static ANHYST_NAME(anhyst_answer)
-    go(const ANHYST_NAME(anhyst_operator) *law, const ANHYST_NAME(anhyst_state) *from, real x)
+static ANHYST_NAME(anhyst_answer) go(const ANHYST_NAME(anhyst_operator) *law,
+                                     const ANHYST_NAME(anhyst_state) *from, real x)
 {
   ANHYST_NAME(anhyst_path) path;
   ANHYST_NAME(anhyst_answer) answer;
@@ -94,8 +94,8 @@ static void law_of_1986_ends_at_any_distance(void)
 {
   const real kappas[] = {R(1e-3), R(1e-2), R(1.0), R(1e3)};
   for (int i = 0; i < 4; i++) {
-    const ANHYST_NAME(anhyst_operator) law = {ANHYST_STEP_JA1986, kappas[i], R(0.1), R(0.0),
-                                              R(0.5),             0};
+    const ANHYST_NAME(anhyst_operator) law = {
+        ANHYST_STEP_JA1986, kappas[i], R(0.1), R(0.0), R(0.5), 0};
     const ANHYST_NAME(anhyst_state) from = {R(0.0), R(0.0), R(0.0)};
     for (real x = R(1.0); x < (real)ANHYST_X_MAX; x *= R(2.0)) {
       const double m = (double)go(&law, &from, x).m;
@@ -126,7 +126,8 @@ static void slopes_are_bounded_derivatives(anhyst_step step)
     if (fabs(x - from.x) > 2.0 * h) {
       const ANHYST_NAME(anhyst_answer) before = go(&law, &from, x - h);
       const ANHYST_NAME(anhyst_answer) after = go(&law, &from, x + h);
-      const int smooth = (before.y_slope > 0.0) == (after.y_slope > 0.0) && step != ANHYST_STEP_JA1986;
+      const int smooth =
+          (before.y_slope > 0.0) == (after.y_slope > 0.0) && step != ANHYST_STEP_JA1986;
       if (smooth) {
         keep_worst(&error, law.kappa * fabs((after.m - before.m) / (2.0 * h) - answer.m_slope));
       }
@@ -187,9 +188,14 @@ static void only_states_the_law_can_reach_are_accepted(void)
   const ANHYST_NAME(anhyst_operator) law = make_law(&seed, ANHYST_STEP_EXACT, 10.0, 10.1);
   const real nan = (real)NAN;
   const ANHYST_NAME(anhyst_state) bad[] = {
-      {nan, R(0.0), R(0.0)},       {R(0.0), nan, R(0.0)},           {R(0.0), R(0.0), nan},
-      {R(0.0), R(1.0), R(0.0)},    {R(0.0), R(-1.0), R(0.0)},       {R(9e4), R(0.99), R(9e4)},
-      {(real)INFINITY, R(0.0), R(0.0)}, {(real)INFINITY, R(0.5), (real)INFINITY},
+      {nan, R(0.0), R(0.0)},
+      {R(0.0), nan, R(0.0)},
+      {R(0.0), R(0.0), nan},
+      {R(0.0), R(1.0), R(0.0)},
+      {R(0.0), R(-1.0), R(0.0)},
+      {R(9e4), R(0.99), R(9e4)},
+      {(real)INFINITY, R(0.0), R(0.0)},
+      {(real)INFINITY, R(0.5), (real)INFINITY},
   };
   for (int i = 0; i < 8; i++) {
     CHECK(ANHYST_NAME(anhyst_state_check)(&law, &bad[i]) == ANHYST_BAD_STATE);

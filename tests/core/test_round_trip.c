@@ -49,10 +49,10 @@ static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out
     gap_ratio[i] = (real)(rho * (1.0 + 0.4 * sin((double)i)));
     eddies[i] = (real)eddy;
   }
-  const anhyst_status forward = ANHYST_NAME(anhyst_record)(
-      &sample.iron, &there, 0, SAMPLES, drive, gap_ratio, eddies, flux, field, &index);
-  const anhyst_status inverse = ANHYST_NAME(anhyst_record)(
-      &sample.iron, &back, 1, SAMPLES, flux, gap_ratio, eddies, again, field, &index);
+  const anhyst_status forward = ANHYST_NAME(anhyst_record)(&sample.iron, &there, 0, SAMPLES, drive,
+                                                           gap_ratio, eddies, flux, field, &index);
+  const anhyst_status inverse = ANHYST_NAME(anhyst_record)(&sample.iron, &back, 1, SAMPLES, flux,
+                                                           gap_ratio, eddies, again, field, &index);
   CHECK(forward == ANHYST_OK && inverse == ANHYST_OK);
   if (forward != ANHYST_OK || inverse != ANHYST_OK) {
     return;

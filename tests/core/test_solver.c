@@ -58,9 +58,9 @@ static double inconsistency(const problem *p, const ANHYST_NAME(anhyst_candidate
   const real sign = found->state.x < p->from.x ? R(-1.0) : R(1.0);
   ANHYST_NAME(anhyst_path_begin)(&path, &p->law, &p->from, sign, &answer);
   ANHYST_NAME(anhyst_path_at)(&path, found->state.x, &answer);
-  const double off = fabs((double)(answer.m - found->m)) + fabs((double)(answer.state.y - found->state.y)) +
-                     fabs((double)(answer.state.p - found->state.p)) /
-                         (1.0 + fabs((double)answer.state.p));
+  const double off =
+      fabs((double)(answer.m - found->m)) + fabs((double)(answer.state.y - found->state.y)) +
+      fabs((double)(answer.state.p - found->state.p)) / (1.0 + fabs((double)answer.state.p));
   return off;
 }
 
@@ -76,8 +76,7 @@ static void solution_leaves_a_residual_of_rounding(anhyst_step step, double low,
     const problem p = draw(&seed, step, low, high, log_uniform(&seed, 0.01, 300.0));
     const problem before = p;
     ANHYST_NAME(anhyst_candidate) found;
-    const anhyst_status status =
-        ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, p.r, &found);
+    const anhyst_status status = ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, p.r, &found);
     CHECK(status == ANHYST_OK);
     CHECK(memcmp(&before, &p, sizeof p) == 0);
     if (status == ANHYST_OK) {
@@ -108,8 +107,8 @@ static int passes_a_solution(const problem *p, const ANHYST_NAME(anhyst_candidat
     const real x = p->from.x + way * ((real)i / (real)steps);
     ANHYST_NAME(anhyst_path_at)(&path, x, &answer);
     const real left = sign * (x + p->omega * answer.m - p->r);
-    const real slack = R(64.0) * ANHYST_EPS *
-                       (ANHYST_FABS(x) + ANHYST_FABS(p->r) + ANHYST_FABS(p->omega));
+    const real slack =
+        R(64.0) * ANHYST_EPS * (ANHYST_FABS(x) + ANHYST_FABS(p->r) + ANHYST_FABS(p->omega));
     if (left > slack) {
       return 1;
     }
@@ -129,8 +128,7 @@ static void first_solution_is_taken_where_the_material_jumps(anhyst_step step)
     const double reach = log_uniform(&seed, 0.1, 30.0);
     const problem p = draw(&seed, step, -20.0, 0.0, reach);
     ANHYST_NAME(anhyst_candidate) found;
-    const anhyst_status status =
-        ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, p.r, &found);
+    const anhyst_status status = ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, p.r, &found);
     const int beyond = (double)-p.omega * (double)p.law.c > 3.0;
     CHECK(status == (beyond ? ANHYST_REFUSED : ANHYST_OK));
     refused += beyond;
@@ -170,13 +168,11 @@ static void what_cannot_be_solved_has_a_code(void)
     for (int j = 0; j < 3; j++) {
       CHECK(ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, bad[j], &found) ==
             ANHYST_OUT_OF_RANGE);
-      const anhyst_status status =
-          ANHYST_NAME(anhyst_solve)(&p.law, &p.from, bad[j], p.r, &found);
+      const anhyst_status status = ANHYST_NAME(anhyst_solve)(&p.law, &p.from, bad[j], p.r, &found);
       CHECK(status == ANHYST_OUT_OF_RANGE || (bad[j] == -inf && status == ANHYST_REFUSED));
     }
     const real far = R(1.1) * (real)ANHYST_X_MAX + ANHYST_FABS(p.omega);
-    CHECK(ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, far, &found) ==
-          ANHYST_OUT_OF_RANGE);
+    CHECK(ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, far, &found) == ANHYST_OUT_OF_RANGE);
     CHECK(ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, EITHER(1e300, 1e37f), &found) ==
           ANHYST_OUT_OF_RANGE);
   }
@@ -199,8 +195,7 @@ static void no_magnitude_makes_it_search_for_ever(void)
                  (step == ANHYST_STEP_JA1986 ? 100.0 + fabs((double)p.omega) : 1e6));
     p.law.c = random_bits(&seed) % 2 == 0 ? R(0.0) : p.law.c;
     ANHYST_NAME(anhyst_candidate) found;
-    const anhyst_status status =
-        ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, p.r, &found);
+    const anhyst_status status = ANHYST_NAME(anhyst_solve)(&p.law, &p.from, p.omega, p.r, &found);
     CHECK(status == ANHYST_OK || status == ANHYST_REFUSED || status == ANHYST_OUT_OF_RANGE ||
           status == ANHYST_NOT_CONVERGED);
     not_converged += status == ANHYST_NOT_CONVERGED;
