@@ -5,10 +5,14 @@ Plain records. Identification fills them, the model file keeps them, the report 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
-from anhyst.data.loopset import Source
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.loopset import LoopSet, Source
 
 Range = tuple[float, float]
 
@@ -83,6 +87,54 @@ class FitFigures:
     loops: tuple[LoopFit, ...] = ()
     left_out: Mapping[str, float] = field(default_factory=dict)
     monotone: bool | None = None
+
+
+def fit_figures(
+    loopset: LoopSet,
+    fitted: Sequence[NDArray[np.float64]],
+    left_out: Mapping[str, float] = MappingProxyType({}),
+    monotone: bool | None = None,
+) -> FitFigures:
+    """Compare measured and modelled loops.
+
+    Parameters
+    ----------
+    loopset : LoopSet
+        The measured loops.
+    fitted : sequence of ndarray
+        Modelled output of each, SI, in the order of the set.
+    left_out, monotone
+        As in :class:`FitFigures`.
+
+    Returns
+    -------
+    FitFigures
+    """
+    rows, deviations = [], []
+    for loop, output in zip(loopset.loops, fitted, strict=True):
+        off = np.abs(output - loop.output)
+        deviations.append(off)
+        rows.append(
+            LoopFit(
+                label=loop.label,
+                schedule=loop.schedule_value,
+                samples=loop.n,
+                largest_output=float(np.max(np.abs(loop.output))),
+                mean_abs=float(off.mean()),
+                rms=float(np.sqrt(np.mean(off**2))),
+                worst=float(off.max()),
+            )
+        )
+    pooled = np.concatenate(deviations)
+    return FitFigures(
+        largest_output=max(row.largest_output for row in rows),
+        mean_abs=float(pooled.mean()),
+        rms=float(np.sqrt(np.mean(pooled**2))),
+        worst=float(pooled.max()),
+        loops=tuple(rows),
+        left_out=dict(left_out),
+        monotone=monotone,
+    )
 
 
 @dataclass(frozen=True, slots=True)

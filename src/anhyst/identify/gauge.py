@@ -28,6 +28,9 @@ SATURATION = 1e6
 AIR_CORE = 1e-3
 """h where the data do not tell it: a/(M_s*(1 - alpha))."""
 
+_ROUNDING = 1e-12
+"""What rho keeps at the closed gap, so that rounding cannot make it negative there."""
+
 Parameter = float | tuple[float, ...]
 
 
@@ -105,8 +108,9 @@ def _lift_reluctance(table: list[dict[str, float]], gaps: Sequence[float], power
     rho = np.array([row["rho"] for row in table])
     least = float(rho.min())
     if len(gaps) > 1:
-        closed = Curve("rho", np.asarray(gaps, dtype=np.float64), rho)(np.zeros(1))
-        least = min(least, float(closed[0]))
+        closed = float(Curve("rho", np.asarray(gaps, dtype=np.float64), rho)(np.zeros(1))[0])
+        if closed < least:
+            least = closed - _ROUNDING
     p = 1.0 + least
     if p >= 1.0:
         return

@@ -25,7 +25,7 @@ from anhyst.identify.run import Progress, Run
 from anhyst.identify.sequence import search_paper
 from anhyst.identify.uncertainty import assess
 from anhyst.model import GAP_MAPS, LAWS, ActuatorModel
-from anhyst.record import Provenance, ReductionStep, ValidRange
+from anhyst.record import Provenance, ReductionStep, ValidRange, fit_figures
 from anhyst.version import running_version
 
 Floats = NDArray[np.float64]
@@ -120,7 +120,7 @@ def identify(
     fitted = outcome.fitted
     model = replace(
         model,
-        fit=_figures(loopset, fitted, outcome.left_out, monotone),
+        fit=fit_figures(loopset, fitted, outcome.left_out, monotone),
         uncertainty=assess(found, loopset),
     )
     if not outcome.interrupted:

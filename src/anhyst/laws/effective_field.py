@@ -20,19 +20,17 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from anhyst.errors import InputError
+from anhyst.laws.lagging import LaggingLaw
 from anhyst.laws.langevin import (
     LARGEST_SLOPE,
     inverse_langevin_scalar,
     langevin_scalar,
     langevin_slope_scalar,
 )
-from anhyst.laws.operator import State, Step
 from anhyst.laws.steady_branch import steady_branch
 
 _SERIES_BELOW = 0.3
 _SERIES_TERMS = 16
-_ROUNDING = 1e-9
 
 StepKind = Literal["exact", "linear"]
 
@@ -59,34 +57,8 @@ def mean_lag_slope(s: float) -> float:
     return total
 
 
-def check_common_state(state: State, kappa: float, play: float) -> None:
-    """Raise `InputError` for a state outside ``|M_an - M_irr| <= k*A`` or outside the play.
-
-    Parameters
-    ----------
-    state : State
-        The state to check.
-    kappa : float
-        Pinning field over shape field, ``k/a``.
-    play : float
-        Half-width of the play over the shape field, ``r_d/a``.
-
-    Raises
-    ------
-    InputError
-        Naming what is wrong with the state.
-    """
-    if not all(math.isfinite(value) for value in state):
-        raise InputError("state: not finite; start from the demagnetised state")
-    if abs(state.p - state.x) > play * (1.0 + _ROUNDING) + _ROUNDING * abs(state.x):
-        raise InputError("state: the play lies farther from the field than r_d; check r_d")
-    lag = langevin_scalar(state.p) - state.y
-    if abs(lag) > kappa * LARGEST_SLOPE * (1.0 + _ROUNDING) + 1e-15:
-        raise InputError("state: |M_an - M_irr| exceeds k*A, no path leads there; start elsewhere")
-
-
 @dataclass(frozen=True)
-class EffectiveField:
+class EffectiveField(LaggingLaw):
     """The law in normalised form (``M_s = a = 1``).
 
     Parameters
@@ -108,6 +80,7 @@ class EffectiveField:
 
     Examples
     --------
+    >>> from anhyst.laws.operator import State
     >>> law = EffectiveField(kappa=0.8, c=0.2)
     >>> step = law.step(State(0.0, 0.0, 0.0), 2.0)
     >>> round(step.m, 6)
@@ -120,61 +93,17 @@ class EffectiveField:
     kind: StepKind = "exact"
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.kappa) and self.kappa > 0.0):
-            raise InputError("k: must be positive and finite; correct k or a")
-        if not 0.0 <= self.c <= 1.0:
-            raise InputError("c: must lie in 0..1; correct c")
-        if not (math.isfinite(self.play) and self.play >= 0.0):
-            raise InputError("r_d: must be zero or positive and finite; correct r_d")
+        self.check_parameters()
 
     @property
     def largest_slope(self) -> float:
         """Upper bound ``A`` of the slope of every step from a valid state."""
         return LARGEST_SLOPE
 
-    @property
-    def largest_reversible_slope(self) -> float:
-        """Largest slope of the reversible part alone, ``c*A``."""
-        return self.c * LARGEST_SLOPE
-
-    @property
-    def length_scale(self) -> float:
-        """Distance over which the slope changes by a good part of itself, ``min(1, kappa)``."""
-        return min(1.0, self.kappa)
-
-    def magnetisation(self, state: State) -> float:
-        """Return ``M/M_s`` in a state (eq. 8)."""
-        return (1.0 - self.c) * state.y + self.c * langevin_scalar(state.x)
-
-    def check_state(self, state: State) -> None:
-        """Raise `InputError` unless ``|M_an - M_irr| <= k*A`` and the play is within ``r_d``."""
-        check_common_state(state, self.kappa, self.play)
-
-    def step(self, state: State, x1: float) -> Step:
-        """Return where the law arrives when the effective field moves straight to `x1`.
-
-        Parameters
-        ----------
-        state : State
-            Where it starts.
-        x1 : float
-            New effective field over the shape field.
-
-        Returns
-        -------
-        Step
-            New state, magnetisation and the slope of the latter against `x1`.
-        """
-        p1 = min(max(state.p, x1 - self.play), x1 + self.play)
-        irreversible = self.exact_step if self.kind == "exact" else self.linear_step
-        y1, slope = irreversible(state.p, state.y, p1)
-        driven = self.play == 0.0 or p1 != state.p
-        rest = 1.0 - self.c
-        return Step(
-            State(x1, y1, p1),
-            rest * y1 + self.c * langevin_scalar(x1),
-            (rest * slope if driven else 0.0) + self.c * langevin_slope_scalar(x1),
-        )
+    def irreversible_step(self, x0: float, y0: float, x1: float) -> tuple[float, float]:
+        """Return the irreversible part at `x1` and its slope, by the step of this kind."""
+        step = self.exact_step if self.kind == "exact" else self.linear_step
+        return step(x0, y0, x1)
 
     def exact_step(self, x0: float, y0: float, x1: float) -> tuple[float, float]:
         """Return the irreversible part at `x1` and its slope, exact for any length.

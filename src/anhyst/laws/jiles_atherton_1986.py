@@ -15,18 +15,16 @@ kappa*L'(x) - D``, by the extrapolated midpoint rule (Gragg, Bulirsch, Stoer) to
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from anhyst.errors import InputError
-from anhyst.laws.effective_field import check_common_state
+from anhyst.laws.lagging import LaggingLaw
 from anhyst.laws.langevin import (
     LARGEST_SLOPE,
     inverse_langevin_scalar,
     langevin_scalar,
     langevin_slope_scalar,
 )
-from anhyst.laws.operator import State, Step
 
 _TOLERANCE = 1e-14
 _MEMORY_LENGTHS = 40.0
@@ -34,7 +32,7 @@ _DIVISIONS = (2, 4, 6, 8, 10, 12, 14)
 
 
 @dataclass(frozen=True)
-class JilesAtherton1986:
+class JilesAtherton1986(LaggingLaw):
     """The law in normalised form (``M_s = a = 1``).
 
     Parameters
@@ -60,12 +58,7 @@ class JilesAtherton1986:
     play: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.kappa) and self.kappa > 0.0):
-            raise InputError("k: must be positive and finite; correct k or a")
-        if not 0.0 <= self.c <= 1.0:
-            raise InputError("c: must lie in 0..1; correct c")
-        if not (math.isfinite(self.play) and self.play >= 0.0):
-            raise InputError("r_d: must be zero or positive and finite; correct r_d")
+        self.check_parameters()
         if not self.eps * LARGEST_SLOPE < 1.0:
             raise InputError("alpha: alpha*c*M_s/(3*a) must stay below 1; lower alpha or c")
 
@@ -74,49 +67,6 @@ class JilesAtherton1986:
         """Upper bound of the slope of every step: the irreversible part may exceed ``A``."""
         irreversible = LARGEST_SLOPE / (1.0 - max(self.eps, 0.0) * LARGEST_SLOPE)
         return (1.0 - self.c) * irreversible + self.c * LARGEST_SLOPE
-
-    @property
-    def largest_reversible_slope(self) -> float:
-        """Largest slope of the reversible part alone, ``c*A``."""
-        return self.c * LARGEST_SLOPE
-
-    @property
-    def length_scale(self) -> float:
-        """Distance over which the slope changes by a good part of itself, ``min(1, kappa)``."""
-        return min(1.0, self.kappa)
-
-    def magnetisation(self, state: State) -> float:
-        """Return ``M/M_s`` in a state (eq. 8)."""
-        return (1.0 - self.c) * state.y + self.c * langevin_scalar(state.x)
-
-    def check_state(self, state: State) -> None:
-        """Raise `InputError` unless ``|M_an - M_irr| <= k*A`` and the play is within ``r_d``."""
-        check_common_state(state, self.kappa, self.play)
-
-    def step(self, state: State, x1: float) -> Step:
-        """Return where the law arrives when the effective field moves straight to `x1`.
-
-        Parameters
-        ----------
-        state : State
-            Where it starts.
-        x1 : float
-            New effective field over the shape field.
-
-        Returns
-        -------
-        Step
-            New state, magnetisation and the slope of the latter against `x1`.
-        """
-        p1 = min(max(state.p, x1 - self.play), x1 + self.play)
-        y1, slope = self.irreversible_step(state.p, state.y, p1)
-        driven = self.play == 0.0 or p1 != state.p
-        rest = 1.0 - self.c
-        return Step(
-            State(x1, y1, p1),
-            rest * y1 + self.c * langevin_scalar(x1),
-            (rest * slope if driven else 0.0) + self.c * langevin_slope_scalar(x1),
-        )
 
     def irreversible_step(self, x0: float, y0: float, x1: float) -> tuple[float, float]:
         """Return the irreversible part at `x1` and its slope (eq. 6).

@@ -14,7 +14,7 @@ from anhyst.data.loopset import LoopSet
 from anhyst.data.verdict import Verdict, judge, single_valued
 from anhyst.errors import InputError, NegativeResult
 from anhyst.model import ActuatorModel
-from anhyst.record import FitFigures, LoopFit
+from anhyst.record import FitFigures, fit_figures
 from anhyst.sources import PREFIX, read_sources
 
 FloatArray = NDArray[np.float64]
@@ -128,9 +128,10 @@ def own_figures(model: ActuatorModel, evidence: Evidence) -> tuple[FitFigures | 
     warning : str
         Empty, unless the file was edited after the identification.
     """
-    if any(output is None for output in evidence.fitted):
+    fitted = [output for output in evidence.fitted if output is not None]
+    if len(fitted) < len(evidence.fitted):
         return model.fit, ""
-    fresh = _figures(evidence)
+    fresh = fit_figures(evidence.loops, fitted)
     if model.fit is None:
         return fresh, ""
     kept = replace(fresh, left_out=model.fit.left_out, monotone=model.fit.monotone)
@@ -139,31 +140,4 @@ def own_figures(model: ActuatorModel, evidence: Evidence) -> tuple[FitFigures | 
     return kept, (
         "the fit figures in the model file do not belong to its parameters, which were changed "
         "after the identification; the figures of this report were computed anew"
-    )
-
-
-def _figures(evidence: Evidence) -> FitFigures:
-    rows, deviations = [], []
-    for loop, output in zip(evidence.loops.loops, evidence.fitted, strict=True):
-        assert output is not None
-        off = np.abs(output - loop.output)
-        deviations.append(off)
-        rows.append(
-            LoopFit(
-                label=loop.label,
-                schedule=loop.schedule_value,
-                samples=loop.n,
-                largest_output=float(np.max(np.abs(loop.output))),
-                mean_abs=float(off.mean()),
-                rms=float(np.sqrt(np.mean(off**2))),
-                worst=float(off.max()),
-            )
-        )
-    pooled = np.concatenate(deviations)
-    return FitFigures(
-        largest_output=max(row.largest_output for row in rows),
-        mean_abs=float(pooled.mean()),
-        rms=float(np.sqrt(np.mean(pooled**2))),
-        worst=float(pooled.max()),
-        loops=tuple(rows),
     )
