@@ -78,7 +78,8 @@ static void walker_lay_points(walker *w, double span)
   w->span = span;
   w->points = 8 * panels;
   for (int i = 0; i < w->points; i++) {
-    w->place[i] = (i / 8 + gauss_at[i % 8]) * width;
+    const int earlier = i / 8; /* panels before this point's */
+    w->place[i] = (earlier + gauss_at[i % 8]) * width;
     w->weight[i] = gauss_weight[i % 8] * width * exp(-w->place[i]);
   }
 }

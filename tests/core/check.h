@@ -25,7 +25,7 @@ static inline void check_below(const char *what, double measured, double limit, 
   const int holds = measured <= limit;
   printf("%s line %d: %s: %.3g, claimed %.3g\n", holds ? "ok    " : "FAILED", line, what, measured,
          limit);
-  fflush(stdout);
+  (void)fflush(stdout);
   if (!holds) {
     failures++;
   }

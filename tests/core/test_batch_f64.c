@@ -161,9 +161,9 @@ static void set_out_of_range_is_refused_before_anything_is_done(void)
 {
   uint64_t seed = 64;
   const double drive[] = {0.5};
-  const double bad_kappa[] = {0.0, -1.0, NAN};
-  const double bad_c[] = {-0.1, 1.1, NAN};
-  const double bad_omega[] = {-3.0, -4.0, NAN};
+  const double bad_kappa[] = {0.0, -1.0, (double)NAN};
+  const double bad_c[] = {-0.1, 1.1, (double)NAN};
+  const double bad_omega[] = {-3.0, -4.0, (double)NAN};
   for (int i = 0; i < 9; i++) {
     const anhyst_batch_sets all = draw(&seed, 65);
     double x[65] = {0.0};
@@ -181,7 +181,7 @@ static void set_out_of_range_is_refused_before_anything_is_done(void)
 static void drive_that_is_no_number_ends(void)
 {
   uint64_t seed = 65;
-  const double drive[] = {0.5, NAN, INFINITY, 1e300, -1e300, 0.5};
+  const double drive[] = {0.5, (double)NAN, (double)INFINITY, 1e300, -1e300, 0.5};
   const anhyst_batch_sets all = draw(&seed, 10);
   for (int mode = 0; mode < 2; mode++) {
     double x[10] = {0.0};

@@ -16,6 +16,7 @@ anhyst_status ANHYST_NAME(anhyst_operator_check)(const ANHYST_NAME(anhyst_operat
 anhyst_status ANHYST_NAME(anhyst_state_check)(const ANHYST_NAME(anhyst_operator) *law,
                                               const ANHYST_NAME(anhyst_state) *state)
 {
+  /* NOLINTNEXTLINE(misc-redundant-expression): a constant for each format */
   const ANHYST_REAL slack = sizeof(ANHYST_REAL) == sizeof(double) ? R(1e-9) : R(1e-5);
   ANHYST_REAL slope;
   const ANHYST_REAL pull = ANHYST_NAME(anhyst_langevin)(state->p, &slope) - state->y;
