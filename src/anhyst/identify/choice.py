@@ -166,7 +166,8 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
     require_gaps(records, wanted)
     tried = _maps_to_try(run, wanted) if wanted == "auto" else (wanted,)
     interior = range(1, records.gaps - 1)
-    run.total = 1 + sum(len(_variants(run, name)) * (1 + len(interior)) for name in tried)
+    joined = sum(len(_variants(run, name)) * (1 + len(interior)) for name in tried)
+    run.total = 1 + (joined if records.gaps > 1 else 0) + _is_thinned(run)
     known = _known(run)
     if run.best is not None:
         return _finished(run, run.best), {}, "there is one gap only, so nothing runs over it"
@@ -183,9 +184,13 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
     return _finished(run, chosen), told, why
 
 
+def _is_thinned(run: Run) -> bool:
+    return any(drive.input.size > SEARCHED for drive in run.records.drives)
+
+
 def _finished(run: Run, found: Found) -> Found:
     """Follow the fit to its end on every sample, where the search took fewer."""
-    if all(drive.input.size <= SEARCHED for drive in run.records.drives):
+    if not _is_thinned(run):
         return found
     space = found.on(run.records).space
     tie = TIE * found.cost if space.gap_map == "free" else 0.0
