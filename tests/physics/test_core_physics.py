@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -263,8 +265,8 @@ def test_every_state_on_a_path_passes_the_check() -> None:
         {"r_d": -1.0},
     ],
 )
-def test_parameter_out_of_range_is_refused(change: dict[str, float]) -> None:
-    values = {"m_s": 1.3e6, "a": 300.0, "k": 200.0, "c": 0.2, "alpha": 5e-4, "r_d": 0.0}
+def test_parameter_out_of_range_is_refused(change: dict[str, Any]) -> None:
+    values: dict[str, Any] = {"m_s": 1.3e6, "a": 300.0, "k": 200.0, "c": 0.2, "alpha": 5e-4}
     with pytest.raises(ValueError, match=r".+"):
         _core.Iron(**(values | change))
 

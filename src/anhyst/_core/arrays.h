@@ -40,6 +40,12 @@ inline void same_length(size_t expected, size_t found, const char *what)
   }
 }
 
+inline void same_shape(size_t rows, size_t columns, const InTable &found, const char *what)
+{
+  same_length(rows, found.shape(0), what);
+  same_length(columns, found.shape(1), what);
+}
+
 inline anhyst_state_f64 to_state(const In &values)
 {
   if (values.shape(0) != 3) {

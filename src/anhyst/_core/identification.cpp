@@ -59,10 +59,10 @@ public:
     const size_t n = r.shape(0);
     const size_t directions = law_t.shape(0);
     same_length(n, omega.shape(0), "omega");
-    same_length(n * directions, omega_t.shape(0) * omega_t.shape(1), "omega_t");
-    same_length(n * directions, r_t.shape(0) * r_t.shape(1), "r_t");
-    same_length(3, law_t.shape(1), "law_t");
-    same_length(directions * 3, state_t.shape(0) * state_t.shape(1), "state_t");
+    same_shape(n, directions, omega_t, "omega_t");
+    same_shape(n, directions, r_t, "r_t");
+    same_shape(directions, 3, law_t, "law_t");
+    same_shape(directions, 3, state_t, "state_t");
     if (law_.step == ANHYST_STEP_EXACT && !branch_slope_) {
       branch_slope_ = std::make_unique<anhyst_branch_slope_f64>();
       anhyst_branch_slope_build_f64(branch_slope_.get(), law_.kappa);

@@ -18,8 +18,9 @@ typedef struct {
    by a moving gap is allowed: omega and r are the new ones.
 
    Preconditions: law and state have passed their checks. Error: |x + omega*m - r| within 8 units in
-   the last place of |x| + |r| + |omega|. Returns ANHYST_OK, ANHYST_REFUSED, ANHYST_OUT_OF_RANGE or
-   ANHYST_NOT_CONVERGED; the candidate is valid only with ANHYST_OK. */
+   the last place of |x| + |r| + |omega| and of where the path started. Returns ANHYST_OK,
+   ANHYST_REFUSED, ANHYST_OUT_OF_RANGE or ANHYST_NOT_CONVERGED; the candidate is valid only with
+   ANHYST_OK. */
 anhyst_status ANHYST_NAME(anhyst_solve)(const ANHYST_NAME(anhyst_operator) *law,
                                         const ANHYST_NAME(anhyst_state) *state, ANHYST_REAL omega,
                                         ANHYST_REAL r, ANHYST_NAME(anhyst_candidate) *candidate);

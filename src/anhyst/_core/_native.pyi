@@ -1,0 +1,114 @@
+"""Types of the binding. Arrays are float64, C-contiguous; anything else is refused, not converted.
+
+Status 0 is success; `status_text` explains the other codes (core/include/anhyst/status.h), and
+`index` is the first sample without a result.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Array = NDArray[np.float64]
+
+class Iron:
+    """A material in physical units: A/m, and T for flux density; ValueError if out of range."""
+
+    def __init__(
+        self,
+        m_s: float,
+        a: float,
+        k: float,
+        c: float,
+        alpha: float,
+        r_d: float = 0.0,
+        law: str = "effective-field",
+        step: str = "exact",
+    ) -> None: ...
+    def forward(
+        self, drive: _Array, rho: _Array, eddy: _Array, state: _Array
+    ) -> tuple[_Array, _Array, _Array, int, int]:
+        """Return flux density (T), field (A/m), state after, status, index."""
+
+    def inverse(
+        self, b: _Array, rho: _Array, eddy: _Array, state: _Array
+    ) -> tuple[_Array, _Array, _Array, int, int]:
+        """Return drive (A/m), field (A/m), state after, status, index."""
+
+    def settle(
+        self,
+        given: _Array,
+        rho: _Array,
+        eddy: _Array,
+        state: _Array,
+        inverse: bool = False,
+        max_cycles: int = 10000,
+        tol: float = 1e-12,
+    ) -> tuple[_Array, int, int]:
+        """Repeat a cycle till it closes; return state, cycles, status."""
+
+    def check_state(self, state: _Array) -> int:
+        """Return the status of a state (x/a, M_irr/M_s, p/a) given from outside."""
+
+    def flux_of(self, state: _Array) -> float:
+        """Return the flux density of a state, T."""
+
+class Operator:
+    """The law in units of its own, M_s = a = 1; ValueError if out of range."""
+
+    def __init__(
+        self,
+        kappa: float,
+        c: float,
+        play: float = 0.0,
+        eps: float = 0.0,
+        law: str = "effective-field",
+        step: str = "exact",
+    ) -> None: ...
+    def run(
+        self, omega: _Array, r: _Array, state: _Array
+    ) -> tuple[_Array, _Array, _Array, int, int]:
+        """Follow x + omega*m(x) = r; return x, m, state after, status, index."""
+
+    def sensitivity(
+        self,
+        omega: _Array,
+        r: _Array,
+        omega_t: _Array,
+        r_t: _Array,
+        law_t: _Array,
+        state: _Array,
+        state_t: _Array,
+    ) -> tuple[_Array, _Array, _Array, _Array, _Array, _Array, int, int]:
+        """Follow the path and d tangents of it.
+
+        omega_t, r_t: (n, d); law_t: (d, 3), by kappa, c and play; state_t: (d, 3).
+        Return x, m (n), x_t, m_t (n, d), state after, tangents of it (d, 3), status, index.
+        """
+
+def batch(
+    kappa: _Array,
+    c: _Array,
+    omega: _Array,
+    scale: _Array,
+    offset: _Array,
+    drive: _Array,
+    x: _Array,
+    y: _Array,
+    implicit: bool = True,
+    keep: bool = True,
+) -> tuple[_Array, _Array]:
+    """Follow one drive with many sets, r = scale*(drive - offset); x and y are advanced in place.
+
+    Return m and x, (samples, sets), empty unless `keep`; ValueError if a set is out of range.
+    """
+
+def batch_functions(t: _Array) -> tuple[_Array, _Array]:
+    """Return exp(-|t|) and L(t) as the batch computes them."""
+
+def demagnetised() -> _Array:
+    """Return the state of a demagnetised iron."""
+
+def langevin(z: _Array) -> tuple[_Array, _Array]:
+    """Return L(z) and L'(z)."""
+
+def status_text(status: int) -> str:
+    """Return what a status means, in words."""

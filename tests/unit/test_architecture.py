@@ -1,0 +1,37 @@
+"""What holds the parts together: who may import whom, and no file that grew too long."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_imports_go_one_way() -> None:
+    tool = Path(sys.executable).with_name("lint-imports")
+    done = subprocess.run(
+        [tool, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("folder", ["src", "core", "tests", "examples", "benchmarks", "tools"])
+def test_no_file_is_longer_than_600_lines(folder: str) -> None:
+    sources = [
+        path
+        for path in (ROOT / folder).rglob("*")
+        if path.suffix in {".py", ".pyi", ".c", ".h", ".cpp", ".j2"}
+    ]
+    lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in sources}
+    assert lengths
+    assert {path.name: lines for path, lines in lengths.items() if lines > 600} == {}
+
+
+def test_every_c_source_is_in_the_one_list() -> None:
+    listed = (ROOT / "core" / "core.cmake").read_text(encoding="utf-8")
+    missing = [path.name for path in (ROOT / "core" / "src").glob("*.c") if path.name not in listed]
+    assert missing == []

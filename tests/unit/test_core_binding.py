@@ -1,0 +1,247 @@
+"""The binding converts and checks: it refuses what it would have to convert."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from anhyst._core import (
+    Iron,
+    Operator,
+    batch,
+    batch_functions,
+    demagnetised,
+    langevin,
+    status_text,
+)
+
+IRON = Iron(1.3e6, 300.0, 200.0, 0.2, 5e-4)
+OPERATOR = Operator(0.7, 0.2)
+N, SETS, DIRECTIONS = 4, 3, 2
+
+# Every function that takes arrays, with arguments it accepts.
+CALLS: dict[str, tuple[Callable[..., Any], dict[str, NDArray[np.float64]]]] = {
+    "forward": (
+        IRON.forward,
+        {"drive": np.ones(N), "rho": np.zeros(N), "eddy": np.zeros(N), "state": demagnetised()},
+    ),
+    "inverse": (
+        IRON.inverse,
+        {"b": np.full(N, 0.1), "rho": np.zeros(N), "eddy": np.zeros(N), "state": demagnetised()},
+    ),
+    "settle": (
+        IRON.settle,
+        {
+            "given": np.array([1.0, 2.0, 1.0, 0.0]),
+            "rho": np.zeros(N),
+            "eddy": np.zeros(N),
+            "state": demagnetised(),
+        },
+    ),
+    "check_state": (IRON.check_state, {"state": demagnetised()}),
+    "flux_of": (IRON.flux_of, {"state": demagnetised()}),
+    "run": (OPERATOR.run, {"omega": np.ones(N), "r": np.ones(N), "state": demagnetised()}),
+    "sensitivity": (
+        OPERATOR.sensitivity,
+        {
+            "omega": np.ones(N),
+            "r": np.ones(N),
+            "omega_t": np.zeros((N, DIRECTIONS)),
+            "r_t": np.zeros((N, DIRECTIONS)),
+            "law_t": np.zeros((DIRECTIONS, 3)),
+            "state": demagnetised(),
+            "state_t": np.zeros((DIRECTIONS, 3)),
+        },
+    ),
+    "batch": (
+        batch,
+        {
+            "kappa": np.ones(SETS),
+            "c": np.full(SETS, 0.1),
+            "omega": np.ones(SETS),
+            "scale": np.ones(SETS),
+            "offset": np.zeros(SETS),
+            "drive": np.ones(N),
+            "x": np.zeros(SETS),
+            "y": np.zeros(SETS),
+        },
+    ),
+    "batch_functions": (batch_functions, {"t": np.ones(N)}),
+    "langevin": (langevin, {"z": np.ones(N)}),
+}
+ARGUMENTS = [(name, argument) for name, (_, given) in CALLS.items() for argument in given]
+# Any length is right for these.
+FREE = {("batch", "drive"), ("batch_functions", "t"), ("langevin", "z")}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_what_is_accepted_is_accepted(name: str) -> None:
+    function, given = CALLS[name]
+    function(**given)
+
+
+@pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
+def test_single_precision_is_refused_and_not_converted(name: str, argument: str) -> None:
+    function, given = CALLS[name]
+    with pytest.raises(TypeError):
+        function(**{**given, argument: given[argument].astype(np.float32)})
+
+
+@pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
+def test_integers_and_lists_are_refused(name: str, argument: str) -> None:
+    function, given = CALLS[name]
+    for other in (given[argument].astype(np.int64), given[argument].tolist()):
+        with pytest.raises(TypeError):
+            function(**{**given, argument: other})
+
+
+@pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
+def test_strided_arrays_are_refused(name: str, argument: str) -> None:
+    function, given = CALLS[name]
+    with pytest.raises(TypeError):
+        function(**{**given, argument: np.repeat(given[argument], 2, axis=0)[::2]})
+
+
+@pytest.mark.parametrize(("name", "argument"), [a for a in ARGUMENTS if a[1] in {"r_t", "law_t"}])
+def test_fortran_order_is_refused(name: str, argument: str) -> None:
+    function, given = CALLS[name]
+    with pytest.raises(TypeError):
+        function(**{**given, argument: np.asfortranarray(given[argument])})
+
+
+@pytest.mark.parametrize(("name", "argument"), [a for a in ARGUMENTS if a not in FREE])
+@pytest.mark.parametrize("extra", [-1, 1])
+def test_wrong_lengths_are_refused(name: str, argument: str, extra: int) -> None:
+    function, given = CALLS[name]
+    right = given[argument]
+    wrong = np.resize(right, (right.shape[0] + extra, *right.shape[1:]))
+    with pytest.raises(ValueError, match=r"length|three values"):
+        function(**{**given, argument: wrong})
+
+
+@pytest.mark.parametrize("name", ["omega_t", "r_t", "state_t"])
+def test_transposed_tables_are_refused(name: str) -> None:
+    function, given = CALLS["sensitivity"]
+    with pytest.raises(ValueError, match="length"):
+        function(**{**given, name: np.ascontiguousarray(given[name].T)})
+
+
+def test_read_only_states_of_a_batch_are_refused() -> None:
+    function, given = CALLS["batch"]
+    frozen = np.zeros(SETS)
+    frozen.flags.writeable = False
+    with pytest.raises(TypeError):
+        function(**{**given, "x": frozen})
+
+
+def test_read_only_input_is_accepted() -> None:
+    function, given = CALLS["forward"]
+    frozen = np.ones(N)
+    frozen.flags.writeable = False
+    function(**{**given, "drive": frozen})
+
+
+def test_input_is_left_as_it_was() -> None:
+    for name, (function, given) in CALLS.items():
+        before = {key: value.copy() for key, value in given.items()}
+        function(**given)
+        for key, value in given.items():
+            if name != "batch" or key not in {"x", "y"}:
+                np.testing.assert_array_equal(value, before[key])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"m_s": 0.0},
+        {"m_s": -1.0},
+        {"m_s": float("nan")},
+        {"a": 0.0},
+        {"a": float("nan")},
+        {"k": 0.0},
+        {"k": -5.0},
+        {"k": 1e6},
+        {"k": float("nan")},
+        {"c": -0.1},
+        {"c": 1.1},
+        {"c": float("nan")},
+        {"alpha": 1.0},
+        {"alpha": float("nan")},
+        {"r_d": -1.0},
+        {"r_d": float("nan")},
+        {"law": "preisach"},
+        {"step": "quadratic"},
+        {"law": "jiles-atherton-1986", "alpha": 0.9, "c": 0.5},
+    ],
+)
+def test_iron_out_of_range_is_refused_with_a_reason(change: dict[str, Any]) -> None:
+    good: dict[str, Any] = {"m_s": 1.3e6, "a": 300.0, "k": 200.0, "c": 0.2, "alpha": 5e-4}
+    Iron(**good)
+    with pytest.raises(ValueError, match=r"out of range|must lie|unknown"):
+        Iron(**{**good, **change})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"kappa": 0.0},
+        {"kappa": 2e3},
+        {"kappa": float("nan")},
+        {"c": -0.1},
+        {"c": 1.1},
+        {"play": -0.1},
+        {"law": "jiles-atherton-1986", "eps": 3.0},
+        {"law": "none"},
+    ],
+)
+@pytest.mark.parametrize("step", ["exact", "linear"])
+def test_operator_out_of_range_is_refused_with_a_reason(change: dict[str, Any], step: str) -> None:
+    with pytest.raises(ValueError, match=r"out of range|unknown"):
+        Operator(**{"kappa": 1.0, "c": 0.1, "step": step, **change})
+
+
+def test_every_status_has_words() -> None:
+    texts = [status_text(-code) for code in range(7)]
+    assert texts[0] == "ok"
+    assert len(set(texts)) == 7
+    assert status_text(-7) == "unknown status"
+
+
+def test_state_the_law_cannot_reach_has_a_status() -> None:
+    assert IRON.check_state(demagnetised()) == 0
+    bad = np.array([0.0, 0.9, 0.0])
+    assert status_text(IRON.check_state(bad)) == "the law cannot reach this initial state"
+    *_, status, index = IRON.forward(np.ones(N), np.zeros(N), np.zeros(N), bad)
+    assert (status, index) == (-2, 0)
+
+
+def test_failing_sample_is_named_and_the_state_is_that_before_it() -> None:
+    drive = np.array([10.0, 20.0, np.nan, 5.0])
+    zeros = np.zeros(N)
+    *_, state, status, index = IRON.forward(drive, zeros, zeros, demagnetised())
+    *_, before, _, _ = IRON.forward(drive[:2], zeros[:2], zeros[:2], demagnetised())
+    assert (status, index) == (-4, 2)
+    np.testing.assert_array_equal(state, before)
+
+
+def test_cycle_that_does_not_close_in_time_has_a_status() -> None:
+    given = 500.0 * np.sin(np.arange(12.0))
+    zeros = np.zeros(12)
+    _, cycles, status = IRON.settle(given, zeros, zeros, demagnetised(), max_cycles=1)
+    assert cycles == 2
+    assert status_text(status) == "the cycle did not close within the given repetitions"
+    state, _, status = IRON.settle(given, zeros, zeros, demagnetised())
+    assert status == 0
+    *_, after, status, _ = IRON.forward(given, zeros, zeros, state)
+    np.testing.assert_allclose(after, state, rtol=0, atol=1e-11)
+
+
+def test_empty_records_are_empty_results() -> None:
+    nothing = np.zeros(0)
+    b, h, state, status, _ = IRON.forward(nothing, nothing, nothing, demagnetised())
+    assert (b.size, h.size, status) == (0, 0, 0)
+    np.testing.assert_array_equal(state, demagnetised())

@@ -1,0 +1,274 @@
+"""The batch and the sensitivities against the scalar core, differences and 50-digit arithmetic."""
+
+from __future__ import annotations
+
+import copy
+from decimal import Decimal, localcontext
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from anhyst._core import Operator, batch, batch_functions, demagnetised, langevin
+
+Array = NDArray[np.float64]
+
+
+def loops(amplitude: float, samples: int, cycles: float = 1.5) -> Array:
+    phase = 2.0 * np.pi * np.arange(1, int(samples * cycles) + 1) / samples
+    return np.asarray(amplitude * np.sin(phase))
+
+
+class Sets:
+    """Random parameter sets of a batch, the same in every run."""
+
+    def __init__(self, count: int, seed: int, omega: tuple[float, float]) -> None:
+        rng = np.random.default_rng(seed)
+        self.kappa = 10.0 ** rng.uniform(-1.0, 1.0, count)
+        self.c = rng.uniform(0.0, 1.0, count)
+        self.omega = rng.uniform(*omega, count)
+        self.scale = 10.0 ** rng.uniform(-0.7, 0.0, count)
+        self.offset = rng.uniform(-0.1, 0.1, count)
+
+    def run(
+        self, drive: Array, *, implicit: bool = True, keep: bool = True
+    ) -> tuple[Array, Array, Array, Array]:
+        x, y = np.zeros(self.kappa.size), np.zeros(self.kappa.size)
+        given = (self.kappa, self.c, self.omega, self.scale, self.offset, drive, x, y)
+        m_out, x_out = batch(*given, implicit=implicit, keep=keep)
+        return m_out, x_out, x, y
+
+    def only(self, index: int) -> Sets:
+        one = copy.copy(self)
+        for name, values in vars(self).items():
+            setattr(one, name, values[[index]])
+        return one
+
+    def scalar(self, drive: Array, index: int) -> tuple[Array, Array]:
+        law = Operator(self.kappa[index], self.c[index], step="linear")
+        r = self.scale[index] * (drive - self.offset[index])
+        x, m, _, status, _ = law.run(np.full(r.size, self.omega[index]), r, demagnetised())
+        assert status == 0
+        return x, m
+
+
+def test_exp_of_the_batch_is_right_to_1e_11() -> None:
+    t = np.concatenate([np.logspace(-12, np.log10(680.0), 3000), np.linspace(0.0, 40.0, 2001)])
+    with localcontext() as context:
+        context.prec = 50
+        truth = [(-Decimal(v)).exp() for v in t.tolist()]
+        found = [Decimal(v) for v in batch_functions(t)[0].tolist()]
+        error = max(abs(f / e - 1) for f, e in zip(found, truth, strict=True))
+    assert error < Decimal("1e-11")
+
+
+def test_langevin_of_the_batch_is_right_to_4_4e_9() -> None:
+    t = np.concatenate([np.logspace(-9, 5, 20000), np.linspace(-60.0, 60.0, 60001)])
+    assert np.max(np.abs(batch_functions(t)[1] - langevin(t)[0])) < 4.4e-9
+
+
+def test_langevin_of_the_core_agrees_with_50_digits() -> None:
+    z = np.concatenate(
+        [np.logspace(-6, 3, 400), np.linspace(1.3, 1.7, 101), np.linspace(20, 26, 61)]
+    )
+    value, slope = (array.tolist() for array in langevin(z))
+    with localcontext() as context:
+        context.prec = 60
+        for at, found, steep in zip(z.tolist(), value, slope, strict=True):
+            t = Decimal(at)
+            e = (-2 * t).exp()
+            assert abs(Decimal(found) / ((1 + e) / (1 - e) - 1 / t) - 1) < Decimal("4e-16")
+            truth = 1 / (t * t) - 4 * e / (1 - e) ** 2
+            assert abs(Decimal(steep) / truth - 1) < Decimal("1.7e-15")
+
+
+def test_functions_of_the_batch_are_odd_and_bounded() -> None:
+    t = np.concatenate([np.logspace(-300, 30, 331), [0.0]])
+    exp_minus, value = batch_functions(t)
+    np.testing.assert_array_equal(batch_functions(-t)[1], -value)
+    assert np.all((value >= 0.0) & (value <= 1.0))
+    assert np.all((exp_minus >= 0.0) & (exp_minus <= 1.0))
+
+
+def test_implicit_batch_follows_the_scalar_linear_step() -> None:
+    sets = Sets(150, seed=1, omega=(-1.5, 10.0))
+    drive = loops(3.0, 100)
+    m_out, x_out, x, _ = sets.run(drive)
+    for index in range(sets.kappa.size):
+        x_true, m_true = sets.scalar(drive, index)
+        assert np.max(np.abs(m_out[:, index] - m_true)) < 1e-5
+        assert np.max(np.abs(x_out[:, index] - x_true)) < 1e-4
+    np.testing.assert_array_equal(x, x_out[-1])
+
+
+def test_residual_of_the_implicit_batch_falls_with_the_step() -> None:
+    sets = Sets(1000, seed=2, omega=(-1.5, 10.0))
+    worst, median = [], []
+    for samples in (100, 200):
+        drive = loops(3.0, samples)
+        m_out, x_out, _, _ = sets.run(drive)
+        r = sets.scale * (drive[:, None] - sets.offset)
+        residual = np.max(np.abs(x_out + sets.omega * m_out - r), axis=0)
+        worst.append(np.max(residual))
+        median.append(np.median(residual))
+    assert worst[0] < 2.5e-4
+    assert worst[1] < 0.5 * worst[0]
+    assert median[1] < median[0] / 8.0
+
+
+def test_explicit_batch_ranks_sets_as_the_exact_one_does() -> None:
+    sets = Sets(400, seed=3, omega=(-1.5, 10.0))
+    drive = loops(3.0, 100)
+    rough, _, _, _ = sets.run(drive, implicit=False)
+    fine, _, _, _ = sets.run(drive)
+    error = np.max(np.abs(rough - fine), axis=0)
+    assert np.all(np.isfinite(rough))
+    assert np.median(error) < 0.01
+    assert np.max(error) < 0.1
+    target = fine[:, :1]
+    order = [np.argsort(np.mean((m - target) ** 2, axis=0)) for m in (rough, fine)]
+    ranks = [np.argsort(o) for o in order]
+    assert np.corrcoef(ranks[0], ranks[1])[0, 1] > 0.999
+
+
+def test_settling_without_keeping_leads_to_the_same_state() -> None:
+    sets = Sets(70, seed=4, omega=(-1.0, 5.0))
+    drive = loops(3.0, 60)
+    _, _, x, y = sets.run(drive)
+    m_out, x_out, x_only, y_only = sets.run(drive, keep=False)
+    assert m_out.size == 0
+    assert x_out.size == 0
+    np.testing.assert_array_equal(x, x_only)
+    np.testing.assert_array_equal(y, y_only)
+
+
+def test_a_set_gives_the_same_alone_and_among_others() -> None:
+    sets = Sets(130, seed=5, omega=(-1.0, 5.0))
+    drive = loops(2.0, 50)
+    together = sets.run(drive)[0]
+    for index in (0, 63, 64, 129):
+        alone = sets.only(index).run(drive)[0]
+        np.testing.assert_array_equal(alone[:, 0], together[:, index])
+
+
+@pytest.mark.parametrize(("name", "value"), [("kappa", 0.0), ("c", 1.5), ("omega", -3.0)])
+def test_one_bad_set_refuses_the_batch_and_leaves_the_states(name: str, value: float) -> None:
+    sets = Sets(5, seed=6, omega=(0.0, 1.0))
+    getattr(sets, name)[3] = value
+    x, y = np.full(5, 0.25), np.full(5, 0.125)
+    with pytest.raises(ValueError, match="out of range"):
+        batch(sets.kappa, sets.c, sets.omega, sets.scale, sets.offset, np.ones(3), x, y)
+    np.testing.assert_array_equal(x, 0.25)
+    np.testing.assert_array_equal(y, 0.125)
+
+
+# Parameters of a differentiated path, in this order; the drive is r = (current - offset)/scale.
+NAMES = ("kappa", "c", "omega", "scale", "offset", "play")
+
+
+def path_of(theta: Array, current: Array, step: str) -> Array:
+    kappa, c, omega, scale, offset, play = theta.tolist()
+    law = Operator(kappa, c, play, step=step)
+    r = (current - offset) / scale
+    _, m, _, status, _ = law.run(np.full(r.size, omega), r, demagnetised())
+    assert status == 0
+    return m
+
+
+def analytic(theta: Array, current: Array, step: str) -> Array:
+    kappa, c, omega, scale, offset, play = theta.tolist()
+    n, d = current.size, len(NAMES)
+    r = (current - offset) / scale
+    omega_t, r_t, law_t = np.zeros((n, d)), np.zeros((n, d)), np.zeros((d, 3))
+    omega_t[:, 2] = 1.0
+    r_t[:, 3] = -r / scale
+    r_t[:, 4] = -1.0 / scale
+    law_t[0, 0] = law_t[1, 1] = law_t[5, 2] = 1.0
+    law = Operator(kappa, c, play, step=step)
+    found = law.sensitivity(
+        np.full(n, omega), r, omega_t, r_t, law_t, demagnetised(), np.zeros((d, 3))
+    )
+    assert found[6] == 0
+    return found[3]
+
+
+@pytest.mark.parametrize("step", ["exact", "linear"])
+@pytest.mark.parametrize("play", [0.0, 0.3])
+def test_sensitivities_agree_with_central_differences(step: str, play: float) -> None:
+    rng = np.random.default_rng(7)
+    current = loops(3.0, 25, cycles=2.4)
+    errors = []
+    for _ in range(60):
+        theta = np.array(
+            [
+                10.0 ** rng.uniform(-1.0, 1.0),
+                rng.uniform(0.05, 0.95),
+                rng.uniform(-2.0, 20.0),
+                10.0 ** rng.uniform(-1.0, 0.5),
+                rng.uniform(-0.3, 0.3),
+                play,
+            ]
+        )
+        found = analytic(theta, current, step)
+        for j in range(len(NAMES) if play else len(NAMES) - 1):
+            h = 1e-6 * max(abs(theta[j]), 0.1)
+            change = np.zeros(len(NAMES))
+            change[j] = h
+            up, down = (path_of(theta + s * change, current, step) for s in (1.0, -1.0))
+            difference = (up - down) / (2.0 * h)
+            scale = np.max(np.abs(found[:, j])) + 1e-3
+            errors.append(np.max(np.abs(difference - found[:, j])) / scale)
+    # Differences straddle a kink (a reversal, a play that closes) in a few of the paths.
+    assert np.quantile(errors, 0.95) < 1e-6
+    assert np.max(errors) < 1e-3
+
+
+def test_sensitivity_runs_the_same_path_and_knows_the_initial_state() -> None:
+    law = Operator(0.7, 0.2, 0.1)
+    r = loops(2.0, 12)
+    omega = np.full(r.size, 3.0)
+    start = np.array([0.2, 0.1, 0.15])
+    x, m, after, _, _ = law.run(omega, r, start)
+    state_t = np.zeros((1, 3))
+    state_t[0, 1] = 1.0
+    zeros = np.zeros((r.size, 1))
+    found = law.sensitivity(omega, r, zeros, zeros, np.zeros((1, 3)), start, state_t)
+    np.testing.assert_array_equal(found[0], x)
+    np.testing.assert_array_equal(found[1], m)
+    np.testing.assert_array_equal(found[4], after)
+    h = 1e-6
+    nudge = np.array([0.0, h, 0.0])
+    difference = (law.run(omega, r, start + nudge)[1] - law.run(omega, r, start - nudge)[1]) / (
+        2 * h
+    )
+    np.testing.assert_allclose(found[3][:, 0], difference, rtol=0, atol=1e-7)
+
+
+def test_law_of_1986_has_no_sensitivities_and_says_so() -> None:
+    law = Operator(0.7, 0.2, law="jiles-atherton-1986")
+    zeros = np.zeros((2, 1))
+    found = law.sensitivity(
+        np.ones(2), np.ones(2), zeros, zeros, np.zeros((1, 3)), demagnetised(), np.zeros((1, 3))
+    )
+    assert found[6] == -1
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    kappa=st.floats(0.01, 100.0),
+    c=st.floats(0.0, 1.0),
+    omega=st.floats(-2.9, 1e4),
+    turns=st.lists(st.floats(-50.0, 50.0), min_size=1, max_size=20),
+)
+def test_any_path_stays_inside_saturation_and_meets_its_equation(
+    kappa: float, c: float, omega: float, turns: list[float]
+) -> None:
+    r = np.array(turns) * (1.0 + max(omega, 0.0) / 50.0)
+    x, m, state, status, _ = Operator(kappa, c).run(np.full(r.size, omega), r, demagnetised())
+    assert status == 0
+    assert np.all(np.abs(m) < 1.0)
+    assert abs(state[1]) < 1.0
+    scale = np.abs(x) + np.abs(np.append(0.0, x[:-1])) + np.abs(r) + abs(omega)
+    assert np.all(np.abs(x + omega * m - r) <= 8 * 2.3e-16 * scale)
