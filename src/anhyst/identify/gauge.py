@@ -111,11 +111,9 @@ def _lift_reluctance(table: list[dict[str, float]], gaps: Sequence[float], power
         closed = float(Curve("rho", np.asarray(gaps, dtype=np.float64), rho)(np.zeros(1))[0])
         if closed < least:
             least = closed - _ROUNDING
-    p = 1.0 + least
-    if p >= 1.0:
-        return
+    p = min(1.0 + least, 1.0)
     for row in table:
-        row["rho"] = (1.0 + row["rho"]) / p - 1.0
+        row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)
         row["alpha"] = 1.0 - p
         row["a"] *= p
         row["k"] *= p
@@ -131,7 +129,7 @@ def _at_one_gap(
     else:
         alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
     unscaled = local.scale / (1.0 + rho)  # input for one unit of effective field without the gap
-    if input_name == "field":
+    if input_name == "field" and gap_map != "scaling":
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
     elif output_name == "flux_density":

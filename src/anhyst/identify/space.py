@@ -61,7 +61,7 @@ class Space:
     held: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        if self.gap_map == "reluctance":
+        if self.gap_map in {"scaling", "reluctance"}:
             # Behind a gap the measured field is not that in the iron: it cannot tell h.
             object.__setattr__(self, "form", replace(self.form, permeability=0.0))
 

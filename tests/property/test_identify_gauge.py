@@ -1,0 +1,222 @@
+"""Choices of gauge change parameters, never outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from anhyst.data import Quantity
+from anhyst.data.history import DEMAGNETISED
+from anhyst.data.units import QUANTITIES
+from anhyst.errors import InputError
+from anhyst.identify.drives import Drive, Records
+from anhyst.identify.gauge import AIR_CORE, form_of, physical
+from anhyst.identify.objective import Objective
+from anhyst.identify.response import Form, Local
+from anhyst.identify.space import Space
+from anhyst.model import ActuatorModel, GapMap, Law, Parameter
+
+Floats = NDArray[np.float64]
+
+GAPS = (0.2e-3, 0.35e-3, 0.6e-3)
+PATH = np.concatenate(
+    [np.linspace(a, b, 25)[1:] for a, b in ((0, 1), (1, -1), (-1, 0.6), (0.6, -0.2), (-0.2, 0.9))]
+)
+
+QUANTITY_PAIRS = st.sampled_from(
+    [
+        ("current", "force"),
+        ("current", "flux_linkage"),
+        ("current", "flux_density"),
+        ("field", "flux_density"),
+        ("voltage", "displacement"),
+    ]
+)
+LAWS = st.sampled_from(["effective-field", "jiles-atherton-1986"])
+
+
+@st.composite
+def local_sets(draw: st.DrawFn, count: int, vary: str, least: float = -2.0) -> list[Local]:
+    first = Local(
+        kappa=draw(st.floats(0.05, 5.0)),
+        c=draw(st.floats(0.0, 0.9)),
+        omega=draw(st.floats(least, 300.0)),
+        scale=draw(st.floats(0.03, 1.0)),
+        gain=draw(st.floats(0.1, 10.0)),
+        in_0=draw(st.floats(-0.1, 0.1)),
+        out_0=draw(st.floats(-0.1, 0.1)),
+        h=AIR_CORE,
+    )
+    sets = [first]
+    for _ in range(count - 1):
+        factor = draw(st.floats(0.5, 2.0))
+        if vary == "scale":
+            sets.append(replace(first, scale=first.scale * factor))
+        elif vary == "omega":
+            sets.append(replace(first, omega=draw(st.floats(least, 300.0))))
+        else:
+            sets.append(
+                replace(
+                    first,
+                    kappa=first.kappa * factor,
+                    omega=draw(st.floats(least, 300.0)),
+                    scale=first.scale * draw(st.floats(0.5, 2.0)),
+                    gain=first.gain * draw(st.floats(0.5, 2.0)),
+                )
+            )
+    return sets
+
+
+def reluctance_scales(sets: list[Local]) -> list[Local]:
+    """Give each set the scale that the map demands of it."""
+    return [replace(one, scale=sets[0].scale / (1.0 - one.h * one.omega)) for one in sets]
+
+
+def fitted(space: Space, sets: list[Local]) -> list[Floats]:
+    return list(np.split(Objective(space).outputs(sets), len(sets)))
+
+
+def space_of(form: Form, gap_map: GapMap, count: int) -> Space:
+    drives = tuple(
+        Drive(str(gap), gap, np.empty(0), PATH, PATH, settled=False, weight=1.0)
+        for gap in range(count)
+    )
+    return Space(gap_map, Records(drives, np.array(GAPS[:count]), 1.0, 1.0), form)
+
+
+def model_of(
+    sets: list[Local], gap_map: GapMap, law: Law, quantities: tuple[Quantity, Quantity]
+) -> ActuatorModel:
+    return ActuatorModel(
+        "model",
+        *quantities,
+        physical(sets, gap_map, *quantities, GAPS[: len(sets)]),
+        law=law,
+        gap_map=gap_map if len(sets) > 1 else "none",
+        schedule=QUANTITIES["gap"],
+        nodes=GAPS[: len(sets)],
+        history=DEMAGNETISED,
+    )
+
+
+def check_same_outputs(
+    sets: list[Local], gap_map: GapMap, law: Law, names: tuple[str, str]
+) -> ActuatorModel:
+    quantities = (QUANTITIES[names[0]], QUANTITIES[names[1]])
+    space = space_of(form_of(*quantities, law), gap_map, len(sets))
+    sets = [space.form.with_h(one) for one in sets]
+    assume(all(one.h * one.omega < 0.9 for one in sets))
+    try:
+        expected = fitted(space, sets)
+    except ArithmeticError:
+        assume(False)
+    model = model_of(sets, gap_map, law, quantities)
+    for gap, output in zip(GAPS, expected, strict=False):
+        found = model.predict(PATH, gap).output
+        assert np.abs(found - output).max() < 1e-8 * np.ptp(output)
+    return model
+
+
+@given(local_sets(1, "nothing"), QUANTITY_PAIRS, LAWS)
+def test_a_model_of_one_gap_gives_the_fitted_outputs(
+    sets: list[Local], names: tuple[str, str], law: Law
+) -> None:
+    check_same_outputs(sets, "none", law, names)
+
+
+@given(local_sets(3, "scale"), QUANTITY_PAIRS, LAWS)
+def test_a_scaling_model_gives_the_fitted_outputs(
+    sets: list[Local], names: tuple[str, str], law: Law
+) -> None:
+    check_same_outputs(sets, "scaling", law, names)
+
+
+@given(local_sets(3, "everything"), QUANTITY_PAIRS, LAWS)
+def test_a_free_model_gives_the_fitted_outputs(
+    sets: list[Local], names: tuple[str, str], law: Law
+) -> None:
+    check_same_outputs(sets, "free", law, names)
+
+
+@given(local_sets(3, "omega"), QUANTITY_PAIRS)
+def test_a_reluctance_model_gives_the_fitted_outputs(
+    sets: list[Local], names: tuple[str, str]
+) -> None:
+    """Also where a reluctance, or the closed gap's, would come out negative and is lifted."""
+    model = check_same_outputs(reluctance_scales(sets), "reluctance", "effective-field", names)
+    rho = np.atleast_1d(model.parameters["rho"])
+    assert rho.min() >= 0.0
+    assert model.over_schedule("rho", 0.0)[0] >= 0.0
+
+
+@given(local_sets(2, "omega", least=-2.0))
+def test_a_lift_moves_only_along_the_redundancy(sets: list[Local]) -> None:
+    sets = reluctance_scales([replace(sets[0], omega=-1.5), sets[1]])
+    model = check_same_outputs(sets, "reluctance", "effective-field", ("current", "force"))
+    least = min(*np.atleast_1d(model.parameters["rho"]), model.over_schedule("rho", 0.0)[0])
+    assert 0.0 <= least < 1e-9
+    alpha = model.parameters["alpha"]
+    assert isinstance(alpha, float)
+    assert 0.0 < alpha < 1.0
+
+
+def scaled(model: ActuatorModel, factors: dict[str, float], **others: Parameter) -> ActuatorModel:
+    changed = {
+        name: tuple(v * factors.get(name, 1.0) for v in value)
+        if isinstance(value, tuple)
+        else value * factors.get(name, 1.0)
+        for name, value in model.parameters.items()
+    }
+    return replace(model, parameters={**changed, **others})
+
+
+def outputs(model: ActuatorModel, gaps: Sequence[float] = GAPS) -> Floats:
+    return np.concatenate([model.predict(PATH, gap).output for gap in gaps])
+
+
+@settings(deadline=None)
+@given(local_sets(3, "scale"), st.floats(0.1, 10.0))
+def test_a_scaling_model_does_not_know_the_size_of_its_iron(sets: list[Local], q: float) -> None:
+    """M_s, a, k, c_H times q and c_out over q^2 is the same magnet."""
+    quantities = (QUANTITIES["current"], QUANTITIES["force"])
+    model = model_of(sets, "scaling", "effective-field", quantities)
+    size = {"M_s": q, "a": q, "k": q, "c_H": q, "c_out": q**-2}
+    first = outputs(model)
+    assert np.abs(outputs(scaled(model, size)) - first).max() < 1e-9 * np.ptp(first)
+
+
+@settings(deadline=None)
+@given(local_sets(3, "omega", least=0.0), st.floats(0.5, 2.0), st.floats(0.5, 2.0))
+def test_a_reluctance_model_has_two_redundancies(sets: list[Local], p: float, q: float) -> None:
+    quantities = (QUANTITIES["current"], QUANTITIES["force"])
+    model = model_of(reluctance_scales(sets), "reluctance", "effective-field", quantities)
+    rho = np.asarray(model.parameters["rho"])
+    moved = (1.0 + rho) * q / p - 1.0
+    assume(moved.min() >= 0.0)
+    alpha = model.parameters["alpha"]
+    assert isinstance(alpha, float)
+    other = scaled(
+        model,
+        {"a": p, "k": p, "M_s": q, "c_H": q, "c_out": p**-2},
+        alpha=1.0 - (1.0 - alpha) * p / q,
+        rho=tuple(moved),
+    )
+    first = outputs(model)
+    assert np.abs(outputs(other) - first).max() < 1e-8 * np.ptp(first)
+
+
+@given(local_sets(3, "everything"))
+def test_a_physical_model_is_always_a_valid_one(sets: list[Local]) -> None:
+    """Whatever the search ends at can be written down."""
+    quantities = (QUANTITIES["current"], QUANTITIES["force"])
+    maps: tuple[GapMap, ...] = ("scaling", "reluctance", "free")
+    for gap_map in maps:
+        try:
+            model_of(sets, gap_map, "effective-field", quantities)
+        except InputError as error:
+            raise AssertionError(f"{gap_map}: {error}") from error
