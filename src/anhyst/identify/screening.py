@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from anhyst._core import batch
 from anhyst.errors import InputError
@@ -48,6 +47,9 @@ def sample_sets(records: Records, count: int, seed: int, interacting: bool = Tru
     ndarray, shape (4, count)
         Rows in the order above; ``scale`` in units of the input.
     """
+    # Only here: importing it takes longer than refusing loops that cannot be used.
+    from scipy.stats import qmc
+
     draw = qmc.Sobol(4, rng=np.random.default_rng(seed)).random(count).T
     reach = 0.3 * 100.0 ** draw[0]
     kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
