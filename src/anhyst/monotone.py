@@ -92,8 +92,9 @@ def check_over_gap(
 ) -> GapCheck | None:
     """Test that at any fixed drive the output rises as the gap closes.
 
-    The settled cycle between zero and the largest measured drive is computed on a dense grid of
-    gaps over and between all nodes, at 100 drives on each branch.
+    The settled cycle between zero (less the offset of the input: below it, what remains in the iron
+    is demagnetised, most at the smallest gap) and the largest measured drive is computed on a dense
+    grid of gaps over and between all nodes, at 100 drives on each branch.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def check_over_gap(
     nodes = np.array(model.nodes)
     parts = np.arange(GAPS_BETWEEN_NODES) / GAPS_BETWEEN_NODES
     gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
-    half = np.linspace(0.0, _largest_drive(model), DRIVES_A_BRANCH)
+    half = np.linspace(_rest(model), _largest_drive(model), DRIVES_A_BRANCH)
     drive = np.concatenate([half, half[-2::-1]])
     towards = -1.0 if model.power == 1 and half[-1] < 0.0 else 1.0  # "rises" means: in magnitude
     output = np.full((gaps.size, drive.size), np.nan)
@@ -140,6 +141,13 @@ def _largest_drive(model: ActuatorModel) -> float:
     assert model.valid is not None
     low, high = model.valid.input
     return high if abs(high) >= abs(low) else low
+
+
+def _rest(model: ActuatorModel) -> float:
+    """Return the drive, between zero and half of the largest, from which on none is negative."""
+    largest = _largest_drive(model)
+    shares = np.atleast_1d(model.parameters["in_0"]) / largest
+    return largest * float(np.clip(shares.max(), 0.0, 0.5))
 
 
 def _slow(size: int) -> FloatArray:
