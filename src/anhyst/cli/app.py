@@ -78,6 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit code: 0 success, 1 negative result, 2 bad input, 130 interrupted.
     """
+    kept = ""
     try:
         code = _run(arguments)
     except (KeyboardInterrupt, typer.Abort):
@@ -87,10 +88,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NEGATIVE
     except Interrupted as stop:
-        print(f"anhyst: interrupted: {one_line(str(stop))}", file=sys.stderr)
-        return INTERRUPTED
+        code, kept = INTERRUPTED, f": {one_line(str(stop))}"
     if code == INTERRUPTED:
-        print("anhyst: interrupted", file=sys.stderr)
+        print(f"anhyst: interrupted{kept}", file=sys.stderr)
         # Python remembers an interrupt that went through an exec (as dataclasses use while they
         # are imported) and would kill itself by it in the end; another exec makes it forget.
         exec("")

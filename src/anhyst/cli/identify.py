@@ -136,7 +136,8 @@ def identify(
     from anhyst.modelfile import write_model
     from anhyst.sources import with_read_options
 
-    with _stoppable(), progress_bar("searching") as progress:
+    checkpoint = _checkpoint(out)
+    with _stoppable(checkpoint), progress_bar("searching") as progress:
         result = find_model(
             measured,
             law=law.value,
@@ -146,7 +147,7 @@ def identify(
             weights=weights.value,
             offsets=offsets,
             progress=progress,
-            checkpoint=_checkpoint(out),
+            checkpoint=checkpoint,
         )
     write_model(with_read_options(result.model, options), out)
     _tell(result, out, as_json)
@@ -160,11 +161,12 @@ def _checkpoint(out: Path) -> Path | None:
 
 
 @contextmanager
-def _stoppable() -> Iterator[None]:
+def _stoppable(checkpoint: Path | None) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        raise Interrupted(f"too early for a model, nothing written; {GO_ON}") from None
+        kept = f"; {GO_ON}" if checkpoint is not None and checkpoint.exists() else ""
+        raise Interrupted(f"too early for a model, nothing written{kept}") from None
 
 
 def _tell(result: IdentifyResult, out: Path, as_json: bool) -> None:
