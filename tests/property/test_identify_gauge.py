@@ -40,12 +40,16 @@ QUANTITY_PAIRS = st.sampled_from(
 LAWS = st.sampled_from(["effective-field", "jiles-atherton-1986"])
 
 
+def omegas(least: float) -> st.SearchStrategy[float]:
+    return st.floats(least, 300.0).map(lambda omega: round(omega, 6))
+
+
 @st.composite
 def local_sets(draw: st.DrawFn, count: int, vary: str, least: float = -2.0) -> list[Local]:
     first = Local(
         kappa=draw(st.floats(0.05, 5.0)),
         c=draw(st.floats(0.0, 0.9)),
-        omega=draw(st.floats(least, 300.0)),
+        omega=draw(omegas(least)),
         scale=draw(st.floats(0.03, 1.0)),
         gain=draw(st.floats(0.1, 10.0)),
         in_0=draw(st.floats(-0.1, 0.1)),
@@ -58,13 +62,13 @@ def local_sets(draw: st.DrawFn, count: int, vary: str, least: float = -2.0) -> l
         if vary == "scale":
             sets.append(replace(first, scale=first.scale * factor))
         elif vary == "omega":
-            sets.append(replace(first, omega=draw(st.floats(least, 300.0))))
+            sets.append(replace(first, omega=draw(omegas(least))))
         else:
             sets.append(
                 replace(
                     first,
                     kappa=first.kappa * factor,
-                    omega=draw(st.floats(least, 300.0)),
+                    omega=draw(omegas(least)),
                     scale=first.scale * draw(st.floats(0.5, 2.0)),
                     gain=first.gain * draw(st.floats(0.5, 2.0)),
                 )

@@ -174,7 +174,7 @@ def predicted(model: ActuatorModel, loopset: LoopSet) -> list[Floats]:
 
 
 def gauge_free(model: ActuatorModel) -> list[Local]:
-    """Parameters that every gauge of a model shares, at each node, by EQUATIONS section 3."""
+    """Parameters that every gauge of a model shares, at each node, (docs/theory.md)."""
     found = []
     for node in model.nodes or (None,):
         p = model.parameters_at(node)

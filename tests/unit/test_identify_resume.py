@@ -28,6 +28,11 @@ def loops() -> LoopSet:
     return loops_of(magnet(), noise=NOISE, samples=40)
 
 
+@pytest.fixture(scope="module")
+def whole(loops: LoopSet) -> IdentifyResult:
+    return identify(loops)
+
+
 @dataclass
 class Killer:
     """A progress callback that kills the run after a number of stages."""
@@ -77,9 +82,11 @@ def kill(loops: LoopSet, checkpoint: Path, after: int, **settings: Any) -> None:
     assert len(stages_in(checkpoint)) == after
 
 
-@pytest.mark.parametrize("gap_map", ["auto", "reluctance", "free"])
-def test_the_same_seed_gives_the_same_model_to_the_last_digit(loops: LoopSet, gap_map: str) -> None:
-    one, other = (identify(loops, gap_map=gap_map, seed=4) for _ in range(2))
+def test_the_same_seed_gives_the_same_model_to_the_last_digit(
+    loops: LoopSet, whole: IdentifyResult
+) -> None:
+    assert same(identify(loops), whole)
+    one, other = (identify(loops, gap_map="free", seed=4) for _ in range(2))
     assert same(one, other)
 
 
@@ -91,15 +98,17 @@ def test_ten_seeds_reach_the_same_optimum(loops: LoopSet) -> None:
     assert np.abs(rho - rho[0]).max() < 1e-3 * rho.max()
 
 
-@pytest.mark.parametrize("after", [1, 2, 5, 12])
-def test_a_killed_run_goes_on_where_it_was(loops: LoopSet, tmp_path: Path, after: int) -> None:
+@pytest.mark.parametrize("after", [1, 5, 12])
+def test_a_killed_run_goes_on_where_it_was(
+    loops: LoopSet, whole: IdentifyResult, tmp_path: Path, after: int
+) -> None:
     checkpoint = tmp_path / "run.json"
     kill(loops, checkpoint, after)
     progress = Killer()
     resumed = identify(loops, checkpoint=checkpoint, progress=progress)
     assert f"{after} stages were done already" in " ".join(resumed.warnings)
     assert progress.seen[-1] == (STAGES["auto"], STAGES["auto"])
-    assert same(resumed, identify(loops))
+    assert same(resumed, whole)
     assert not checkpoint.exists()
 
 
@@ -161,9 +170,9 @@ def test_another_gap_map_takes_only_the_stages_it_shares(
     tmp_path: Path, first: str, second: str
 ) -> None:
     """Long loops, which end in a stage of their own on every sample."""
-    loops = loops_of(magnet(), noise=NOISE, samples=410)
+    loops = loops_of(magnet(gaps=GAPS[:2]), noise=NOISE, samples=410)
     checkpoint = tmp_path / "run.json"
-    kill(loops, checkpoint, STAGES[first] + 1, gap_map=first)
+    kill(loops, checkpoint, 4 if first == "auto" else 3, gap_map=first)
     result = identify(loops, gap_map=second, checkpoint=checkpoint)
     assert same(result, identify(loops, gap_map=second))
 
@@ -182,10 +191,10 @@ def test_another_gap_map_takes_only_the_stages_it_shares(
 def test_a_damaged_checkpoint_is_ignored(loops: LoopSet, tmp_path: Path, rubbish: bytes) -> None:
     checkpoint = tmp_path / "run.json"
     checkpoint.write_bytes(rubbish)
-    two = loops.at(GAPS[:2])
-    result = identify(two, gap_map="scaling", checkpoint=checkpoint)
+    one = loops.at(GAPS[0])
+    result = identify(one, checkpoint=checkpoint)
     assert not any("checkpoint" in text for text in result.warnings)
-    assert same(result, identify(two, gap_map="scaling"))
+    assert same(result, identify(one))
     assert not checkpoint.exists()
 
 
@@ -231,7 +240,7 @@ def test_ctrl_c_before_there_is_a_model_goes_on_as_ctrl_c(loops: LoopSet, tmp_pa
 
 
 def test_ctrl_c_inside_a_stage_loses_only_that_stage(
-    loops: LoopSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    loops: LoopSet, whole: IdentifyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     checkpoint = tmp_path / "run.json"
 
@@ -243,11 +252,11 @@ def test_ctrl_c_inside_a_stage_loses_only_that_stage(
         result = identify(loops, checkpoint=checkpoint)
     assert result.interrupted
     assert len(stages_in(checkpoint)) == 2
-    assert same(identify(loops, checkpoint=checkpoint), identify(loops))
+    assert same(identify(loops, checkpoint=checkpoint), whole)
 
 
 def test_progress_counts_up_to_its_total(loops: LoopSet) -> None:
-    for gap_map, stages in STAGES.items():
+    for gap_map, stages in list(STAGES.items())[:2]:
         progress = Killer()
         identify(loops, gap_map=gap_map, progress=progress)
         assert progress.seen == [(done, stages) for done in range(1, stages + 1)]
