@@ -74,6 +74,23 @@ def test_claims_of_the_core_hold(programs: Path, name: str) -> None:
     assert done.returncode == 0, "\n".join(broken[:40])
 
 
+# What the core may take from a C library: no heap, no input or output, no clock.
+MATHEMATICS = {"exp", "expf", "log", "logf", "sqrt", "sqrtf", "memcpy", "memset", "memmove"}
+COMPILER = {"_GLOBAL_OFFSET_TABLE_", "__cpu_model", "__cpu_indicator_init"}
+
+
+def test_core_has_no_heap_no_globals_no_clock_and_no_output(programs: Path) -> None:
+    if "sanitized" in programs.parents[1].name:
+        return  # the sanitizers bring their own
+    library = programs.parents[1] / "libanhyst_core.a"
+    listing = subprocess.run([tool("nm"), library], capture_output=True, text=True, check=True)
+    symbols = [line.split()[-2:] for line in listing.stdout.splitlines() if len(line.split()) > 1]
+    wanted = {name for kind, name in symbols if kind == "U" and not name.startswith("anhyst_")}
+    writable = {name for kind, name in symbols if kind in set("BbCDdGgSs")}
+    assert wanted <= MATHEMATICS | COMPILER
+    assert writable == set()
+
+
 def test_sanitizers_are_really_on(programs: Path) -> None:
     binary = (programs / "test_solver_f64").read_bytes()
     sanitized = programs.parents[1].name.startswith(("cc-sanitized", "clang-sanitized"))

@@ -61,7 +61,7 @@ public:
     if (anhyst_iron_init_f64(&iron_, kind, m_s, a, k, c, alpha, r_d, branch_.get()) != ANHYST_OK) {
       throw std::invalid_argument(
           "parameters out of range: M_s, a, k > 0, 0.001 <= k/a <= 1000, 0 <= c <= 1, alpha < 1, "
-          "r_d >= 0, and for the law of 1986 alpha*c*M_s/a < 3");
+          "r_d >= 0, and for the law of 1986 alpha*c*M_s/a <= 2.85");
     }
   }
 
@@ -123,6 +123,8 @@ private:
 NB_MODULE(_native, m)
 {
   m.doc() = "The anhyst C core in double precision.";
+  /* Objects kept at module level or in a cache outlive the interpreter: no leak worth a page. */
+  nb::set_leak_warnings(false);
   nb::class_<Iron>(m, "Iron")
       .def(nb::init<double, double, double, double, double, double, const std::string &,
                     const std::string &>(),
