@@ -1,7 +1,7 @@
 """The model of an actuator: what identification gives, and what every use of it starts from.
 
 Around the iron, whose law lives in the core, a model knows how drive and output reach it
-(EQUATIONS sections 2 and 4)::
+(docs/theory.md)::
 
     c_H(gap) * (input - in_0) = H + rho(gap) * B / mu0 + gamma * dB/dt
     output                    = c_out(gap) * B**power + out_0

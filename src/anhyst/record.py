@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.loopset import LoopSet, Source
+from anhyst.data.verdict import largest_output
 
 Range = tuple[float, float]
 
@@ -68,7 +69,8 @@ class FitFigures:
     Parameters
     ----------
     largest_output : float
-        Largest absolute output of all loops, SI; relative figures refer to it.
+        Largest absolute output of all loops (of a displacement: largest range), SI; relative
+        figures refer to it.
     mean_abs, rms, worst : float
         Deviations over all samples as in :class:`LoopFit`, SI.
     loops : tuple of LoopFit
@@ -127,7 +129,7 @@ def fit_figures(
         )
     pooled = np.concatenate(deviations)
     return FitFigures(
-        largest_output=max(row.largest_output for row in rows),
+        largest_output=largest_output(loopset),
         mean_abs=float(pooled.mean()),
         rms=float(np.sqrt(np.mean(pooled**2))),
         worst=float(pooled.max()),

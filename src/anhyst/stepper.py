@@ -200,5 +200,8 @@ class Stepper:
     def _circuit(self, at: float, dt: float | None) -> Circuit:
         if dt is not None and not dt > 0.0:
             raise InputError(f"dt: is {dt:g} s; give a time above 0")
+        begun = self._output is not None  # the first commit has nothing before it to be timed from
+        if dt is None and begun and np.any(self.model.over_schedule("gamma", [at]) > 0.0):
+            raise InputError("dt: the model has eddy currents (gamma); give the time of the step")
         rate = 0.0 if dt is None else 1.0 / dt
         return self.model.circuit(np.array([at]), np.array([rate]))

@@ -58,6 +58,7 @@ def flag(
     if not reachable.all():
         flags.append(_sentence(reachable, output, model.output.unit, rows, _UNREACHABLE))
     if model.valid is None:
+        flags.append("the model does not say where it holds (no [valid]): nothing could be checked")
         return valid, tuple(flags)
     computed = {"drive": model.output, "demand": model.input}[kind]
     ranges = (

@@ -7,6 +7,10 @@
 #include "anhyst/branch.h"
 #include "anhyst/status.h"
 
+/* Largest alpha*c*M_s/a of the law of 1986. At 3 its irreversible part turns vertical; beyond 2.85
+   its sub-steps, of kappa/8*(1 - eps/3), are no longer sure to be stable. */
+#define ANHYST_EPS_MAX 2.85
+
 /* How the irreversible part is carried over one step. */
 typedef enum {
   ANHYST_STEP_EXACT = 0,  /* effective-field law, exact at any step length */

@@ -153,7 +153,8 @@ anhyst_status ANHYST_NAME(anhyst_settle)(const ANHYST_NAME(anhyst_iron) *iron,
     if (status != ANHYST_OK) {
       return status;
     }
-    if (ANHYST_FABS(state->x - before.x) <= tol && ANHYST_FABS(state->y - before.y) <= tol) {
+    if (ANHYST_FABS(state->x - before.x) <= tol && ANHYST_FABS(state->y - before.y) <= tol &&
+        ANHYST_FABS(state->p - before.p) <= tol) {
       return ANHYST_OK;
     }
     y[0] = y[1];

@@ -5,7 +5,7 @@ anhyst_status ANHYST_NAME(anhyst_operator_check)(const ANHYST_NAME(anhyst_operat
   const int ok = law->kappa >= (ANHYST_REAL)ANHYST_KAPPA_MIN &&
                  law->kappa <= (ANHYST_REAL)ANHYST_KAPPA_MAX && law->c >= R(0.0) &&
                  law->c <= R(1.0) && law->play >= R(0.0) &&
-                 law->play <= (ANHYST_REAL)ANHYST_X_MAX && law->eps < R(3.0) &&
+                 law->play <= (ANHYST_REAL)ANHYST_X_MAX && law->eps <= (ANHYST_REAL)ANHYST_EPS_MAX &&
                  law->eps > -(ANHYST_REAL)ANHYST_X_MAX;
   const int table_ok =
       law->step != ANHYST_STEP_EXACT || (law->branch != 0 && !(law->branch->kappa < law->kappa) &&
@@ -58,9 +58,10 @@ static ANHYST_REAL ANHYST_NAME(slope_1986)(const ANHYST_NAME(anhyst_path) *path,
    end is followed, from the steady lag kappa*L'. */
 static ANHYST_REAL ANHYST_NAME(march_1986)(const ANHYST_NAME(anhyst_path) *path, ANHYST_REAL p)
 {
-  const ANHYST_REAL eighth = path->law->kappa / R(8.0);
   const ANHYST_REAL eps = path->law->eps;
   const ANHYST_REAL stretch = R(1.0) - eps / R(3.0);
+  /* The closer eps comes to 3, the stiffer the lag. */
+  const ANHYST_REAL eighth = path->law->kappa / R(8.0) * (stretch < R(1.0) ? stretch : R(1.0));
   const ANHYST_REAL memory =
       R(40.0) * path->law->kappa * (eps < R(0.0) ? stretch * stretch : R(1.0) / stretch);
   ANHYST_REAL at = path->departure;

@@ -25,7 +25,7 @@ public:
     }
     if (anhyst_operator_check_f64(&law_) != ANHYST_OK) {
       throw std::invalid_argument(
-          "parameters out of range: 0.001 <= kappa <= 1000, 0 <= c <= 1, play >= 0, eps < 3");
+          "parameters out of range: 0.001 <= kappa <= 1000, 0 <= c <= 1, play >= 0, eps <= 2.85");
     }
   }
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anhyst.data.branches import Branch, branches, is_bipolar, repeats, smooth
 from anhyst.data.loopset import Loop
-from anhyst.data.noise import TO_SIGMA
+from anhyst.data.noise import TO_SIGMA, noise
 from anhyst.data.path import crossings
 
 Floats = NDArray[np.float64]
@@ -23,6 +23,10 @@ _DRIFTING = 0.05
 _TIPS = 40
 _SYMMETRIC = 0.1
 """Tips of a symmetric loop agree in size within this share."""
+
+
+_END = 6
+"""Samples at an end of a cycle that tell where it begins and ends."""
 
 
 def drift(loop: Loop) -> float | None:
@@ -42,7 +46,7 @@ def drift(loop: Loop) -> float | None:
     missed = closure(loop) if loop.history.kind == "settled" else None
     if missed is None or abs(missed) > _DRIFTING * float(np.ptp(loop.output)):
         return None
-    return missed
+    return missed if abs(missed) > 3.0 * noise(loop.output) else 0.0
 
 
 def closure(loop: Loop) -> float | None:
@@ -60,8 +64,17 @@ def closure(loop: Loop) -> float | None:
     if again.size:
         return float(again[-1] - loop.output[0])
     if abs(loop.input[-1] - level) <= 0.02 * float(np.ptp(loop.input)):
-        return float(loop.output[-1] - loop.output[0])
+        # A cycle often ends one sample before its first one: both ends are taken to the same input.
+        end = _straight_to(loop.input[-_END:], loop.output[-_END:], level)
+        return end - _straight_to(loop.input[:_END], loop.output[:_END], level)
     return None
+
+
+def _straight_to(inputs: Floats, outputs: Floats, level: float) -> float:
+    """Output at an input level, along the straight line through a few samples beside it."""
+    if np.ptp(inputs) == 0.0:
+        return float(outputs.mean())
+    return float(np.polyfit(inputs - level, outputs, 1)[1])
 
 
 def offsets(loop: Loop) -> tuple[float, float] | None:

@@ -29,8 +29,6 @@ from anhyst.model import ActuatorModel
 
 Floats = NDArray[np.float64]
 
-MAPS = ("scaling", "reluctance", "free")
-
 CARRIED = 24
 """Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
 
@@ -113,11 +111,14 @@ def left_out_error(found: Found, loopset: LoopSet, gap: int) -> float:
     return mean / found.space.records.output_span
 
 
-def _maps_to_try(run: Run, wanted: str) -> tuple[str, ...]:
+def _maps_to_try(run: Run, loopset: LoopSet) -> tuple[str, ...]:
+    """Name the maps that `auto` compares: a reluctance in series is physics of a gap only."""
     gaps = run.searched.gaps
-    if gaps >= 2:
-        return MAPS if wanted == "auto" and gaps >= 3 else ("scaling", "reluctance")
-    return ("none",)
+    if gaps < 2:
+        return ("none",)
+    is_gap = loopset.schedule is not None and loopset.schedule.name == "gap"
+    maps = ("scaling", "reluctance") if is_gap else ("scaling",)
+    return (*maps, "free") if gaps >= 3 else maps
 
 
 def require_gaps(records: Records, wanted: str) -> None:
@@ -164,7 +165,7 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
     """
     records = run.searched
     require_gaps(records, wanted)
-    tried = _maps_to_try(run, wanted) if wanted == "auto" else (wanted,)
+    tried = _maps_to_try(run, loopset) if wanted == "auto" else (wanted,)
     interior = range(1, records.gaps - 1)
     joined = sum(len(_variants(run, name)) * (1 + len(interior)) for name in tried)
     run.total = 1 + (joined if records.gaps > 1 else 0) + _is_thinned(run)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from anhyst.data import Loop, LoopSet
 from anhyst.data.path import turning_points
+from anhyst.data.verdict import largest_output
 from anhyst.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -134,8 +135,8 @@ def records_of(loopset: LoopSet, weighting: str = "loops") -> Records:
     groups = loopset.by_schedule()
     loops = [loop for group in groups.values() for loop in group]
     gaps = [place for place, group in enumerate(groups.values()) for _ in group]
-    output_span = max(float(np.max(np.abs(loop.output))) for loop in loops)
-    if output_span == 0.0:
+    output_span = largest_output(loopset)
+    if not any(np.any(loop.output) for loop in loops):
         raise InputError(f"the {loopset.output.name} is zero throughout; check the columns")
     drives = tuple(
         Drive(

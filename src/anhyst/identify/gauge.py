@@ -1,6 +1,6 @@
 """From the gauge-free form to physical parameters, and what had to be fixed to get there.
 
-Outputs do not change along the redundancies of EQUATIONS section 3, so values along them are
+Outputs do not change along the redundancies of docs/theory.md, so values along them are
 chosen, and the choice is told:
 
 - field and flux density measured: nothing is left to choose;

@@ -30,6 +30,9 @@ from anhyst.version import running_version
 
 Floats = NDArray[np.float64]
 
+AT_REST = 0.01
+"""A smallest input below this share of the largest counts as zero."""
+
 SEARCHES = ("default", "paper")
 
 FEWEST = 5
@@ -234,8 +237,11 @@ def _valid(loopset: LoopSet) -> ValidRange:
         return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
 
     at = loopset.schedule_values
+    low, high = span([loop.input for loop in loopset.loops])
+    if 0.0 < low <= AT_REST * high:
+        low = 0.0  # the sensor's offset is no reason to flag a drive at rest
     return ValidRange(
-        input=span([loop.input for loop in loopset.loops]),
+        input=(low, high),
         output=span([loop.output for loop in loopset.loops]),
         schedule=(at[0], at[-1]) if at else None,
     )

@@ -4,7 +4,7 @@ Each round tries every parameter that still differs from gap to gap: it is repla
 over the gaps, and the others are searched again at each gap, briefly. The cheapest is kept so and
 the others are searched in full. The rounds end when one parameter is left. So the order is found
 and not fixed. Before the first round all gaps are moved to one gauge, since a mean over different
-gauges means nothing (EQUATIONS section 3).
+gauges means nothing (docs/theory.md).
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ from anhyst.record import ReductionStep
 
 _SAME = 0.01
 """Costs that differ by less than this share are taken as equal: a simplex ends no more exactly."""
+
+_NOTHING = 1e-5
+"""So are costs that differ by less than this part of the largest output: no sensor tells them."""
 
 
 def stages_of(bench: Bench, last: str | None) -> int:
@@ -63,7 +66,7 @@ def _beside(bench: Bench, gap: int, own: Values, near: Values | None) -> tuple[V
         if begin is not None
     ]
     costs = [bench.cost_at(gap, values) for values, _ in ends]
-    best = 0 if costs[0] <= (1.0 + _SAME) * min(costs) else 1
+    best = 0 if costs[0] <= _alike(min(costs)) else 1
     return ends[best][0], sum(evaluations for _, evaluations in ends)
 
 
@@ -134,11 +137,16 @@ def _stage(varying: Sequence[str], what: str) -> str:
 
 def _cheapest(stand: Stand, costs: dict[str, float]) -> str:
     """Choose what to freeze; of those that cost the same, what differs least from gap to gap."""
-    limit = min(costs.values()) * (1.0 + _SAME)
+    limit = _alike(min(costs.values()))
     return min(
         (name for name, cost in costs.items() if cost <= limit),
         key=lambda name: _spread(name, [one[name] for one in stand.sets]),
     )
+
+
+def _alike(cost: float) -> float:
+    """Highest cost that counts as the same as this one."""
+    return cost * (1.0 + _SAME) + _NOTHING
 
 
 def _spread(name: str, values: Sequence[float]) -> float:

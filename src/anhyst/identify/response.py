@@ -1,6 +1,6 @@
 """What the law answers to one drive, with derivatives, in the gauge-free form.
 
-At one gap and in units of the law (EQUATIONS section 3)::
+At one gap and in units of the law (docs/theory.md)::
 
     xi + omega*m(xi) = (input - in_0)/scale,    output = gain*(m + h*xi)**power + out_0
 

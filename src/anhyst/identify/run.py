@@ -116,6 +116,8 @@ class Run:
 
 def _key(run: Run) -> str:
     digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())  # a search that was changed does not go on
     digest.update(
         f"{running_version()} {run.form} {run.seed} {sorted(run.held)} {run.key}".encode()
     )

@@ -139,7 +139,7 @@ def _as_reluctance(bench: Bench, stand: Stand) -> Found:
     """Read alpha over the gap as a series reluctance over the gap.
 
     They are the same up to the slope of the air core, which the common gauge has made small
-    (EQUATIONS section 4). With a reluctance the gap may move during a run, with alpha it may not.
+    (docs/theory.md). With a reluctance the gap may move during a run, with alpha it may not.
     """
     sets = [local_of(one, bench.run.form.power) for one in stand.sets]
     h = float(np.mean([local.h for local in sets]))

@@ -130,8 +130,9 @@ def _statements(
     form, gap_map = found.space.form, found.space.gap_map
     if form.permeability == 0.0:
         said.append(
-            "the slope of the air core is not told by these quantities: a/(M_s*(1-alpha)) is set "
-            f"to {form.h:g}, and M_s by choice of gauge; outputs do not depend on the choice"
+            "M_s is a choice of gauge, on which no output depends; the slope of the air core is "
+            f"hardly told by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
+            "beyond the measured range"
         )
     if gap_map == "reluctance":
         said.append(

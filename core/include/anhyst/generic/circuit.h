@@ -66,8 +66,8 @@ anhyst_status ANHYST_NAME(anhyst_record)(const ANHYST_NAME(anhyst_iron) *iron,
                                          const ANHYST_REAL *eddy, ANHYST_REAL *found,
                                          ANHYST_REAL *field, size_t *index);
 
-/* Repeats a cycle of n samples until x and y return within tol (in units of a and M_s) after one
-   repetition; every third repetition is used to extrapolate, since the law creeps geometrically.
+/* Repeats a cycle of n samples until x, y and p return within tol (in units of a and M_s) after one
+   repetition; every fourth repetition is used to extrapolate, since the law creeps geometrically.
    The state is then that of the settled cycle before its first sample; *cycles counts the
    repetitions. Returns ANHYST_NOT_SETTLED after most_cycles. */
 anhyst_status ANHYST_NAME(anhyst_settle)(const ANHYST_NAME(anhyst_iron) *iron,
