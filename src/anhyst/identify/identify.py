@@ -199,7 +199,8 @@ def _fitted(found: Found, loopset: LoopSet) -> tuple[Floats, ...]:
 
 
 def _warnings(loopset: LoopSet, run: Run, why: str, quantities: int) -> list[str]:
-    warnings = [why] if run.records.gaps == 2 else []
+    warnings = [note for note in loopset.notes if "columns not used" in note]
+    warnings += [why] if run.records.gaps == 2 else []
     if run.resumed:
         warnings.append(f"went on from a checkpoint: {run.resumed} stages were done already")
     if loopset.schedule is not None and run.records.gaps == 1:
