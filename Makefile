@@ -78,7 +78,8 @@ build/analysis/compile_commands.json: CMakeLists.txt core/core.cmake tests/core/
 
 .venv/.stamp-package: .venv/.stamp-tools $(BUILD_INPUTS)
 	@echo "make: building the core and installing anhyst into .venv"
-	@PATH="$(CURDIR)/$(BIN):$$PATH" $(PIP) install --no-build-isolation --editable '.[dev]'
+	@if [ -x $(BIN)/c++ ]; then export CXX="$(CURDIR)/$(BIN)/c++"; fi; \
+		PATH="$(CURDIR)/$(BIN):$$PATH" $(PIP) install --no-build-isolation --editable '.[dev]'
 	@touch $@
 
 .venv/.stamp-bench: .venv/.stamp-package
