@@ -5,8 +5,8 @@ anhyst_status ANHYST_NAME(anhyst_operator_check)(const ANHYST_NAME(anhyst_operat
   const int ok = law->kappa >= (ANHYST_REAL)ANHYST_KAPPA_MIN &&
                  law->kappa <= (ANHYST_REAL)ANHYST_KAPPA_MAX && law->c >= R(0.0) &&
                  law->c <= R(1.0) && law->play >= R(0.0) &&
-                 law->play <= (ANHYST_REAL)ANHYST_X_MAX && law->eps <= (ANHYST_REAL)ANHYST_EPS_MAX &&
-                 law->eps > -(ANHYST_REAL)ANHYST_X_MAX;
+                 law->play <= (ANHYST_REAL)ANHYST_X_MAX &&
+                 law->eps <= (ANHYST_REAL)ANHYST_EPS_MAX && law->eps > -(ANHYST_REAL)ANHYST_X_MAX;
   const int table_ok =
       law->step != ANHYST_STEP_EXACT || (law->branch != 0 && !(law->branch->kappa < law->kappa) &&
                                          !(law->branch->kappa > law->kappa));

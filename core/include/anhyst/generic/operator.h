@@ -61,6 +61,7 @@ void ANHYST_NAME(anhyst_path_begin)(ANHYST_NAME(anhyst_path) *path,
 
 /* The answer at x, on the path's side of its start. Neither law nor state is changed.
    Error of m: 5e-11 exact step (double); linear step 0.0133*d^2 for a step of length d; law of
-   1986 about 2e-6 (Runge-Kutta, sub-steps of kappa/8, of kappa/8*(1 - eps/3) for eps > 0, and at most (1+|x|)/16). */
+   1986 about 2e-6 (Runge-Kutta, sub-steps of kappa/8, of kappa/8*(1 - eps/3) for eps > 0, and at
+   most (1+|x|)/16). */
 void ANHYST_NAME(anhyst_path_at)(ANHYST_NAME(anhyst_path) *path, ANHYST_REAL x,
                                  ANHYST_NAME(anhyst_answer) *answer);
