@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from .command import anhyst, refused
+from .command import quick, refused
 from .records import model, table
 
 
@@ -99,7 +99,7 @@ def test_model_and_drive_in_the_wrong_order_are_refused(folder: Path) -> None:
 
 def test_what_no_drive_can_give_is_flagged(folder: Path) -> None:
     (folder / "demand.csv").write_text("F_N,gap_mm\n50,0.3\n-50,0.3\n900,0.3\n50,0.3\n")
-    result = anhyst("invert", "model.toml", "demand.csv", "-o", "out.csv", "--json", cwd=folder)
+    result = quick("invert", "model.toml", "demand.csv", "-o", "out.csv", "--json", cwd=folder)
     assert result.returncode == 0
     assert "1 of 4 rows demand less than any drive can give (first: row 2, -50 N)" in result.stderr
     assert "lie outside the valid range of force, 0 to 500 N (first: row 2, -50 N)" in result.stderr
@@ -110,7 +110,7 @@ def test_what_no_drive_can_give_is_flagged(folder: Path) -> None:
 
 def test_gaps_in_mm_that_are_said_to_be_m_are_flagged(folder: Path) -> None:
     (folder / "drive.csv").write_text("I_A,gap_m\n0,0.3\n1,0.3\n")
-    result = anhyst("predict", "model.toml", "drive.csv", "-o", "out.csv", cwd=folder)
+    result = quick("predict", "model.toml", "drive.csv", "-o", "out.csv", cwd=folder)
     assert result.returncode == 0
     assert "2 of 2 rows lie outside the valid range of gap, 0.0003 to 0.0006 m" in result.stderr
 
@@ -123,7 +123,7 @@ def test_one_column_is_enough_for_a_model_without_a_gap(folder: Path) -> None:
     kept = [line for line in text.splitlines() if not line.startswith("gap_m =")]
     (folder / "model.toml").write_text("\n".join(kept) + "\n")
     (folder / "drive.csv").write_text("I_A\n0\n1\n2\n")
-    result = anhyst("predict", "model.toml", "drive.csv", "-o", "out.csv", "--json", cwd=folder)
+    result = quick("predict", "model.toml", "drive.csv", "-o", "out.csv", "--json", cwd=folder)
     assert result.returncode == 0, result.stderr
     summary = json.loads(result.stdout)
     assert summary["rows"] == 3

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from .command import Result, anhyst, as_ordinary_user, refused, said_in_one_line
+from .command import Result, anhyst, as_ordinary_user, quick, refused, said_in_one_line
 from .records import GAPS, Row, rows, table
 
 
@@ -45,14 +45,16 @@ def fitted(result: Result, code: int = 0) -> list[str]:
 
 def test_the_good_table_is_good(tmp_path: Path) -> None:
     write(tmp_path, table())
-    result = anhyst("identify", "loops.csv", "--out", "model.toml", cwd=tmp_path)
+    result = quick("identify", "loops.csv", "--out", "model.toml", cwd=tmp_path)
     assert all("two gaps" in line for line in fitted(result))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["loops.csv", "model.toml"]
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     assert identify(tmp_path) == "loops.csv: no such file; check the path"
-    assert refused("inspect", "loops.csv", cwd=tmp_path).startswith("loops.csv: no such file")
+    for verb in (["inspect", "loops.csv"], ["identify", "loops.csv", "--out", "model.toml"]):
+        said = said_in_one_line(anhyst(*verb, cwd=tmp_path))
+        assert said == "loops.csv: no such file; check the path"
 
 
 def test_a_folder_without_tables_is_named(tmp_path: Path) -> None:
@@ -176,7 +178,7 @@ def test_a_gap_map_needs_two_gaps(tmp_path: Path) -> None:
 
 def test_one_gap_alone_is_warned_of(tmp_path: Path) -> None:
     write(tmp_path, table(rows(GAPS[:1])))
-    told = fitted(anhyst("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
+    told = fitted(quick("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
     assert any("loops at one gap only: the model holds there and nowhere else" in t for t in told)
     assert any("one loop only" in text for text in told)
 
@@ -184,14 +186,14 @@ def test_one_gap_alone_is_warned_of(tmp_path: Path) -> None:
 def test_millimetres_in_a_column_of_metres_are_warned_of(tmp_path: Path) -> None:
     write(tmp_path, each(lambda row: [*row[:3], row[3].replace("e-3", "")]))
     for verb in (["inspect", "loops.csv"], ["identify", "loops.csv", "-o", "model.toml"]):
-        told = fitted(anhyst(*verb, cwd=tmp_path))
+        told = fitted(quick(*verb, cwd=tmp_path))
         advice = "anhyst: warning: gaps up to 500 mm are very wide for an electromagnet; if the"
         assert any(text.startswith(advice) and "name the column 'gap_mm'" in text for text in told)
 
 
 def test_gaps_that_are_all_but_the_same_are_warned_of(tmp_path: Path) -> None:
     write(tmp_path, table(rows((0.3, 0.30001, 0.5))))
-    told = fitted(anhyst("inspect", "loops.csv", cwd=tmp_path))
+    told = fitted(quick("inspect", "loops.csv", cwd=tmp_path))
     assert any("gap 0.0003 and 0.00030001 m are all but the same" in text for text in told)
 
 
@@ -225,7 +227,7 @@ def test_the_same_record_at_two_gaps_is_refused(tmp_path: Path) -> None:
 def test_the_same_file_twice_counts_once(tmp_path: Path) -> None:
     write(tmp_path, table(), "one.csv")
     write(tmp_path, table(), "two.csv")
-    result = anhyst("inspect", "one.csv", "two.csv", "--json", cwd=tmp_path)
+    result = quick("inspect", "one.csv", "two.csv", "--json", cwd=tmp_path)
     assert fitted(result) == []
     found = json.loads(result.stdout)
     assert len(found["loops"]) == 2
@@ -251,7 +253,7 @@ def test_a_gap_that_moves_is_not_fitted(tmp_path: Path) -> None:
 def test_few_samples_are_warned_of(tmp_path: Path) -> None:
     lines = rows(GAPS[:1])
     write(tmp_path, table([*lines[:40:10], lines[39], *lines[40::10]]))
-    told = fitted(anhyst("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
+    told = fitted(quick("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
     assert any("samples for" in text and "record more samples" in text for text in told)
 
 

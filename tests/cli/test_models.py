@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from .command import anhyst, refused
+from .command import quick, refused
 from .records import model, table
 
 GOOD = model()
@@ -49,7 +49,7 @@ def damage(folder: Path, content: str | bytes) -> Path:
 def test_the_good_model_is_good(folder: Path) -> None:
     damage(folder, GOOD)
     for verb in ("predict", "invert", "diff"):
-        result = anhyst(*VERBS[verb], cwd=folder)
+        result = quick(*VERBS[verb], cwd=folder)
         assert result.returncode == 0, result.stderr
 
 

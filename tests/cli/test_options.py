@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from .command import ENVIRONMENT, anhyst, refused
+from .command import ENVIRONMENT, quick, refused
 from .records import model, table
 
 IDENTIFY = ["identify", "loops.csv", "--out", "model.toml"]
@@ -68,10 +68,10 @@ def test_what_is_read_is_not_written_over(folder: Path) -> None:
 
 
 def test_a_model_beside_its_measurements_is_no_sidecar(folder: Path) -> None:
-    first = anhyst("identify", "loops.csv", "--out", "loops.toml", cwd=folder)
+    first = quick("identify", "loops.csv", "--out", "loops.toml", cwd=folder)
     assert first.returncode == 0, first.stderr
     text = (folder / "loops.toml").read_text()
-    again = anhyst("identify", "loops.csv", "--out", "loops.toml", cwd=folder)
+    again = quick("identify", "loops.csv", "--out", "loops.toml", cwd=folder)
     assert again.returncode == 0, again.stderr
     assert (folder / "loops.toml").read_text() == text
 

@@ -1,0 +1,68 @@
+"""Commands in processes of their own that need not import anything first.
+
+Run as a script: it loads the package once; for each line ``{"arguments": [...], "cwd": "..."}`` on
+its standard input it forks, and the child becomes the command, with its own standard streams, end
+and exit code. What it answers is a line with the code and what was written to both streams.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import json
+import os
+import signal
+import sys
+import tempfile
+from typing import IO
+
+PATIENCE = 180
+"""Seconds after which a command is killed."""
+
+
+def serve() -> None:
+    """Answer requests until there are no more."""
+    load()
+    for line in sys.stdin:
+        request = json.loads(line)
+        print(json.dumps(run(request["arguments"], request["cwd"])), flush=True)
+
+
+def load() -> None:
+    """Import what the verbs import, and keep the children from looking through all of it."""
+    names = ("cli.app", "data.inspection", "diff", "identify", "report", "runfile")
+    for name in (*(f"anhyst.{name}" for name in names), "scipy.stats", "scipy.interpolate"):
+        importlib.import_module(name)
+    gc.collect()
+    gc.freeze()
+
+
+def run(arguments: list[str], cwd: str) -> tuple[int, str, str]:
+    """Run one command to its end; return its code and what it printed and said."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        child = os.fork()
+        if child == 0:
+            become(arguments, cwd, out, err)
+        _, status = os.waitpid(child, 0)
+        printed, said = (
+            os.pread(stream.fileno(), os.fstat(stream.fileno()).st_size, 0).decode()
+            for stream in (out, err)
+        )
+    return os.waitstatus_to_exitcode(status), printed, said
+
+
+def become(arguments: list[str], cwd: str, out: IO[bytes], err: IO[bytes]) -> None:
+    """Turn this process into a command; does not return."""
+    from anhyst.cli.app import main
+
+    signal.alarm(PATIENCE)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(out.fileno(), 1)
+    os.dup2(err.fileno(), 2)
+    os.chdir(cwd)
+    sys.argv = ["anhyst", *arguments]
+    sys.exit(main())
+
+
+if __name__ == "__main__":
+    serve()
