@@ -95,7 +95,7 @@ def test_settled_cycles_close_alike_with_and_without_derivatives(name: str) -> N
 
 
 def test_a_cycle_that_creeps_is_closed_to_its_end() -> None:
-    truth = core(M_s=1e6, a=45.0, k=145.0, c=0.15, alpha=9.5e-5, in_0=0.0, out_0=0.0)
+    truth = core(M_s=1e6, a=157.0, k=509.0, c=0.15, alpha=3.3e-4, in_0=0.0, out_0=0.0)
     loops = loops_of(truth)
     space = space_of(truth, "none", loops)
     objective = Objective(space)

@@ -266,7 +266,7 @@ def test_fitted_loops_keep_the_order_of_the_set(history: str) -> None:
 
 def test_a_creeping_inner_loop_is_settled_in_the_figures_too() -> None:
     """Steep, wide loops take hundreds of plain repetitions to close."""
-    truth = core(M_s=1e6, a=45.0, k=145.0, c=0.15, alpha=9.5e-5, in_0=0.0, out_0=0.0)
+    truth = core(M_s=1e6, a=157.0, k=509.0, c=0.15, alpha=3.3e-4, in_0=0.0, out_0=0.0)
     loops = loops_of(truth)
     again = loops_of(truth, "settled", samples=160)
     result = identify(loops)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -156,11 +156,17 @@ def test_other_data_do_not_go_on_from_there(loops: LoopSet, tmp_path: Path) -> N
     result = identify(others, gap_map="reluctance", checkpoint=checkpoint)
     assert not any("checkpoint" in text for text in result.warnings)
     assert same(result, identify(others, gap_map="reluctance"))
-    moved = replace(loops.loops[0], history=loops_of(magnet(), "demagnetised").loops[0].history)
-    kill(loops, checkpoint, 2, gap_map="reluctance")
-    past = loops.with_loops([moved, *loops.loops[1:]])
-    again = identify(past, gap_map="reluctance", checkpoint=checkpoint)
-    assert not any("checkpoint" in text for text in again.warnings)
+
+
+@pytest.mark.parametrize("history", ["settled", "conditioned:0,1.9,0"])
+def test_another_past_does_not_go_on_from_there(
+    loops: LoopSet, tmp_path: Path, history: str
+) -> None:
+    checkpoint = tmp_path / "run.json"
+    one = loops.at(GAPS[:2])
+    kill(one.with_history("conditioned:0,2,0"), checkpoint, 1, gap_map="reluctance")
+    result = identify(one.with_history(history), gap_map="reluctance", checkpoint=checkpoint)
+    assert not any("checkpoint" in text for text in result.warnings)
 
 
 @pytest.mark.parametrize(
