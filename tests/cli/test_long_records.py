@@ -23,7 +23,7 @@ GAPS = (0.3, 0.4, 0.5, 0.6)
 
 BASE = 160e6
 """Bytes that the interpreter and the libraries take before anything is read."""
-EACH = 110.0
+EACH = 90.0
 """Bytes a row: four numbers make 32, what is computed and passes through comes on top."""
 
 LAUNCHER = """
