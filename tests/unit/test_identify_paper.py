@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,7 +69,7 @@ def stopper(after: int) -> Callable[[int, int], None]:
 def truth() -> ActuatorModel:
     """Only c_H runs over the gap, as in the paper; the slope of its air core is that of iron."""
     c_h = tuple(0.01 / (1.5e-5 + 0.19 * gap) for gap in GAPS)
-    iron = {"a": 10.0, "k": 7.0, "alpha": -4e-5, "in_0": 0.0, "out_0": 0.0}
+    iron: dict[str, Any] = {"a": 10.0, "k": 7.0, "alpha": -4e-5, "in_0": 0.0, "out_0": 0.0}
     return magnet("scaling", gaps=THREE, c_H=c_h, **iron)
 
 

@@ -29,6 +29,9 @@ from anhyst.model import ActuatorModel
 
 Floats = NDArray[np.float64]
 
+_AS_GOOD = 1.02
+"""A left-out error within this factor of the least counts as equal to it."""
+
 CARRIED = 24
 """Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
 
@@ -112,12 +115,16 @@ def left_out_error(found: Found, loopset: LoopSet, gap: int) -> float:
 
 
 def _maps_to_try(run: Run, loopset: LoopSet) -> tuple[str, ...]:
-    """Name the maps that `auto` compares: a reluctance in series is physics of a gap only."""
+    """Name the maps that `auto` compares, the simplest first.
+
+    A reluctance in series is physics of a gap only, and does not go with the law of 1986.
+    """
     gaps = run.searched.gaps
     if gaps < 2:
         return ("none",)
     is_gap = loopset.schedule is not None and loopset.schedule.name == "gap"
-    maps = ("scaling", "reluctance") if is_gap else ("scaling",)
+    in_series = is_gap and run.form.law == "effective-field"
+    maps = ("scaling", "reluctance") if in_series else ("scaling",)
     return (*maps, "free") if gaps >= 3 else maps
 
 
@@ -261,7 +268,9 @@ def _choose(fits: dict[str, Found], errors: dict[str, float], wanted: str) -> tu
             )
         return fits[wanted], why
     if errors:
-        best = min(errors, key=lambda name: errors[name])
+        # Of maps that are as good as each other, the simplest.
+        enough = _AS_GOOD * min(errors.values())
+        best = next(name for name, error in errors.items() if error <= enough)
         others = ", ".join(
             f"{n} {100 * e:.2g} %" if np.isfinite(e) else f"{n} cannot be computed there"
             for n, e in errors.items()

@@ -149,6 +149,13 @@ def _check(law: str, gap_map: str, search: str) -> None:
     ):
         if value not in known:
             raise InputError(f"{what} '{value}' is unknown; use one of {', '.join(known)}")
+    if law == "jiles-atherton-1986" and gap_map == "reluctance":
+        # There alpha acts on the irreversible part alone, which a reluctance does not: one number
+        # would be fitted for two.
+        raise InputError(
+            "gap map 'reluctance' does not go with the law jiles-atherton-1986; use --law "
+            "effective-field, or --gap-map scaling"
+        )
 
 
 @dataclass(frozen=True, eq=False)
