@@ -195,8 +195,7 @@ def _find_runs(table: Table, schedule: FloatArray | None, *, settled: bool) -> l
     everything = np.arange(len(table))
     if labels is None:
         return _by_value(schedule, everything) if settled else [everything]
-    loops = [np.flatnonzero(labels.codes == code) for code in range(len(labels.values))]
-    return [run for rows in loops if rows.size for run in _by_value(schedule, rows)]
+    return [run for rows in labels.groups() for run in _by_value(schedule, rows)]
 
 
 def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:

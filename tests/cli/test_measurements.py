@@ -209,6 +209,14 @@ def test_a_gap_that_comes_again_must_be_told_apart(tmp_path: Path) -> None:
     assert said.endswith("tell loops apart by a column 'loop'")
 
 
+def test_a_counter_of_rows_is_no_label_of_loops(tmp_path: Path) -> None:
+    lines = [[str(place), *row[1:3]] for place, row in enumerate(rows() * 60)]
+    said = identify(write(tmp_path, table(lines, "loop,I_A,F_N")))
+    assert said.startswith("loops.csv: holds more than 2000 loops; is the column 'loop' a counter")
+    told = ["--columns", "loop=", "--clean", "none", "--history", "settled"]
+    assert fitted(quick("inspect", "loops.csv", *told, cwd=tmp_path)) == []
+
+
 def test_two_files_at_one_gap_must_be_told_apart(tmp_path: Path) -> None:
     write(tmp_path, table(), "one.csv")
     write(tmp_path, changed(9, 2, "0.5"), "two.csv")

@@ -82,6 +82,12 @@ def test_spikes_go_and_tips_stay() -> None:
     assert np.array_equal(cleaned.loops[0].output, np.delete(flux, [60, 333, 650]))
 
 
+def test_cycles_of_two_kinds_in_turn_are_no_drift() -> None:
+    drive = np.tile(np.concatenate([np.linspace(0, 1, 40), np.linspace(1, 0, 40)]), 20)
+    size = np.repeat(np.arange(20) % 2, 80)
+    assert estimates.drift(record(drive, drive**2 * (1.0 + size)).loops[0]) is None
+
+
 def test_drift_is_found_and_removed() -> None:
     field, flux, _ = iron()
     field, flux = field[SAMPLES:], flux[SAMPLES:]

@@ -51,6 +51,12 @@ class Texts:
     def __len__(self) -> int:
         return self.codes.size
 
+    def groups(self) -> list[NDArray[np.intp]]:
+        """Return the rows of each text that occurs, ascending, in the order of `values`."""
+        order = np.argsort(self.codes, kind="stable")
+        ends = np.cumsum(np.bincount(self.codes, minlength=len(self.values)))
+        return [rows for rows in np.split(order, ends[:-1]) if rows.size]
+
     def rows(self) -> list[str]:
         """Return the text of every row."""
         return [self.values[code] for code in self.codes.tolist()]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.history import History, propose_history
+from anhyst.data.joining import Part, join
 from anhyst.data.layout import PathLike, is_number, read_layout
 from anhyst.data.loopset import Loop, LoopSet, Source
 from anhyst.data.path import time_fault, value_fault
@@ -18,7 +19,7 @@ from anhyst.data.rawtable import Progress, Texts, read_raw, row_line
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
 from anhyst.data.sidecar import Reading, is_sidecar
 from anhyst.data.table import map_headers
-from anhyst.data.units import GAP_ADVICE, QUANTITIES, Header, Quantity
+from anhyst.data.units import GAP_ADVICE, QUANTITIES, Header
 from anhyst.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -26,6 +27,7 @@ Rows = NDArray[np.intp]
 
 _DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
+_MOST_LOOPS = 2000
 _ALONE = "1"
 """Label of a loop that nobody labelled."""
 _SUFFIXES = (".csv", ".tsv", ".txt", ".dat")
@@ -45,19 +47,6 @@ class _Columns:
     time: Floats | None
     labels: Texts
     where: Callable[[int], str]
-
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """The loops of one source."""
-
-    place: str
-    loops: tuple[Loop, ...]
-    input: Quantity
-    output: Quantity
-    schedule: Quantity | None
-    source: Source | None
-    notes: tuple[str, ...]
 
 
 def read_loops(
@@ -94,7 +83,7 @@ def read_loops(
     for path in files:
         reading = told.over(beside if beside is not None else _find_sidecar(path))
         parts.append(_read_file(path, reading, progress, alone=len(files) == 1))
-    return _join(parts)
+    return join(parts)
 
 
 def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
@@ -153,7 +142,7 @@ def loops_of_frame(frame: Any, told: Reading) -> LoopSet:
         labels,
         lambda row: f"{place}: row {row}",
     )
-    return _join([_cut(columns, headers, roles, told, None, ())])
+    return join([_cut(columns, headers, roles, told, None, ())])
 
 
 def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
@@ -178,7 +167,7 @@ def _find_sidecar(path: Path) -> Reading:
     return Reading.from_toml(sidecar) if found else Reading()
 
 
-def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: bool) -> _Part:
+def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: bool) -> Part:
     layout = read_layout(path)
     told = with_file_name(path, told)
     headers = map_headers(str(path), layout.header, told.columns, layout.units)
@@ -263,7 +252,7 @@ def _cut(
     told: Reading,
     source: Source | None,
     notes: Sequence[str],
-) -> _Part:
+) -> Part:
     """Cut the columns of one source into loops, by label and scheduling value."""
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
@@ -285,7 +274,7 @@ def _cut(
         loops.append(loop)
         found += [note] if note else []
     texts = tuple(f"{columns.place}: {text}" for text in found)
-    return _Part(columns.place, tuple(loops), drive, answer, quantity, source, texts)
+    return Part(columns.place, tuple(loops), drive, answer, quantity, source, texts)
 
 
 def _refuse_negative_gaps(columns: _Columns) -> None:
@@ -301,12 +290,16 @@ def _refuse_negative_gaps(columns: _Columns) -> None:
 def _blocks(columns: _Columns) -> list[Rows]:
     """Rows of each loop, in their order."""
     blocks: list[Rows] = []
-    for code in range(len(columns.labels.values)):
-        rows = np.flatnonzero(columns.labels.codes == code)
-        if columns.schedule is None or rows.size == 0:
-            blocks += [rows] if rows.size else []
-            continue
-        blocks += _by_value(columns, columns.schedule[rows], rows)
+    for rows in columns.labels.groups():
+        if columns.schedule is None:
+            blocks.append(rows)
+        else:
+            blocks += _by_value(columns, columns.schedule[rows], rows)
+        if len(blocks) > _MOST_LOOPS:
+            raise InputError(
+                f"{columns.place}: holds more than {_MOST_LOOPS} loops; is the column 'loop' a "
+                "counter of rows? Leave it out: map it to ''"
+            )
     return blocks
 
 
@@ -376,71 +369,3 @@ def _loop(columns: _Columns, rows: Rows, told: Reading) -> tuple[Loop, str | Non
     history, reason = propose_history(drive, answer)
     note = f"history of loop '{label}' taken as {history}: {reason}"
     return replace(loop, history=history), note
-
-
-def _join(parts: Sequence[_Part]) -> LoopSet:
-    """Join the loops of several sources into one set."""
-    first = parts[0]
-    for part in parts[1:]:
-        _must_agree(first, part)
-    notes = [note for part in parts for note in part.notes]
-    kept: list[tuple[Loop, str]] = []
-    for part in parts:
-        for loop in part.loops:
-            snapped = _snap(loop, kept)
-            twin = _find_twin(snapped, kept, part.place)
-            if twin is None:
-                kept.append((snapped, part.place))
-            else:
-                notes.append(f"{part.place}: loop '{loop.label}' is the one in {twin}: left out")
-    loops = tuple(loop for loop, _ in kept)
-    sources = tuple(part.source for part in parts if part.source is not None)
-    return LoopSet(loops, first.input, first.output, first.schedule, sources, tuple(notes))
-
-
-def _must_agree(first: _Part, part: _Part) -> None:
-    for role in ("input", "output", "schedule"):
-        mine, theirs = getattr(first, role), getattr(part, role)
-        if mine != theirs:
-            texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
-            raise InputError(
-                f"{part.place}: its {role} is {texts[1]} but that of {first.place} is {texts[0]}; "
-                "files read together must hold the same quantities"
-            )
-
-
-def _snap(loop: Loop, kept: Sequence[tuple[Loop, str]]) -> Loop:
-    """Give a scheduling value that differs from an earlier one by rounding only that value."""
-    value = loop.schedule_value
-    if value is None:
-        return loop
-    for other, _ in kept:
-        near = other.schedule_value
-        if near is not None and near != value and abs(near - value) <= 1e-9 * abs(near):
-            return replace(loop, schedule=np.full(loop.n, near))
-    return loop
-
-
-def _find_twin(loop: Loop, kept: Sequence[tuple[Loop, str]], place: str) -> str | None:
-    """Name the file that holds the same loop already; refuse contradictions."""
-    for other, file in kept:
-        same_place = other.schedule_value == loop.schedule_value and (
-            loop.schedule is None or loop.schedule_value is not None
-        )
-        same_data = np.array_equal(loop.input, other.input) and np.array_equal(
-            loop.output, other.output
-        )
-        if same_data and same_place and file != place:
-            return file
-        if same_data and not same_place and loop.schedule_value is not None:
-            raise InputError(
-                f"{place}: holds the same data at {loop.schedule_value:g} as {file} at "
-                f"{other.schedule_value}; one of the two is mislabelled"
-            )
-        if same_place and other.label == loop.label:
-            at = "" if loop.schedule_value is None else f" at {loop.schedule_value:g}"
-            raise InputError(
-                f"{place}: loop '{loop.label}'{at} is also in {file}, with other data; leave one "
-                "out, or tell them apart by a column 'loop'"
-            )
-    return None
