@@ -6,7 +6,9 @@ anhyst_status ANHYST_NAME(anhyst_iron_init)(ANHYST_NAME(anhyst_iron) *iron, anhy
                                             ANHYST_REAL interaction, ANHYST_REAL play_width,
                                             const ANHYST_NAME(anhyst_branch) *branch)
 {
-  if (!(saturation > R(0.0)) || !(shape > R(0.0)) || !(interaction < R(1.0))) {
+  /* Written so that NaN and infinity fail too. */
+  if (!(saturation > R(0.0)) || !(shape > R(0.0)) || !(interaction < R(1.0)) ||
+      !((R(1.0) - interaction) * (saturation / shape) < R(1e12))) {
     return ANHYST_BAD_PARAMETER;
   }
   iron->saturation = saturation;
@@ -77,7 +79,8 @@ anhyst_status ANHYST_NAME(anhyst_inverse)(const ANHYST_NAME(anhyst_iron) *iron,
   reaction->field = iron->shape * found.state.x - iron->interaction * iron->saturation * found.m;
   reaction->flux = flux;
   reaction->drive = reaction->field + circuit->gap_ratio * both + circuit->eddy * (flux - past);
-  return ANHYST_OK;
+  /* The solver has not seen the circuit: one that is not finite shows only here. */
+  return ANHYST_FABS(reaction->drive) <= R(1e30) ? ANHYST_OK : ANHYST_OUT_OF_RANGE;
 }
 
 anhyst_status ANHYST_NAME(anhyst_commit)(const ANHYST_NAME(anhyst_iron) *iron,

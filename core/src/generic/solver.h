@@ -121,6 +121,10 @@ static anhyst_status ANHYST_NAME(walk)(ANHYST_NAME(search) *find, ANHYST_REAL d)
   while (ANHYST_FABS(x - find->path.from.x) <= limit) {
     ANHYST_NAME(anhyst_answer) at;
     const ANHYST_REAL next = x + sign * (gap > least ? gap : least);
+    if (sign * next > (ANHYST_REAL)ANHYST_X_MAX) {
+      /* No solution up to there; and further out a step could be lost to rounding, for ever. */
+      return ANHYST_OUT_OF_RANGE;
+    }
     const ANHYST_REAL g = sign * ANHYST_NAME(residual)(find, next, &at);
     const int rising = R(1.0) + find->omega * at.m_slope > R(0.0);
     find->before = x;
