@@ -145,6 +145,15 @@ def test_a_parameter_can_be_kept_to_the_last(two_gaps: LoopSet) -> None:
     assert found.model.varying in {("alpha",), ("rho",)}
 
 
+def test_alpha_is_read_as_a_reluctance_in_the_law_that_allows_it(two_gaps: LoopSet) -> None:
+    form = form_of(two_gaps.input, two_gaps.output, "jiles-atherton-1986")
+    run = Run(form=form, records=records_of(two_gaps), seed=1, held=NO_OFFSETS)
+    found = search_paper(run, two_gaps, "reluctance", BRIEF)
+    assert found.model.law == "jiles-atherton-1986"
+    assert found.model.gap_map == "free"
+    assert found.model.varying == ("alpha",)
+
+
 def test_one_call_gives_model_steps_and_free_sets(quick: IdentifyResult) -> None:
     model = quick.model
     assert len(model.varying) == 1

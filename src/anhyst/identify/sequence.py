@@ -106,7 +106,7 @@ def search_paper(run: Run, loopset: LoopSet, wanted: str, effort: Effort | None 
         if free is None:
             raise
         interrupted = True
-    model, found = _model(bench, stand)
+    model, found = _model(bench, stand, wanted)
     return Sequence(
         model=model,
         per_gap=model_at_nodes(free, run, loopset) if bench.gaps > 1 else None,
@@ -117,14 +117,25 @@ def search_paper(run: Run, loopset: LoopSet, wanted: str, effort: Effort | None 
     )
 
 
-def _model(bench: Bench, stand: Stand) -> tuple[ActuatorModel, Found]:
+def _model(bench: Bench, stand: Stand, wanted: str) -> tuple[ActuatorModel, Found]:
     model = model_at_nodes(stand, bench.run, bench.loopset)
-    if stand.varying == ("alpha",) and "c_H" in bench.searched and bench.gaps > 1:
+    if stand.varying == ("alpha",) and _may_be_reluctance(bench, wanted):
         found = _as_reluctance(bench, stand)
         outputs = Objective(found.space).outputs(found.sets)
         if mean_deviation(bench.run.records, outputs) <= _ALIKE * stand.cost:
             return model_of(found, bench.loopset), found
     return model, _gauge_free(bench, stand, model.gap_map)
+
+
+def _may_be_reluctance(bench: Bench, wanted: str) -> bool:
+    """Tell whether alpha over the schedule can be a reluctance: physics of a gap, unless asked for.
+
+    In the law of 1986 alpha acts on the irreversible part alone, which a reluctance does not.
+    """
+    schedule = bench.loopset.schedule
+    of_a_gap = wanted == "reluctance" or (schedule is not None and schedule.name == "gap")
+    circuit = "c_H" in bench.searched and bench.run.form.law == "effective-field"
+    return of_a_gap and circuit and bench.gaps > 1
 
 
 def _gauge_free(bench: Bench, stand: Stand, gap_map: str) -> Found:
