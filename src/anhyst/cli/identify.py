@@ -219,6 +219,11 @@ def _show(result: IdentifyResult, out: Path) -> None:
             f"left-out error with gap map {name}: {100.0 * error:.3g} %"
             for name, error in fit.left_out.items()
         ]
+    lines += [
+        f"reduction: {step.frozen} made common to all nodes, mean deviation "
+        f"{100.0 * step.cost_before:.3g} % -> {100.0 * step.cost_after:.3g} %"
+        for step in model.reduction
+    ]
     if model.uncertainty is not None:
         lines += [f"note: {text}" for text in model.uncertainty.statements]
     show(*lines)
