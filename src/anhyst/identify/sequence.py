@@ -84,12 +84,7 @@ def search_paper(run: Run, loopset: LoopSet, wanted: str, effort: Effort | None 
     """
     require_gaps(run.records, wanted)
     bench = Bench(run, loopset, effort or Effort())
-    last = LAST.get(wanted)
-    if last is not None and last not in bench.searched:
-        raise InputError(
-            f"gap map '{wanted}' with search 'paper' keeps {last} to the last, but with a measured "
-            f"{loopset.input.name} {last} is known; use --gap-map auto or --search default"
-        )
+    last = _kept_to_the_last(bench, wanted)
     reducing = bench.gaps > 1 and wanted != "free"
     shifted = bench.gaps > 1 and not set(OFFSETS) <= run.held
     run.total = bench.gaps * (2 if shifted else 1)
@@ -115,6 +110,17 @@ def search_paper(run: Run, loopset: LoopSet, wanted: str, effort: Effort | None 
         why=_why(stand, model, reducing, interrupted),
         interrupted=interrupted,
     )
+
+
+def _kept_to_the_last(bench: Bench, wanted: str) -> str | None:
+    last = LAST.get(wanted)
+    if last is not None and last not in bench.searched:
+        given = bench.loopset.input.name
+        raise InputError(
+            f"gap map '{wanted}' with search 'paper' keeps {last} to the last, but with a measured "
+            f"{given} {last} is known; use --gap-map auto or --search default"
+        )
+    return last
 
 
 def _model(bench: Bench, stand: Stand, wanted: str) -> tuple[ActuatorModel, Found]:
