@@ -45,7 +45,8 @@ class Evaluation:
         try:
             found, self.jacobian = self.objective.with_jacobian(theta)
         except NoResponseError:
-            return self.objective.impossible
+            found = self.objective.impossible
+            self.jacobian = np.zeros((found.size, theta.size))
         self.at = theta.copy()
         return found
 
