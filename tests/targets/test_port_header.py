@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import random
 import struct
@@ -10,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -33,10 +33,8 @@ void every(const int32_t *a, const int32_t *b, int32_t *out, int32_t n, int32_t 
 LOW, HIGH = -(2**31), 2**31 - 1
 
 
-def need(*packages: str) -> None:
-    for package in packages:
-        if importlib.util.find_spec(package) is None:
-            pytest.skip(f"{package} is not installed: pip install 'anhyst[verify]'")
+def package(name: str) -> Any:
+    return pytest.importorskip(name, reason=f"{name} is missing: pip install 'anhyst[verify]'")
 
 
 def saturated(exact: int) -> int:
@@ -94,23 +92,13 @@ def compile_object(folder: Path, header: str | None) -> bytes:
 
 def run(image: bytes, which: int, a: list[int], b: list[int]) -> list[int]:
     """Run ``every`` in the emulator and return its row of results."""
-    from elftools.elf.elffile import ELFFile
-    from unicorn import UC_ARCH_ARM, UC_MODE_MCLASS, UC_MODE_THUMB, Uc
-    from unicorn.arm_const import (
-        UC_ARM_REG_LR,
-        UC_ARM_REG_R0,
-        UC_ARM_REG_R1,
-        UC_ARM_REG_R2,
-        UC_ARM_REG_R3,
-        UC_ARM_REG_SP,
-        UC_CPU_ARM_CORTEX_M4,
-    )
-
-    machine = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
-    machine.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M4)
+    unicorn = package("unicorn")
+    arm = package("unicorn.arm_const")
+    machine = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
+    machine.ctl_set_cpu_model(arm.UC_CPU_ARM_CORTEX_M4)
     machine.mem_map(0, 0x100000)
     machine.mem_map(0x20000000, 0x100000)
-    elf = ELFFile(io.BytesIO(image))
+    elf = package("elftools.elf.elffile").ELFFile(io.BytesIO(image))
     for segment in elf.iter_segments("PT_LOAD"):
         machine.mem_write(segment["p_vaddr"], segment.data())
     rows, stack, back = 0x20000000, 0x200FFF00, 0xFFFF0
@@ -118,18 +106,18 @@ def run(image: bytes, which: int, a: list[int], b: list[int]) -> list[int]:
     machine.mem_write(rows, struct.pack(f"<{2 * n}i", *a, *b))
     machine.mem_write(stack, struct.pack("<i", which))
     arguments = (rows, rows + 4 * n, rows + 8 * n, n)
-    registers = (UC_ARM_REG_R0, UC_ARM_REG_R1, UC_ARM_REG_R2, UC_ARM_REG_R3)
+    registers = (arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3)
     for register, value in zip(registers, arguments, strict=True):
         machine.reg_write(register, value)
-    machine.reg_write(UC_ARM_REG_SP, stack)
-    machine.reg_write(UC_ARM_REG_LR, back | 1)
+    machine.reg_write(arm.UC_ARM_REG_SP, stack)
+    machine.reg_write(arm.UC_ARM_REG_LR, back | 1)
     machine.emu_start(elf.header["e_entry"] | 1, back)
     return list(struct.unpack(f"<{n}i", machine.mem_read(rows + 8 * n, 4 * n)))
 
 
 @pytest.mark.parametrize("header", [None, "anhyst_port_cortex_m4.h"], ids=["portable", "port"])
 def test_operators_are_exact_on_an_emulated_cortex_m4(tmp_path: Path, header: str | None) -> None:
-    need("ziglang", "unicorn", "elftools")
+    package("ziglang")
     image = compile_object(tmp_path, header)
     a, b = words()
     for which, oracle in enumerate(ORACLES):
@@ -138,12 +126,12 @@ def test_operators_are_exact_on_an_emulated_cortex_m4(tmp_path: Path, header: st
 
 
 def test_the_header_s_instructions_are_really_used(tmp_path: Path) -> None:
-    need("ziglang", "capstone", "elftools")
-    from capstone import CS_ARCH_ARM, CS_MODE_MCLASS, CS_MODE_THUMB, Cs
-    from elftools.elf.elffile import ELFFile
-
-    elf = ELFFile(io.BytesIO(compile_object(tmp_path, "anhyst_port_cortex_m4.h")))
+    package("ziglang")
+    capstone = package("capstone")
+    elf = package("elftools.elf.elffile").ELFFile(
+        io.BytesIO(compile_object(tmp_path, "anhyst_port_cortex_m4.h"))
+    )
     text = elf.get_section_by_name(".text")
-    machine = Cs(CS_ARCH_ARM, CS_MODE_THUMB | CS_MODE_MCLASS)
+    machine = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
     used = {line.mnemonic for line in machine.disasm(text.data(), text["sh_addr"])}
     assert {"smulwb", "qadd", "qsub", "clz"} <= used
