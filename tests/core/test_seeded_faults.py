@@ -1,0 +1,112 @@
+"""Faults put into copies of the fixed-point sources: the C tests must find every one."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from .test_c_core import HERE, ROOT, tool
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A text replaced by another in one file of core/, and the test that must notice."""
+
+    name: str
+    file: str
+    right: str
+    wrong: str
+    test: str
+
+
+FIXED = "include/anhyst/fixed.h"
+FAULTS = [
+    Fault(
+        "truncated towards zero",
+        FIXED,
+        "return high * b + ((low * b) >> 16);",
+        "return high * b + (low * b) / 65536;",
+        "test_fixed_q31",
+    ),
+    Fault(
+        "no saturation at the top",
+        FIXED,
+        "return a > ANHYST_Q31_MAX - b ? ANHYST_Q31_MAX : a + b;",
+        "return (int32_t)((uint32_t)a + (uint32_t)b);",
+        "test_fixed_q31",
+    ),
+    Fault(
+        "saturated one too early",
+        FIXED,
+        "if (a > (ANHYST_Q31_MAX >> n)) {",
+        "if (a >= (ANHYST_Q31_MAX >> n)) {",
+        "test_fixed_q31",
+    ),
+    Fault(
+        "wrong shift",
+        FIXED,
+        "return anhyst_sat_q15(((a >> 15) + 1) >> 1);",
+        "return anhyst_sat_q15(((a >> 14) + 1) >> 2);",
+        "test_fixed_q31",
+    ),
+    Fault(
+        "swapped sign",
+        FIXED,
+        "return a < ANHYST_Q31_MIN + b ? ANHYST_Q31_MIN : a - b;",
+        "return a < ANHYST_Q31_MIN + b ? ANHYST_Q31_MIN : b - a;",
+        "test_fixed_q31",
+    ),
+    Fault(
+        "halves downwards",
+        FIXED,
+        "return anhyst_sat_q15(((int32_t)a * b + 0x4000) >> 15);",
+        "return anhyst_sat_q15(((int32_t)a * b + 0x3FFF) >> 15);",
+        "test_fixed_q15",
+    ),
+    Fault(
+        "wrapped product of -1 by -1",
+        FIXED,
+        "return anhyst_sat_q15(((int32_t)a * b + 0x4000) >> 15);",
+        "return (int16_t)(((int32_t)a * b + 0x4000) >> 15);",
+        "test_fixed_q15",
+    ),
+    Fault(
+        "off by one at a power of two",
+        FIXED,
+        "if (a < 0x20000000) {",
+        "if (a <= 0x20000000) {",
+        "test_fixed_q31",
+    ),
+]
+
+
+def passes(core: Path, test: str, folder: Path) -> bool:
+    """Build one C test against that copy of core/ and tell whether its claims hold."""
+    program = folder / test
+    # Strict flags are for the sources as they are; a fault may leave a variable unused.
+    command = [tool("cc", "gcc"), "-std=c99", "-O2", "-DTEST_SANITIZED", f"-I{core / 'include'}"]
+    sources = [str(HERE / f"{test}.c"), str(HERE / "truth.c")]
+    subprocess.run([*command, *sources, "-lm", "-o", str(program)], check=True)
+    done = subprocess.run([program], capture_output=True, check=False, timeout=60)
+    assert done.returncode in {0, 1}, "the test crashed instead of answering"
+    return done.returncode == 0
+
+
+@pytest.mark.parametrize("test", sorted({fault.test for fault in FAULTS}))
+def test_the_claims_hold_without_a_fault(tmp_path: Path, test: str) -> None:
+    assert passes(ROOT / "core", test, tmp_path)
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name.replace(" ", "-"))
+def test_a_seeded_fault_is_found(tmp_path: Path, fault: Fault) -> None:
+    core = tmp_path / "core"
+    shutil.copytree(ROOT / "core", core)
+    broken = core / fault.file
+    text = broken.read_text(encoding="utf-8")
+    assert text.count(fault.right) == 1, "the source has changed: seed the fault anew"
+    broken.write_text(text.replace(fault.right, fault.wrong), encoding="utf-8")
+    assert not passes(core, fault.test, tmp_path)
