@@ -1,0 +1,1 @@
+"""Rigs: a plant, its instruments and a controller, in lock-step."""

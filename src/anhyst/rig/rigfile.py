@@ -1,0 +1,296 @@
+"""The rig file: a virtual solenoid, its instruments, and what is tried on them.
+
+Everything is SI and the unit stands in the key. Every key is described in docs/force-control.md.
+"""
+
+# ruff: noqa: N815 - keys of the file carry units
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from anhyst.atomic import PathLike
+from anhyst.plants.amplifier import Amplifier
+from anhyst.plants.iron import CellSteel
+from anhyst.plants.sensors import Converter, Sensor
+from anhyst.plants.solenoid import Geometry, Solenoid
+from anhyst.rig.tomlfile import Table, read_toml
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Bits = Annotated[int, Field(ge=4, le=24)]
+
+
+class IronTable(Table):
+    """``[iron]``: steel of pinned cells."""
+
+    length_m: Positive
+    area_m2: Positive
+    cells: Annotated[int, Field(ge=1, le=1000)]
+    reversible_fraction: Share
+    pinning_scale_A_per_m: Positive
+    pinning_shape: Positive
+    saturation_sharp_T: Positive
+    knee_sharp_A_per_m: Positive
+    saturation_slow_T: Positive
+    knee_slow_A_per_m: Positive
+
+    def steel(self) -> CellSteel:
+        """Return what it is made of."""
+        return CellSteel(
+            cells=self.cells,
+            reversible_fraction=self.reversible_fraction,
+            pinning_scale=self.pinning_scale_A_per_m,
+            pinning_shape=self.pinning_shape,
+            saturation_sharp=self.saturation_sharp_T,
+            knee_sharp=self.knee_sharp_A_per_m,
+            saturation_slow=self.saturation_slow_T,
+            knee_slow=self.knee_slow_A_per_m,
+        )
+
+
+class CircuitTable(Table):
+    """``[circuit]``: winding and poles."""
+
+    turns: Annotated[int, Field(ge=1)]
+    slide_reluctance_per_H: NotNegative
+    leakage_H: NotNegative
+    face_area_m2: Positive
+    fringe: NotNegative
+    cone_diameter_m: Positive
+    cone_clearance_m: Positive
+    cone_depth_m: Positive
+    cone_onset_m: Positive
+    tip_thickness_m: Positive
+    tip_taper: NotNegative
+    tip_saturation_T: Positive
+
+
+class SolenoidFile(Table):
+    """A file that describes a solenoid, and perhaps how its loops were measured."""
+
+    iron: IronTable
+    circuit: CircuitTable
+    measurement: dict[str, Any] = Field(default_factory=dict)
+
+    def solenoid(self) -> Solenoid:
+        """Return it demagnetised."""
+        circuit = self.circuit
+        geometry = Geometry(
+            turns=circuit.turns,
+            iron_length=self.iron.length_m,
+            iron_area=self.iron.area_m2,
+            slide_reluctance=circuit.slide_reluctance_per_H,
+            leakage=circuit.leakage_H,
+            face_area=circuit.face_area_m2,
+            fringe=circuit.fringe,
+            cone_diameter=circuit.cone_diameter_m,
+            cone_clearance=circuit.cone_clearance_m,
+            cone_depth=circuit.cone_depth_m,
+            cone_onset=circuit.cone_onset_m,
+            tip_thickness=circuit.tip_thickness_m,
+            tip_taper=circuit.tip_taper,
+            tip_saturation=circuit.tip_saturation_T,
+        )
+        return Solenoid(self.iron.steel(), geometry)
+
+
+class AmplifierTable(Table):
+    """``[amplifier]``: unipolar current amplifier behind a digital-analogue converter."""
+
+    current_max_A: Positive
+    dac_bits: Bits
+    bandwidth_Hz: Positive
+    slew_A_per_s: Positive
+    shunt_offset_A: Number = 0.0
+
+    def amplifier(self, dt: float) -> Amplifier:
+        """Return it at rest; `dt` is the time between ticks, s."""
+        converter = Converter(0.0, self.current_max_A, self.dac_bits)
+        return Amplifier(converter, self.bandwidth_Hz, self.slew_A_per_s, self.shunt_offset_A, dt)
+
+
+class CurrentTable(Table):
+    """``[current_sensor]``: the shunt of the amplifier, as the controller reads it."""
+
+    low_A: Number
+    high_A: Number
+    adc_bits: Bits
+    noise_A: NotNegative
+
+
+class LvdtTable(Table):
+    """``[lvdt]``: sensor of the armature's position."""
+
+    low_m: NotNegative
+    high_m: Positive
+    adc_bits: Bits
+    noise_m: NotNegative
+    bandwidth_Hz: Positive
+
+
+class ForceTable(Table):
+    """``[force_sensor]``."""
+
+    low_N: Number
+    high_N: Number
+    adc_bits: Bits
+    noise_N: NotNegative
+    bandwidth_Hz: Positive
+
+
+class TriangleTable(Table):
+    """``[[force_control.demand]]``: a triangle between two shares of the largest force."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+    low: Share
+    high: Share
+    period_s: Positive
+    cycles: Annotated[int, Field(ge=1, le=100)]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.low < self.high:
+            raise ValueError("low must be below high; correct them")
+        return self
+
+
+class MovingTable(Table):
+    """``[force_control.moving]``: the armature moves to and fro during the run."""
+
+    low_m: Positive
+    high_m: Positive
+    period_s: Positive
+
+
+class ForceControlTable(Table):
+    """``[force_control]``: what is tried."""
+
+    loops: str
+    force_max_N: Positive
+    end_m: Positive
+    positions_m: Annotated[list[Positive], Field(min_length=1)]
+    demand: Annotated[list[TriangleTable], Field(min_length=1)]
+    moving: MovingTable
+
+
+class RigTable(Table):
+    """The whole file."""
+
+    format: Literal["anhyst-rig"]
+    version: Literal[1]
+    name: str
+    solenoid: str
+    rate_Hz: Annotated[float, Field(ge=100.0, le=100e3)]
+    seed: Annotated[int, Field(ge=0)]
+    amplifier: AmplifierTable
+    current_sensor: CurrentTable
+    lvdt: LvdtTable
+    force_sensor: ForceTable
+    force_control: ForceControlTable
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """The sensors of a rig, with noise of their own."""
+
+    current: Sensor
+    gap: Sensor
+    force: Sensor
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """A rig as its file describes it.
+
+    Parameters
+    ----------
+    path : Path
+        The rig file.
+    settings : RigTable
+        What it says.
+    magnet : SolenoidFile
+        The solenoid file it names.
+    """
+
+    path: Path
+    settings: RigTable
+    magnet: SolenoidFile
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks, s."""
+        return 1.0 / self.settings.rate_Hz
+
+    @property
+    def loops(self) -> Path:
+        """File with the measured loops."""
+        return self.path.parent / self.settings.force_control.loops
+
+    def instruments(self, seed: list[int], dt: float | None = None) -> Instruments:
+        """Return the sensors.
+
+        Parameters
+        ----------
+        seed : list of int
+            Distinguishes this run's noise from that of others; the seed of the file is added.
+        dt : float, optional
+            Time between readings, s; that of a tick if left out.
+        """
+        step = self.dt if dt is None else dt
+        current = self.settings.current_sensor
+        lvdt, force = self.settings.lvdt, self.settings.force_sensor
+        own = [self.settings.seed, *seed]
+        return Instruments(
+            Sensor(
+                Converter(current.low_A, current.high_A, current.adc_bits),
+                current.noise_A,
+                [*own, 0],
+                step,
+                self.settings.amplifier.shunt_offset_A,
+            ),
+            Sensor(
+                Converter(lvdt.low_m, lvdt.high_m, lvdt.adc_bits),
+                lvdt.noise_m,
+                [*own, 1],
+                step,
+                bandwidth=lvdt.bandwidth_Hz,
+            ),
+            Sensor(
+                Converter(force.low_N, force.high_N, force.adc_bits),
+                force.noise_N,
+                [*own, 2],
+                step,
+                bandwidth=force.bandwidth_Hz,
+            ),
+        )
+
+
+def read_rig(path: PathLike) -> Rig:
+    """Read a rig file and the solenoid file it names.
+
+    Parameters
+    ----------
+    path : path-like
+        ``rig.toml``; other files are named relative to it.
+
+    Returns
+    -------
+    Rig
+        Ready to be set up.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read or does not fit its schema; with file, line and key.
+    """
+    place = Path(path)
+    settings = read_toml(place, RigTable)
+    magnet = read_toml(place.parent / settings.solenoid, SolenoidFile)
+    return Rig(place, settings, magnet)

@@ -1,0 +1,128 @@
+"""Reading a TOML file against a schema: all that is wrong with it, by line and key."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from pathlib import Path
+from types import UnionType
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from anhyst.atomic import PathLike
+from anhyst.errors import InputError
+from anhyst.modelfile import FileProblem, ModelFileError
+from anhyst.modelschema import explain
+from anhyst.tomltext import Path as KeyPath
+from anhyst.tomltext import key_lines
+
+
+class Table(BaseModel):
+    """A table of a file: nothing unknown, nothing converted but whole numbers to floats."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+T = TypeVar("T", bound=Table)
+
+
+class TomlFileError(ModelFileError):
+    """A file that does not fit its schema; ``problems`` holds all that was found."""
+
+
+def read_toml(path: PathLike, schema: type[T]) -> T:
+    """Read a TOML file.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    schema : type of Table
+        What it may hold.
+
+    Returns
+    -------
+    Table
+        Of this type.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or is no TOML.
+    TomlFileError
+        Keys that are unknown (the nearest known one is named), missing or out of range.
+    """
+    text = _text(path)
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: damaged TOML: {error}; mend this place") from error
+    try:
+        return schema.model_validate(content)
+    except ValidationError as error:
+        raise TomlFileError(path, _problems(error, schema, key_lines(text))) from error
+
+
+def _text(path: PathLike) -> str:
+    try:
+        return Path(path).read_bytes().decode("utf-8")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; check the path") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no UTF-8 text; name a TOML file") from error
+
+
+def _problems(
+    error: ValidationError, schema: type[Table], lines: dict[KeyPath, int]
+) -> list[FileProblem]:
+    found: dict[str, FileProblem] = {}
+    for finding in error.errors(include_url=False):
+        path: KeyPath = finding["loc"]
+        key = _dotted(path)
+        place = path
+        while place and place not in lines:
+            place = place[:-1]
+        text = _advice(schema, path, finding)
+        found.setdefault(key, FileProblem(lines.get(place), key or "file", text, place == path))
+    return list(found.values())
+
+
+def _advice(schema: type[Table], path: KeyPath, finding: Any) -> str:
+    if finding["type"] == "value_error":
+        return str(finding["ctx"]["error"])
+    if finding["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(str(path[-1]), _known(schema, path[:-1]), n=1)
+        if near:
+            return f"is unknown; did you mean {near[0]}?"
+    return explain(finding)
+
+
+def _known(schema: type[Table], path: KeyPath) -> list[str]:
+    """Keys of the table that a path leads to."""
+    here: type[BaseModel] = schema
+    for part in path:
+        if isinstance(part, str):
+            tables = _tables(here.model_fields[part].annotation)
+            if not tables:
+                return []
+            here = tables[0]
+    return list(here.model_fields)
+
+
+def _tables(annotation: Any) -> list[type[BaseModel]]:
+    """Tables inside an annotation such as ``list[Table]`` or ``Table | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if isinstance(annotation, UnionType) or get_args(annotation):
+        return [table for inner in get_args(annotation) for table in _tables(inner)]
+    return []
+
+
+def _dotted(path: KeyPath) -> str:
+    text = ""
+    for part in path:
+        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
