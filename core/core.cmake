@@ -8,7 +8,13 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/solver.c"
   "${ANHYST_CORE_DIR}/src/circuit.c"
   "${ANHYST_CORE_DIR}/src/sensitivity.c"
-  "${ANHYST_CORE_DIR}/src/batch_dispatch.c")
+  "${ANHYST_CORE_DIR}/src/batch_dispatch.c"
+  "${ANHYST_CORE_DIR}/src/block.c"
+  "${ANHYST_CORE_DIR}/src/full.c"
+  "${ANHYST_CORE_DIR}/src/closed.c"
+  "${ANHYST_CORE_DIR}/src/simplified.c"
+  "${ANHYST_CORE_DIR}/src/euler.c"
+  "${ANHYST_CORE_DIR}/src/compensator.c")
 
 set(ANHYST_WARNINGS
   -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)

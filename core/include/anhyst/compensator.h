@@ -25,7 +25,8 @@ extern "C" {
 
 /* What the iron remembers, all q30 within -1..1 unless the kernel says otherwise. Zero is the
    demagnetised state. full: field, irreversible magnetisation, play. simplified: flux, bounded
-   state u, distance z since the last reversal. euler: flux, magnetisation, not used. */
+   state u, and distance z from where u was zero (q27 within -16..16, signed as the direction;
+   zero: unknown or held). euler: flux, bounded state, not used. */
 typedef struct {
   int32_t a;
   int32_t b;
@@ -42,7 +43,7 @@ typedef struct {
 /* A law in fixed point. Both functions leave *from alone and fill *to, which may not be *from. */
 typedef struct {
   uint16_t kind; /* of the blocks it works with */
-  /* The field that belongs to a flux, q30. |flux| <= 1.5. */
+  /* The field that belongs to a flux, q30. |flux| <= 1. */
   int32_t (*field)(const int16_t *words, const anhyst_memory *from, int32_t flux,
                    anhyst_memory *to);
   /* The flux to which a current leads, q30: bias + flux_arm*flux + field_arm*field = current. */
@@ -57,7 +58,8 @@ extern const anhyst_kernel anhyst_kernel_simplified;
 extern const anhyst_kernel anhyst_kernel_euler;
 
 /* Bits of anhyst_compensator.flags, set by the last solve. */
-#define ANHYST_DEMAND_LIMITED 1U  /* the demand was beyond its limits, or below the residual force */
+#define ANHYST_DEMAND_LIMITED 1U  /* the demand was beyond its limits, or below the residual force \
+                                   */
 #define ANHYST_CURRENT_LIMITED 2U /* the current was */
 #define ANHYST_FLUX_LIMITED 4U    /* the flux was */
 

@@ -121,10 +121,7 @@ static inline int32_t anhyst_shl_q31(int32_t a, uint16_t n)
 }
 
 /* Nearest q15 to a q31 (halves upwards), saturates. */
-static inline int16_t anhyst_round_q31(int32_t a)
-{
-  return anhyst_sat_q15(((a >> 15) + 1) >> 1);
-}
+static inline int16_t anhyst_round_q31(int32_t a) { return anhyst_sat_q15(((a >> 15) + 1) >> 1); }
 
 /* How far a positive number can be shifted left before its top bit would reach the sign: 0..30.
    Precondition: a > 0. */

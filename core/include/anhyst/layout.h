@@ -12,7 +12,6 @@
 #define ANHYST_BLOCK_MAGIC_HIGH 0x7968 /* "hy" */
 #define ANHYST_BLOCK_LAYOUT 1
 #define ANHYST_BLOCK_MOST_WORDS 1024 /* 2 KiB */
-#define ANHYST_CURVE_FIRST_OCTAVE 16 /* highest power of two of the curve's octaves */
 
 /* Kinds of compensator. */
 #define ANHYST_KIND_FULL 1
@@ -30,13 +29,13 @@ enum {
   ANHYST_WORD_MODEL = 8,      /* two words: first 32 bits of the model's hash */
 
   /* Demand to flux, the same in every kind. */
-  ANHYST_WORD_POWER = 10,        /* 2: output is a force, flux is its root; 1: output is linear */
-  ANHYST_WORD_DEMAND_LOW = 11,   /* q15, limits of the demand */
-  ANHYST_WORD_DEMAND_HIGH = 12,  /* q15 */
-  ANHYST_WORD_CURRENT_LOW = 13,  /* q15, limits of the current */
-  ANHYST_WORD_CURRENT_HIGH = 14, /* q15 */
+  ANHYST_WORD_POWER = 10,         /* 2: output is a force, flux is its root; 1: output is linear */
+  ANHYST_WORD_DEMAND_LOW = 11,    /* q15, limits of the demand */
+  ANHYST_WORD_DEMAND_HIGH = 12,   /* q15 */
+  ANHYST_WORD_CURRENT_LOW = 13,   /* q15, limits of the current */
+  ANHYST_WORD_CURRENT_HIGH = 14,  /* q15 */
   ANHYST_WORD_CURRENT_SHIFT = 15, /* 1.0 of the inner current is 2^shift of full scale, 0..8 */
-  ANHYST_WORD_FLUX_LIMIT = 16,    /* q14: largest |flux| solved for, at most 1.5 */
+  ANHYST_WORD_FLUX_LIMIT = 16,    /* q14: largest |flux| solved for, at most 1 */
   ANHYST_WORD_FLUX_SHIFT = 17,    /* flux = root*gain*2^shift, 0..6 */
   ANHYST_WORD_GAP_SEGMENTS = 18,  /* n: each table over the gap has 2^n segments, 0..6 */
   ANHYST_WORD_GAP_GAIN = 19,      /* table: weight from root of the demand to flux */
@@ -49,30 +48,36 @@ enum {
   ANHYST_WORD_CONDITION_CYCLES = 24, /* ramps up and down that make the state known */
   ANHYST_WORD_CONDITION_TICKS = 25,  /* ticks of one ramp, 2..32767 */
 
-  ANHYST_WORD_KIND_FIRST = 32, /* words below are of one kind each; 26..31 are zero */
+  ANHYST_WORD_ROOT_KNEE = 26, /* k: below 2^(-2k) of full scale the root is a straight line, 2..8 */
 
-  /* Full: the exact step. */
-  ANHYST_WORD_FULL_AIR = 32,       /* weight: quarter of flux for each unit of field (h*X/4) */
-  ANHYST_WORD_FULL_REVERSIBLE = 33, /* weight: c/2 */
-  ANHYST_WORD_FULL_PLAY = 34,       /* q15: half-width of the play in units of field */
-  ANHYST_WORD_FULL_RATE = 35,       /* q8: X/(kappa*ln 2), octaves of forgetting a unit of field */
-  ANHYST_WORD_FULL_ITERATIONS = 36, /* evaluations of a solve, 2..16 */
-  ANHYST_WORD_FULL_CURVE_SEGMENTS = 37, /* n: anhysteretic, 2^n segments over 0..1 of the field */
-  ANHYST_WORD_FULL_CURVE = 38,          /* table: q15 */
-  ANHYST_WORD_FULL_BRANCH = 39,         /* table: q15, ascending branch, 2^(n+1) segments, -1..1 */
-  ANHYST_WORD_FULL_INVERSE_SEGMENTS = 40, /* n: inverse of the anhysteretic, 2^n segments, 0..1 */
-  ANHYST_WORD_FULL_INVERSE = 41,          /* table: q15 */
+  /* 27..31 are zero; words from 32 on belong to the kind. */
 
-  /* Simplified: the closed form. */
-  ANHYST_WORD_SIMPLE_RATE = 32,       /* q8: distance z for each unit of flux */
-  ANHYST_WORD_SIMPLE_HOLD = 33,       /* q12: 1/(1 - nu) */
-  ANHYST_WORD_SIMPLE_ITERATIONS = 34, /* evaluations of a commit, 2..16 */
-  ANHYST_WORD_SIMPLE_OCTAVES = 35,    /* octaves of z in the table */
-  ANHYST_WORD_SIMPLE_SEGMENTS = 36,   /* n: 2^n segments in each octave */
-  ANHYST_WORD_SIMPLE_CURVE = 37,      /* table: q15, v over z */
+  /* Full: the exact step. The field is in units of the largest one the tables reach, X. */
+  ANHYST_WORD_FULL_AIR = 32,        /* weight: quarter of the flux of a unit of field, h*X/4 */
+  ANHYST_WORD_FULL_REVERSIBLE = 33, /* q15: c */
+  ANHYST_WORD_FULL_PLAY = 34,       /* q15: half-width of the play */
+  ANHYST_WORD_FULL_RATE = 35,       /* weight: octaves forgotten in a unit of field, X/(kappa*ln 2),
+                                       over 16*2^shift */
+  ANHYST_WORD_FULL_RATE_SHIFT = 36, /* 0..12 */
+  ANHYST_WORD_FULL_STEEPNESS = 37,  /* q8: X/kappa, or the largest q8: steers Newton's steps only */
+  ANHYST_WORD_FULL_ITERATIONS = 38, /* evaluations of a solve, 2..16 */
+  ANHYST_WORD_FULL_CURVE_SEGMENTS = 39, /* n: 3..9, segments of the anhysteretic curve */
+  ANHYST_WORD_FULL_CURVE = 40,          /* table: q15, anhysteretic curve over a field of 0..1 */
+  ANHYST_WORD_FULL_BRANCH = 41, /* table of 2^(n+1) segments: q15, ascending branch, -1..1 */
+  ANHYST_WORD_FULL_INVERSE_SEGMENTS = 42, /* n: 3..9 */
+  ANHYST_WORD_FULL_INVERSE = 43,          /* table: q15, field over the anhysteretic, 0..1 */
 
-  /* Euler: eqs. 13 to 15 of the paper with eqs. 19 and 20. */
-  ANHYST_WORD_EULER_SUBSTEPS = 32,
+  /* Simplified (the closed form) and Euler (eqs. 13 to 15 with 19 and 20 of the paper). */
+  ANHYST_WORD_SIMPLE_RATE = 32,       /* weight: distance z of a unit of flux, over 8*2^shift */
+  ANHYST_WORD_SIMPLE_RATE_SHIFT = 33, /* 0..12 */
+  ANHYST_WORD_SIMPLE_HOLD = 34, /* weight: change of u of a unit of flux while held, over 2^shift */
+  ANHYST_WORD_SIMPLE_HOLD_SHIFT = 35, /* 0..12 */
+  ANHYST_WORD_SIMPLE_REST = 36,       /* q15: 1 - nu, above 0 */
+  ANHYST_WORD_SIMPLE_ITERATIONS = 37, /* evaluations of a commit, 2..16 */
+  ANHYST_WORD_SIMPLE_OCTAVES = 38,    /* 4..14; simplified only, as the next two */
+  ANHYST_WORD_SIMPLE_SEGMENTS = 39,   /* n: 2..6, 2^n segments below the first octave and in each */
+  ANHYST_WORD_SIMPLE_CURVE = 40,      /* table of (octaves + 1)*2^n segments: q15, 1 - v over z */
+  ANHYST_WORD_EULER_SUBSTEPS = 41,    /* 1..16; Euler only */
 
   ANHYST_BLOCK_LEAST_WORDS = 48
 };

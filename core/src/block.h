@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the checks of a parameter block are made of; see layout.h. */
+#ifndef ANHYST_BLOCK_H
+#define ANHYST_BLOCK_H
+
+#include "anhyst/compensator.h"
+
+static inline int anhyst_within(int16_t word, int16_t low, int16_t high)
+{
+  return word >= low && word <= high;
+}
+
+/* Whether a table of so many entries lies behind the head of the block and inside it. */
+int anhyst_table_inside(const int16_t *words, int16_t first, int16_t entries);
+
+/* Whether it does, never falls, and starts at least at the given value. No two entries may differ
+   by more than 32767. */
+int anhyst_table_rises(const int16_t *words, int16_t first, int16_t entries, int16_t least);
+
+#endif

@@ -1,0 +1,41 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The paper's way, as the baseline to beat: eqs. 13 to 15 with eqs. 19 and 20, integrated by
+   Euler's explicit method in a fixed number of sub-steps a sample. u is a linear function of flux
+   and magnetisation, so a step in u is the same step as one in M, without the paper's small
+   difference of large numbers. */
+#include "block.h"
+#include "closed.h"
+
+static void advance(const int16_t *words, const anhyst_memory *from, int32_t way, anhyst_memory *to)
+{
+  const int16_t substeps = words[ANHYST_WORD_EULER_SUBSTEPS];
+  const int32_t part = way / substeps;
+  int32_t u = from->b;
+  for (int16_t i = 0; i < substeps; i++) {
+    const int16_t slope = (int16_t)anhyst_lag_slope(words, u);
+    u = anhyst_add_q31(u, anhyst_shl_q31(anhyst_scale(part, slope), 6));
+    u = anhyst_clamp(u, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  }
+  to->a = from->a;
+  to->b = u;
+  to->c = 0;
+}
+
+static int32_t euler_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
+                           anhyst_memory *to)
+{
+  return anhyst_closed_field(words, from, flux, to, advance);
+}
+
+static int32_t euler_flux(const int16_t *words, const anhyst_memory *from, const anhyst_arms *arms,
+                          int32_t current, anhyst_memory *to)
+{
+  return anhyst_closed_flux(words, from, arms, current, to, advance);
+}
+
+static int euler_sound(const int16_t *words)
+{
+  return anhyst_closed_sound(words) && anhyst_within(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
+}
+
+const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER, euler_field, euler_flux, euler_sound};

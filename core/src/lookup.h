@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Interpolation in the tables of a parameter block, and the quotient of Newton's steps. */
+#ifndef ANHYST_LOOKUP_H
+#define ANHYST_LOOKUP_H
+
+#include "anhyst/fixed.h"
+
+/* Slopes are counted in 1/1024. */
+#define ANHYST_SLOPE_ONE 1024
+#define ANHYST_SLOPE_MAX 32767
+
+/* Where a number falls in a table of equal segments. */
+typedef struct {
+  const int16_t *at; /* lower end of the segment */
+  int32_t part;      /* of the segment, 0..32768 */
+} anhyst_spot;
+
+/* The place of u, q30 within 0..1, in a table of 2^n segments, n <= 15. */
+static inline anhyst_spot anhyst_spot_of(const int16_t *table, uint16_t n, int32_t u)
+{
+  const uint16_t below = (uint16_t)(30U - n);
+  const int32_t last = ((int32_t)1 << n) - 1;
+  const int32_t index = (u >> below) > last ? last : u >> below;
+  anhyst_spot spot;
+  spot.at = table + index;
+  spot.part = (u - (int32_t)((uint32_t)index << below)) >> (15U - n);
+  return spot;
+}
+
+/* The value there: q15 in, q30 out, exact between the entries but for its last place. */
+static inline int32_t anhyst_value_at(anhyst_spot spot)
+{
+  const int32_t low = spot.at[0];
+  const int32_t rise = spot.at[1] - low;
+  return low * 32768 + rise * spot.part;
+}
+
+/* The slope of its segment, for a table of 2^n segments, n <= 10, over a unit; 0..32 in 1/1024. */
+static inline int32_t anhyst_slope_at(anhyst_spot spot, uint16_t n)
+{
+  const int32_t rise = (int32_t)spot.at[1] - spot.at[0];
+  const int32_t slope = (int32_t)((uint32_t)(rise < 0 ? 0 : rise) << n) >> 5;
+  return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;
+}
+
+/* The value over the gap, of the table that a word of the block names; q15 or weight, rounded. */
+static inline int16_t anhyst_over_gap(const int16_t *words, int16_t table, uint16_t n, int32_t gap)
+{
+  const int32_t value = anhyst_value_at(anhyst_spot_of(words + table, n, gap));
+  return anhyst_sat_q15(((value >> 14) + 1) >> 1);
+}
+
+/* numerator*65536/denominator, both positive, to 14 bits; saturates. */
+static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
+{
+  const uint16_t up = anhyst_headroom(numerator);
+  const uint16_t down = anhyst_headroom(denominator);
+  const int32_t top = (int32_t)((uint32_t)numerator << up);
+  const int32_t bottom = (int32_t)((uint32_t)denominator << down) >> 16; /* 2^14..2^15 - 1 */
+  const int32_t ratio = top / bottom;                                    /* 2^15..2^17 */
+  return down >= up ? anhyst_shl_q31(ratio, (uint16_t)(down - up)) : ratio >> (up - down);
+}
+
+#endif
