@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The port contract: what a board gives the firmware, and what each answer must mean.
+
+   A board implements the functions below, calls app_start once, then app_tick once every tick and
+   app_poll as often as it can in between (firmware/app/app.h). app_tick may interrupt app_poll,
+   never the other way round; a board without interrupts calls them in turn.
+
+   Time. Tick n begins at t_n = n/rate. The board samples all sensors at t_n, calls app_tick, and
+   lets the current that app_tick drives begin to flow at t_n+1 and not before, however early
+   port_drive was called; it is held until t_n+2. So a tick has one whole period to compute, and
+   the delay from a sample to what follows from it is one tick, always.
+
+   If app_tick of a tick is not done when the next tick begins, the next one is missed: it is not
+   made up for, the current stays as it is for one tick longer, and the tick number of the next
+   sample tells the firmware how many were left out. A board must bring the current to zero by
+   itself if app_tick stops being called altogether (a hardware watchdog of a few ticks). */
+#ifndef ANHYST_FIRMWARE_PORT_H
+#define ANHYST_FIRMWARE_PORT_H
+
+#include <stdint.h>
+
+/* Measured values are q30, so that a sensor can show more than full scale: 1.0 is 2^30.
+   A sensor whose value does not fit gives the largest or smallest number, PORT_RESERVED excepted.
+ */
+#define PORT_ONE ((int32_t)0x40000000)
+
+/* Instead of a value: this sensor sent its error code, or its code cannot be one of a value. */
+#define PORT_RESERVED INT32_MIN
+
+/* Bit of port_sample.status: there is no sample, its values mean nothing. */
+#define PORT_NO_SAMPLE 1U
+
+typedef struct {
+  uint32_t tick;   /* n: one more than at the last tick, or as many more as began since; wraps */
+  int32_t gap;     /* q30: 0 is the low end of the model's range of gaps, 1.0 the high one */
+  int32_t force;   /* q30 of the full-scale force */
+  int32_t current; /* q30 of the full-scale current: what flows at t_n */
+  uint32_t status; /* 0 or PORT_NO_SAMPLE */
+} port_sample;
+
+/* Fills the sample of the tick that began last. Called once by each app_tick. All values are of the
+   same instant t_n. Must not wait: where a converter has not finished, that is PORT_NO_SAMPLE. */
+void port_sense(port_sample *sample);
+
+/* The current that shall flow from t_n+1 on, q31 of full scale. Called once by each app_tick, also
+   in the state fault. state is the state of the controller plus 256 times the reason of a fault;
+   a board may show it, and may switch its power stage off in fault once the current is 0. */
+void port_drive(int32_t current, uint32_t state);
+
+/* Takes at most `most` bytes that arrived on the link, in order, and tells how many; 0 where there
+   are none. Must not wait. A byte that the line knows to be broken (framing, overrun) may be
+   dropped or passed on: the checksum finds it either way. */
+uint16_t port_link_read(uint8_t *bytes, uint16_t most);
+
+/* Takes over up to `count` bytes for sending, in order, and tells how many. Must not wait; what it
+   did not take is offered again. Taken means: sent later without further calls. */
+uint16_t port_link_write(const uint8_t *bytes, uint16_t count);
+
+/* Between these two app_tick does not run. Called by app_poll for a few dozen instructions, never
+   nested. Empty on a board that calls app_tick and app_poll in turn. */
+void port_lock(void);
+void port_unlock(void);
+
+#endif

@@ -1,0 +1,525 @@
+"""What is said on the link and on the bus of a virtual plant.
+
+Made by tools/frames.py from firmware/link/frames.toml, which says what they mean: do not edit.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, fields
+from enum import IntEnum, IntFlag
+from typing import ClassVar, NamedTuple, Self
+
+VERSION = 1
+PAYLOAD_MOST = 240
+PLANT_MAGIC = 0x616E6879
+NO_TICK = 0xFFFFFFFF
+
+
+class State(IntEnum):
+    """State of the controller."""
+
+    INIT = 0  # power on, before the first tick
+    SELFTEST = 1  # sensors watched for a while, no current
+    IDLE = 2  # no current, or conditioning (flag)
+    READY = 3  # the memory of the iron is taken as known, no current
+    RUN = 4  # the current follows the demand
+    FAULT = 5  # current ramped to zero, reason latched
+
+
+class Fault(IntEnum):
+    """Why the controller went to the state fault; the first reason is kept."""
+
+    NONE = 0
+    BLOCK = 1  # the parameter block built in is not sound
+    LINK_LOST = 2  # no valid frame for heartbeat_ticks while current may flow
+    MISSED_TICK = 3  # more ticks missed in a row than the board allows
+    SENSOR_FAILED = 4  # the port had no sample: the sensors did not answer
+    GAP_RESERVED = 5  # the gap's sensor sent its error code
+    GAP_RANGE = 6  # gap out of its plausible range
+    GAP_SLEW = 7  # gap changed faster than it can
+    GAP_STUCK = 8  # gap showed no noise although the current moved
+    FORCE_RESERVED = 9  # the force sensor sent its error code
+    FORCE_RANGE = 10  # force out of its plausible range
+    FORCE_SLEW = 11  # force changed faster than it can
+    FORCE_STUCK = 12  # force did not change although the current moved
+    CURRENT_RESERVED = 13  # the current's sensor sent its error code
+    CURRENT_RANGE = 14  # current out of its plausible range
+    CURRENT_SLEW = 15  # current changed faster than it can
+    CURRENT_STUCK = 16  # the measured current did not change although it should have
+
+
+class Command(IntEnum):
+    """What a command asks for."""
+
+    IDLE = 0  # ready or run to idle; ends conditioning
+    CONDITION = 1  # idle, then by itself to ready
+    ARM = 2  # idle to ready: the memory is taken as it stands
+    RUN = 3  # ready to run, demand zero
+    STOP = 4  # run to ready
+    CLEAR = 5  # fault to selftest, once the current is zero
+    DEMAGNETISED = 6  # in idle: the memory is set to that of demagnetised iron
+
+
+class Reason(IntEnum):
+    """Why a request was not done (NAK)."""
+
+    NONE = 0
+    VERSION = 1  # another protocol version; detail: the controller's
+    TYPE = 2  # no such request
+    LENGTH = 3  # the payload has the wrong length; detail: the length it had
+    OLD = 4  # sequence number overtaken by newer ones; detail: 1 it was done then, 0 not
+    STATE = 5  # not in this state; detail: the state
+    VALUE = 6  # a value out of its range
+    ORDER = 7  # block data without begin or not at the next offset; detail: the next offset
+    CHECKSUM = 8  # the block that arrived is not the one that was announced
+    BLOCK = 9  # the block is not sound, or of another kind or layout
+    GENERATION = 10  # the block has another generation; detail: its own
+
+
+class Trigger(IntEnum):
+    """When the recorder starts."""
+
+    NOW = 0  # at the next tick
+    RISING = 1  # the signal reaches the level from below
+    FALLING = 2  # the signal reaches the level from above
+
+
+class Recorder(IntEnum):
+    """What the recorder does."""
+
+    OFF = 0  # not set up
+    WAITING = 1  # fills the time before the trigger and waits for it
+    RECORDING = 2  # triggered
+    DONE = 3  # full, can be read
+
+
+class Setting(IntEnum):
+    """Settings."""
+
+    HEARTBEAT_TICKS = 0  # ticks without a valid frame until the link counts as lost
+    DEMAND_SLEW = 1  # largest change of the demand in a tick, q31
+    COMPENSATION = 2  # 1: the compensator; 0: a constant force-current ratio
+    RATIO = 3  # the constant ratio, q30: current for each unit of demand
+    FOLLOW = 4  # what the memory follows. 0: the current driven; 1: the current measured
+
+
+class Signal(IntEnum):
+    """What can be recorded."""
+
+    DEMAND = 0  # demand in force, q31 of the full-scale force
+    FORCE = 1  # measured force, q30
+    GAP = 2  # measured gap, q30
+    CURRENT = 3  # measured current, q30
+    DRIVE = 4  # current driven, q31 of the full-scale current
+    FLUX = 5  # flux of the model after the commit, q30
+    EXPECTED = 6  # force that the model expects after the commit, q31
+    STATE = 7  # state, as a number
+    FLAGS = 8  # flags, as in status
+
+
+class Flag(IntFlag):
+    """Bits of status.flags."""
+
+    DEMAND_LIMITED = 1  # by the parameter block or the residual force, as of the last tick
+    CURRENT_LIMITED = 2  # by the parameter block or the board
+    FLUX_LIMITED = 4  # by the parameter block
+    DEMAND_SLEWING = 8  # the demand in force is still on its way
+    CONDITIONING = 16  # the conditioning sequence runs
+    KNOWN = 32  # the memory of the iron is taken as known
+    CURRENT_ZERO = 64  # the current driven is zero
+    SAMPLE_DOUBTFUL = 128  # an implausible sample was replaced by the last plausible one
+
+
+class SettingRange(NamedTuple):
+    """What a setting may be."""
+
+    low: int
+    high: int
+    start: int
+    while_running: bool
+
+
+SETTINGS = {
+    Setting.HEARTBEAT_TICKS: SettingRange(2, 1000000, 0, True),
+    Setting.DEMAND_SLEW: SettingRange(1, 2147483647, 2147483647, True),
+    Setting.COMPENSATION: SettingRange(0, 1, 1, False),
+    Setting.RATIO: SettingRange(-2147483648, 2147483647, 1073741824, False),
+    Setting.FOLLOW: SettingRange(0, 1, 0, False),
+}
+
+
+@dataclass(frozen=True)
+class Message:
+    """A payload: fixed fields, then for some types a row of numbers."""
+
+    TYPE: ClassVar[int]
+    FIXED: ClassVar[struct.Struct]
+    TAIL: ClassVar[str] = ""
+
+    def pack(self) -> bytes:
+        """Return the payload; ValueError where a number does not fit."""
+        values = [getattr(self, field.name) for field in fields(self)]
+        tail = values.pop() if self.TAIL else ()
+        try:
+            return self.FIXED.pack(*values) + struct.pack(f"<{len(tail)}{self.TAIL}", *tail)
+        except struct.error as error:
+            raise ValueError(f"{type(self).__name__}: {error}") from error
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        """Return what the payload says; ValueError where its length is wrong."""
+        fixed, rest = payload[: cls.FIXED.size], payload[cls.FIXED.size :]
+        each = struct.calcsize(f"<{cls.TAIL}") if cls.TAIL else 0
+        if len(fixed) != cls.FIXED.size or (len(rest) % each if each else len(rest)):
+            raise ValueError(f"{cls.__name__}: {len(payload)} bytes of payload")
+        values = list(cls.FIXED.unpack(fixed))
+        if each:
+            values.append(struct.unpack(f"<{len(rest) // each}{cls.TAIL}", rest))
+        return cls(*values)
+
+
+@dataclass(frozen=True)
+class PlantRecord:
+    """A record of the plant's bus: 32-bit words, the last one a check."""
+
+    FIXED: ClassVar[struct.Struct]
+
+    def pack(self) -> bytes:
+        """Return the record with its check."""
+        body = self.FIXED.pack(*(getattr(self, field.name) for field in fields(self)))
+        return body + struct.pack("<I", _check(body))
+
+    @classmethod
+    def unpack(cls, record: bytes) -> Self:
+        """Return what the record says; ValueError where length or check are wrong."""
+        body = record[:-4]
+        if len(body) != cls.FIXED.size or record[-4:] != struct.pack("<I", _check(body)):
+            raise ValueError(f"{cls.__name__}: not a record of the plant's bus")
+        return cls(*cls.FIXED.unpack(body))
+
+
+def _check(body: bytes) -> int:
+    check = PLANT_MAGIC
+    for (word,) in struct.iter_unpack("<I", body):
+        check ^= word
+    return check
+
+
+@dataclass(frozen=True)
+class HelloRequest(Message):
+    """Opens a session: the sequence starts anew with this frame."""
+
+    TYPE: ClassVar[int] = 0x01
+    ANSWER: ClassVar[int] = 0x81
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
+
+    version: int  # protocol version of the PC
+
+
+@dataclass(frozen=True)
+class HeartbeatRequest(Message):
+    """Asks for the status."""
+
+    TYPE: ClassVar[int] = 0x02
+    ANSWER: ClassVar[int] = 0x82
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
+
+
+@dataclass(frozen=True)
+class DemandRequest(Message):
+    """The demanded force, in force from the next tick.
+
+    Without effect outside run.
+    """
+
+    TYPE: ClassVar[int] = 0x03
+    ANSWER: ClassVar[int] = 0x82
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<i")
+
+    force: int  # q31 of the full-scale force
+
+
+@dataclass(frozen=True)
+class CommandRequest(Message):
+    """Changes the state.
+
+    Detail of the answer: the state entered.
+    """
+
+    TYPE: ClassVar[int] = 0x04
+    ANSWER: ClassVar[int] = 0x83
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
+
+    command: int  # one of command
+
+
+@dataclass(frozen=True)
+class SettingReadRequest(Message):
+    """Asks for a setting."""
+
+    TYPE: ClassVar[int] = 0x05
+    ANSWER: ClassVar[int] = 0x85
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
+
+    setting: int  # one of setting
+
+
+@dataclass(frozen=True)
+class SettingWriteRequest(Message):
+    """Sets a setting, in force from the next tick."""
+
+    TYPE: ClassVar[int] = 0x06
+    ANSWER: ClassVar[int] = 0x85
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<Hi")
+
+    setting: int  # one of setting
+    value: int
+
+
+@dataclass(frozen=True)
+class BlockBeginRequest(Message):
+    """Announces a parameter block; what had arrived of another is forgotten."""
+
+    TYPE: ClassVar[int] = 0x07
+    ANSWER: ClassVar[int] = 0x83
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHI")
+
+    words: int  # length of the block
+    generation: int  # of the block
+    checksum: int  # CRC-32 of all its words, low byte first
+
+
+@dataclass(frozen=True)
+class BlockDataRequest(Message):
+    """The next words of the block.
+
+    Detail of the answer: the next offset.
+    """
+
+    TYPE: ClassVar[int] = 0x08
+    ANSWER: ClassVar[int] = 0x83
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
+    TAIL: ClassVar[str] = "h"
+
+    offset: int  # of the first of these words in the block
+    words: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class BlockSwapRequest(Message):
+    """Checks the block and puts it in force between two ticks.
+
+    On any error the old one stays. Detail of the answer: the generation in force.
+    """
+
+    TYPE: ClassVar[int] = 0x09
+    ANSWER: ClassVar[int] = 0x83
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
+
+    generation: int  # of the block
+
+
+@dataclass(frozen=True)
+class BlockReadRequest(Message):
+    """Asks for words of the block in force."""
+
+    TYPE: ClassVar[int] = 0x0A
+    ANSWER: ClassVar[int] = 0x86
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HH")
+
+    offset: int  # first word wanted
+    words: int  # number of words, 1..118
+
+
+@dataclass(frozen=True)
+class RecorderSetupRequest(Message):
+    """Sets the recorder up and starts it; what it held is forgotten.
+
+    Mask 0 switches it off.
+    """
+
+    TYPE: ClassVar[int] = 0x0B
+    ANSWER: ClassVar[int] = 0x87
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHHHi")
+
+    mask: int  # signals to record: bit n is signal n
+    signal: int  # signal that triggers
+    trigger: int  # one of trigger
+    decimation: int  # records every n-th tick, 1..65535
+    before: int  # records wanted from before the trigger
+    records: int  # records wanted altogether; 0: as many as fit
+    level: int  # of the trigger
+
+
+@dataclass(frozen=True)
+class RecorderQueryRequest(Message):
+    """Asks what the recorder does."""
+
+    TYPE: ClassVar[int] = 0x0C
+    ANSWER: ClassVar[int] = 0x87
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
+
+
+@dataclass(frozen=True)
+class RecorderReadRequest(Message):
+    """Asks for recorded numbers; only when the recorder is done."""
+
+    TYPE: ClassVar[int] = 0x0D
+    ANSWER: ClassVar[int] = 0x88
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<IH")
+
+    offset: int  # number of the first value wanted
+    values: int  # how many, 1..58
+
+
+@dataclass(frozen=True)
+class InfoAnswer(Message):
+    """Who the controller is."""
+
+    TYPE: ClassVar[int] = 0x81
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHHHHHII")
+
+    version: int  # protocol version
+    firmware: int  # version of the firmware: 256*major + minor
+    kind: int  # kind of compensator (ANHYST_KIND_...)
+    layout: int  # layout of the parameter blocks
+    generation: int  # of the block in force
+    capacity: int  # most words of a parameter block
+    recorder: int  # values that the recorder holds
+    ramp: int  # ms from full current to zero in the safe state
+    model: int  # first 32 bits of the hash of the model of the block
+    rate: int  # ticks a second
+
+
+@dataclass(frozen=True)
+class StatusAnswer(Message):
+    """What the controller did in the tick that its head names."""
+
+    TYPE: ClassVar[int] = 0x82
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<BBHiiiiiHHHH")
+
+    state: int  # one of state
+    fault: int  # one of fault: the latched reason
+    flags: int  # bits of flag
+    demand: int  # demand in force, q31
+    force: int  # measured, q30
+    gap: int  # measured, q30
+    current: int  # measured, q30
+    drive: int  # current driven, q31
+    generation: int  # of the block in force
+    bad_frames: int  # frames thrown away, modulo 65536
+    lost_frames: int  # sequence numbers left out, modulo 65536
+    missed_ticks: int  # since power on, modulo 65536
+
+
+@dataclass(frozen=True)
+class AckAnswer(Message):
+    """Done."""
+
+    TYPE: ClassVar[int] = 0x83
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HH")
+
+    request: int  # type of the request
+    detail: int  # see the request
+
+
+@dataclass(frozen=True)
+class NakAnswer(Message):
+    """Not done, and nothing changed."""
+
+    TYPE: ClassVar[int] = 0x84
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHH")
+
+    request: int  # type of the request
+    reason: int  # one of reason
+    detail: int  # see the reason
+
+
+@dataclass(frozen=True)
+class SettingAnswer(Message):
+    """The value of a setting."""
+
+    TYPE: ClassVar[int] = 0x85
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<Hi")
+
+    setting: int  # one of setting
+    value: int
+
+
+@dataclass(frozen=True)
+class BlockWordsAnswer(Message):
+    """Words of the block in force."""
+
+    TYPE: ClassVar[int] = 0x86
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
+    TAIL: ClassVar[str] = "h"
+
+    offset: int  # of the first of these words
+    words: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class RecorderInfoAnswer(Message):
+    """What the recorder does."""
+
+    TYPE: ClassVar[int] = 0x87
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHIH")
+
+    recorder: int  # one of recorder
+    mask: int  # signals recorded, in the order of their numbers
+    records: int  # records there are, or will be
+    before: int  # number of the record at the trigger, once it is done
+    tick: int  # of the first record, once it is done
+    decimation: int  # ticks from record to record
+
+
+@dataclass(frozen=True)
+class RecorderDataAnswer(Message):
+    """Recorded numbers, record by record, in a record signal by signal."""
+
+    TYPE: ClassVar[int] = 0x88
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<I")
+    TAIL: ClassVar[str] = "i"
+
+    offset: int  # number of the first of these values
+    values: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class PlantSample(PlantRecord):
+    """Plant to controller: what the sensors show at the beginning of a tick."""
+
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiiiI")
+
+    tick: int  # counts from 1
+    gap: int  # q30: 0 is the low end of the model's gaps, 1.0 the high one
+    force: int  # q30 of the full-scale force
+    current: int  # q30 of the full-scale current
+    status: int  # 0, or 1 for PORT_NO_SAMPLE
+
+
+@dataclass(frozen=True)
+class PlantDrive(PlantRecord):
+    """Controller to plant: what is to flow from the beginning of the next tick on."""
+
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiI")
+
+    tick: int  # of the sample from which this was computed
+    drive: int  # q31 of the full-scale current
+    state: int  # state + 256*fault
+
+
+ANSWERS: dict[int, type[Message]] = {
+    answer.TYPE: answer
+    for answer in (
+        InfoAnswer,
+        StatusAnswer,
+        AckAnswer,
+        NakAnswer,
+        SettingAnswer,
+        BlockWordsAnswer,
+        RecorderInfoAnswer,
+        RecorderDataAnswer,
+    )
+}
