@@ -14,7 +14,9 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/closed.c"
   "${ANHYST_CORE_DIR}/src/simplified.c"
   "${ANHYST_CORE_DIR}/src/euler.c"
-  "${ANHYST_CORE_DIR}/src/compensator.c")
+  "${ANHYST_CORE_DIR}/src/compensator.c"
+  "${ANHYST_CORE_DIR}/src/pidd2.c"
+  "${ANHYST_CORE_DIR}/src/pidd2_real.c")
 
 set(ANHYST_WARNINGS
   -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)

@@ -1,1 +1,1 @@
-"""Claims about single parts."""
+"""Claims about the C core."""
