@@ -1,6 +1,7 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
+    FixedCompensator,
     Iron,
     Operator,
     batch,
@@ -11,6 +12,7 @@ from anhyst._core._native import (
 )
 
 __all__ = [
+    "FixedCompensator",
     "Iron",
     "Operator",
     "batch",

@@ -66,3 +66,4 @@ inline Out from_state(const anhyst_state_f64 &state)
 anhyst_step to_step(const std::string &law, const std::string &step);
 
 void bind_identification(nb::module_ &m);
+void bind_compensator(nb::module_ &m);

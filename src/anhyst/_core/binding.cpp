@@ -164,4 +164,5 @@ NB_MODULE(_native, m)
       },
       "z"_a.noconvert());
   bind_identification(m);
+  bind_compensator(m);
 }

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// The fixed-point compensator in Python: the very functions that run on a controller.
+#include <nanobind/stl/string.h>
+
+#include <vector>
+
+#include "anhyst/compensator.h"
+#include "arrays.h"
+
+namespace {
+
+using Words = nb::ndarray<const int16_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using InQ = nb::ndarray<const int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using OutQ = nb::ndarray<nb::numpy, int32_t, nb::ndim<1>>;
+
+OutQ make_words(size_t n)
+{
+  int32_t *data = new int32_t[n];
+  nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<int32_t *>(p); });
+  return OutQ(data, {n}, owner);
+}
+
+const anhyst_kernel *to_kernel(const std::string &kind)
+{
+  if (kind == "full") {
+    return &anhyst_kernel_full;
+  }
+  if (kind == "simplified") {
+    return &anhyst_kernel_simplified;
+  }
+  if (kind == "euler") {
+    return &anhyst_kernel_euler;
+  }
+  throw std::invalid_argument("unknown kind of compensator: " + kind);
+}
+
+class Compensator {
+public:
+  Compensator(const std::string &kind, const Words &words)
+      : words_(words.data(), words.data() + words.shape(0))
+  {
+    const anhyst_status status = anhyst_compensator_init(
+        &state_, to_kernel(kind), words_.data(), static_cast<uint16_t>(words_.size()));
+    if (status != ANHYST_OK) {
+      throw std::invalid_argument("the parameter block is not sound");
+    }
+  }
+  Compensator(const Compensator &) = delete;
+  Compensator &operator=(const Compensator &) = delete;
+
+  int32_t solve_q31(int32_t demand, int32_t gap)
+  {
+    return anhyst_compensator_solve_q31(&state_, demand, gap);
+  }
+  int16_t solve_q15(int16_t demand, int16_t gap)
+  {
+    return anhyst_compensator_solve_q15(&state_, demand, gap);
+  }
+  void commit_q31(int32_t applied, int32_t gap)
+  {
+    anhyst_compensator_commit_q31(&state_, applied, gap);
+  }
+  void commit_q15(int16_t applied, int16_t gap)
+  {
+    anhyst_compensator_commit_q15(&state_, applied, gap);
+  }
+  int32_t output_q31() const { return anhyst_compensator_output_q31(&state_); }
+  int16_t output_q15() const { return anhyst_compensator_output_q15(&state_); }
+  int flags() const { return state_.flags; }
+
+  void swap(const Words &words)
+  {
+    std::vector<int16_t> next(words.data(), words.data() + words.shape(0));
+    if (anhyst_block_check(state_.kernel, next.data(), static_cast<uint16_t>(next.size())) !=
+        ANHYST_OK) {
+      throw std::invalid_argument("the parameter block is not sound");
+    }
+    words_.swap(next);
+    anhyst_compensator_swap(&state_, words_.data());
+  }
+
+  OutQ memory() const
+  {
+    OutQ out = make_words(3);
+    out.data()[0] = state_.memory.a;
+    out.data()[1] = state_.memory.b;
+    out.data()[2] = state_.memory.c;
+    return out;
+  }
+  void set_memory(int32_t a, int32_t b, int32_t c)
+  {
+    if (anhyst_abs_q31(a) > ANHYST_Q30_ONE || anhyst_abs_q31(b) > ANHYST_Q30_ONE) {
+      throw std::invalid_argument("a memory lies within -1..1 (q30)");
+    }
+    state_.memory = {a, b, c};
+    state_.solved = 0;
+  }
+
+  // A whole record: at every sample solve, and commit the solved current.
+  OutQ run(const InQ &demand, const InQ &gap, bool q15)
+  {
+    same_length(demand.shape(0), gap.shape(0), "gap");
+    OutQ out = make_words(demand.shape(0));
+    nb::gil_scoped_release release;
+    for (size_t i = 0; i < demand.shape(0); i++) {
+      const int32_t at = gap.data()[i];
+      if (q15) {
+        const int16_t current = solve_q15(static_cast<int16_t>(demand.data()[i]),
+                                          static_cast<int16_t>(at));
+        commit_q15(current, static_cast<int16_t>(at));
+        out.data()[i] = current;
+      } else {
+        out.data()[i] = solve_q31(demand.data()[i], at);
+        commit_q31(out.data()[i], at);
+      }
+    }
+    return out;
+  }
+
+  int32_t conditioning_length() const { return anhyst_conditioning_length(&state_); }
+  int16_t conditioning_q15(int32_t tick) const { return anhyst_conditioning_q15(&state_, tick); }
+
+private:
+  std::vector<int16_t> words_;
+  anhyst_compensator state_{};
+};
+
+} // namespace
+
+void bind_compensator(nb::module_ &m)
+{
+  nb::class_<Compensator>(m, "FixedCompensator")
+      .def(nb::init<const std::string &, const Words &>(), "kind"_a, "words"_a.noconvert())
+      .def("solve_q31", &Compensator::solve_q31, "demand"_a, "gap"_a)
+      .def("solve_q15", &Compensator::solve_q15, "demand"_a, "gap"_a)
+      .def("commit_q31", &Compensator::commit_q31, "applied"_a, "gap"_a)
+      .def("commit_q15", &Compensator::commit_q15, "applied"_a, "gap"_a)
+      .def("output_q31", &Compensator::output_q31)
+      .def("output_q15", &Compensator::output_q15)
+      .def_prop_ro("flags", &Compensator::flags)
+      .def("swap", &Compensator::swap, "words"_a.noconvert())
+      .def_prop_ro("memory", &Compensator::memory, nb::rv_policy::move)
+      .def("set_memory", &Compensator::set_memory, "a"_a, "b"_a, "c"_a)
+      .def("run", &Compensator::run, "demand"_a.noconvert(), "gap"_a.noconvert(), "q15"_a)
+      .def("conditioning_length", &Compensator::conditioning_length)
+      .def("conditioning_q15", &Compensator::conditioning_q15, "tick"_a);
+}

@@ -1,0 +1,172 @@
+"""The parameter block of the full law: the exact step, from tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from anhyst._core import Operator, langevin
+from anhyst.compile.block import (
+    Block,
+    Conditioning,
+    FloatArray,
+    Limits,
+    Packer,
+    Scales,
+    Sizes,
+    as_word,
+    mantissa,
+)
+from anhyst.compile.scheduled import (
+    WEIGHT,
+    nodes,
+    pack_arms,
+    pack_common,
+    refuse_uncompilable,
+)
+from anhyst.model import ActuatorModel
+
+MARGIN = 1.02
+"""Tables reach a little further than any current within its limits drives the field."""
+
+
+@dataclass(frozen=True)
+class Normal:
+    """The law in units of its own, and how a current is made up there.
+
+    Parameters
+    ----------
+    kappa, c, play : float
+        ``k/a``, reversible fraction, ``r_d/a``.
+    air : float
+        ``h = a/((1-alpha)*M_s)``: flux (over that of saturated iron) for a field ``x = 1``.
+    bias, flux_arm, field_arm : ndarray, shape (n,)
+        Current at each place over the gap, A: ``bias + flux_arm*flux + field_arm*x``.
+    """
+
+    kappa: float
+    c: float
+    play: float
+    air: float
+    bias: FloatArray
+    flux_arm: FloatArray
+    field_arm: FloatArray
+
+
+def normal(model: ActuatorModel, at: FloatArray) -> Normal:
+    """Bring a model into the form of the compensator, at places over the gap.
+
+    ``c_H*(I - in_0) = x*a/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with
+    ``B/mu0 = (1-alpha)*M_s*flux`` and ``flux = m + h*x``; a rewriting of section 2 of the theory.
+    """
+    iron = model.parameters_at(float(at[0]))
+    m_s, a, alpha = iron["M_s"], iron["a"], iron["alpha"]
+    turns, rho = (model.over_schedule(name, at) for name in ("c_H", "rho"))
+    flux_arm = (1.0 - alpha) * m_s * (rho - alpha / (1.0 - alpha)) / turns
+    return Normal(
+        kappa=iron["k"] / a,
+        c=iron["c"],
+        play=iron["r_d"] / a,
+        air=a / ((1.0 - alpha) * m_s),
+        bias=model.over_schedule("in_0", at),
+        flux_arm=np.asarray(flux_arm),
+        field_arm=a / ((1.0 - alpha) * turns),
+    )
+
+
+def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
+    """Return the irreversible part after a rise from far below, over ascending fields `x`."""
+    start = float(x[0]) - 60.0 * kappa - 1.0
+    pinned = Operator(kappa, 0.0)
+    state = np.array([start, langevin(np.array([start]))[0][0], start])
+    _, m, _, status, _ = pinned.run(np.zeros(x.size), np.ascontiguousarray(x), state)
+    assert status == 0
+    return np.asarray(m)
+
+
+def largest_field(law: Normal, current: tuple[float, float]) -> float:
+    """Largest ``|x|`` to which currents within their limits drive the iron, at any gap."""
+
+    def reach(drive: float, arm: float, field_arm: float) -> float:
+        """Field on the ascending branch, where the iron answers least."""
+
+        def missing(x: float) -> float:
+            pinned = float(ascending_branch(law.kappa, np.array([x]))[0])
+            free = float(langevin(np.array([x]))[0][0])
+            m = (1.0 - law.c) * pinned + law.c * free
+            return arm * (m + law.air * x) + field_arm * x - drive
+
+        return float(brentq(missing, -1.0 - law.kappa, drive / field_arm + law.kappa + 1.0))
+
+    reaches = [
+        reach(abs(limit - bias), arm, field_arm)
+        for bias, arm, field_arm in zip(law.bias, law.flux_arm, law.field_arm, strict=True)
+        for limit in current
+    ]
+    return max(*reaches, law.kappa)
+
+
+def build_full(
+    model: ActuatorModel,
+    scales: Scales,
+    limits: Limits,
+    sizes: Sizes | None = None,
+    conditioning: Conditioning | None = None,
+    model_hash: int = 0,
+) -> Block:
+    """Make the parameter block of the full law.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Of the effective-field law, without eddy currents; gap map none, scaling or reluctance.
+    scales : Scales
+        What 1.0 means.
+    limits : Limits
+        Of demand and current.
+    sizes : Sizes, optional
+        How fine tables and searches are.
+    conditioning : Conditioning, optional
+        Start-up sequence.
+    model_hash : int, optional
+        First 32 bits of the hash of the model, kept in the block.
+
+    Returns
+    -------
+    Block
+        Ready for a controller.
+
+    Raises
+    ------
+    InputError
+        The model cannot be compiled, or a number does not fit.
+    """
+    refuse_uncompilable(model)
+    sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
+    law = normal(model, nodes(model, scales, sizes))
+    reach = MARGIN * largest_field(law, limits.current)
+    pack = Packer("full", model_hash)
+    pack_common(pack, model, scales, limits, sizes, conditioning)
+    pack_arms(pack, scales, law.bias, law.flux_arm, law.field_arm * reach)
+
+    n = sizes.curve_segments
+    field = np.linspace(-reach, reach, 2 ** (n + 1) + 1)
+    curve = langevin(field[2**n :])[0]
+    pack.table("FULL_CURVE", curve, 32768.0)
+    pack.table("FULL_BRANCH", ascending_branch(law.kappa, field), 32768.0)
+    level = np.linspace(0.0, 1.0, 2**sizes.inverse_segments + 1)
+    pack.table("FULL_INVERSE", np.interp(level, curve, field[2**n :]) / reach, 32767.0)
+
+    weight, shift = mantissa(reach / (law.kappa * np.log(2.0)) / 16.0, "k")
+    pack.set("FULL_RATE", weight)
+    pack.set("FULL_RATE_SHIFT", shift)
+    pack.set("FULL_STEEPNESS", min(round(reach / law.kappa * 256.0), 32767))
+    pack.set("FULL_AIR", max(as_word(law.air * reach / 4.0, WEIGHT, "h"), 1))
+    pack.set("FULL_REVERSIBLE", as_word(law.c, 32768.0, "c"))
+    pack.set("FULL_PLAY", as_word(law.play / reach, 32768.0, "r_d"))
+    pack.set("FULL_ITERATIONS", sizes.iterations)
+    pack.set("FULL_CURVE_SEGMENTS", n)
+    pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
+    return pack.close(scales, limits)

@@ -1,0 +1,104 @@
+"""What every kind of compensator shares: signals, limits, and what runs over the gap."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anhyst.compile.block import (
+    Conditioning,
+    FloatArray,
+    Limits,
+    Packer,
+    Scales,
+    Sizes,
+    as_word,
+)
+from anhyst.errors import InputError
+from anhyst.model import OPERATOR, ActuatorModel
+
+MU_0 = 4e-7 * np.pi
+WEIGHT = 65536.0
+LARGEST_WEIGHT = 32767 / WEIGHT
+
+
+def refuse_uncompilable(model: ActuatorModel) -> None:
+    """Raise `InputError` for a model that has no fixed-point form, saying why."""
+    if model.law != "effective-field":
+        raise InputError(
+            f"law {model.law!r} cannot be compiled: its step has no closed form; "
+            "identify with --law effective-field"
+        )
+    if any(name in OPERATOR for name in model.varying):
+        raise InputError(
+            "gap map 'free' cannot be compiled: the iron itself would change with the gap; "
+            "identify with --gap-map scaling or reluctance"
+        )
+    gamma = np.atleast_1d(model.parameters["gamma"])
+    if np.any(gamma > 0.0):
+        raise InputError("gamma: eddy currents cannot be compiled; identify with gamma = 0")
+
+
+def nodes(model: ActuatorModel, scales: Scales, sizes: Sizes) -> FloatArray:
+    """Places over the gap at which a table has its entries, SI."""
+    if not model.needs_schedule:
+        return np.full(2, scales.gap_low)
+    return np.linspace(scales.gap_low, scales.gap_high, 2**sizes.gap_segments + 1)
+
+
+def flux_unit(model: ActuatorModel) -> float:
+    """Flux density of saturated iron without the air around it, T: the unit of the inner flux."""
+    first = model.parameters_at(model.nodes[0] if model.nodes else None)
+    return MU_0 * first["M_s"] * (1.0 - first["alpha"])
+
+
+def pack_common(
+    pack: Packer,
+    model: ActuatorModel,
+    scales: Scales,
+    limits: Limits,
+    sizes: Sizes,
+    conditioning: Conditioning,
+) -> None:
+    """Put limits, start-up, and the way from demand to flux."""
+    at = nodes(model, scales, sizes)
+    pack.set("POWER", model.power)
+    pack.set("ROOT_KNEE", sizes.root_knee)
+    for name, value, scale in (
+        ("DEMAND_LOW", limits.demand[0], scales.demand),
+        ("DEMAND_HIGH", limits.demand[1], scales.demand),
+        ("CURRENT_LOW", limits.current[0], scales.current),
+        ("CURRENT_HIGH", limits.current[1], scales.current),
+    ):
+        pack.set(name, as_word(value / scale, 32768.0, name.lower()))
+    pack.set("CONDITION_CYCLES", conditioning.cycles)
+    pack.set("CONDITION_TICKS", conditioning.ramp_ticks)
+    pack.set("GAP_SEGMENTS", sizes.gap_segments if model.needs_schedule else 0)
+    full = scales.demand / model.over_schedule("c_out", at)
+    gain = (np.sqrt(full) if model.power == 2 else full) / flux_unit(model)
+    shift = max(0, int(np.ceil(np.log2(gain.max() / LARGEST_WEIGHT))))
+    if shift > 6:
+        raise InputError("flux: the full-scale demand is far beyond saturation; narrow the demand")
+    pack.set("FLUX_SHIFT", shift)
+    pack.set("FLUX_LIMIT", 16384)
+    pack.table("GAP_GAIN", gain / 2.0**shift, WEIGHT, least=1)
+    pack.table("GAP_OFFSET", model.over_schedule("out_0", at) / scales.demand, 32768.0)
+
+
+def pack_arms(
+    pack: Packer, scales: Scales, bias: FloatArray, flux_arm: FloatArray, field_arm: FloatArray
+) -> None:
+    """Put how the current is made up, A for each unit of flux and field, one value a node."""
+    if np.any(flux_arm < 0.0) or np.any(field_arm <= 0.0):
+        raise InputError(
+            "alpha: the coupling is so strong that the iron would jump at some current; such a "
+            "model cannot be compiled"
+        )
+    largest = max(np.abs(part).max() for part in (bias, flux_arm, field_arm)) / scales.current
+    shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT))))
+    if shift > 8:
+        raise InputError("current: the full-scale current is far too small for this actuator")
+    unit = scales.current * 2.0**shift
+    pack.set("CURRENT_SHIFT", shift)
+    pack.table("GAP_BIAS", bias / unit, WEIGHT)
+    pack.table("GAP_FLUX_ARM", flux_arm / unit, WEIGHT, least=0)
+    pack.table("GAP_FIELD_ARM", field_arm / unit, WEIGHT, least=1)
