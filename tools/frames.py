@@ -156,7 +156,6 @@ def header(table: Entry) -> str:
         f"#define LINK_VERSION {protocol['version']}\n"
         f"#define LINK_PAYLOAD_MOST {protocol['payload_most']}\n"
         f"#define LINK_PLANT_MAGIC UINT32_C({plant['magic']:#010X})".replace("0X", "0x")
-        + f"\n#define LINK_NO_TICK UINT32_C({plant['no_tick']:#010X})".replace("0X", "0x")
     ]
     types = [{"name": f["name"], "doc": f["doc"]} for f in table["frame"]]
     numbers = [frame["type"] for frame in table["frame"]]
@@ -310,7 +309,7 @@ def module(table: Entry) -> str:
     protocol, plant = table["protocol"], table["plant"]
     parts = [
         f"VERSION = {protocol['version']}\nPAYLOAD_MOST = {protocol['payload_most']}\n"
-        f"PLANT_MAGIC = 0x{plant['magic']:08X}\nNO_TICK = 0x{plant['no_tick']:08X}\n"
+        f"PLANT_MAGIC = 0x{plant['magic']:08X}\n"
     ]
     parts += [py_enum(e, "IntEnum", list(range(len(e["values"])))) + "\n" for e in lists(table)]
     for entry in table["flags"]:

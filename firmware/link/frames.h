@@ -10,7 +10,6 @@
 #define LINK_VERSION 1
 #define LINK_PAYLOAD_MOST 240
 #define LINK_PLANT_MAGIC UINT32_C(0x616E6879)
-#define LINK_NO_TICK UINT32_C(0xFFFFFFFF)
 
 /* Types of frames. */
 enum {
@@ -117,9 +116,9 @@ enum {
 
 /* What a command asks for. */
 enum {
-  /* ready or run to idle; ends conditioning */
+  /* ready, run or conditioning to idle */
   LINK_COMMAND_IDLE = 0,
-  /* idle, then by itself to ready */
+  /* idle to idle with the conditioning sequence, then by itself to ready */
   LINK_COMMAND_CONDITION = 1,
   /* idle to ready: the memory is taken as it stands */
   LINK_COMMAND_ARM = 2,
@@ -143,7 +142,7 @@ enum {
   LINK_REASON_TYPE = 2,
   /* the payload has the wrong length; detail: the length it had */
   LINK_REASON_LENGTH = 3,
-  /* sequence number overtaken by newer ones; detail: 1 it was done then, 0 not */
+  /* number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none */
   LINK_REASON_OLD = 4,
   /* not in this state; detail: the state */
   LINK_REASON_STATE = 5,
@@ -557,7 +556,7 @@ typedef struct {
   uint16_t records;
   /* number of the record at the trigger, once it is done */
   uint16_t before;
-  /* of the first record, once it is done */
+  /* of the record at the trigger, once it is done */
   uint32_t tick;
   /* ticks from record to record */
   uint16_t decimation;
@@ -594,7 +593,7 @@ typedef struct {
   int32_t force;
   /* q30 of the full-scale current */
   int32_t current;
-  /* 0, or 1 for PORT_NO_SAMPLE */
+  /* 0, or 1: there are no values (PORT_NO_SAMPLE) */
   uint32_t status;
 } link_plant_sample;
 /* Whether the record is sound; fills it either way. */

@@ -27,7 +27,7 @@
 /* Instead of a value: this sensor sent its error code, or its code cannot be one of a value. */
 #define PORT_RESERVED INT32_MIN
 
-/* Bit of port_sample.status: there is no sample, its values mean nothing. */
+/* Bit of port_sample.status: there are no values; the tick is right all the same. */
 #define PORT_NO_SAMPLE 1U
 
 typedef struct {

@@ -13,7 +13,6 @@ from typing import ClassVar, NamedTuple, Self
 VERSION = 1
 PAYLOAD_MOST = 240
 PLANT_MAGIC = 0x616E6879
-NO_TICK = 0xFFFFFFFF
 
 
 class State(IntEnum):
@@ -52,8 +51,8 @@ class Fault(IntEnum):
 class Command(IntEnum):
     """What a command asks for."""
 
-    IDLE = 0  # ready or run to idle; ends conditioning
-    CONDITION = 1  # idle, then by itself to ready
+    IDLE = 0  # ready, run or conditioning to idle
+    CONDITION = 1  # idle to idle with the conditioning sequence, then by itself to ready
     ARM = 2  # idle to ready: the memory is taken as it stands
     RUN = 3  # ready to run, demand zero
     STOP = 4  # run to ready
@@ -68,7 +67,8 @@ class Reason(IntEnum):
     VERSION = 1  # another protocol version; detail: the controller's
     TYPE = 2  # no such request
     LENGTH = 3  # the payload has the wrong length; detail: the length it had
-    OLD = 4  # sequence number overtaken by newer ones; detail: 1 it was done then, 0 not
+    # number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none
+    OLD = 4
     STATE = 5  # not in this state; detail: the state
     VALUE = 6  # a value out of its range
     ORDER = 7  # block data without begin or not at the next offset; detail: the next offset
@@ -470,7 +470,7 @@ class RecorderInfoAnswer(Message):
     mask: int  # signals recorded, in the order of their numbers
     records: int  # records there are, or will be
     before: int  # number of the record at the trigger, once it is done
-    tick: int  # of the first record, once it is done
+    tick: int  # of the record at the trigger, once it is done
     decimation: int  # ticks from record to record
 
 
@@ -496,7 +496,7 @@ class PlantSample(PlantRecord):
     gap: int  # q30: 0 is the low end of the model's gaps, 1.0 the high one
     force: int  # q30 of the full-scale force
     current: int  # q30 of the full-scale current
-    status: int  # 0, or 1 for PORT_NO_SAMPLE
+    status: int  # 0, or 1: there are no values (PORT_NO_SAMPLE)
 
 
 @dataclass(frozen=True)

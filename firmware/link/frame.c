@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "link/frame.h"
+
+#include "link/crc.h"
+
+void link_receiver_start(link_receiver *receiver)
+{
+  receiver->count = 0;
+  receiver->bad = 0;
+}
+
+/* Decodes COBS in place: the number of bytes that come out, 0 where the code is broken. What comes
+   out never overtakes what goes in. Precondition: none of the bytes is zero. */
+static uint16_t cobs_decode(uint8_t *bytes, uint16_t count)
+{
+  uint16_t in = 0;
+  uint16_t out = 0;
+  while (in < count) {
+    const uint16_t end = (uint16_t)(in + bytes[in]);
+    if (end > count) {
+      return 0;
+    }
+    for (in++; in < end; in++) {
+      bytes[out++] = bytes[in];
+    }
+    if (in < count) {
+      bytes[out++] = 0;
+    }
+  }
+  return out;
+}
+
+/* Makes a frame of decoded bytes: 1 where length and checksum agree. */
+static int parse(const uint8_t *bytes, uint16_t count, link_frame *frame)
+{
+  if (count < LINK_HEAD + LINK_CHECK || count != LINK_HEAD + LINK_CHECK + bytes[3]) {
+    return 0;
+  }
+  const uint16_t covered = (uint16_t)(count - LINK_CHECK);
+  const uint32_t check = link_get_u32(bytes + covered);
+  if (link_crc32(0, bytes, covered) != check) {
+    return 0;
+  }
+  frame->version = bytes[0];
+  frame->type = bytes[1];
+  frame->sequence = bytes[2];
+  frame->length = bytes[3];
+  frame->tick = link_get_u32(bytes + 4);
+  frame->payload = bytes + LINK_HEAD;
+  frame->check = check;
+  return 1;
+}
+
+int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame)
+{
+  const uint16_t most = (uint16_t)sizeof receiver->bytes;
+  if (byte != 0) {
+    if (receiver->count < most) {
+      receiver->bytes[receiver->count] = byte;
+    }
+    if (receiver->count <= most) {
+      receiver->count++;
+    }
+    return 0;
+  }
+  const uint16_t count = receiver->count;
+  receiver->count = 0;
+  if (count == 0) {
+    return 0; /* zeros between frames are allowed: a sender may clear the line with them */
+  }
+  if (count <= most && parse(receiver->bytes, cobs_decode(receiver->bytes, count), frame)) {
+    return 1;
+  }
+  receiver->bad++;
+  return 0;
+}
+
+uint16_t link_encode(uint8_t *wire, const link_frame *frame)
+{
+  /* The bytes stand one place further on than they would plain: where COBS wants its first code. */
+  uint8_t *plain = wire + 1;
+  const uint16_t covered = (uint16_t)(LINK_HEAD + frame->length);
+  const uint16_t count = (uint16_t)(covered + LINK_CHECK);
+  plain[0] = frame->version;
+  plain[1] = frame->type;
+  plain[2] = frame->sequence;
+  plain[3] = frame->length;
+  link_put_u32(plain + 4, frame->tick);
+  for (uint16_t i = 0; i < frame->length; i++) {
+    plain[LINK_HEAD + i] = frame->payload[i];
+  }
+  link_put_u32(plain + covered, link_crc32(0, plain, covered));
+  /* Each zero becomes the distance to the next one, from the end backwards. */
+  uint16_t next = (uint16_t)(count + 1);
+  for (uint16_t i = count; i > 0; i--) {
+    if (wire[i] == 0) {
+      wire[i] = (uint8_t)(next - i);
+      next = i;
+    }
+  }
+  wire[0] = (uint8_t)next;
+  wire[count + 1] = 0;
+  return (uint16_t)(count + 2);
+}
