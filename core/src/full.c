@@ -15,6 +15,12 @@
 #include "block.h"
 #include "lookup.h"
 
+/* An interval of the field too long for a tangent to be trusted at its ends: 1/64. */
+#define LONG_WAY (ANHYST_Q30_ONE / 64)
+
+/* A step too short to matter, about what the tables leave unsure: 6e-5. */
+#define SHORT_WAY (ANHYST_Q30_ONE / 16384)
+
 /* A rising path, prepared for evaluation at many places. */
 typedef struct {
   const int16_t *words;
@@ -142,33 +148,68 @@ static void evaluate(const path *along, int32_t x, answer *at)
   at->m_slope = y_slope + (((x_slope - y_slope) * words[ANHYST_WORD_FULL_REVERSIBLE]) >> 15);
 }
 
-/* air*x + iron*m - target along the rising path, and the end of the search. Newton's steps inside
-   an interval that always holds the solution; a step out of it is replaced by its middle. The
-   number of evaluations is fixed; what is left of the residual after them is part of the accuracy
-   budget. */
-static void rise(const path *along, int16_t air, int16_t iron, int32_t target, int32_t first,
-                 answer *at)
+/* Where the path would meet its target if m rose like the anhysteretic curve: a guess that holds
+   over long ways, where a tangent does not. residual is that at x. */
+static int32_t follow_curve(const int16_t *words, int32_t x, int16_t iron, int32_t residual)
+{
+  int32_t slope;
+  const int32_t level = curve(words, x, &slope);
+  const int32_t missing = anhyst_quotient(anhyst_abs_q31(residual), iron > 0 ? iron : 1);
+  const int32_t wanted =
+      residual < 0 ? anhyst_add_q31(level, missing) : anhyst_sub_q31(level, missing);
+  return inverse_curve(words, anhyst_clamp(wanted, -ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+}
+
+/* x - residual/slope, saturating. */
+static int32_t follow_tangent(int32_t x, int32_t residual, int32_t slope)
+{
+  if (residual == 0) {
+    return x;
+  }
+  return residual < 0 ? anhyst_add_q31(x, anhyst_quotient(-residual, slope))
+                      : anhyst_sub_q31(x, anhyst_quotient(residual, slope));
+}
+
+/* Whether a step stays inside the interval and is shorter by a quarter than the last one, since
+   tangents can swing to and fro across the two bends of the curve; or is too short to matter. */
+static int nearer(int32_t x, int32_t next, int32_t low, int32_t high, int32_t furthest)
+{
+  const int32_t way = anhyst_abs_q31(anhyst_sub_q31(next, x));
+  return way <= SHORT_WAY || (next > low && next < high && way <= furthest - furthest / 4);
+}
+
+/* Solves air*x + iron*m = target along a rising path on which the residual begins below zero.
+   Newton's steps inside an interval that always holds the solution; a step that leaves it follows
+   the anhysteretic curve instead, or goes to the middle. The number of evaluations is fixed; what
+   is left of the residual after them is part of the accuracy budget. */
+static void rise(const path *along, int16_t air, int16_t iron, int32_t target, answer *at)
 {
   int32_t low = along->from.a;
   int32_t high = ANHYST_Q30_ONE - 1;
-  int32_t x = first > high ? high : first;
+  int32_t furthest = ANHYST_Q31_MAX;
+  int32_t x = low;
   for (int16_t i = along->words[ANHYST_WORD_FULL_ITERATIONS]; i > 0; i--) {
     evaluate(along, x, at);
-    if (i == 1) {
-      break;
-    }
     const int32_t residual = anhyst_scale(x, air) + anhyst_scale(at->m, iron) - target;
-    const int32_t slope = air + ((iron * at->m_slope) >> 10);
-    int32_t next = x;
+    int32_t next = follow_tangent(x, residual, air + ((iron * at->m_slope) >> 10));
     if (residual < 0) {
       low = x;
-      next = anhyst_add_q31(x, anhyst_quotient(-residual, slope));
-    } else if (residual > 0) {
+    } else {
       high = x;
-      next = anhyst_sub_q31(x, anhyst_quotient(residual, slope));
     }
-    x = next > low && next < high ? next : low + (high - low) / 2;
+    if (nearer(x, next, low, high, furthest)) {
+      next = anhyst_clamp(next, low, high);
+      furthest = anhyst_abs_q31(anhyst_sub_q31(next, x));
+    } else {
+      next = high - low > LONG_WAY ? follow_curve(along->words, x, iron, residual) : low;
+      if (next <= low || next >= high) {
+        next = low + (high - low) / 2;
+      }
+      furthest = high - low;
+    }
+    x = next;
   }
+  evaluate(along, x, at);
 }
 
 /* Solves air*x + iron*m = target from a memory; |target| below 1, air above 0. *at is mirrored
@@ -180,8 +221,14 @@ static void solve(const int16_t *words, const anhyst_memory *from, int16_t air, 
   anhyst_memory start = *from;
   const int32_t m = magnetisation(words, start.b, curve(words, start.a, &slope));
   const int32_t residual = anhyst_scale(start.a, air) + anhyst_scale(m, iron) - target;
-  const int32_t falling = residual > 0;
-  if (falling) {
+  if (residual == 0) {
+    at->x = start.a;
+    at->y = start.b;
+    at->p = start.c;
+    at->m = m;
+    return;
+  }
+  if (residual > 0) {
     start.a = -start.a;
     start.b = -start.b;
     start.c = -start.c;
@@ -189,14 +236,8 @@ static void solve(const int16_t *words, const anhyst_memory *from, int16_t air, 
   }
   path along;
   depart(&along, words, &start);
-  evaluate(&along, start.a, at);
-  int32_t first = start.a;
-  if (residual != 0) {
-    first = anhyst_add_q31(
-        first, anhyst_quotient(anhyst_abs_q31(residual), air + ((iron * at->m_slope) >> 10)));
-  }
-  rise(&along, air, iron, target, first, at);
-  if (falling) {
+  rise(&along, air, iron, target, at);
+  if (residual > 0) {
     at->x = -at->x;
     at->y = -at->y;
     at->p = -at->p;

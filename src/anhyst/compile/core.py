@@ -1,0 +1,146 @@
+"""The C of the core, found and joined: one header and one source for each kind of compensator."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from anhyst.compile.block import Kind
+from anhyst.errors import InputError
+
+SOURCES: dict[Kind, tuple[str, ...]] = {
+    "full": ("block.c", "full.c", "compensator.c"),
+    "simplified": ("block.c", "closed.c", "simplified.c", "compensator.c"),
+    "euler": ("block.c", "closed.c", "euler.c", "compensator.c"),
+}
+"""What is joined, in the order of the file: each function stands before it is used."""
+
+PUBLIC = "anhyst/"
+WIDTH = 100
+
+_INCLUDE = re.compile(r'^#include "([^"]+)"\n', re.M)
+_SYSTEM = re.compile(r"^#include <([^>]+)>\n", re.M)
+_LICENCE = re.compile(r"^/\* SPDX-License-Identifier: [^*]*\*/\n")
+_GUARD = re.compile(r"^#ifndef (ANHYST_\w+_H)\n#define \1\n(.*)^#endif\n\Z", re.M | re.S)
+_LINKAGE = re.compile(
+    r'^#ifdef __cplusplus\n(?:extern "C" \{|\})\n#endif\n',
+    re.M,
+)
+_KERNEL = re.compile(r"^extern const anhyst_kernel anhyst_kernel_(\w+);\n", re.M)
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """The core that a kind of compensator needs.
+
+    Parameters
+    ----------
+    header, source : str
+        Bodies of ``anhyst.h`` and ``anhyst.c``: sections one below the other.
+    system : tuple of str
+        Standard headers that they need.
+    """
+
+    header: str
+    source: str
+    system: tuple[str, ...]
+
+
+def core_folder() -> Path:
+    """Return the folder with ``include/``, ``src/`` and ``port/`` of the core.
+
+    In a source tree it is the one that is edited, otherwise the copy inside the package.
+
+    Raises
+    ------
+    InputError
+        The installation is not complete.
+    """
+    package = Path(__file__).resolve().parents[1]
+    for place in (package.parents[1] / "core", package / "_core" / "c"):
+        if (place / "include" / "anhyst" / "compensator.h").is_file():
+            return place
+    raise InputError(f"{package}: the C sources of the core are missing; install anhyst again")
+
+
+def read_core(name: str) -> str:
+    """Return the text of one file of the core, such as ``port/anhyst_port_cortex_m4.h``."""
+    return (core_folder() / name).read_text(encoding="utf-8")
+
+
+def join(kind: Kind) -> Joined:
+    """Join what a kind of compensator needs of the core.
+
+    Includes of the core's own headers are resolved, each header once; comments are kept.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of compensator.
+
+    Returns
+    -------
+    Joined
+    """
+    joint = _Joint(kind)
+    for name in SOURCES[kind]:
+        joint.add(f"src/{name}")
+    return Joined(
+        "\n".join(joint.header), "\n".join(joint.source), tuple(sorted(joint.system, key=str))
+    )
+
+
+@dataclass
+class _Joint:
+    """Sections of the two files as they grow."""
+
+    kind: Kind
+    header: list[str] = field(default_factory=list)
+    source: list[str] = field(default_factory=list)
+    system: list[str] = field(default_factory=list)
+    _seen: set[str] = field(default_factory=set)
+    _linked: bool = False
+
+    def add(self, name: str) -> None:
+        """Put a file behind everything that it includes."""
+        if name in self._seen:
+            return
+        self._seen.add(name)
+        text = _LICENCE.sub("", read_core(name))
+        for included in _INCLUDE.findall(text):
+            folder = "include" if included.startswith(PUBLIC) else "src"
+            self.add(f"{folder}/{included}")
+        self.system += [h for h in _SYSTEM.findall(text) if h not in self.system]
+        if name.startswith("include/"):
+            self._add_header(name, text)
+        else:
+            self.source.append(_section(name, _bare(text)))
+
+    def _add_header(self, name: str, text: str) -> None:
+        if not self._linked and _LINKAGE.search(text):
+            self.header.append('#ifdef __cplusplus\nextern "C" {\n#endif\n')
+            self._linked = True
+        text = _KERNEL.sub(lambda m: m[0] if m[1] == self.kind else "", _bare(text))
+        self.header.append(_section(name, text))
+
+
+def _bare(text: str) -> str:
+    """Take off what only a file by itself needs: includes, guard, linkage."""
+    text = _LINKAGE.sub("", _SYSTEM.sub("", _INCLUDE.sub("", text)))
+    # The introduction may stand before the guard.
+    guard = re.search(r"^#ifndef (ANHYST_\w+_H)$", text, re.M)
+    if guard:
+        text = text[: guard.start()] + _GUARD.sub(r"\2", text[guard.start() :])
+    return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
+
+
+def _section(name: str, text: str) -> str:
+    title = f"/* ---- {Path(name).name} "
+    return f"{title}{'-' * (WIDTH - len(title) - 3)} */\n\n{text}"
+
+
+def section_names(joined: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the files that joined texts were made of."""
+    return tuple(re.findall(r"^/\* ---- (\S+) -+ \*/$", "\n".join(joined), re.M))

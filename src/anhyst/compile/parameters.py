@@ -1,0 +1,137 @@
+"""The parameter block as C: every word with its meaning, every table with what it is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from textwrap import wrap
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.compile.block import LEAST_WORDS, Block
+from anhyst.compile.words import BODY, HEAD, HEAD_PLACES, ONES, Names, Unit, Word
+from anhyst.data.units import Quantity
+
+ENTRIES_A_LINE = 10
+HEAD_WORDS = 10
+VALUES_END = 18
+WIDTH = 100
+
+
+def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> str:
+    """Return the rows of the initialiser of ``anhyst_parameters[]``, commented.
+
+    Parameters
+    ----------
+    block : Block
+        The parameters.
+    names : Names
+        Units of output and input.
+    schedule : Quantity or None
+        What the tables over the gap run over.
+
+    Returns
+    -------
+    str
+        Lines indented by four blanks, without the braces.
+    """
+    lines = list(_head(block))
+    tables: dict[int, list[Word]] = {}
+    end = HEAD_WORDS
+    for word in BODY[block.kind]:
+        place = word.place(block.kind)
+        value = int(block.words[place])
+        if word.axis:
+            tables.setdefault(value, []).append(word)
+            text = f"{word.doc}: table from word {value} on"
+        else:
+            text = word.doc + _worth(word, value, block, names)
+        lines += _unused(block, end, place)
+        lines.append(_line(place, [value], f"{word.name}: {text}"))
+        end = place + 1
+    lines += _unused(block, end, LEAST_WORDS)
+    for _, named in sorted(tables.items()):
+        lines += ["", *_table(named, block, names, schedule)]
+    return "\n".join(lines)
+
+
+def _head(block: Block) -> Iterator[str]:
+    for word in HEAD:
+        place = HEAD_PLACES[word.name]
+        double = word.name in {"MAGIC", "CRC", "MODEL"}
+        yield _line(place, block.words[place : place + 1 + double], f"{word.name}: {word.doc}")
+
+
+def _unused(block: Block, first: int, end: int) -> list[str]:
+    """Return the words before `end` that mean nothing in this kind; they are zero."""
+    return [_line(first, block.words[first:end], "not used")] if first < end else []
+
+
+def _line(place: int, entries: Iterable[int], text: str) -> str:
+    """Put one or a few words in front of what they are."""
+    row = ", ".join(_literal(int(word)) for word in entries)
+    return f"{f'    {row},':<{VALUES_END}} /* {place:2d} {text} */"
+
+
+def _worth(word: Word, value: int, block: Block, names: Names) -> str:
+    """Say what a word is worth, where that is more than its number."""
+    unit = word.physical(block, names) if word.physical else Unit()
+    if word.format == "integer":
+        return ""
+    return f"; {word.format}, {value / ONES[word.format] * unit.scale:.6g} {unit.name}".rstrip()
+
+
+def _table(
+    named: Sequence[Word], block: Block, names: Names, schedule: Quantity | None
+) -> Iterator[str]:
+    word = named[0]
+    first, count = block.tables[word.name]
+    entries = block.words[first : first + count]
+    unit = word.physical(block, names) if word.physical else Unit()
+    worth = entries / ONES[word.format] * unit.scale
+    called = " and ".join(each.name for each in named)
+    text = (
+        f"{called}, {word.format}: {word.doc}, {worth.min():.6g} to {worth.max():.6g} {unit.name}"
+    ).rstrip()
+    yield from _comment(f"{first} {text}; {_axis(word, block, schedule)}")
+    yield from _rows(entries)
+
+
+def _axis(word: Word, block: Block, schedule: Quantity | None) -> str:
+    """Say what a table runs over."""
+    count = block.tables[word.name][1] - 1
+    match word.axis:
+        case "gap":
+            if schedule is None or block.scales.gap_high <= block.scales.gap_low:
+                return "the same everywhere"
+            scale, unit = (1e3, "mm") if schedule.unit == "m" else (1.0, schedule.unit)
+            low, high = block.scales.gap_low * scale, block.scales.gap_high * scale
+            return f"{count} steps of {schedule.name} from {low:.6g} to {high:.6g} {unit}"
+        case "field":
+            return f"{count} steps of field from 0 to 1"
+        case "field, both signs":
+            return f"{count} steps of field from -1 to 1"
+        case "magnetisation":
+            return f"{count} steps of magnetisation from 0 to 1"
+        case _:
+            octaves, segments = block.word("SIMPLE_OCTAVES"), 2 ** block.word("SIMPLE_SEGMENTS")
+            return (
+                f"{segments} steps of distance from 0 to 2^{4 - octaves}, then {segments} in each "
+                "octave up to 16"
+            )
+
+
+def _comment(text: str) -> list[str]:
+    """Break a comment into lines."""
+    return wrap(f"/* {text} */", WIDTH, initial_indent="    ", subsequent_indent=" " * 7)
+
+
+def _rows(entries: NDArray[np.int16]) -> Iterator[str]:
+    for start in range(0, len(entries), ENTRIES_A_LINE):
+        row = entries[start : start + ENTRIES_A_LINE]
+        yield f"    {', '.join(_literal(int(word)) for word in row)},"
+
+
+def _literal(word: int) -> str:
+    """Return a word in C; the smallest one has no literal of its own."""
+    return "-32767 - 1" if word == -32768 else str(word)
