@@ -146,7 +146,7 @@ enum {
   LINK_REASON_OLD = 4,
   /* not in this state; detail: the state */
   LINK_REASON_STATE = 5,
-  /* a value out of its range */
+  /* a value out of its range, or no such setting, command or word */
   LINK_REASON_VALUE = 6,
   /* block data without begin or not at the next offset; detail: the next offset */
   LINK_REASON_ORDER = 7,

@@ -70,7 +70,7 @@ class Reason(IntEnum):
     # number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none
     OLD = 4
     STATE = 5  # not in this state; detail: the state
-    VALUE = 6  # a value out of its range
+    VALUE = 6  # a value out of its range, or no such setting, command or word
     ORDER = 7  # block data without begin or not at the next offset; detail: the next offset
     CHECKSUM = 8  # the block that arrived is not the one that was announced
     BLOCK = 9  # the block is not sound, or of another kind or layout

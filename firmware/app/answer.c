@@ -1,0 +1,344 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* One function a request; each fills the answer. What the control task uses is read and written
+   between port_lock and port_unlock, and little else is done there. */
+#include "app/app.h"
+
+#include <stddef.h>
+
+/* What an answer is made of. */
+typedef struct {
+  uint8_t *payload;
+  uint8_t type;
+  uint8_t length;
+} answer;
+
+static uint16_t word_in_force(const app *a, uint16_t number)
+{
+  const int16_t *words = a->control.compensator.words;
+  return words != NULL ? (uint16_t)words[number] : 0U;
+}
+
+static void say_ack(answer *to, uint16_t request, uint16_t detail)
+{
+  const link_ack ack = {request, detail};
+  to->type = LINK_TYPE_ACK;
+  to->length = LINK_SIZE_ACK;
+  link_put_ack(to->payload, &ack);
+}
+
+static void say_nak(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
+{
+  const link_nak nak = {request, reason, detail};
+  to->type = LINK_TYPE_NAK;
+  to->length = LINK_SIZE_NAK;
+  link_put_nak(to->payload, &nak);
+}
+
+/* Done, or not done for this reason. */
+static void say_done(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
+{
+  if (reason == LINK_REASON_NONE) {
+    say_ack(to, request, detail);
+  } else {
+    say_nak(to, request, reason, detail);
+  }
+}
+
+static void say_status(app *a, answer *to)
+{
+  const app_control *control = &a->control;
+  link_status status;
+  port_lock();
+  status.state = (uint8_t)control->state;
+  status.fault = (uint8_t)control->fault;
+  status.flags = control->flags;
+  status.demand = control->demand;
+  status.force = a->sensors.force.value;
+  status.gap = a->sensors.gap.value;
+  status.current = a->sensors.current.value;
+  status.drive = control->drive;
+  status.missed_ticks = control->missed;
+  port_unlock();
+  status.generation = word_in_force(a, ANHYST_WORD_GENERATION);
+  status.bad_frames = a->session.receiver.bad;
+  status.lost_frames = a->session.lost;
+  to->type = LINK_TYPE_STATUS;
+  to->length = LINK_SIZE_STATUS;
+  link_put_status(to->payload, &status);
+}
+
+static void on_hello(app *a, const uint8_t *p, answer *to)
+{
+  const app_board *board = a->board;
+  link_hello hello;
+  link_get_hello(&hello, p);
+  if (hello.version != LINK_VERSION) {
+    say_nak(to, LINK_TYPE_HELLO, LINK_REASON_VERSION, LINK_VERSION);
+    return;
+  }
+  link_info info;
+  info.version = LINK_VERSION;
+  info.firmware = board->firmware;
+  info.kind = board->kernel->kind;
+  info.layout = ANHYST_BLOCK_LAYOUT;
+  info.generation = word_in_force(a, ANHYST_WORD_GENERATION);
+  info.capacity = ANHYST_BLOCK_MOST_WORDS;
+  info.recorder = APP_RECORDER_VALUES;
+  info.ramp = board->limits->ramp_ms;
+  info.model = word_in_force(a, ANHYST_WORD_MODEL) |
+               ((uint32_t)word_in_force(a, ANHYST_WORD_MODEL + 1) << 16);
+  info.rate = board->rate;
+  to->type = LINK_TYPE_INFO;
+  to->length = LINK_SIZE_INFO;
+  link_put_info(to->payload, &info);
+}
+
+static void on_heartbeat(app *a, const uint8_t *p, answer *to)
+{
+  (void)p;
+  say_status(a, to);
+}
+
+static void on_demand(app *a, const uint8_t *p, answer *to)
+{
+  link_demand demand;
+  link_get_demand(&demand, p);
+  port_lock();
+  if (a->control.state == LINK_STATE_RUN) {
+    a->control.target = demand.force;
+  }
+  port_unlock();
+  say_status(a, to);
+}
+
+static void on_command(app *a, const uint8_t *p, answer *to)
+{
+  link_command command;
+  link_get_command(&command, p);
+  port_lock();
+  const uint16_t reason = app_control_command(&a->control, &a->sensors, command.command);
+  const uint16_t state = a->control.state;
+  port_unlock();
+  say_done(to, LINK_TYPE_COMMAND, reason, state);
+}
+
+static void say_setting(const app *a, uint16_t number, answer *to)
+{
+  const link_setting setting = {number, a->settings[number]};
+  to->type = LINK_TYPE_SETTING;
+  to->length = LINK_SIZE_SETTING;
+  link_put_setting(to->payload, &setting);
+}
+
+static void on_setting_read(app *a, const uint8_t *p, answer *to)
+{
+  link_setting_read read;
+  link_get_setting_read(&read, p);
+  if (read.setting >= LINK_SETTING_COUNT) {
+    say_nak(to, LINK_TYPE_SETTING_READ, LINK_REASON_VALUE, 0);
+  } else {
+    say_setting(a, read.setting, to);
+  }
+}
+
+static void on_setting_write(app *a, const uint8_t *p, answer *to)
+{
+  link_setting_write write;
+  link_get_setting_write(&write, p);
+  port_lock();
+  const uint16_t state = a->control.state;
+  const uint16_t reason = app_setting_obstacle(write.setting, write.value, state == LINK_STATE_RUN);
+  if (reason == LINK_REASON_NONE) {
+    a->settings[write.setting] = write.value;
+  }
+  port_unlock();
+  if (reason != LINK_REASON_NONE) {
+    say_nak(to, LINK_TYPE_SETTING_WRITE, reason, state);
+  } else {
+    say_setting(a, write.setting, to);
+  }
+}
+
+static void on_block_begin(app *a, const uint8_t *p, answer *to)
+{
+  link_block_begin begin;
+  link_get_block_begin(&begin, p);
+  const uint16_t reason = app_download_begin(&a->download, &begin, a->control.compensator.words);
+  say_done(to, LINK_TYPE_BLOCK_BEGIN, reason, 0);
+}
+
+static void on_block_data(app *a, const uint8_t *p, uint8_t tail, answer *to)
+{
+  link_block_data data;
+  link_get_block_data(&data, p);
+  const uint16_t reason = app_download_words(&a->download, data.offset, p + LINK_SIZE_BLOCK_DATA,
+                                             (uint16_t)(tail / 2U));
+  say_done(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received);
+}
+
+/* Puts a checked block in force. The swap itself is between two ticks; the check, which is long, is
+   not: nobody else writes to where the block stands. */
+static void swap(app *a, const int16_t *words)
+{
+  anhyst_compensator fresh;
+  anhyst_compensator *compensator = &a->control.compensator;
+  const int first = compensator->words == NULL;
+  if (first) {
+    (void)anhyst_compensator_init(&fresh, a->board->kernel, words, a->download.announced.words);
+  }
+  port_lock();
+  if (first) {
+    *compensator = fresh;
+  } else {
+    anhyst_compensator_swap(compensator, words);
+  }
+  port_unlock();
+}
+
+static void on_block_swap(app *a, const uint8_t *p, answer *to)
+{
+  link_block_swap request;
+  const int16_t *words = NULL;
+  link_get_block_swap(&request, p);
+  const uint16_t reason =
+      app_download_check(&a->download, a->board->kernel, request.generation, &words);
+  if (reason == LINK_REASON_NONE) {
+    swap(a, words);
+    a->download.under_way = 0;
+  }
+  say_done(to, LINK_TYPE_BLOCK_SWAP, reason, word_in_force(a, ANHYST_WORD_GENERATION));
+}
+
+static void on_block_read(app *a, const uint8_t *p, answer *to)
+{
+  const uint16_t most = (LINK_PAYLOAD_MOST - LINK_SIZE_BLOCK_WORDS) / 2;
+  const uint16_t length = word_in_force(a, ANHYST_WORD_LENGTH);
+  link_block_read read;
+  link_get_block_read(&read, p);
+  if (read.words == 0U || read.words > most || read.offset >= length ||
+      read.words > length - read.offset) {
+    say_nak(to, LINK_TYPE_BLOCK_READ, LINK_REASON_VALUE, length);
+    return;
+  }
+  const link_block_words words = {read.offset};
+  link_put_block_words(to->payload, &words);
+  uint8_t *at = to->payload + LINK_SIZE_BLOCK_WORDS;
+  for (uint16_t i = 0; i < read.words; i++, at += 2) {
+    link_put_u16(at, word_in_force(a, (uint16_t)(read.offset + i)));
+  }
+  to->type = LINK_TYPE_BLOCK_WORDS;
+  to->length = (uint8_t)(LINK_SIZE_BLOCK_WORDS + 2U * read.words);
+}
+
+static void say_recorder(app *a, answer *to)
+{
+  link_recorder_info info;
+  port_lock();
+  app_recorder_info(&a->recorder, &info);
+  port_unlock();
+  to->type = LINK_TYPE_RECORDER_INFO;
+  to->length = LINK_SIZE_RECORDER_INFO;
+  link_put_recorder_info(to->payload, &info);
+}
+
+static void on_recorder_setup(app *a, const uint8_t *p, answer *to)
+{
+  link_recorder_setup setup;
+  link_get_recorder_setup(&setup, p);
+  port_lock();
+  const uint16_t reason = app_recorder_setup(&a->recorder, &setup);
+  port_unlock();
+  if (reason == LINK_REASON_NONE) {
+    say_recorder(a, to);
+  } else {
+    say_nak(to, LINK_TYPE_RECORDER_SETUP, reason, 0);
+  }
+}
+
+static void on_recorder_query(app *a, const uint8_t *p, answer *to)
+{
+  (void)p;
+  say_recorder(a, to);
+}
+
+/* A recording that is done is not touched by the control task: no lock. */
+static void on_recorder_read(app *a, const uint8_t *p, answer *to)
+{
+  const uint16_t most = (LINK_PAYLOAD_MOST - LINK_SIZE_RECORDER_DATA) / 4;
+  link_recorder_read read;
+  link_get_recorder_read(&read, p);
+  if (a->recorder.state != LINK_RECORDER_DONE) {
+    say_nak(to, LINK_TYPE_RECORDER_READ, LINK_REASON_STATE, a->recorder.state);
+    return;
+  }
+  const link_recorder_data data = {read.offset};
+  uint8_t *at = to->payload + LINK_SIZE_RECORDER_DATA;
+  int there = read.values > 0U && read.values <= most;
+  for (uint16_t i = 0; there && i < read.values; i++, at += 4) {
+    int32_t value = 0;
+    there = app_recorder_value(&a->recorder, read.offset + i, &value);
+    link_put_u32(at, (uint32_t)value);
+  }
+  if (!there) {
+    say_nak(to, LINK_TYPE_RECORDER_READ, LINK_REASON_VALUE, 0);
+    return;
+  }
+  link_put_recorder_data(to->payload, &data);
+  to->type = LINK_TYPE_RECORDER_DATA;
+  to->length = (uint8_t)(LINK_SIZE_RECORDER_DATA + 4U * read.values);
+}
+
+/* A request of a fixed length and what does it. */
+typedef struct {
+  uint8_t type;
+  uint8_t length;
+  void (*on)(app *a, const uint8_t *p, answer *to);
+} request_kind;
+
+static const request_kind kinds[] = {
+    {LINK_TYPE_HELLO, LINK_SIZE_HELLO, on_hello},
+    {LINK_TYPE_HEARTBEAT, LINK_SIZE_HEARTBEAT, on_heartbeat},
+    {LINK_TYPE_DEMAND, LINK_SIZE_DEMAND, on_demand},
+    {LINK_TYPE_COMMAND, LINK_SIZE_COMMAND, on_command},
+    {LINK_TYPE_SETTING_READ, LINK_SIZE_SETTING_READ, on_setting_read},
+    {LINK_TYPE_SETTING_WRITE, LINK_SIZE_SETTING_WRITE, on_setting_write},
+    {LINK_TYPE_BLOCK_BEGIN, LINK_SIZE_BLOCK_BEGIN, on_block_begin},
+    {LINK_TYPE_BLOCK_SWAP, LINK_SIZE_BLOCK_SWAP, on_block_swap},
+    {LINK_TYPE_BLOCK_READ, LINK_SIZE_BLOCK_READ, on_block_read},
+    {LINK_TYPE_RECORDER_SETUP, LINK_SIZE_RECORDER_SETUP, on_recorder_setup},
+    {LINK_TYPE_RECORDER_QUERY, LINK_SIZE_RECORDER_QUERY, on_recorder_query},
+    {LINK_TYPE_RECORDER_READ, LINK_SIZE_RECORDER_READ, on_recorder_read},
+};
+
+/* The one request with a tail: whole words, at least one. */
+static void answer_block_data(app *a, const link_frame *request, answer *to)
+{
+  const uint8_t tail = (uint8_t)(request->length - LINK_SIZE_BLOCK_DATA);
+  if (request->length < LINK_SIZE_BLOCK_DATA + 2 || tail % 2U != 0U) {
+    say_nak(to, request->type, LINK_REASON_LENGTH, request->length);
+  } else {
+    on_block_data(a, request->payload, tail, to);
+  }
+}
+
+uint8_t app_answer(app *a, const link_frame *request, uint8_t *payload, uint8_t *length)
+{
+  answer to = {payload, 0, 0};
+  const request_kind *kind = NULL;
+  for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; i++) {
+    if (kinds[i].type == request->type) {
+      kind = &kinds[i];
+    }
+  }
+  if (request->type == LINK_TYPE_BLOCK_DATA) {
+    answer_block_data(a, request, &to);
+  } else if (kind == NULL) {
+    say_nak(&to, request->type, LINK_REASON_TYPE, 0);
+  } else if (request->length != kind->length) {
+    say_nak(&to, request->type, LINK_REASON_LENGTH, request->length);
+  } else {
+    kind->on(a, request->payload, &to);
+  }
+  *length = to.length;
+  return to.type;
+}

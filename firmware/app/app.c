@@ -1,0 +1,178 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "app/app.h"
+
+#include <stddef.h>
+
+static void session_start(app_session *session)
+{
+  link_receiver_start(&session->receiver);
+  session->sending = session->answer;
+  session->check = 0;
+  session->window = 0;
+  session->chunk_count = 0;
+  session->chunk_at = 0;
+  session->answer_count = 0;
+  session->sending_count = 0;
+  session->last = 0;
+  session->open = 0;
+  session->lost = 0;
+}
+
+void app_start(app *a, const app_board *board)
+{
+  a->board = board;
+  app_settings_start(a->settings, board->rate);
+  app_control_start(&a->control, &a->sensors, board);
+  session_start(&a->session);
+  app_recorder_start(&a->recorder);
+  app_download_start(&a->download);
+}
+
+static void record(app *a, const port_sample *sample)
+{
+  const app_control *control = &a->control;
+  int32_t signals[LINK_SIGNAL_COUNT];
+  signals[LINK_SIGNAL_DEMAND] = control->demand;
+  signals[LINK_SIGNAL_FORCE] = sample->force;
+  signals[LINK_SIGNAL_GAP] = sample->gap;
+  signals[LINK_SIGNAL_CURRENT] = sample->current;
+  signals[LINK_SIGNAL_DRIVE] = control->drive;
+  signals[LINK_SIGNAL_FLUX] = control->compensator.flux_applied;
+  signals[LINK_SIGNAL_EXPECTED] =
+      control->compensator.words != NULL ? anhyst_compensator_output_q31(&control->compensator) : 0;
+  signals[LINK_SIGNAL_STATE] = control->state;
+  signals[LINK_SIGNAL_FLAGS] = control->flags;
+  app_recorder_tick(&a->recorder, control->tick, signals);
+}
+
+void app_tick(app *a)
+{
+  port_sample sample;
+  port_sense(&sample);
+  const int32_t drive = app_control_tick(&a->control, &a->sensors, a->board, a->settings, &sample);
+  port_drive(drive, a->control.state + 256U * a->control.fault);
+  record(a, &sample);
+}
+
+/* What a sequence number is after the last one. */
+enum { SEQUENCE_NEW, SEQUENCE_REPEATED, SEQUENCE_OLD };
+
+/* Follows the sequence of requests. A PC numbers them one after the other; the same frame again is
+   a repetition. Half the numbers lie ahead, half behind, and what lies behind was overtaken: doing
+   it now would undo what came later. */
+static int follow_sequence(app_session *session, const link_frame *request)
+{
+  const uint16_t ahead = (uint16_t)(request->sequence - session->last) & 0xFFU;
+  if (session->open != 0U && ahead == 0U && request->check == session->check) {
+    return SEQUENCE_REPEATED;
+  }
+  if (session->open == 0U || request->type == LINK_TYPE_HELLO) {
+    session->window = 1;
+  } else if (ahead == 0U || ahead > 127U) {
+    return SEQUENCE_OLD;
+  } else {
+    session->window = (ahead < 32U ? session->window << ahead : 0U) | 1U;
+    session->lost = (uint16_t)(session->lost + ahead - 1U);
+  }
+  session->open = 1;
+  session->last = request->sequence;
+  session->check = request->check;
+  return SEQUENCE_NEW;
+}
+
+/* Whether a number behind the last one was answered, as far back as is known. */
+static uint16_t was_answered(const app_session *session, uint8_t sequence)
+{
+  const uint16_t behind = (uint16_t)(session->last - sequence) & 0xFFU;
+  return behind > 0U && behind < 32U ? (uint16_t)((session->window >> behind) & 1U) : 0U;
+}
+
+/* The last tick, in one piece also where a processor reads it in two. */
+static uint32_t last_tick(const app *a)
+{
+  port_lock();
+  const uint32_t tick = a->control.tick;
+  port_unlock();
+  return tick;
+}
+
+/* Answers aside that a frame was not done. */
+static void refuse(app *a, const link_frame *request, uint16_t reason, uint16_t detail)
+{
+  uint8_t payload[LINK_SIZE_NAK];
+  const link_nak nak = {request->type, reason, detail};
+  const link_frame frame = {
+      LINK_VERSION, LINK_TYPE_NAK, request->sequence, LINK_SIZE_NAK, last_tick(a), payload, 0};
+  link_put_nak(payload, &nak);
+  a->session.sending = a->session.aside;
+  a->session.sending_count = link_encode(a->session.aside, &frame);
+}
+
+/* Does a new request and answers it. */
+static void perform(app *a, const link_frame *request)
+{
+  app_session *session = &a->session;
+  uint8_t payload[LINK_PAYLOAD_MOST];
+  link_frame frame = {LINK_VERSION, 0, request->sequence, 0, 0, payload, 0};
+  frame.type = app_answer(a, request, payload, &frame.length);
+  frame.tick = last_tick(a);
+  session->answer_count = link_encode(session->answer, &frame);
+  session->sending = session->answer;
+  session->sending_count = session->answer_count;
+}
+
+/* Answers a sound frame, whatever it says. */
+static void take_request(app *a, const link_frame *request)
+{
+  app_session *session = &a->session;
+  if (request->version != LINK_VERSION) {
+    refuse(a, request, LINK_REASON_VERSION, LINK_VERSION);
+    return;
+  }
+  const int sequence = follow_sequence(session, request);
+  if (sequence == SEQUENCE_OLD) {
+    refuse(a, request, LINK_REASON_OLD, was_answered(session, request->sequence));
+    return;
+  }
+  port_lock();
+  a->control.silent = 0;
+  port_unlock();
+  if (sequence == SEQUENCE_NEW) {
+    perform(a, request);
+  } else {
+    session->sending = session->answer;
+    session->sending_count = session->answer_count;
+  }
+}
+
+/* Offers the port what is left to send; 1 once nothing is left. */
+static int send_rest(app_session *session)
+{
+  if (session->sending_count > 0U) {
+    const uint16_t taken = port_link_write(session->sending, session->sending_count);
+    session->sending += taken;
+    session->sending_count = (uint16_t)(session->sending_count - taken);
+  }
+  return session->sending_count == 0U;
+}
+
+void app_poll(app *a)
+{
+  app_session *session = &a->session;
+  link_frame request;
+  if (!send_rest(session)) {
+    return;
+  }
+  if (session->chunk_at == session->chunk_count) {
+    session->chunk_at = 0;
+    session->chunk_count = port_link_read(session->chunk, (uint16_t)sizeof session->chunk);
+  }
+  while (session->chunk_at < session->chunk_count) {
+    if (link_receive(&session->receiver, session->chunk[session->chunk_at++], &request)) {
+      take_request(a, &request);
+      if (!send_rest(session)) {
+        return;
+      }
+    }
+  }
+}

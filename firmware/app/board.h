@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a board tells the app once: constants in its own source, outside anything that can be
+   exchanged over the link. */
+#ifndef ANHYST_FIRMWARE_BOARD_H
+#define ANHYST_FIRMWARE_BOARD_H
+
+#include "anhyst.h"
+
+/* What a sensor can plausibly show, q30.
+
+   Stuck: a converter that works shows noise. If its code has stayed the very same for stuck_ticks
+   ticks, and in that time the driven current was moved by at least app_limits.stuck_current, the
+   sensor counts as stuck. A gap that stands still is no reason: its noise still changes the code.
+   So stuck_ticks is chosen from the noise floor: with a probability p that one sample repeats the
+   code before it, a false alarm in a window has the probability p^stuck_ticks; 0 switches the rule
+   off, for a sensor whose noise stays below one code. */
+typedef struct {
+  int32_t low;
+  int32_t high;
+  int32_t slew;         /* largest change from one tick to the next */
+  uint16_t stuck_ticks; /* 0..65535 */
+} app_sensor_limits;
+
+typedef struct {
+  app_sensor_limits gap;
+  app_sensor_limits force;
+  app_sensor_limits current;
+  int32_t current_low; /* q31: the current driven never leaves low..high; -1 < low <= 0 <= high */
+  int32_t current_high;
+  int32_t stuck_current;   /* q31 */
+  uint16_t doubtful_ticks; /* samples in a row that may be implausible before it is a fault */
+  uint16_t missed_ticks;   /* ticks in a row that may be left out before it is a fault */
+  uint16_t selftest_ticks; /* plausible samples in a row until the self-test has passed */
+  uint16_t ramp_ms;        /* from full current to zero in the safe state */
+} app_limits;
+
+typedef struct {
+  const anhyst_kernel *kernel;
+  const int16_t *words;    /* parameter block built in */
+  uint16_t words_capacity; /* words that may be read there */
+  uint16_t firmware;       /* version: 256*major + minor */
+  uint32_t rate;           /* ticks a second, 10..1000000 */
+  const app_limits *limits;
+} app_board;
+
+#endif

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A parameter block that arrives piece by piece, is checked as a whole and only then used. The
+   block in force is never written to: there are two places, and a download goes to the other. */
+#ifndef ANHYST_FIRMWARE_DOWNLOAD_H
+#define ANHYST_FIRMWARE_DOWNLOAD_H
+
+#include "app/board.h"
+#include "link/frames.h"
+
+typedef struct {
+  link_block_begin announced;
+  uint32_t checksum;  /* of the words so far */
+  uint16_t received;  /* words so far */
+  uint16_t place;     /* that they go to */
+  uint16_t under_way; /* whether a block was announced and is not in force yet */
+  int16_t words[2][ANHYST_BLOCK_MOST_WORDS];
+} app_download;
+
+void app_download_start(app_download *download);
+
+/* Announces a block; in_force: the words used now. LINK_REASON_NONE, or LINK_REASON_VALUE where its
+   length cannot be that of a block. */
+uint16_t app_download_begin(app_download *download, const link_block_begin *begin,
+                            const int16_t *in_force);
+
+/* Takes the next words, `count` of them, two bytes each. LINK_REASON_NONE, or LINK_REASON_ORDER
+   where they are not the next ones or more than were announced. */
+uint16_t app_download_words(app_download *download, uint16_t offset, const uint8_t *bytes,
+                            uint16_t count);
+
+/* Checks what has arrived. LINK_REASON_NONE: *words is a sound block of this kernel, its length in
+   announced.words; or LINK_REASON_ORDER, _CHECKSUM, _BLOCK, _GENERATION. Reads every word: not for
+   an interrupt. */
+uint16_t app_download_check(const app_download *download, const anhyst_kernel *kernel,
+                            uint16_t generation, const int16_t **words);
+
+#endif

@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "app/sensor.h"
+
+#include "port/port.h"
+
+void app_sensor_start(app_sensor *sensor)
+{
+  sensor->value = 0;
+  sensor->anchor = 0;
+  sensor->age = 0;
+  sensor->same = 0;
+  sensor->moved = 0;
+  sensor->known = 0;
+}
+
+static uint16_t count_on(uint16_t count, uint32_t more)
+{
+  return more < (uint32_t)(UINT16_MAX - count) ? (uint16_t)(count + more) : UINT16_MAX;
+}
+
+static int32_t distance(int32_t a, int32_t b) { return anhyst_abs_q31(anhyst_sub_q31(a, b)); }
+
+/* Whether a sensor can have come from its last plausible value to this one since then. */
+static int within_slew(const app_sensor *sensor, int32_t slew, int32_t value)
+{
+  return sensor->known == 0U || distance(value, sensor->value) / (int32_t)sensor->age <= slew;
+}
+
+/* Follows how long the code has been the same and whether the current moved meanwhile. */
+static void watch_noise(app_sensor *sensor, int32_t stuck_current, int32_t value, uint32_t ticks,
+                        int32_t drive)
+{
+  if (sensor->known == 0U || value != sensor->value) {
+    sensor->anchor = drive;
+    sensor->same = 0;
+    sensor->moved = 0;
+    return;
+  }
+  sensor->same = count_on(sensor->same, ticks);
+  if (distance(drive, sensor->anchor) >= stuck_current) {
+    sensor->moved = 1;
+  }
+}
+
+uint16_t app_sensor_judge(app_sensor *sensor, const app_sensor_limits *limits,
+                          int32_t stuck_current, int32_t value, uint32_t ticks, int32_t drive)
+{
+  sensor->age = count_on(sensor->age, ticks);
+  if (value == PORT_RESERVED) {
+    return APP_SENSOR_RESERVED;
+  }
+  if (value < limits->low || value > limits->high) {
+    return APP_SENSOR_RANGE;
+  }
+  if (!within_slew(sensor, limits->slew, value)) {
+    return APP_SENSOR_SLEW;
+  }
+  watch_noise(sensor, stuck_current, value, ticks, drive);
+  sensor->value = value;
+  sensor->age = 0;
+  sensor->known = 1;
+  if (limits->stuck_ticks > 0U && sensor->same >= limits->stuck_ticks && sensor->moved != 0U) {
+    return APP_SENSOR_STUCK;
+  }
+  return APP_SENSOR_FINE;
+}
