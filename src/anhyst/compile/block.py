@@ -223,7 +223,10 @@ class Packer:
         parts = [self._head]
         end = LEAST_WORDS
         for name, values in self._tables.items():
-            same = next((n for n, v in self._tables.items() if n in places and np.array_equal(v, values)), None)
+            same = next(
+                (n for n, v in self._tables.items() if n in places and np.array_equal(v, values)),
+                None,
+            )
             if same is None:
                 places[name] = (end, values.size)
                 parts.append(values)

@@ -1,0 +1,92 @@
+"""The output folder: written beside its place as a whole, then renamed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from anhyst.atomic import PathLike, write_error
+from anhyst.errors import InputError
+
+MANIFEST = "manifest.json"
+FORMAT = "anhyst-compiled"
+
+
+def check_folder(out: PathLike) -> None:
+    """Find out before the work whether a folder may be written.
+
+    Raises
+    ------
+    InputError
+        Something stands there that ``anhyst compile`` has not written, or the place cannot be
+        written.
+    """
+    target = Path(os.path.realpath(out))
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{out}: is a file; name a folder")
+    if target.is_dir() and any(target.iterdir()) and not _is_ours(target):
+        raise InputError(
+            f"{out}: holds files that anhyst compile has not written; name another folder"
+        )
+    if not target.parent.is_dir():
+        raise InputError(f"{target.parent}: no such folder; create it first")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError(f"{target.parent}: cannot be written; name another folder")
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether every file there is in the manifest there; other tools may add folders."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        ours = {MANIFEST, *manifest["files"]}
+        return manifest["product"] == FORMAT and all(p.name in ours for p in folder.iterdir())
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def write_folder(out: PathLike, files: Mapping[str, str], manifest: Mapping[str, object]) -> None:
+    """Write all files of a folder, or none.
+
+    Parameters
+    ----------
+    out : path-like
+        The folder; one that ``anhyst compile`` has written is replaced.
+    files : mapping of str to str
+        Content by name.
+    manifest : mapping
+        What the folder is; hashes of the files are added.
+
+    Raises
+    ------
+    InputError
+        As :func:`check_folder`, or the disk refuses.
+    """
+    check_folder(out)
+    target = Path(os.path.realpath(out))
+    hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
+    complete = {"product": FORMAT, **manifest, "files": dict(sorted(hashes.items()))}
+    text = json.dumps(complete, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    draft = target.with_name(f".{target.name}.{os.getpid()}.part")
+    old = target.with_name(f".{target.name}.{os.getpid()}.old")
+    try:
+        draft.mkdir()
+        for name, content in {**files, MANIFEST: text}.items():
+            (draft / name).write_text(content, encoding="utf-8", newline="\n")
+        if target.exists():
+            target.rename(old)
+        try:
+            draft.rename(target)
+        except OSError:
+            if old.exists():
+                old.rename(target)
+            raise
+    except OSError as error:
+        raise write_error(out, error) from error
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+        if target.exists():
+            shutil.rmtree(old, ignore_errors=True)
