@@ -11,6 +11,7 @@ from typing import Annotated, cast
 
 import typer
 
+from anhyst.cli.compile import compile_
 from anhyst.cli.console import one_line, say_error
 from anhyst.cli.diff import diff
 from anhyst.cli.identify import identify
@@ -39,6 +40,7 @@ app = typer.Typer(
 )
 for _verb in (inspect, identify, predict, invert, report, diff):
     app.command(no_args_is_help=True)(_verb)
+app.command("compile", no_args_is_help=True)(compile_)
 
 
 def _print_version(wanted: bool) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from anhyst.compile.block import Block, Conditioning, Kind, Limits, Scales, Sizes
 from anhyst.compile.full import build_full
+from anhyst.compile.simplified import build_euler, build_simplified
 from anhyst.errors import InputError
 from anhyst.model import ActuatorModel
 
@@ -17,7 +18,6 @@ Io = Literal["q15", "q31"]
 ROUND = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """Full-scale values are one of these times a power of ten."""
 
-LARGEST_CODE = {"q15": 1.0 - 2.0**-15, "q31": 1.0 - 2.0**-31}
 RAMP_SECONDS = 0.25
 """Duration of one ramp of the start-up sequence, where the ticks of the controller allow."""
 
@@ -142,7 +142,9 @@ def build(
     """Make the parameter block of a kind of compensator."""
     if kind == "full":
         return build_full(model, scales, limits, sizes, conditioning, model_hash)
-    raise InputError(f"kind {kind!r} cannot be compiled yet")
+    if kind == "simplified":
+        return build_simplified(model, scales, limits, sizes, conditioning, model_hash)
+    return build_euler(model, scales, limits, sizes, conditioning, model_hash)
 
 
 def _limits(model: ActuatorModel) -> Limits:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from textwrap import fill
@@ -79,7 +80,7 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
     }
 
 
-def render(template: str, values: dict[str, object]) -> str:
+def render(template: str, values: Mapping[str, object]) -> str:
     """Fill one template of this package."""
     return _environment().get_template(template).render(values)
 

@@ -1,0 +1,88 @@
+"""The verb ``compile``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from anhyst.cli.console import print_json, show
+from anhyst.cli.options import AsJson, ModelPath
+
+if TYPE_CHECKING:
+    from anhyst.compile.output import Compiled
+
+
+class KindChoice(StrEnum):
+    """Kinds of compensator."""
+
+    FULL = "full"
+    SIMPLIFIED = "simplified"
+
+
+class IoChoice(StrEnum):
+    """Formats of the signals."""
+
+    Q15 = "q15"
+    Q31 = "q31"
+
+
+def compile_(
+    model: ModelPath,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write.")],
+    rate: Annotated[
+        float, typer.Option(metavar="HZ", help="Ticks a second of the controller.", min=1.0)
+    ],
+    kind: Annotated[
+        KindChoice,
+        typer.Option(
+            metavar="KIND",
+            help="'full': the law with its exact step; 'simplified': a straight anhysteretic curve "
+            "in closed form, less exact and faster.",
+        ),
+    ] = KindChoice.FULL,
+    io: Annotated[
+        IoChoice,
+        typer.Option(
+            metavar="FORMAT", help="Format of demand, gap and current: q15 (16 bits) or q31."
+        ),
+    ] = IoChoice.Q15,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENT",
+            help="Largest deviation from the model, per cent of the largest output. [default: 0.2 "
+            "for number formats and tables; a simplified law's own deviation comes on top]",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compile a model into fixed-point C for a controller.
+
+    The folder holds one header, one source and the parameters of the compensator (wanted output
+    in, current out), an example, fragments for make and CMake, golden vectors, an accuracy budget
+    measured against the model, and DROP_IN.md: how it goes into a project.
+
+    Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
+    """
+    from anhyst.compile.output import compile_model
+    from anhyst.compile.plan import Request
+
+    request = Request(kind.value, io.value, rate, accuracy)
+    compiled = compile_model(model, out, request)
+    if as_json:
+        print_json(_as_dict(compiled))
+    else:
+        _show(compiled)
+
+
+def _as_dict(compiled: Compiled) -> dict[str, Any]:
+    return {"out": str(compiled.out), **compiled.manifest, "files": list(compiled.files)}
+
+
+def _show(compiled: Compiled) -> None:
+    block, request = compiled.plan.block, compiled.plan.request
+    show(f"{compiled.out}: {block.kind}, {request.io}, {block.size} bytes of parameters")

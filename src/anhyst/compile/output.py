@@ -1,0 +1,76 @@
+"""From a model file to a folder of C: what ``anhyst compile`` does."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from anhyst.atomic import PathLike
+from anhyst.compile.folder import check_folder, write_folder
+from anhyst.compile.manifest import manifest
+from anhyst.compile.plan import Plan, Request, make_plan
+from anhyst.compile.source import sources
+from anhyst.compile.vectors import golden_vectors, vectors_csv
+from anhyst.modelfile import read_model
+from anhyst.version import running_version
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """What came out.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    plan : Plan
+        What was chosen.
+    manifest : dict
+        What stands in ``manifest.json``, without the hashes of the files.
+    files : tuple of str
+        Names of the files.
+    """
+
+    out: Path
+    plan: Plan
+    manifest: dict[str, Any]
+    files: tuple[str, ...]
+
+
+def compile_model(model_path: PathLike, out: PathLike, request: Request) -> Compiled:
+    """Compile a model into a folder of fixed-point C.
+
+    Parameters
+    ----------
+    model_path : path-like
+        A model file.
+    out : path-like
+        The folder to write; one that was compiled before is replaced, any other is left alone.
+    request : Request
+        What is wanted.
+
+    Returns
+    -------
+    Compiled
+
+    Raises
+    ------
+    InputError
+        The model cannot be read or compiled, or the folder cannot be written.
+    NegativeResult
+        The wanted accuracy cannot be reached.
+    """
+    check_folder(out)
+    model = read_model(model_path)
+    sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
+    plan = make_plan(model, request, int(sha256[:8], 16))
+    version = running_version()
+    files = {
+        **sources(plan, sha256, version),
+        "vectors.csv": vectors_csv(golden_vectors(plan)),
+    }
+    described = manifest(plan, sha256, version)
+    write_folder(out, files, described)
+    return Compiled(Path(out), plan, described, (*files, "manifest.json"))
