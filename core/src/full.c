@@ -78,7 +78,7 @@ static int32_t inverse_curve(const int16_t *words, int32_t y)
    whole octaves by shifting; error below 2e-5, relative to t where t is small. */
 static int32_t forgotten(int32_t way)
 {
-  const uint16_t whole = (uint16_t)(way >> 26);
+  const uint16_t whole = (uint16_t)(way >> 26) & 31U; /* way is not negative */
   const int32_t rest = way & 0x3FFFFFF;
   const int16_t f = (int16_t)(rest >> 11); /* q15 */
   int16_t ratio = anhyst_sub_q15(1775, anhyst_mul_q15(241, f));

@@ -24,7 +24,7 @@ static int32_t p_of(const int16_t *words, int32_t z)
   int32_t index = 0;
   int32_t rest = z;
   if ((z >> bits) != 0) {
-    const uint16_t top = (uint16_t)(30U - anhyst_headroom(z));
+    const uint16_t top = (uint16_t)(30U - anhyst_headroom(z)) & 31U;
     index = (int32_t)((uint32_t)(top - bits + 1U) << n);
     bits = top;
     rest = z - (int32_t)((uint32_t)1 << top);

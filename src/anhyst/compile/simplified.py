@@ -12,7 +12,7 @@ through a bent curve is best where the work is done.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
@@ -23,6 +23,7 @@ from anhyst.compile.block import (
     Block,
     Conditioning,
     FloatArray,
+    Kind,
     Limits,
     Packer,
     Scales,
@@ -119,7 +120,7 @@ def _tasks(model: ActuatorModel, at: float, limits: Limits) -> list[_Task]:
 
 
 def curve(nu: float, z: FloatArray) -> FloatArray:
-    """Return ``p = 1 - v`` with ``z = -ln v + nu*v - nu`` (EQUATIONS: the closed form of eq. 14)."""
+    """Return ``p = 1 - v`` for ``z = -ln v + nu*v - nu``, the closed form of eq. 14."""
     if nu < 1e-9:
         return -np.expm1(-z)
     v = -lambertw(-nu * np.exp(-nu - z)).real / nu
@@ -153,9 +154,9 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: Sizes) -> lis
     pack = Packer("simplified")
     pack.set("POWER", 1)
     pack.set("ROOT_KNEE", sizes.root_knee)
-    for name, value in (("DEMAND", 32767), ("CURRENT", 32767)):
-        pack.set(f"{name}_LOW", -value)
-        pack.set(f"{name}_HIGH", value)
+    for name in ("DEMAND", "CURRENT"):
+        pack.set(f"{name}_LOW", -32767)
+        pack.set(f"{name}_HIGH", 32767)
     pack.set("FLUX_SHIFT", 2)
     pack.set("FLUX_LIMIT", 16384)
     pack.set("CONDITION_TICKS", 2)
@@ -183,12 +184,13 @@ def _arms(tasks: list[_Task], lags: list[FloatArray]) -> tuple[FloatArray, Float
         wanted.append(task.current[task.last] * task.weight)
     design, target = np.concatenate(rows), np.concatenate(wanted)
     weight = np.ones(target.size)
-    best, least = np.zeros(3), np.inf
+    best: FloatArray = np.zeros(3)
+    least = np.inf
     for _ in range(WORST_CASE_ROUNDS):
         arms = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
         error = np.abs(design @ arms - target)
         if error.max() < least:
-            best, least = arms, error.max()
+            best, least = arms, float(error.max())
         weight *= 0.5 + error / error.max()
     return best, design @ best - target
 
@@ -247,7 +249,9 @@ def fit_closed_form(
     errors = np.abs(np.concatenate([error for _, error in results]))
     if np.any(arms[:, 2] <= 0.0):
         raise InputError("the model has no hysteresis a simplified law could follow; use full")
-    return ClosedForm(rate, nu, places, *arms.T, float(errors.max()), float(errors.mean()))
+    bias, flux_arm, lag_arm = arms.T
+    worst, mean = float(errors.max()), float(errors.mean())
+    return ClosedForm(rate, nu, places, bias, flux_arm, lag_arm, worst, mean)
 
 
 def build_simplified(
@@ -280,7 +284,7 @@ def build_euler(
 
 
 def _build(
-    kind: str,
+    kind: Kind,
     model: ActuatorModel,
     scales: Scales,
     limits: Limits,
@@ -293,12 +297,12 @@ def _build(
     sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
     law = law or fit_closed_form(model, limits, at, sizes)
-    pack = Packer("euler" if kind == "euler" else "simplified", model_hash)
+    pack = Packer(kind, model_hash)
     pack_common(pack, model, scales, limits, sizes, conditioning)
     pack_arms(
         pack,
         scales,
         *(np.interp(at, law.at, part) for part in (law.bias, law.flux_arm, law.lag_arm)),
     )
-    _pack_law(pack, law.rate, law.nu, replace(sizes))
+    _pack_law(pack, law.rate, law.nu, sizes)
     return pack.close(scales, limits)
