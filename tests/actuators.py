@@ -1,0 +1,121 @@
+"""Hand-made actuators and what is compiled from them, shared by the tests of the compensators."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.compile.block import Block, Kind, Limits, Scales, Sizes
+from anhyst.compile.full import build_full
+from anhyst.compile.simplified import ClosedForm, build_euler, build_simplified, fit_closed_form
+from anhyst.data.units import QUANTITIES
+from anhyst.model import ActuatorModel, GapMap, Parameter
+
+FloatArray = NDArray[np.float64]
+
+GAPS = (0.3e-3, 0.4e-3, 0.6e-3)
+WIDE = 0.45e-3
+"""A gap between the nodes."""
+CURRENTS = (-0.4, 2.0)
+AROUND: dict[str, dict[str, Parameter]] = {
+    "scaling": {"alpha": -0.02, "c_H": (9000.0, 7000.0, 5000.0)},
+    "reluctance": {"c_H": 9000.0, "rho": (0.004, 0.0053, 0.008)},
+}
+
+
+@cache
+def magnet(gap_map: GapMap = "reluctance", play: float = 0.0, residual: float = 0.5) -> ActuatorModel:
+    """Return an electromagnet: force over current at gaps of 0.3 to 0.6 mm.
+
+    `play` is the half-width of the play, A/m; `residual` the force at zero flux, N.
+    """
+    parameters: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.15}
+    parameters |= AROUND[gap_map]
+    parameters |= {"c_out": 60.0, "in_0": 0.02, "out_0": residual, "r_d": play}
+    return ActuatorModel(
+        "magnet",
+        QUANTITIES["current"],
+        QUANTITIES["force"],
+        parameters,
+        gap_map=gap_map,
+        schedule=QUANTITIES["gap"],
+        nodes=GAPS,
+    )
+
+
+@cache
+def ring(play: float = 0.0) -> ActuatorModel:
+    """Return a core without a gap: flux density over field, both of either sign."""
+    return ActuatorModel(
+        "ring",
+        QUANTITIES["field"],
+        QUANTITIES["flux_density"],
+        {
+            "M_s": 4e5,
+            "a": 30.0,
+            "k": 20.0,
+            "c": 0.2,
+            "alpha": -2e-5,
+            "c_H": 1.0,
+            "c_out": 1.0,
+            "r_d": play,
+        },
+    )
+
+
+@cache
+def largest_force(gap_map: GapMap, play: float = 0.0, gap: float = WIDE) -> float:
+    """Force of the magnet on the first rise to its largest current, N."""
+    drive, at = np.array([0.0, CURRENTS[1]]), np.full(2, gap)
+    return float(magnet(gap_map, play).predict(drive, at, history="demagnetised").output[-1])
+
+
+def ranges(gap_map: GapMap, play: float = 0.0) -> tuple[Scales, Limits]:
+    """Full scales and limits of the magnet: all it gives at its smallest gap, and some room."""
+    top = largest_force(gap_map, play, GAPS[0])
+    scales = Scales(1.2 * top, 1.1 * CURRENTS[1], GAPS[0], GAPS[-1])
+    return scales, Limits((0.0, top), CURRENTS)
+
+
+@cache
+def closed_form(gap_map: GapMap) -> ClosedForm:
+    """Fit the simplified law to the magnet."""
+    _, limits = ranges(gap_map)
+    return fit_closed_form(magnet(gap_map), limits, np.array(GAPS))
+
+
+@cache
+def compiled(
+    kind: Kind, gap_map: GapMap = "reluctance", play: float = 0.0, sizes: Sizes | None = None
+) -> Block:
+    """Return the magnet's compensator."""
+    scales, limits = ranges(gap_map, play)
+    if kind == "full":
+        return build_full(magnet(gap_map, play), scales, limits, sizes)
+    build = build_simplified if kind == "simplified" else build_euler
+    return build(magnet(gap_map, play), scales, limits, sizes, law=closed_form(gap_map))
+
+
+def triangles(low: float, high: float, samples: int, cycles: int = 3) -> FloatArray:
+    """Return `cycles` of a demand that runs from `low` to `high` and back, `samples` each."""
+    phase = np.arange(samples * cycles) % samples / samples
+    return np.asarray(low + (high - low) * (1.0 - np.abs(2.0 * phase - 1.0)))
+
+
+def nested(high: float, samples: int = 120) -> FloatArray:
+    """Return loops within loops, from 95 % of `high` down to 10 %, all starting at 4 %."""
+    levels = np.linspace(0.95, 0.1, 8) * high
+    return np.concatenate([triangles(0.04 * high, level, samples, 1) for level in levels])
+
+
+def reversals(low: float, high: float, count: int, seed: int) -> FloatArray:
+    """Return straight ways of 1 to 40 samples between turning points drawn at random."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(low, high, count + 1)
+    ways = [
+        np.linspace(a, b, int(rng.integers(1, 40)), endpoint=False)
+        for a, b in zip(points[:-1], points[1:], strict=True)
+    ]
+    return np.concatenate(ways)
