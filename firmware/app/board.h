@@ -25,7 +25,7 @@ typedef struct {
   app_sensor_limits gap;
   app_sensor_limits force;
   app_sensor_limits current;
-  int32_t current_low; /* q31: the current driven never leaves low..high; -1 < low <= 0 <= high */
+  int32_t current_low; /* q31: the current driven never leaves low..high; low <= 0 <= high */
   int32_t current_high;
   int32_t stuck_current;   /* q31 */
   uint16_t doubtful_ticks; /* samples in a row that may be implausible before it is a fault */

@@ -42,7 +42,7 @@ void app_control_start(app_control *control, app_sensors *sensors, const app_boa
   control->silent = 0;
   control->flags = LINK_FLAG_CURRENT_ZERO;
   control->missed = 0;
-  control->ramp = (ANHYST_Q31_MAX - 1) / (int32_t)ramp_ticks(board) + 1;
+  control->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)ramp_ticks(board), 1);
   enter_selftest(control, sensors);
   control->state = LINK_STATE_INIT;
   if (anhyst_compensator_init(&control->compensator, board->kernel, board->words,

@@ -1,0 +1,171 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "bench.h"
+
+#include <string.h>
+
+bench_board bench;
+int16_t bench_words[BENCH_WORDS];
+app_limits bench_limits;
+
+static const app_limits start_limits = {
+    .gap = {-PORT_ONE / 8, PORT_ONE / 8 * 9, PORT_ONE / 100, 20},
+    .force = {-PORT_ONE / 4, PORT_ONE / 4 * 5, PORT_ONE / 10, 30},
+    .current = {-PORT_ONE, PORT_ONE, PORT_ONE / 5, 40},
+    .current_low = INT32_MIN / 2,
+    .current_high = INT32_MAX / 2,
+    .stuck_current = INT32_MAX / 20,
+    .doubtful_ticks = 2,
+    .missed_ticks = 3,
+    .selftest_ticks = 10,
+    .ramp_ms = 20,
+};
+
+static app_board board = {
+    .kernel = &fake_kernel,
+    .words = bench_words,
+    .words_capacity = BENCH_WORDS,
+    .firmware = 0x0102,
+    .rate = BENCH_RATE,
+    .limits = &bench_limits,
+};
+
+static uint8_t sequence;
+
+void port_sense(port_sample *sample) { *sample = bench.sample; }
+
+void port_drive(int32_t current, uint32_t state)
+{
+  bench.drive = current;
+  bench.drive_state = state;
+}
+
+uint16_t port_link_read(uint8_t *bytes, uint16_t most)
+{
+  uint16_t count = 0;
+  while (count < most && bench.wire_at < bench.wire_count) {
+    bytes[count++] = bench.wire[bench.wire_at++];
+  }
+  return count;
+}
+
+uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+{
+  const uint16_t taken = count < bench.accepts ? count : bench.accepts;
+  for (uint16_t i = 0; i < taken; i++) {
+    if (link_receive(&bench.receiver, bytes[i], &bench.answer)) {
+      memcpy(bench.payload, bench.answer.payload, bench.answer.length);
+      bench.answers++;
+    }
+  }
+  return taken;
+}
+
+void port_lock(void)
+{
+  bench.locks++;
+  bench.locked_calls++;
+}
+
+void port_unlock(void) { bench.locks--; }
+
+void bench_start(void)
+{
+  memset(&bench, 0, sizeof bench);
+  memset(&fake, 0, sizeof fake);
+  bench_limits = start_limits;
+  fake_block(bench_words, BENCH_WORDS, 1);
+  bench.accepts = UINT16_MAX;
+  bench.sample.gap = PORT_ONE / 2;
+  sequence = 0;
+  link_receiver_start(&bench.receiver);
+  app_start(&bench.firmware, &board);
+}
+
+void bench_tick(void)
+{
+  bench.sample.tick++;
+  app_tick(&bench.firmware);
+}
+
+void bench_ticks(int count)
+{
+  for (int i = 0; i < count; i++) {
+    bench.sample.gap ^= 64;
+    bench.sample.force ^= 64;
+    bench.sample.current ^= 64;
+    bench_tick();
+  }
+}
+
+uint16_t bench_put(uint8_t type, uint8_t number, const uint8_t *payload, uint8_t length)
+{
+  uint8_t wire[LINK_WIRE_MOST];
+  const link_frame frame = {LINK_VERSION, type, number, length, 0, payload, 0};
+  const uint16_t count = link_encode(wire, &frame);
+  memcpy(bench.wire + bench.wire_count, wire, count);
+  bench.wire_count = (uint16_t)(bench.wire_count + count);
+  return count;
+}
+
+void bench_poll(void)
+{
+  do {
+    app_poll(&bench.firmware);
+  } while (bench.wire_at < bench.wire_count || bench.firmware.session.sending_count > 0U ||
+           bench.firmware.session.chunk_at < bench.firmware.session.chunk_count);
+  bench.wire_at = 0;
+  bench.wire_count = 0;
+}
+
+uint8_t bench_ask(uint8_t type, const uint8_t *payload, uint8_t length)
+{
+  const int before = bench.answers;
+  (void)bench_put(type, ++sequence, payload, length);
+  bench_poll();
+  return bench.answers == before + 1 ? bench.answer.type : 0;
+}
+
+uint8_t bench_command(uint16_t command)
+{
+  uint8_t payload[LINK_SIZE_COMMAND];
+  link_put_u16(payload, command);
+  return bench_ask(LINK_TYPE_COMMAND, payload, sizeof payload);
+}
+
+uint8_t bench_demand(int32_t force)
+{
+  uint8_t payload[LINK_SIZE_DEMAND];
+  link_put_u32(payload, (uint32_t)force);
+  return bench_ask(LINK_TYPE_DEMAND, payload, sizeof payload);
+}
+
+uint8_t bench_set(uint16_t setting, int32_t value)
+{
+  uint8_t payload[LINK_SIZE_SETTING_WRITE];
+  link_put_u16(payload, setting);
+  link_put_u32(payload + 2, (uint32_t)value);
+  return bench_ask(LINK_TYPE_SETTING_WRITE, payload, sizeof payload);
+}
+
+uint16_t bench_reason(void)
+{
+  return bench.answer.type == LINK_TYPE_NAK ? link_get_u16(bench.payload + 2) : LINK_REASON_NONE;
+}
+
+uint16_t bench_detail(void)
+{
+  return link_get_u16(bench.payload + (bench.answer.type == LINK_TYPE_NAK ? 4 : 2));
+}
+
+uint16_t bench_state(void)
+{
+  (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
+  return bench.payload[0];
+}
+
+void bench_run(void)
+{
+  bench_ticks(12);
+  (void)bench_command(LINK_COMMAND_ARM);
+  (void)bench_command(LINK_COMMAND_RUN);
+}

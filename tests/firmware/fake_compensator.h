@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A compensator that is easy to foresee, in place of the core's, and tells how it was called: the
+   current is half the demand, and the memory follows what is committed. */
+#ifndef TEST_FAKE_COMPENSATOR_H
+#define TEST_FAKE_COMPENSATOR_H
+
+#include "anhyst.h"
+
+#include <stddef.h>
+
+#define FAKE_CYCLES 2
+#define FAKE_CYCLE_TICKS 4
+#define FAKE_CONDITION_STEP ((int32_t)0x00010000)
+
+typedef struct {
+  int solves;
+  int commits;
+  int32_t solved_gap;
+  int32_t committed;
+  int32_t committed_gap;
+} fake_calls;
+
+extern fake_calls fake;
+extern const anhyst_kernel fake_kernel;
+
+/* Fills a block that passes the fake's check. */
+void fake_block(int16_t *words, uint16_t length, uint16_t generation);
+
+#endif

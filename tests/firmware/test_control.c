@@ -1,0 +1,479 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims about the control task: states, faults with their reasons, safe state, force controller.
+ */
+#include "../core/check.h"
+#include "bench.h"
+
+static const app_control *control(void) { return &bench.firmware.control; }
+
+static void power_on_leads_through_selftest_to_idle_without_current(void)
+{
+  bench_start();
+  CHECK(control()->state == LINK_STATE_INIT);
+  for (int i = 0; i < 9; i++) {
+    bench_ticks(1);
+    CHECK(control()->state == LINK_STATE_SELFTEST && bench.drive == 0);
+  }
+  bench_ticks(1);
+  CHECK(control()->state == LINK_STATE_IDLE && bench.drive == 0);
+  CHECK((bench.drive_state & 0xFFU) == LINK_STATE_IDLE);
+}
+
+static void a_block_that_is_not_sound_is_a_fault_that_clear_does_not_cure(void)
+{
+  bench_start();
+  bench_words[ANHYST_WORD_MAGIC] = 0;
+  app_start(&bench.firmware, bench.firmware.board);
+  bench_ticks(1);
+  CHECK(control()->state == LINK_STATE_FAULT && control()->fault == LINK_FAULT_BLOCK);
+  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_BLOCK);
+  bench_ticks(50);
+  CHECK(bench.drive == 0 && fake.commits == 0);
+}
+
+static void current_follows_the_demand_in_run_alone(void)
+{
+  bench_start();
+  bench_ticks(12);
+  (void)bench_demand(1000);
+  bench_ticks(2);
+  CHECK(bench.drive == 0);
+  (void)bench_command(LINK_COMMAND_ARM);
+  (void)bench_demand(1000);
+  bench_ticks(2);
+  CHECK(bench.drive == 0 && control()->state == LINK_STATE_READY);
+  (void)bench_command(LINK_COMMAND_RUN);
+  bench_ticks(1);
+  CHECK(bench.drive == 0 && control()->state == LINK_STATE_RUN);
+  (void)bench_demand(1000);
+  bench_ticks(1);
+  CHECK(bench.drive == 500);
+  (void)bench_command(LINK_COMMAND_STOP);
+  bench_ticks(1);
+  CHECK(control()->state == LINK_STATE_READY && bench.drive == 0);
+}
+
+/* Each command in each state: where it leads, -1 where it is refused. */
+static void commands_are_done_in_their_states_alone(void)
+{
+  static const int leads[7][4] = {
+      /* idle, ready, run, fault */
+      {LINK_STATE_IDLE, LINK_STATE_IDLE, LINK_STATE_IDLE, -1}, /* idle */
+      {LINK_STATE_IDLE, -1, -1, -1},                           /* condition */
+      {LINK_STATE_READY, -1, -1, -1},                          /* arm */
+      {-1, LINK_STATE_RUN, -1, -1},                            /* run */
+      {-1, -1, LINK_STATE_READY, -1},                          /* stop */
+      {-1, -1, -1, LINK_STATE_SELFTEST},                       /* clear */
+      {LINK_STATE_IDLE, -1, -1, -1},                           /* demagnetised */
+  };
+  for (uint16_t command = 0; command < 7; command++) {
+    for (int from = 0; from < 4; from++) {
+      bench_start();
+      bench_ticks(12);
+      if (from == 1 || from == 2) {
+        (void)bench_command(LINK_COMMAND_ARM);
+      }
+      if (from == 2) {
+        (void)bench_command(LINK_COMMAND_RUN);
+      }
+      if (from == 3) {
+        bench.sample.tick += 100;
+        bench_ticks(1);
+      }
+      const uint8_t type = bench_command(command);
+      CHECK(type == (leads[command][from] < 0 ? LINK_TYPE_NAK : LINK_TYPE_ACK));
+      if (type == LINK_TYPE_ACK) {
+        CHECK(bench_detail() == leads[command][from]);
+      } else {
+        CHECK(bench_reason() == LINK_REASON_STATE);
+      }
+    }
+  }
+  CHECK(bench_command(7) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_VALUE);
+}
+
+static void conditioning_drives_its_sequence_and_ends_ready(void)
+{
+  bench_start();
+  bench_ticks(12);
+  (void)bench_command(LINK_COMMAND_CONDITION);
+  for (int i = 1; i <= FAKE_CYCLES * FAKE_CYCLE_TICKS; i++) {
+    CHECK(control()->state == LINK_STATE_IDLE);
+    CHECK((control()->flags & LINK_FLAG_CONDITIONING) != 0);
+    bench_ticks(1);
+    CHECK(bench.drive == i * FAKE_CONDITION_STEP);
+    CHECK(fake.committed == bench.drive);
+  }
+  CHECK(control()->state == LINK_STATE_READY && (control()->flags & LINK_FLAG_KNOWN) != 0);
+  bench_ticks(25);
+  CHECK(bench.drive == 0 && (control()->flags & LINK_FLAG_CONDITIONING) == 0);
+}
+
+static void conditioning_is_ended_by_idle_and_then_nothing_is_known(void)
+{
+  bench_start();
+  bench_ticks(12);
+  (void)bench_command(LINK_COMMAND_CONDITION);
+  bench_ticks(3);
+  (void)bench_command(LINK_COMMAND_IDLE);
+  bench_ticks(30);
+  CHECK(control()->state == LINK_STATE_IDLE && bench.drive == 0);
+  CHECK((control()->flags & LINK_FLAG_KNOWN) == 0);
+}
+
+/* Runs at the board's largest current, breaks something, and checks reason and ramp. */
+static void begin_at_full_current(void)
+{
+  bench_start();
+  bench_run();
+  (void)bench_demand(INT32_MAX);
+  bench_ticks(1);
+}
+
+static void falls_safely(uint16_t fault)
+{
+  CHECK(control()->state == LINK_STATE_FAULT);
+  if (control()->fault != fault) {
+    printf("reason %d instead of %d\n", (int)control()->fault, (int)fault);
+  }
+  CHECK(control()->fault == fault);
+  CHECK(bench.drive_state == LINK_STATE_FAULT + 256U * fault);
+  int32_t last = bench.drive;
+  /* 20 ms at 1000 ticks a second; the fault's own tick was the first. */
+  for (int i = 0; i < 19; i++) {
+    bench_ticks(1);
+    CHECK(bench.drive >= 0 && bench.drive <= last);
+    last = bench.drive;
+  }
+  CHECK(bench.drive == 0);
+  CHECK(control()->fault == fault);
+  /* Nothing but clear leads out, and that through selftest. */
+  bench_ticks(200);
+  CHECK(control()->state == LINK_STATE_FAULT);
+  CHECK(bench_command(LINK_COMMAND_ARM) == LINK_TYPE_NAK);
+  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_ACK);
+}
+
+static void comes_back_on_clear(void)
+{
+  bench_ticks(12);
+  CHECK(control()->state == LINK_STATE_IDLE && control()->fault == LINK_FAULT_NONE);
+  CHECK((control()->flags & LINK_FLAG_KNOWN) == 0);
+}
+
+/* Ticks with one sensor showing this, the others as they are. */
+static void show(int32_t *sensor, int32_t value, int count)
+{
+  const int32_t before = *sensor;
+  for (int i = 0; i < count; i++) {
+    *sensor = value;
+    bench_tick();
+  }
+  *sensor = before;
+}
+
+static void each_sensor_fault_has_its_reason(void)
+{
+  int32_t *sensors[3] = {&bench.sample.gap, &bench.sample.force, &bench.sample.current};
+  for (int i = 0; i < 3; i++) {
+    const int32_t beyond[2] = {INT32_MAX, -INT32_MAX};
+    begin_at_full_current();
+    show(sensors[i], PORT_RESERVED, 3);
+    falls_safely((uint16_t)(LINK_FAULT_GAP_RESERVED + 4 * i));
+    comes_back_on_clear();
+    for (int side = 0; side < 2; side++) {
+      begin_at_full_current();
+      show(sensors[i], beyond[side], 3);
+      falls_safely((uint16_t)(LINK_FAULT_GAP_RANGE + 4 * i));
+      comes_back_on_clear();
+    }
+    begin_at_full_current();
+    show(sensors[i], *sensors[i] + PORT_ONE / 100 * 62, 3);
+    falls_safely((uint16_t)(LINK_FAULT_GAP_SLEW + 4 * i));
+    comes_back_on_clear();
+  }
+}
+
+static void no_sample_at_all_is_a_fault(void)
+{
+  begin_at_full_current();
+  bench.sample.status = PORT_NO_SAMPLE;
+  bench_ticks(3);
+  bench.sample.status = 0;
+  falls_safely(LINK_FAULT_SENSOR_FAILED);
+}
+
+static void two_doubtful_samples_are_bridged_by_the_last_plausible_one(void)
+{
+  bench_start();
+  bench_run();
+  (void)bench_demand(1000);
+  bench_ticks(1);
+  const int32_t gap = bench.firmware.sensors.gap.value;
+  show(&bench.sample.gap, PORT_RESERVED, 2);
+  CHECK(control()->state == LINK_STATE_RUN && bench.drive == 500);
+  CHECK((control()->flags & LINK_FLAG_SAMPLE_DOUBTFUL) != 0);
+  CHECK(fake.solved_gap == 2 * gap);
+  bench_ticks(1);
+  CHECK(control()->state == LINK_STATE_RUN);
+  CHECK((control()->flags & LINK_FLAG_SAMPLE_DOUBTFUL) == 0);
+}
+
+static void a_fast_but_possible_change_is_no_fault(void)
+{
+  bench_start();
+  bench_run();
+  for (int i = 0; i < 40; i++) {
+    bench.sample.gap += PORT_ONE / 101;
+    bench_ticks(1);
+  }
+  CHECK(control()->state == LINK_STATE_RUN);
+}
+
+static void a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves(void)
+{
+  int32_t *sensors[3] = {&bench.sample.gap, &bench.sample.force, &bench.sample.current};
+  const int windows[3] = {20, 30, 40};
+  for (int i = 0; i < 3; i++) {
+    bench_start();
+    bench_run();
+    bench_ticks(1);
+    const int32_t frozen = *sensors[i];
+    for (int tick = 1; tick <= windows[i]; tick++) {
+      CHECK(control()->state == LINK_STATE_RUN);
+      (void)bench_demand(INT32_MAX / 4 * (tick % 3));
+      bench.sample.gap ^= 64;
+      bench.sample.force ^= 64;
+      bench.sample.current ^= 64;
+      show(sensors[i], frozen, 1);
+    }
+    falls_safely((uint16_t)(LINK_FAULT_GAP_STUCK + 4 * i));
+  }
+}
+
+static void a_gap_that_stands_still_with_its_noise_is_not_stuck(void)
+{
+  bench_start();
+  bench_run();
+  for (int tick = 0; tick < 500; tick++) {
+    (void)bench_demand(INT32_MAX / 4 * (tick % 3));
+    bench_ticks(1);
+  }
+  CHECK(control()->state == LINK_STATE_RUN);
+}
+
+static void a_frozen_code_is_no_fault_while_the_current_rests(void)
+{
+  bench_start();
+  bench_run();
+  for (int tick = 0; tick < 500; tick++) {
+    (void)bench_demand(1000);
+    bench_tick();
+  }
+  CHECK(control()->state == LINK_STATE_RUN);
+}
+
+static void a_lost_link_ends_run_in_time_and_idle_never(void)
+{
+  begin_at_full_current();
+  (void)bench_demand(INT32_MAX);
+  bench_ticks(100);
+  CHECK(control()->state == LINK_STATE_RUN); /* 100 ms are allowed */
+  bench_ticks(1);
+  falls_safely(LINK_FAULT_LINK_LOST);
+  comes_back_on_clear();
+  bench_ticks(1000);
+  CHECK(control()->state == LINK_STATE_IDLE);
+}
+
+static void a_lost_link_ends_conditioning(void)
+{
+  bench_start();
+  bench_words[ANHYST_WORD_CONDITION_TICKS] = 1000;
+  bench_ticks(12);
+  (void)bench_command(LINK_COMMAND_CONDITION);
+  bench_ticks(101);
+  CHECK(control()->state == LINK_STATE_FAULT && control()->fault == LINK_FAULT_LINK_LOST);
+}
+
+static void any_valid_frame_holds_the_link(void)
+{
+  bench_start();
+  bench_run();
+  for (int i = 0; i < 20; i++) {
+    bench_ticks(90);
+    CHECK(bench_state() == LINK_STATE_RUN);
+  }
+}
+
+static void three_missed_ticks_are_counted_and_four_are_a_fault(void)
+{
+  begin_at_full_current();
+  const int32_t held = bench.drive;
+  bench.sample.tick += 3;
+  bench_ticks(1);
+  CHECK(control()->state == LINK_STATE_RUN && control()->missed == 3 && bench.drive == held);
+  bench.sample.tick += 4;
+  bench_ticks(1);
+  falls_safely(LINK_FAULT_MISSED_TICK);
+}
+
+static void a_tick_that_comes_twice_or_runs_backwards_is_a_fault(void)
+{
+  begin_at_full_current();
+  bench.sample.tick -= 1;
+  bench_ticks(1);
+  falls_safely(LINK_FAULT_MISSED_TICK);
+  begin_at_full_current();
+  bench.sample.tick -= 10;
+  bench_ticks(1);
+  falls_safely(LINK_FAULT_MISSED_TICK);
+}
+
+static void the_tick_may_begin_anywhere_and_wrap(void)
+{
+  bench_start();
+  bench.sample.tick = UINT32_MAX - 20;
+  bench_run();
+  bench_ticks(60);
+  CHECK(control()->state == LINK_STATE_RUN && control()->missed == 0);
+}
+
+static void the_first_reason_stays(void)
+{
+  begin_at_full_current();
+  bench.sample.tick += 50;
+  bench_ticks(1);
+  show(&bench.sample.gap, PORT_RESERVED, 10);
+  CHECK(control()->fault == LINK_FAULT_MISSED_TICK);
+}
+
+static void clear_waits_for_zero_current(void)
+{
+  begin_at_full_current();
+  bench.sample.tick += 50;
+  bench_ticks(1);
+  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_NAK);
+  bench_ticks(20);
+  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_ACK);
+}
+
+static void the_board_limits_what_the_block_does_not(void)
+{
+  begin_at_full_current();
+  CHECK(bench.drive == INT32_MAX / 2);
+  bench_limits.current_high = 7000;
+  bench_ticks(1);
+  CHECK(bench.drive == 7000 && (control()->flags & LINK_FLAG_CURRENT_LIMITED) != 0);
+  CHECK(fake.committed == 7000);
+  bench_limits.current_low = -6000;
+  (void)bench_demand(INT32_MIN);
+  bench_ticks(2); /* the largest slew is full scale a tick, and this is twice as far */
+  CHECK(bench.drive == -6000);
+}
+
+static void the_demand_moves_no_faster_than_its_slew(void)
+{
+  bench_start();
+  bench_run();
+  (void)bench_set(LINK_SETTING_DEMAND_SLEW, 100);
+  (void)bench_demand(250);
+  const int32_t expected[4] = {50, 100, 125, 125};
+  for (int i = 0; i < 4; i++) {
+    bench_ticks(1);
+    CHECK(bench.drive == expected[i]);
+    CHECK(((control()->flags & LINK_FLAG_DEMAND_SLEWING) != 0) == (i < 2));
+  }
+  (void)bench_demand(INT32_MIN);
+  bench_ticks(1);
+  CHECK(control()->demand == 150);
+}
+
+static void without_compensation_the_ratio_is_constant(void)
+{
+  bench_start();
+  CHECK(bench_set(LINK_SETTING_COMPENSATION, 0) == LINK_TYPE_SETTING);
+  CHECK(bench_set(LINK_SETTING_RATIO, PORT_ONE / 4 * 3) == LINK_TYPE_SETTING);
+  bench_run();
+  const int solves = fake.solves;
+  (void)bench_demand(PORT_ONE);
+  bench_ticks(1);
+  const int64_t off = (int64_t)bench.drive - PORT_ONE / 4 * 3;
+  CHECK(off <= 0 && off > -(PORT_ONE >> 15));
+  CHECK(fake.solves == solves && fake.committed == bench.drive);
+}
+
+static void the_memory_follows_what_was_driven_or_what_was_measured(void)
+{
+  bench_start();
+  bench_run();
+  (void)bench_demand(1000);
+  bench_ticks(1);
+  CHECK(fake.committed == 500 && fake.committed_gap == fake.solved_gap);
+  (void)bench_command(LINK_COMMAND_STOP);
+  CHECK(bench_set(LINK_SETTING_FOLLOW, 1) == LINK_TYPE_SETTING);
+  (void)bench_command(LINK_COMMAND_RUN);
+  bench.sample.current = 123456;
+  const int commits = fake.commits;
+  bench_tick();
+  CHECK(fake.committed == 2 * 123456 && fake.commits == commits + 1);
+}
+
+static void the_memory_is_followed_in_every_state_and_set_by_command(void)
+{
+  bench_start();
+  bench_ticks(12);
+  CHECK(fake.commits == 12);
+  bench.firmware.control.compensator.memory.a = 99;
+  CHECK(bench_command(LINK_COMMAND_DEMAGNETISED) == LINK_TYPE_ACK);
+  CHECK(control()->compensator.memory.a == 0);
+}
+
+static void the_gap_reaches_the_compensator_within_its_range(void)
+{
+  bench_start();
+  bench_run();
+  bench_ticks(1);
+  CHECK(fake.solved_gap == 2 * bench.sample.gap);
+  bench_limits.gap.slew = INT32_MAX;
+  bench.sample.gap = PORT_ONE / 100 * 105;
+  bench_tick();
+  CHECK(fake.solved_gap == INT32_MAX && control()->state == LINK_STATE_RUN);
+  bench.sample.gap = -PORT_ONE / 20;
+  bench_tick();
+  CHECK(fake.solved_gap == 0 && control()->state == LINK_STATE_RUN);
+}
+
+int main(void)
+{
+  power_on_leads_through_selftest_to_idle_without_current();
+  a_block_that_is_not_sound_is_a_fault_that_clear_does_not_cure();
+  current_follows_the_demand_in_run_alone();
+  commands_are_done_in_their_states_alone();
+  conditioning_drives_its_sequence_and_ends_ready();
+  conditioning_is_ended_by_idle_and_then_nothing_is_known();
+  each_sensor_fault_has_its_reason();
+  no_sample_at_all_is_a_fault();
+  two_doubtful_samples_are_bridged_by_the_last_plausible_one();
+  a_fast_but_possible_change_is_no_fault();
+  a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves();
+  a_gap_that_stands_still_with_its_noise_is_not_stuck();
+  a_frozen_code_is_no_fault_while_the_current_rests();
+  a_lost_link_ends_run_in_time_and_idle_never();
+  a_lost_link_ends_conditioning();
+  any_valid_frame_holds_the_link();
+  three_missed_ticks_are_counted_and_four_are_a_fault();
+  a_tick_that_comes_twice_or_runs_backwards_is_a_fault();
+  the_tick_may_begin_anywhere_and_wrap();
+  the_first_reason_stays();
+  clear_waits_for_zero_current();
+  the_board_limits_what_the_block_does_not();
+  the_demand_moves_no_faster_than_its_slew();
+  without_compensation_the_ratio_is_constant();
+  the_memory_follows_what_was_driven_or_what_was_measured();
+  the_memory_is_followed_in_every_state_and_set_by_command();
+  the_gap_reaches_the_compensator_within_its_range();
+  return verdict();
+}

@@ -1,0 +1,205 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims about the framing: what is sent arrives, and whatever happens to it on the way is found.
+ */
+#include "../core/check.h"
+#include "link/frame.h"
+
+#include <string.h>
+
+static link_receiver receiver;
+static link_frame got;
+
+static int feed(const uint8_t *bytes, uint16_t count)
+{
+  int frames = 0;
+  for (uint16_t i = 0; i < count; i++) {
+    frames += link_receive(&receiver, bytes[i], &got);
+  }
+  return frames;
+}
+
+static uint16_t encode(uint8_t *wire, const uint8_t *payload, uint8_t length)
+{
+  const link_frame frame = {LINK_VERSION, 0x42, 17, length, 0xFEDC0100U, payload, 0};
+  return link_encode(wire, &frame);
+}
+
+/* Payloads that are hard on COBS: no zero, only zeros, a zero in each place, counting. */
+static void fill(uint8_t *payload, uint8_t length, int pattern)
+{
+  for (int i = 0; i < length; i++) {
+    switch (pattern) {
+    case 0:
+      payload[i] = 0xFF;
+      break;
+    case 1:
+      payload[i] = 0;
+      break;
+    case 2:
+      payload[i] = (uint8_t)(i == length / 2 ? 0 : 1);
+      break;
+    default:
+      payload[i] = (uint8_t)i;
+      break;
+    }
+  }
+}
+
+static void every_length_arrives_as_it_was_sent(void)
+{
+  uint8_t payload[LINK_PAYLOAD_MOST];
+  uint8_t wire[LINK_WIRE_MOST];
+  link_receiver_start(&receiver);
+  for (int length = 0; length <= LINK_PAYLOAD_MOST; length++) {
+    for (int pattern = 0; pattern < 4; pattern++) {
+      fill(payload, (uint8_t)length, pattern);
+      const uint16_t count = encode(wire, payload, (uint8_t)length);
+      CHECK(count == LINK_HEAD + length + LINK_CHECK + 2);
+      CHECK(memchr(wire, 0, count) == wire + count - 1);
+      CHECK(feed(wire, count) == 1);
+      CHECK(got.version == LINK_VERSION && got.type == 0x42 && got.sequence == 17);
+      CHECK(got.tick == 0xFEDC0100U && got.length == length);
+      CHECK(memcmp(got.payload, payload, (size_t)length) == 0);
+    }
+  }
+  CHECK(receiver.bad == 0);
+}
+
+static void every_single_broken_bit_is_found(void)
+{
+  uint8_t payload[20];
+  uint8_t wire[LINK_WIRE_MOST];
+  fill(payload, sizeof payload, 3);
+  const uint16_t count = encode(wire, payload, sizeof payload);
+  for (int bit = 0; bit < 8 * count; bit++) {
+    wire[bit / 8] ^= (uint8_t)(1U << (bit % 8));
+    link_receiver_start(&receiver);
+    CHECK(feed(wire, count) == 0);
+    wire[bit / 8] ^= (uint8_t)(1U << (bit % 8));
+  }
+}
+
+static void a_frame_cut_short_anywhere_is_thrown_away_and_counted(void)
+{
+  const uint8_t zero = 0;
+  uint8_t payload[20];
+  uint8_t wire[LINK_WIRE_MOST];
+  fill(payload, sizeof payload, 3);
+  const uint16_t count = encode(wire, payload, sizeof payload);
+  link_receiver_start(&receiver);
+  for (uint16_t part = 1; part + 1 < count; part++) {
+    CHECK(feed(wire, part) == 0);
+    CHECK(feed(&zero, 1) == 0);
+    CHECK(receiver.bad == part);
+  }
+}
+
+static void after_any_garbage_the_second_frame_arrives(void)
+{
+  uint8_t payload[5];
+  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t garbage[1000];
+  uint32_t random = 1;
+  fill(payload, sizeof payload, 3);
+  const uint16_t count = encode(wire, payload, sizeof payload);
+  for (int round = 0; round < 300; round++) {
+    for (int i = 0; i < round; i++) {
+      random = random * 1664525U + 1013904223U;
+      garbage[i] = (uint8_t)(random >> 24);
+    }
+    link_receiver_start(&receiver);
+    CHECK(feed(garbage, (uint16_t)round) == 0);
+    const int first = feed(wire, count);
+    CHECK(first == 0 || first == 1);
+    CHECK(feed(wire, count) == 1);
+  }
+}
+
+static void what_is_too_long_costs_one_frame_and_no_memory(void)
+{
+  uint8_t payload[5];
+  uint8_t wire[LINK_WIRE_MOST];
+  const uint8_t one = 1;
+  const uint8_t zero = 0;
+  fill(payload, sizeof payload, 3);
+  const uint16_t count = encode(wire, payload, sizeof payload);
+  link_receiver_start(&receiver);
+  for (long i = 0; i < 70000; i++) {
+    CHECK(feed(&one, 1) == 0);
+  }
+  CHECK(feed(&zero, 1) == 0);
+  CHECK(receiver.bad == 1);
+  CHECK(feed(wire, count) == 1);
+}
+
+static void zeros_between_frames_are_no_frames(void)
+{
+  const uint8_t zeros[3] = {0, 0, 0};
+  link_receiver_start(&receiver);
+  CHECK(feed(zeros, 3) == 0);
+  CHECK(receiver.bad == 0);
+}
+
+static void the_length_in_the_head_must_be_the_length(void)
+{
+  uint8_t plain[LINK_WIRE_MOST];
+  uint8_t payload[4] = {1, 2, 3, 4};
+  link_receiver_start(&receiver);
+  /* A sound frame whose payload ends with what could be the checksum of a shorter one would need
+     another length byte, which the checksum covers. */
+  const uint16_t count = encode(plain, payload, 4);
+  for (int length = 0; length < 256; length++) {
+    if (length != 4) {
+      uint8_t wire[LINK_WIRE_MOST];
+      memcpy(wire, plain, count);
+      wire[4] = (uint8_t)(length == 0 ? 1 : length);
+      CHECK(feed(wire, count) == 0);
+    }
+  }
+}
+
+static void numbers_keep_sign_and_order(void)
+{
+  uint8_t p[4];
+  link_put_u32(p, 0x80000001U);
+  CHECK(p[0] == 1 && p[1] == 0 && p[2] == 0 && p[3] == 0x80);
+  CHECK(link_get_i32(p) == -INT32_MAX);
+  link_put_u32(p, 0x80000000U);
+  CHECK(link_get_i32(p) == INT32_MIN);
+  link_put_u32(p, 0xFFFFFFFFU);
+  CHECK(link_get_i32(p) == -1 && link_get_i16(p) == -1);
+  link_put_u16(p, 0x8000U);
+  CHECK(link_get_i16(p) == INT16_MIN);
+  link_put_u16(p, 0x7FFFU);
+  CHECK(link_get_i16(p) == INT16_MAX);
+}
+
+static void a_record_of_the_plant_tells_when_it_slipped(void)
+{
+  uint8_t p[LINK_SIZE_PLANT_SAMPLE];
+  uint32_t check = LINK_PLANT_MAGIC;
+  link_plant_sample sample;
+  for (uint32_t i = 0; i < 5; i++) {
+    link_put_u32(p + 4 * i, 0x01020304U * (i + 1));
+    check ^= 0x01020304U * (i + 1);
+  }
+  link_put_u32(p + 20, check);
+  CHECK(link_get_plant_sample(&sample, p) == 1);
+  CHECK(sample.tick == 0x01020304U && sample.status == 5U * 0x01020304U);
+  memmove(p, p + 1, sizeof p - 1);
+  CHECK(link_get_plant_sample(&sample, p) == 0);
+}
+
+int main(void)
+{
+  every_length_arrives_as_it_was_sent();
+  every_single_broken_bit_is_found();
+  a_frame_cut_short_anywhere_is_thrown_away_and_counted();
+  after_any_garbage_the_second_frame_arrives();
+  what_is_too_long_costs_one_frame_and_no_memory();
+  zeros_between_frames_are_no_frames();
+  the_length_in_the_head_must_be_the_length();
+  numbers_keep_sign_and_order();
+  a_record_of_the_plant_tells_when_it_slipped();
+  return verdict();
+}

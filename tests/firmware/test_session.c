@@ -1,0 +1,234 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims about the session: every request is answered once, in order, and done once. */
+#include "../core/check.h"
+#include "bench.h"
+
+#include <string.h>
+
+static const app_session *session(void) { return &bench.firmware.session; }
+
+static void ask_again(uint8_t type, uint8_t sequence, const uint8_t *payload, uint8_t length)
+{
+  (void)bench_put(type, sequence, payload, length);
+  bench_poll();
+}
+
+static void put_demand(uint8_t sequence, int32_t force)
+{
+  uint8_t payload[LINK_SIZE_DEMAND];
+  link_put_u32(payload, (uint32_t)force);
+  (void)bench_put(LINK_TYPE_DEMAND, sequence, payload, sizeof payload);
+}
+
+static void hello_tells_who_answers(void)
+{
+  uint8_t payload[LINK_SIZE_HELLO];
+  link_put_u16(payload, LINK_VERSION);
+  bench_start();
+  CHECK(bench_ask(LINK_TYPE_HELLO, payload, 2) == LINK_TYPE_INFO);
+  CHECK(bench.answer.length == LINK_SIZE_INFO && bench.answer.version == LINK_VERSION);
+  CHECK(link_get_u16(bench.payload) == LINK_VERSION);
+  CHECK(link_get_u16(bench.payload + 2) == 0x0102);
+  CHECK(link_get_u16(bench.payload + 4) == ANHYST_KIND_SIMPLIFIED);
+  CHECK(link_get_u16(bench.payload + 8) == 1); /* generation */
+  CHECK(link_get_u32(bench.payload + 16) == 0x56781234U);
+  CHECK(link_get_u32(bench.payload + 20) == BENCH_RATE);
+}
+
+static void another_version_is_told_apart(void)
+{
+  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t payload[LINK_SIZE_HELLO];
+  const link_frame frame = {LINK_VERSION + 1, LINK_TYPE_HEARTBEAT, 9, 0, 0, payload, 0};
+  bench_start();
+  bench.wire_count = link_encode(wire, &frame);
+  memcpy(bench.wire, wire, bench.wire_count);
+  bench_poll();
+  CHECK(bench.answers == 1 && bench.answer.sequence == 9);
+  CHECK(bench_reason() == LINK_REASON_VERSION && bench_detail() == LINK_VERSION);
+  link_put_u16(payload, LINK_VERSION + 1);
+  CHECK(bench_ask(LINK_TYPE_HELLO, payload, 2) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_VERSION && bench_detail() == LINK_VERSION);
+}
+
+static void what_is_no_request_is_refused(void)
+{
+  const uint8_t payload[8] = {0};
+  bench_start();
+  CHECK(bench_ask(0x7F, payload, 0) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_TYPE);
+  CHECK(bench_ask(LINK_TYPE_STATUS, payload, 0) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_TYPE);
+  for (uint8_t type = LINK_TYPE_HELLO; type <= LINK_TYPE_RECORDER_READ; type++) {
+    CHECK(bench_ask(type, payload, 1) == LINK_TYPE_NAK);
+    CHECK(bench_reason() == LINK_REASON_LENGTH && bench_detail() == 1);
+  }
+}
+
+static void a_repeated_request_is_answered_again_and_done_once(void)
+{
+  uint8_t arm[2];
+  uint8_t first[LINK_PAYLOAD_MOST];
+  link_put_u16(arm, LINK_COMMAND_ARM);
+  bench_start();
+  bench_ticks(12);
+  ask_again(LINK_TYPE_COMMAND, 5, arm, 2);
+  CHECK(bench.answers == 1 && bench.answer.type == LINK_TYPE_ACK);
+  const uint32_t tick = bench.answer.tick;
+  memcpy(first, bench.payload, sizeof first);
+  bench_ticks(3);
+  for (int again = 2; again < 5; again++) {
+    ask_again(LINK_TYPE_COMMAND, 5, arm, 2);
+    /* Done twice it would be a NAK: ready cannot be armed. */
+    CHECK(bench.answers == again && bench.answer.type == LINK_TYPE_ACK);
+    CHECK(bench.answer.sequence == 5 && bench.answer.tick == tick);
+    CHECK(memcmp(bench.payload, first, bench.answer.length) == 0);
+  }
+}
+
+static void what_newer_requests_overtook_is_not_done(void)
+{
+  bench_start();
+  bench_run();
+  ask_again(LINK_TYPE_HEARTBEAT, 100, NULL, 0);
+  put_demand(101, 1000);
+  put_demand(102, 2000);
+  put_demand(101, 1000); /* a copy of the first that came late */
+  bench_poll();
+  CHECK(bench_reason() == LINK_REASON_OLD && bench_detail() == 1);
+  CHECK(bench.firmware.control.target == 2000);
+  put_demand(106, 3000); /* 103 to 105 are lost */
+  put_demand(104, 4000); /* and one of them turns up */
+  bench_poll();
+  CHECK(bench_reason() == LINK_REASON_OLD && bench_detail() == 0);
+  CHECK(bench.firmware.control.target == 3000);
+  CHECK(session()->lost >= 3);
+}
+
+static void the_same_number_with_other_contents_is_not_taken_for_a_repetition(void)
+{
+  bench_start();
+  bench_run();
+  put_demand(50, 1000);
+  put_demand(50, 2000);
+  bench_poll();
+  CHECK(bench_reason() == LINK_REASON_OLD);
+  CHECK(bench.firmware.control.target == 1000);
+}
+
+static void sequence_numbers_wrap(void)
+{
+  bench_start();
+  for (int i = 0; i < 1000; i++) {
+    ask_again(LINK_TYPE_HEARTBEAT, (uint8_t)i, NULL, 0);
+    CHECK(bench.answers == i + 1 && bench.answer.type == LINK_TYPE_STATUS);
+    CHECK(bench.answer.sequence == (uint8_t)i);
+  }
+  CHECK(session()->lost == 0);
+}
+
+static void lost_numbers_are_counted_and_told(void)
+{
+  bench_start();
+  ask_again(LINK_TYPE_HEARTBEAT, 250, NULL, 0);
+  ask_again(LINK_TYPE_HEARTBEAT, 4, NULL, 0);
+  CHECK(link_get_u16(bench.payload + LINK_SIZE_STATUS - 4) == 9);
+}
+
+static void bad_frames_are_counted_and_told(void)
+{
+  const uint8_t garbage[4] = {3, 7, 7, 0};
+  bench_start();
+  memcpy(bench.wire, garbage, sizeof garbage);
+  bench.wire_count = sizeof garbage;
+  bench_poll();
+  CHECK(bench.answers == 0);
+  ask_again(LINK_TYPE_HEARTBEAT, 1, NULL, 0);
+  CHECK(link_get_u16(bench.payload + LINK_SIZE_STATUS - 6) == 1);
+}
+
+static void hello_starts_the_sequence_anew(void)
+{
+  uint8_t payload[LINK_SIZE_HELLO];
+  link_put_u16(payload, LINK_VERSION);
+  bench_start();
+  ask_again(LINK_TYPE_HEARTBEAT, 200, NULL, 0);
+  ask_again(LINK_TYPE_HELLO, 100, payload, 2);
+  CHECK(bench.answer.type == LINK_TYPE_INFO);
+  ask_again(LINK_TYPE_HEARTBEAT, 101, NULL, 0);
+  CHECK(bench.answer.type == LINK_TYPE_STATUS && session()->lost == 0);
+}
+
+static void a_slow_line_loses_nothing(void)
+{
+  bench_start();
+  bench.accepts = 1;
+  for (uint8_t i = 1; i <= 20; i++) {
+    (void)bench_put(LINK_TYPE_HEARTBEAT, i, NULL, 0);
+  }
+  bench_poll();
+  CHECK(bench.answers == 20 && bench.answer.sequence == 20);
+}
+
+static void status_names_the_tick_and_what_was_measured(void)
+{
+  bench_start();
+  bench_run();
+  (void)bench_demand(-2000);
+  bench_ticks(1);
+  (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
+  const uint8_t *p = bench.payload;
+  CHECK(bench.answer.tick == bench.sample.tick && bench.answer.length == LINK_SIZE_STATUS);
+  CHECK(p[0] == LINK_STATE_RUN && p[1] == LINK_FAULT_NONE);
+  CHECK(link_get_u16(p + 2) == (LINK_FLAG_KNOWN | LINK_FLAG_DEMAND_LIMITED));
+  CHECK(link_get_i32(p + 4) == -2000);
+  CHECK(link_get_i32(p + 8) == bench.sample.force && link_get_i32(p + 12) == bench.sample.gap);
+  CHECK(link_get_i32(p + 16) == bench.sample.current && link_get_i32(p + 20) == -1000);
+}
+
+static void the_control_task_is_locked_out_in_pairs(void)
+{
+  bench_start();
+  bench_run();
+  CHECK(bench.locks == 0 && bench.locked_calls > 0);
+}
+
+static void settings_keep_their_ranges(void)
+{
+  uint8_t payload[2];
+  bench_start();
+  link_put_u16(payload, LINK_SETTING_HEARTBEAT_TICKS);
+  CHECK(bench_ask(LINK_TYPE_SETTING_READ, payload, 2) == LINK_TYPE_SETTING);
+  CHECK(link_get_i32(bench.payload + 2) == BENCH_RATE / 10);
+  CHECK(bench_set(LINK_SETTING_HEARTBEAT_TICKS, 1) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_VALUE);
+  CHECK(bench_set(LINK_SETTING_HEARTBEAT_TICKS, 1000001) == LINK_TYPE_NAK);
+  CHECK(bench_set(LINK_SETTING_HEARTBEAT_TICKS, 2) == LINK_TYPE_SETTING);
+  CHECK(bench.firmware.settings[LINK_SETTING_HEARTBEAT_TICKS] == 2);
+  CHECK(bench_set(LINK_SETTING_COUNT, 1) == LINK_TYPE_NAK);
+  link_put_u16(payload, LINK_SETTING_COUNT);
+  CHECK(bench_ask(LINK_TYPE_SETTING_READ, payload, 2) == LINK_TYPE_NAK);
+  bench_run();
+  CHECK(bench_set(LINK_SETTING_COMPENSATION, 0) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_STATE && bench_detail() == LINK_STATE_RUN);
+  CHECK(bench_set(LINK_SETTING_DEMAND_SLEW, 5) == LINK_TYPE_SETTING);
+}
+
+int main(void)
+{
+  hello_tells_who_answers();
+  another_version_is_told_apart();
+  what_is_no_request_is_refused();
+  a_repeated_request_is_answered_again_and_done_once();
+  what_newer_requests_overtook_is_not_done();
+  the_same_number_with_other_contents_is_not_taken_for_a_repetition();
+  sequence_numbers_wrap();
+  lost_numbers_are_counted_and_told();
+  bad_frames_are_counted_and_told();
+  hello_starts_the_sequence_anew();
+  a_slow_line_loses_nothing();
+  status_names_the_tick_and_what_was_measured();
+  the_control_task_is_locked_out_in_pairs();
+  settings_keep_their_ranges();
+  return verdict();
+}

@@ -1,0 +1,343 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims about parameter blocks and recordings: whole or not at all. */
+#include "../core/check.h"
+#include "bench.h"
+#include "link/crc.h"
+
+#include <string.h>
+
+#define RECORD_MASK (1U << LINK_SIGNAL_DRIVE | 1U << LINK_SIGNAL_STATE)
+
+#define BLOCK_BYTES (2 * BENCH_WORDS)
+
+static uint8_t bytes[BLOCK_BYTES + 2]; /* a block, and a word more than it has */
+static uint32_t checksum;
+
+/* A block of this generation as it is sent. */
+static void make_block(uint16_t generation)
+{
+  int16_t words[BENCH_WORDS];
+  fake_block(words, BENCH_WORDS, generation);
+  for (size_t i = 0; i < BENCH_WORDS; i++) {
+    link_put_u16(bytes + 2 * i, (uint16_t)words[i]);
+  }
+  checksum = link_crc32(0, bytes, BLOCK_BYTES);
+}
+
+static uint8_t begin(uint16_t words, uint16_t generation, uint32_t check)
+{
+  uint8_t payload[LINK_SIZE_BLOCK_BEGIN];
+  link_put_u16(payload, words);
+  link_put_u16(payload + 2, generation);
+  link_put_u32(payload + 4, check);
+  return bench_ask(LINK_TYPE_BLOCK_BEGIN, payload, sizeof payload);
+}
+
+static uint8_t data(uint16_t offset, uint16_t count)
+{
+  uint8_t payload[LINK_PAYLOAD_MOST];
+  link_put_u16(payload, offset);
+  memcpy(payload + 2, bytes + 2U * offset, 2U * count);
+  return bench_ask(LINK_TYPE_BLOCK_DATA, payload, (uint8_t)(2 + 2 * count));
+}
+
+static uint8_t swap(uint16_t generation)
+{
+  uint8_t payload[LINK_SIZE_BLOCK_SWAP];
+  link_put_u16(payload, generation);
+  return bench_ask(LINK_TYPE_BLOCK_SWAP, payload, sizeof payload);
+}
+
+static uint16_t generation_in_force(void)
+{
+  (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
+  return link_get_u16(bench.payload + LINK_SIZE_STATUS - 8);
+}
+
+static uint8_t send_whole(uint16_t generation)
+{
+  make_block(generation);
+  (void)begin(BENCH_WORDS, generation, checksum);
+  (void)data(0, 40);
+  (void)data(40, BENCH_WORDS - 40);
+  return swap(generation);
+}
+
+static void a_sound_block_is_in_force_from_the_next_tick_and_keeps_the_memory(void)
+{
+  bench_start();
+  bench_run();
+  (void)bench_demand(4000);
+  bench_ticks(1);
+  const int32_t memory = bench.firmware.control.compensator.memory.a;
+  CHECK(generation_in_force() == 1);
+  CHECK(send_whole(2) == LINK_TYPE_ACK && bench_detail() == 2);
+  CHECK(generation_in_force() == 2);
+  CHECK(bench.firmware.control.compensator.memory.a == memory && memory != 0);
+  CHECK(bench.firmware.control.state == LINK_STATE_RUN);
+}
+
+static void blocks_follow_each_other_and_never_overwrite_the_one_in_force(void)
+{
+  bench_start();
+  for (uint16_t generation = 2; generation < 9; generation++) {
+    const int16_t *before = bench.firmware.control.compensator.words;
+    int16_t copy[BENCH_WORDS];
+    memcpy(copy, before, sizeof copy);
+    make_block(generation);
+    (void)begin(BENCH_WORDS, generation, checksum);
+    (void)data(0, BENCH_WORDS);
+    CHECK(memcmp(copy, before, sizeof copy) == 0);
+    CHECK(swap(generation) == LINK_TYPE_ACK);
+    CHECK(bench.firmware.control.compensator.words != before);
+    CHECK(generation_in_force() == generation);
+  }
+}
+
+static void on_any_error_the_old_block_stays(void)
+{
+  bench_start();
+  make_block(2);
+  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(data(0, 8) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(begin(ANHYST_BLOCK_LEAST_WORDS - 1, 2, checksum) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_VALUE);
+  CHECK(begin(ANHYST_BLOCK_MOST_WORDS + 1, 2, checksum) == LINK_TYPE_NAK);
+
+  CHECK(begin(BENCH_WORDS, 2, checksum) == LINK_TYPE_ACK);
+  CHECK(data(0, 40) == LINK_TYPE_ACK && bench_detail() == 40);
+  CHECK(data(41, 10) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(bench_detail() == 40);
+  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(data(40, BENCH_WORDS - 40) == LINK_TYPE_ACK);
+  CHECK(data(BENCH_WORDS, 1) == LINK_TYPE_NAK);
+  CHECK(swap(3) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_GENERATION);
+
+  (void)begin(BENCH_WORDS, 2, checksum ^ 1U);
+  (void)data(0, BENCH_WORDS);
+  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_CHECKSUM);
+
+  bytes[0] ^= 1U; /* no magic */
+  (void)begin(BENCH_WORDS, 2, link_crc32(0, bytes, BLOCK_BYTES));
+  (void)data(0, BENCH_WORDS);
+  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_BLOCK);
+  CHECK(generation_in_force() == 1);
+  CHECK(bench.firmware.control.compensator.words == bench_words);
+}
+
+static void a_swap_is_done_once(void)
+{
+  bench_start();
+  CHECK(send_whole(2) == LINK_TYPE_ACK);
+  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+}
+
+static void half_a_word_is_refused(void)
+{
+  uint8_t payload[5] = {0};
+  bench_start();
+  make_block(2);
+  (void)begin(BENCH_WORDS, 2, checksum);
+  CHECK(bench_ask(LINK_TYPE_BLOCK_DATA, payload, 5) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_LENGTH);
+  CHECK(bench_ask(LINK_TYPE_BLOCK_DATA, payload, 2) == LINK_TYPE_NAK);
+}
+
+static void a_sound_block_cures_an_unsound_one_built_in(void)
+{
+  bench_start();
+  bench_words[ANHYST_WORD_MAGIC] = 0;
+  app_start(&bench.firmware, bench.firmware.board);
+  bench_ticks(5);
+  CHECK(bench.firmware.control.fault == LINK_FAULT_BLOCK && generation_in_force() == 0);
+  CHECK(send_whole(3) == LINK_TYPE_ACK && generation_in_force() == 3);
+  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_ACK);
+  bench_ticks(12);
+  CHECK(bench.firmware.control.state == LINK_STATE_IDLE);
+}
+
+static uint8_t read_block(uint16_t offset, uint16_t count)
+{
+  uint8_t payload[LINK_SIZE_BLOCK_READ];
+  link_put_u16(payload, offset);
+  link_put_u16(payload + 2, count);
+  return bench_ask(LINK_TYPE_BLOCK_READ, payload, sizeof payload);
+}
+
+static void the_block_in_force_can_be_read_and_nothing_behind_it(void)
+{
+  bench_start();
+  make_block(1);
+  CHECK(read_block(10, 54) == LINK_TYPE_BLOCK_WORDS && bench.answer.length == 2 + 2 * 54);
+  CHECK(link_get_u16(bench.payload) == 10);
+  CHECK(memcmp(bench.payload + 2, bytes + 20, 108) == 0);
+  CHECK(read_block(10, 55) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_VALUE);
+  CHECK(read_block(BENCH_WORDS, 1) == LINK_TYPE_NAK);
+  CHECK(read_block(0, 0) == LINK_TYPE_NAK);
+  CHECK(read_block(0, 119) == LINK_TYPE_NAK);
+  CHECK(read_block(UINT16_MAX, UINT16_MAX) == LINK_TYPE_NAK);
+}
+
+/* --- recorder --- */
+
+static link_recorder_setup wanted;
+
+static uint8_t set_up(void)
+{
+  uint8_t p[LINK_SIZE_RECORDER_SETUP];
+  link_put_u16(p, wanted.mask);
+  link_put_u16(p + 2, wanted.signal);
+  link_put_u16(p + 4, wanted.trigger);
+  link_put_u16(p + 6, wanted.decimation);
+  link_put_u16(p + 8, wanted.before);
+  link_put_u16(p + 10, wanted.records);
+  link_put_u32(p + 12, (uint32_t)wanted.level);
+  return bench_ask(LINK_TYPE_RECORDER_SETUP, p, sizeof p);
+}
+
+static uint16_t recorder_state(void)
+{
+  (void)bench_ask(LINK_TYPE_RECORDER_QUERY, NULL, 0);
+  return link_get_u16(bench.payload);
+}
+
+static uint8_t read_values(uint32_t offset, uint16_t count)
+{
+  uint8_t p[LINK_SIZE_RECORDER_READ];
+  link_put_u32(p, offset);
+  link_put_u16(p + 4, count);
+  return bench_ask(LINK_TYPE_RECORDER_READ, p, sizeof p);
+}
+
+static int32_t value(int number) { return link_get_i32(bench.payload + 4 + 4 * number); }
+
+static void want(uint16_t trigger, int32_t level, uint16_t before, uint16_t records)
+{
+  const link_recorder_setup setup = {RECORD_MASK, LINK_SIGNAL_DRIVE, trigger, 1,
+                                     before,      records,           level};
+  wanted = setup;
+}
+
+static void ramp_the_demand(int ticks)
+{
+  for (int i = 0; i < ticks; i++) {
+    (void)bench_demand(bench.firmware.control.target + 200);
+    bench_ticks(1);
+  }
+}
+
+static void a_trigger_keeps_what_came_before_it(void)
+{
+  bench_start();
+  bench_run();
+  want(LINK_TRIGGER_RISING, 1000, 4, 9);
+  CHECK(set_up() == LINK_TYPE_RECORDER_INFO);
+  ramp_the_demand(9); /* drive 100..900 */
+  CHECK(recorder_state() == LINK_RECORDER_WAITING);
+  CHECK(read_values(0, 1) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_STATE);
+  ramp_the_demand(1);
+  const uint32_t tick = bench.sample.tick;
+  CHECK(recorder_state() == LINK_RECORDER_RECORDING);
+  ramp_the_demand(10);
+  CHECK(recorder_state() == LINK_RECORDER_DONE);
+  CHECK(link_get_u16(bench.payload + 2) == RECORD_MASK && link_get_u16(bench.payload + 4) == 9);
+  CHECK(link_get_u16(bench.payload + 6) == 4 && link_get_u32(bench.payload + 8) == tick);
+  CHECK(read_values(0, 18) == LINK_TYPE_RECORDER_DATA && link_get_u32(bench.payload) == 0);
+  for (int i = 0; i < 9; i++) {
+    CHECK(value(2 * i) == 600 + 100 * i && value(2 * i + 1) == LINK_STATE_RUN);
+  }
+  CHECK(read_values(17, 1) == LINK_TYPE_RECORDER_DATA && value(0) == LINK_STATE_RUN);
+  CHECK(read_values(17, 2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_VALUE);
+  CHECK(read_values(UINT32_MAX, 2) == LINK_TYPE_NAK);
+  CHECK(read_values(0, 0) == LINK_TYPE_NAK);
+  CHECK(read_values(0, 60) == LINK_TYPE_NAK);
+}
+
+static void a_trigger_that_comes_early_has_less_before_it(void)
+{
+  bench_start();
+  bench_run();
+  want(LINK_TRIGGER_RISING, 300, 8, 10);
+  (void)set_up();
+  ramp_the_demand(12);
+  CHECK(recorder_state() == LINK_RECORDER_DONE && link_get_u16(bench.payload + 6) == 2);
+  (void)read_values(0, 20);
+  for (int i = 0; i < 10; i++) {
+    CHECK(value(2 * i) == 100 + 100 * i);
+  }
+}
+
+static void decimation_falling_edges_and_the_whole_memory(void)
+{
+  bench_start();
+  bench_run();
+  (void)bench_demand(10000);
+  want(LINK_TRIGGER_FALLING, 3000, 0, 0);
+  wanted.decimation = 3;
+  CHECK(set_up() == LINK_TYPE_RECORDER_INFO);
+  CHECK(link_get_u16(bench.payload + 4) == APP_RECORDER_VALUES / 2);
+  bench_ticks(7);
+  (void)bench_demand(2000);
+  int ticks = 0;
+  while (recorder_state() != LINK_RECORDER_DONE && ticks < 10000) {
+    bench_ticks(1);
+    ticks++;
+  }
+  CHECK(ticks == 3 * (APP_RECORDER_VALUES / 2 - 1) + 3);
+  CHECK(read_values(APP_RECORDER_VALUES - 1, 1) == LINK_TYPE_RECORDER_DATA);
+}
+
+static void the_moment_of_a_fault_can_be_caught(void)
+{
+  bench_start();
+  bench_run();
+  want(LINK_TRIGGER_RISING, LINK_STATE_FAULT, 2, 5);
+  wanted.signal = LINK_SIGNAL_STATE;
+  (void)set_up();
+  bench_ticks(6);
+  bench.sample.tick += 20;
+  bench_ticks(4);
+  CHECK(recorder_state() == LINK_RECORDER_DONE);
+  (void)read_values(0, 10);
+  CHECK(value(1) == LINK_STATE_RUN && value(3) == LINK_STATE_RUN && value(5) == LINK_STATE_FAULT);
+}
+
+static void a_setup_that_makes_no_sense_changes_nothing(void)
+{
+  bench_start();
+  want(LINK_TRIGGER_NOW, 0, 0, 5);
+  (void)set_up();
+  bench_ticks(5);
+  CHECK(recorder_state() == LINK_RECORDER_DONE);
+  for (int fault = 0; fault < 6; fault++) {
+    want(LINK_TRIGGER_NOW, 0, 0, 5);
+    wanted.mask = (uint16_t)(fault == 0 ? 1U << LINK_SIGNAL_COUNT : wanted.mask);
+    wanted.signal = (uint16_t)(fault == 1 ? LINK_SIGNAL_COUNT : wanted.signal);
+    wanted.trigger = (uint16_t)(fault == 2 ? LINK_TRIGGER_COUNT : wanted.trigger);
+    wanted.decimation = (uint16_t)(fault == 3 ? 0 : 1);
+    wanted.before = (uint16_t)(fault == 4 ? 5 : 0);
+    wanted.records = (uint16_t)(fault == 5 ? APP_RECORDER_VALUES / 2 + 1 : 5);
+    CHECK(set_up() == LINK_TYPE_NAK && bench_reason() == LINK_REASON_VALUE);
+    CHECK(recorder_state() == LINK_RECORDER_DONE);
+  }
+  wanted.mask = 0;
+  wanted.records = 0;
+  CHECK(set_up() == LINK_TYPE_RECORDER_INFO && recorder_state() == LINK_RECORDER_OFF);
+}
+
+int main(void)
+{
+  a_sound_block_is_in_force_from_the_next_tick_and_keeps_the_memory();
+  blocks_follow_each_other_and_never_overwrite_the_one_in_force();
+  on_any_error_the_old_block_stays();
+  a_swap_is_done_once();
+  half_a_word_is_refused();
+  a_sound_block_cures_an_unsound_one_built_in();
+  the_block_in_force_can_be_read_and_nothing_behind_it();
+  a_trigger_keeps_what_came_before_it();
+  a_trigger_that_comes_early_has_less_before_it();
+  decimation_falling_edges_and_the_whole_memory();
+  the_moment_of_a_fault_can_be_caught();
+  a_setup_that_makes_no_sense_changes_nothing();
+  return verdict();
+}
