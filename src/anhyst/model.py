@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Parameter = float | tuple[float, ...]
 Law = Literal["effective-field", "jiles-atherton-1986"]
-GapMap = Literal["none", "scaling", "reluctance", "free"]
+GapMap = Literal["none", "scaling", "reluctance", "circuit", "free"]
 
 LAWS: tuple[Law, ...] = ("effective-field", "jiles-atherton-1986")
-GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "free")
+GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "free")
 
 OPERATOR = ("M_s", "a", "k", "c", "alpha", "r_d")
 """Parameters of the iron itself. While one of them changes, the state has no meaning."""
@@ -57,6 +57,7 @@ MAY_VARY: Mapping[GapMap, frozenset[str]] = MappingProxyType(
         "none": frozenset(),
         "scaling": frozenset({"c_H", "c_out", "in_0", "out_0", "gamma"}),
         "reluctance": frozenset({"rho", "c_out", "in_0", "out_0", "gamma"}),
+        "circuit": frozenset({"c_H", "rho", "c_out", "in_0", "out_0", "gamma"}),
         "free": frozenset(PARAMETERS),
     }
 )
@@ -200,7 +201,7 @@ class ActuatorModel:
         units of the output per T (per T^2 for a force), ``in_0, out_0`` in units of input and
         output. Those in :data:`DEFAULTS` may be left out.
     gap_map : str
-        ``"none"``, ``"scaling"``, ``"reluctance"`` or ``"free"``.
+        ``"none"``, ``"scaling"``, ``"reluctance"``, ``"circuit"`` or ``"free"``.
     schedule : Quantity or None
         The scheduling variable.
     nodes : tuple of float

@@ -152,7 +152,7 @@ class ModelTable(Table):
     version: Literal[1]
     name: str
     law: Literal["effective-field", "jiles-atherton-1986"]
-    gap_map: Literal["none", "scaling", "reluctance", "free"]
+    gap_map: Literal["none", "scaling", "reluctance", "circuit", "free"]
     history: str
     input: QuantityTable
     output: QuantityTable

@@ -83,7 +83,7 @@ class GapCheck:
         return (
             f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest, at "
             f"{1e3 * self.gap:.4g} mm and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
-            "no electromagnet does that, do not use the model there"
+            "no electromagnet with a plain gap does that, do not use the model there"
         )
 
 

@@ -43,6 +43,7 @@ class GapMapChoice(StrEnum):
 
     SCALING = "scaling"
     RELUCTANCE = "reluctance"
+    CIRCUIT = "circuit"
     FREE = "free"
     AUTO = "auto"
 
@@ -71,8 +72,9 @@ GapMapOption = Annotated[
     GapMapChoice,
     typer.Option(
         metavar="MAP",
-        help="How the gap enters: 'scaling' of the field (the paper), series 'reluctance', 'free' "
-        "(anything may vary; fixed gaps only), or 'auto': whichever predicts left-out gaps best.",
+        help="How the gap enters: 'scaling' of the field (the paper), series 'reluctance', "
+        "'circuit' (all but the iron may vary), 'free' (anything may; fixed gaps only), or 'auto': "
+        "whichever of scaling, reluctance and free predicts left-out gaps best.",
     ),
 ]
 SearchOption = Annotated[

@@ -12,8 +12,10 @@ from anhyst.errors import InputError, NegativeResult
 from anhyst.identify.default import (
     SCREENED,
     TIE,
+    TIED,
     Found,
     follow,
+    join_circuit,
     join_gaps,
     reference_gap,
     search_each_gap,
@@ -102,7 +104,7 @@ def left_out_error(found: Found, loopset: LoopSet, gap: int) -> float:
     """
     space, theta = _without(found, gap)
     try:
-        tie = TIE * found.cost if space.gap_map == "free" else 0.0
+        tie = TIE * found.cost if space.gap_map in TIED else 0.0
         model = model_of(follow(space, theta, 1e-6, 40, tie), loopset)
         deviations = [
             model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
@@ -201,7 +203,7 @@ def _finished(run: Run, found: Found) -> Found:
     if not _is_thinned(run):
         return found
     space = found.on(run.records).space
-    tie = TIE * found.cost if space.gap_map == "free" else 0.0
+    tie = TIE * found.cost if space.gap_map in TIED else 0.0
     plain = run.stage(
         f"{space.gap_map} holding {sorted(space.held)} on all samples",
         lambda: follow(space, found.theta, 1e-8, 50, tie).plain,
@@ -249,6 +251,8 @@ def _joined(run: Run, gap_map: str, known: list[Local], held: frozenset[str]) ->
     def search() -> dict[str, object]:
         if gap_map == "free":
             return search_each_gap(run.form, run.searched, run.seed, held).plain
+        if gap_map == "circuit":
+            return join_circuit(run.form, run.searched, known, held).plain
         return join_gaps(run.form, run.searched, gap_map, known, held).plain
 
     plain = run.stage(f"joined by {gap_map} holding {sorted(held)}", search)

@@ -28,8 +28,11 @@ Floats = NDArray[np.float64]
 
 SCREENED = 256
 KEPT = 3
+TIED = frozenset({"circuit", "free"})
+"""Maps with more to each gap than its loops tell, so that neighbouring gaps are tied."""
+
 TIE = 3e-3
-"""Weight of the ties of the map ``free``, relative to the cost of the fit without them."""
+"""Weight of the ties of such a map, relative to the cost of the fit without them."""
 
 _SHORT = 6
 """Evaluations of a first descent: enough to tell a good valley from a bad one."""
@@ -176,3 +179,22 @@ def join_gaps(
     order = np.argsort(np.sum([cost for _, cost in at_gaps], axis=0))
     begins = [[found[place] for found, _ in at_gaps] for place in order[:KEPT]]
     return _best_end(space, [space.pack(sets) for sets in begins])
+
+
+def join_circuit(form: Form, records: Records, known: list[Local], held: frozenset[str]) -> Found:
+    """Fit all gaps together with one iron and a circuit of its own around it at each gap.
+
+    Parameters
+    ----------
+    form, records, known, held
+        As in :func:`join_gaps`, from whose fit under the map ``scaling`` this one starts.
+
+    Returns
+    -------
+    Found
+        Its cost contains the ties.
+    """
+    scaled = join_gaps(form, records, "scaling", known, held)
+    space = Space("circuit", records, form, held)
+    end = follow(space, space.pack(scaled.sets), tie=TIE * scaled.cost)
+    return replace(end, evaluations=end.evaluations + scaled.evaluations)

@@ -5,8 +5,9 @@ chosen, and the choice is told:
 
 - field and flux density measured: nothing is left to choose;
 - otherwise ``M_s`` is set to 1e6 A/m where no measured quantity sets it;
-- reluctance map: ``alpha = 0``, or, where ``rho`` or its straight continuation to the closed gap
-  would come out negative, that place is made the zero of ``rho`` and alpha takes the difference.
+- reluctance and circuit map: ``alpha = 0``, or, where ``rho`` or its straight continuation to the
+  closed gap would come out negative, that place is made the zero of ``rho`` and alpha takes the
+  difference.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ AIR_CORE = 1e-3
 
 _ROUNDING = 1e-12
 """What rho keeps at the closed gap, so that rounding cannot make it negative there."""
+
+IN_SERIES = frozenset({"reluctance", "circuit"})
+"""Gap maps that read omega as a reluctance in series with the iron."""
 
 Parameter = float | tuple[float, ...]
 
@@ -71,7 +75,7 @@ def physical(
     sets : sequence of Local
         One for each gap.
     gap_map : str
-        ``none``, ``scaling``, ``reluctance`` or ``free``.
+        ``none``, ``scaling``, ``reluctance``, ``circuit`` or ``free``.
     input_quantity, output_quantity : Quantity
         As measured.
     gaps : sequence of float
@@ -91,11 +95,12 @@ def physical(
         "none": set(),
         "scaling": {"c_H"},
         "reluctance": {"rho"},
+        "circuit": {"c_H", "rho", "c_out", "in_0", "out_0"},
         "free": set(table[0]) - ({"c_H"} if input_quantity.name == "field" else set()),
     }[gap_map]
     if len(sets) == 1:
         vary = set()
-    if gap_map == "reluctance":
+    if gap_map in IN_SERIES:
         _lift_reluctance(table, gaps, power)
     return {
         name: tuple(row[name] for row in table) if name in vary else table[0][name]
@@ -124,7 +129,7 @@ def _at_one_gap(
     local: Local, gap_map: str, input_name: str, output_name: str, power: int
 ) -> dict[str, float]:
     h, omega = local.h, local.omega
-    if gap_map == "reluctance":
+    if gap_map in IN_SERIES:
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
     else:
         alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
@@ -132,7 +137,7 @@ def _at_one_gap(
     if input_name == "field" and gap_map != "scaling":
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
-    elif output_name == "flux_density":
+    elif output_name == "flux_density" and gap_map != "circuit":
         saturation = local.gain / (MU_0 * (1.0 - alpha))
         a = h * saturation * (1.0 - alpha)
     else:

@@ -17,7 +17,7 @@ from anhyst.errors import InputError
 from anhyst.identify.choice import model_of, search_maps
 from anhyst.identify.default import Found
 from anhyst.identify.drives import records_of
-from anhyst.identify.gauge import form_of
+from anhyst.identify.gauge import IN_SERIES, form_of
 from anhyst.identify.objective import Objective
 from anhyst.identify.paper import check_splines
 from anhyst.identify.result import IdentifyResult
@@ -60,7 +60,8 @@ def identify(
     law : str
         ``effective-field`` or ``jiles-atherton-1986``.
     gap_map : str
-        ``scaling``, ``reluctance``, ``free`` or ``auto``.
+        ``scaling``, ``reluctance``, ``circuit``, ``free`` or ``auto``, which does not try
+        ``circuit``.
     search : str
         ``default``, or ``paper`` for the sequence of the paper's section II.
     seed : int
@@ -149,12 +150,16 @@ def _check(law: str, gap_map: str, search: str) -> None:
     ):
         if value not in known:
             raise InputError(f"{what} '{value}' is unknown; use one of {', '.join(known)}")
-    if law == "jiles-atherton-1986" and gap_map == "reluctance":
+    if law == "jiles-atherton-1986" and gap_map in IN_SERIES:
         # There alpha acts on the irreversible part alone, which a reluctance does not: one number
         # would be fitted for two.
         raise InputError(
-            "gap map 'reluctance' does not go with the law jiles-atherton-1986; use --law "
+            f"gap map '{gap_map}' does not go with the law jiles-atherton-1986; use --law "
             "effective-field, or --gap-map scaling"
+        )
+    if search == "paper" and gap_map == "circuit":
+        raise InputError(
+            "gap map 'circuit' is none of the paper's; use --search default, or --gap-map auto"
         )
 
 

@@ -23,6 +23,7 @@ PER_GAP = {
     "none": frozenset[str](),
     "scaling": frozenset({"scale"}),
     "reluctance": frozenset({"omega"}),
+    "circuit": frozenset({"omega", "scale", "gain", "in_0", "out_0"}),
     "free": frozenset(LOCAL),
 }
 """Which parameters each gap map lets differ from gap to gap. With ``reluctance`` the scale of the
@@ -61,7 +62,7 @@ class Space:
     held: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        if self.gap_map in {"scaling", "reluctance"}:
+        if self.gap_map in {"scaling", "reluctance", "circuit"}:
             # Behind a gap the measured field is not that in the iron: it cannot tell h.
             object.__setattr__(self, "form", replace(self.form, permeability=0.0))
 

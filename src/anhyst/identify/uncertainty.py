@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from anhyst.data import LoopSet
 from anhyst.identify.default import Found
 from anhyst.identify.fitting import Evaluation
+from anhyst.identify.gauge import IN_SERIES
 from anhyst.identify.objective import Objective
 from anhyst.record import Uncertainty
 
@@ -134,9 +135,9 @@ def _statements(
             f"hardly told by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
             "beyond the measured range"
         )
-    if gap_map == "reluctance":
+    if gap_map in IN_SERIES:
         said.append(
-            "alpha and an offset of rho act alike in the reluctance map: alpha is chosen so that "
+            f"alpha and an offset of rho act alike in the {gap_map} map: alpha is chosen so that "
             "rho is nowhere negative down to the closed gap"
         )
     return said
