@@ -160,9 +160,10 @@ class Message:
     def pack(self) -> bytes:
         """Return the payload; ValueError where a number does not fit."""
         values = [getattr(self, field.name) for field in fields(self)]
-        tail = values.pop() if self.TAIL else ()
+        tail = values.pop() if self.TAIL else b""
+        form = f"<{len(tail)}{self.TAIL or 'B'}"
         try:
-            return self.FIXED.pack(*values) + struct.pack(f"<{len(tail)}{self.TAIL}", *tail)
+            return self.FIXED.pack(*values) + struct.pack(form, *tail)
         except struct.error as error:
             raise ValueError(f"{type(self).__name__}: {error}") from error
 
