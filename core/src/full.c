@@ -10,24 +10,44 @@
 
    with L the anhysteretic curve and A the ascending branch of a fully pinned iron, both tables. As
    the lag only ever forgets, an error of a table appears in y at most once, however long one goes
-   on. */
+   on.
+
+   Inside, everything is q28: sums of a few numbers stay far from the ends of 32 bits, and none
+   needs to saturate. */
 #include "anhyst/compensator.h"
 #include "block.h"
 #include "lookup.h"
 
+#define ONE ((int32_t)268435456)
+
 /* An interval of the field too long for a tangent to be trusted at its ends: 1/64. */
-#define LONG_WAY (ANHYST_Q30_ONE / 64)
+#define LONG_WAY (ONE / 64)
 
 /* A step too short to matter, about what the tables leave unsure: 6e-5. */
-#define SHORT_WAY (ANHYST_Q30_ONE / 16384)
+#define SHORT_WAY (ONE / 16384)
+
+/* A table over 0..1, ready for use. */
+typedef struct {
+  const int16_t *at;
+  uint16_t n; /* it has 2^n segments */
+} table;
 
 /* A rising path, prepared for evaluation at many places. */
 typedef struct {
-  const int16_t *words;
-  anhyst_memory from;
-  int32_t departure;        /* of the irreversible part, q30 */
-  int32_t branch_departure; /* A there, q30 */
-  int16_t lead;             /* weight: (A(b) - y0)/4 */
+  table curve;
+  table branch;
+  table inverse;
+  int32_t x; /* where it starts */
+  int32_t y;
+  int32_t p;
+  int32_t play;      /* half-width */
+  int32_t departure; /* of the irreversible part */
+  int32_t offset;    /* y0 - A(departure) */
+  int16_t lead;      /* weight: (A(departure) - y0)/4 */
+  int16_t rate;
+  uint16_t rate_shift;
+  int16_t steepness;
+  int16_t reversible;
 } path;
 
 /* What the law answers at one place of it. */
@@ -39,159 +59,171 @@ typedef struct {
   int32_t m_slope; /* dm/dx in 1/1024 */
 } answer;
 
-static anhyst_spot curve_spot(const int16_t *words, int32_t magnitude)
+/* The value of a table at u, 0..1; *rise is that of the segment, in q15. */
+static int32_t value(table t, int32_t u, int32_t *rise)
 {
-  return anhyst_spot_of(words + words[ANHYST_WORD_FULL_CURVE],
-                        (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS], magnitude);
+  const uint16_t below = (uint16_t)(28U - t.n);
+  int32_t index = u >> below;
+  if (index >= (int32_t)1 << t.n) {
+    index--; /* the far end belongs to the last segment */
+  }
+  const int32_t part = (u - (int32_t)((uint32_t)index << below)) >> (15U - t.n); /* 0..8192 */
+  const int32_t low = t.at[index];
+  *rise = t.at[index + 1] - low;
+  return low * 8192 + *rise * part;
 }
 
-/* L(x) of |x| <= 1, q30, and its slope. */
-static int32_t curve(const int16_t *words, int32_t x, int32_t *slope)
+/* An odd table at |u| <= 1. */
+static int32_t odd_value(table t, int32_t u, int32_t *rise)
 {
-  const anhyst_spot spot = curve_spot(words, anhyst_abs_q31(x));
-  const int32_t value = anhyst_value_at(spot);
-  *slope = anhyst_slope_at(spot, (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS]);
-  return x < 0 ? -value : value;
+  return u < 0 ? -value(t, -u, rise) : value(t, u, rise);
 }
 
-/* A(x) of |x| <= 1, q30, and its slope. */
-static int32_t branch(const int16_t *words, int32_t x, int32_t *slope)
+/* A(x). */
+static int32_t branch(const path *along, int32_t x, int32_t *rise)
 {
-  const uint16_t n = (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
-  const anhyst_spot spot = anhyst_spot_of(words + words[ANHYST_WORD_FULL_BRANCH],
-                                          (uint16_t)(n + 1U), (x >> 1) + ANHYST_Q30_ONE / 2);
-  *slope = anhyst_slope_at(spot, n);
-  return anhyst_value_at(spot);
+  return value(along->branch, (x + ONE) >> 1, rise);
 }
 
-/* The field at which L reaches y, q30. */
-static int32_t inverse_curve(const int16_t *words, int32_t y)
+/* The rise of a segment of curve or branch, which are equally wide, as a slope in 1/1024. */
+static int32_t slope_of(const path *along, int32_t rise)
 {
-  const anhyst_spot spot =
-      anhyst_spot_of(words + words[ANHYST_WORD_FULL_INVERSE],
-                     (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS], anhyst_abs_q31(y));
-  const int32_t value = anhyst_value_at(spot);
-  return y < 0 ? -value : value;
+  const int32_t slope = (int32_t)((uint32_t)rise << along->curve.n) >> 5;
+  return slope < ANHYST_SLOPE_MAX ? slope : ANHYST_SLOPE_MAX;
 }
 
-/* 1 - 2^(-t) for a way of t octaves, q26 in, q30 out. Below one octave a cubic for (1 - 2^-f)/f,
-   whole octaves by shifting; error below 2e-5, relative to t where t is small. */
+/* dy/dp in 1/1024 where what pulls stands so far above y. */
+static int32_t pulled(const path *along, int32_t above)
+{
+  return ((above >> 15) * along->steepness) >> 11;
+}
+
+/* 1 - 2^(-t) for a way of t octaves, q26 in, q28 out. Below one octave a cubic for (1 - 2^-f)/f,
+   whole octaves by shifting; error below 4e-5, relative to t where t is small. */
 static int32_t forgotten(int32_t way)
 {
   const uint16_t whole = (uint16_t)(way >> 26) & 31U; /* way is not negative */
   const int32_t rest = way & 0x3FFFFFF;
-  const int16_t f = (int16_t)(rest >> 11); /* q15 */
-  int16_t ratio = anhyst_sub_q15(1775, anhyst_mul_q15(241, f));
-  ratio = anhyst_sub_q15(7863, anhyst_mul_q15(ratio, f));
-  ratio = anhyst_sub_q15(22713, anhyst_mul_q15(ratio, f));
-  const int32_t part = anhyst_scale(rest * 16, ratio) * 2;
-  return whole == 0U ? part : ANHYST_Q30_ONE - ((ANHYST_Q30_ONE - part) >> whole);
+  const int32_t f = rest >> 11; /* q15 */
+  int32_t ratio = 1775 - ((241 * f) >> 15);
+  ratio = 7863 - ((ratio * f) >> 15);
+  ratio = 22713 - ((ratio * f) >> 15);
+  return ONE - ((ONE - anhyst_scale(rest * 8, (int16_t)ratio)) >> whole);
 }
 
 /* m = y + c*(L - y). */
-static int32_t magnetisation(const int16_t *words, int32_t y, int32_t anhysteretic)
+static int32_t magnetisation(const path *along, int32_t y, int32_t anhysteretic)
 {
-  const int16_t c = words[ANHYST_WORD_FULL_REVERSIBLE];
-  return y + (anhyst_scale(anhysteretic, c) - anhyst_scale(y, c)) * 2;
+  return y + anhyst_scale(anhysteretic - y, along->reversible) * 2;
 }
 
-static void depart(path *along, const int16_t *words, const anhyst_memory *from)
+static int32_t slope_of_m(const path *along, int32_t y_slope, int32_t x_slope)
 {
-  int32_t slope;
-  const int32_t pull = curve(words, from->c, &slope);
-  along->words = words;
-  along->from = *from;
-  along->departure = from->c;
-  if (pull < from->b) {
-    /* Held until the anhysteretic has crossed y; what b is exactly hardly matters, since y
-       leaves with slope zero. */
-    const int32_t crossing = inverse_curve(words, from->b);
-    along->departure = crossing > from->c ? crossing : from->c;
-  }
-  along->branch_departure = branch(words, along->departure, &slope);
-  along->lead = anhyst_sat_q15((((along->branch_departure >> 1) - (from->b >> 1)) + 0x4000) >> 15);
+  return y_slope + (((x_slope - y_slope) * along->reversible) >> 15);
 }
 
-/* The irreversible part where the play stands at p; *slope is dy/dp in 1/1024. */
+/* The irreversible part where the play stands so far beyond the departure; *slope is dy/dp. */
 static int32_t irreversible(const path *along, int32_t p, int32_t *slope)
 {
-  const int16_t *words = along->words;
-  *slope = 0;
-  if (p <= along->departure) {
-    return along->from.b;
+  const int32_t way = p - along->departure;
+  if (way <= 0) {
+    *slope = 0;
+    return along->y;
   }
   int32_t rise;
-  const int32_t here = branch(words, p, &rise);
-  const int32_t way =
-      anhyst_shl_q31(anhyst_scale(p - along->departure, words[ANHYST_WORD_FULL_RATE]),
-                     (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT]);
-  const int32_t faded =
-      anhyst_add_q31(along->from.b, anhyst_scale(forgotten(way), along->lead) * 4);
-  const int32_t y = anhyst_clamp(anhyst_add_q31(faded, here - along->branch_departure),
-                                 along->from.b, ANHYST_Q30_ONE);
-  const int32_t towards = ((here >> 17) - (y >> 17)) * words[ANHYST_WORD_FULL_STEEPNESS];
-  *slope = anhyst_clamp(rise + (towards >> 11), 0, ANHYST_SLOPE_MAX);
+  const int32_t here = branch(along, p, &rise);
+  const int32_t octaves = anhyst_scale(way * 4, along->rate);
+  const int32_t most = ANHYST_Q31_MAX >> along->rate_shift; /* beyond, all is forgotten */
+  const int32_t gone =
+      octaves > most ? ONE : forgotten((int32_t)((uint32_t)octaves << along->rate_shift));
+  const int32_t y = anhyst_clamp(here + along->offset + anhyst_scale(gone, along->lead) * 4,
+                                 along->y, ONE);
+  *slope = anhyst_clamp(slope_of(along, rise) + pulled(along, here - y), 0, ANHYST_SLOPE_MAX);
   return y;
 }
 
 static void evaluate(const path *along, int32_t x, answer *at)
 {
-  const int16_t *words = along->words;
-  const int32_t play = (int32_t)words[ANHYST_WORD_FULL_PLAY] * 32768;
-  int32_t x_slope;
+  int32_t rise;
   int32_t y_slope;
-  const int32_t anhysteretic = curve(words, x, &x_slope);
+  const int32_t anhysteretic = odd_value(along->curve, x, &rise);
   at->x = x;
-  at->p = x - play > along->from.c ? x - play : along->from.c;
+  at->p = x - along->play > along->p ? x - along->play : along->p;
   at->y = irreversible(along, at->p, &y_slope);
-  at->m = magnetisation(words, at->y, anhysteretic);
-  at->m_slope = y_slope + (((x_slope - y_slope) * words[ANHYST_WORD_FULL_REVERSIBLE]) >> 15);
+  at->m = magnetisation(along, at->y, anhysteretic);
+  at->m_slope = slope_of_m(along, y_slope, slope_of(along, rise));
+}
+
+/* Finds where the irreversible part departs and what it has to forget; dy/dp at the start. */
+static int32_t depart(path *along, int32_t anhysteretic)
+{
+  int32_t rise;
+  int32_t slope = 0;
+  const int32_t pull =
+      along->p == along->x ? anhysteretic : odd_value(along->curve, along->p, &rise);
+  along->departure = along->p;
+  if (pull < along->y) {
+    /* Held until the anhysteretic has crossed y. Where that is exactly hardly matters, since y
+       leaves with slope zero. */
+    const int32_t crossing = odd_value(along->inverse, along->y, &rise);
+    along->departure = crossing > along->p ? crossing : along->p;
+  } else if (along->x - along->p >= along->play) {
+    slope = anhyst_clamp(pulled(along, pull - along->y), 0, ANHYST_SLOPE_MAX);
+  }
+  along->offset = along->y - branch(along, along->departure, &rise);
+  along->lead = anhyst_sat_q15((0x2000 - along->offset) >> 14);
+  return slope;
+}
+
+/* n*65536/d for d > 0, to 8 bits or better, which is plenty for a step; at most 4 (q28). */
+static int32_t quotient(int32_t n, int32_t d)
+{
+  const int32_t size = n < 0 ? -n : n;
+  uint16_t up = 16;
+  if (size >= 0x1000000) {
+    up = 2;
+  } else if (size >= 0x80000) {
+    up = 6;
+  } else if (size >= 0x4000) {
+    up = 11;
+  }
+  const int32_t ratio = (int32_t)((uint32_t)size << up) / d;
+  const int32_t most = (ONE * 4 - 1) >> (16U - up);
+  const int32_t whole = (int32_t)((uint32_t)(ratio < most ? ratio : most) << (16U - up));
+  return n < 0 ? -whole : whole;
 }
 
 /* Where the path would meet its target if m rose like the anhysteretic curve: a guess that holds
    over long ways, where a tangent does not. residual is that at x. */
-static int32_t follow_curve(const int16_t *words, int32_t x, int16_t iron, int32_t residual)
+static int32_t follow_curve(const path *along, int32_t x, int16_t iron, int32_t residual)
 {
-  int32_t slope;
-  const int32_t level = curve(words, x, &slope);
-  const int32_t missing = anhyst_quotient(anhyst_abs_q31(residual), iron > 0 ? iron : 1);
-  const int32_t wanted =
-      residual < 0 ? anhyst_add_q31(level, missing) : anhyst_sub_q31(level, missing);
-  return inverse_curve(words, anhyst_clamp(wanted, -ANHYST_Q30_ONE, ANHYST_Q30_ONE));
-}
-
-/* x - residual/slope, saturating. */
-static int32_t follow_tangent(int32_t x, int32_t residual, int32_t slope)
-{
-  if (residual == 0) {
-    return x;
-  }
-  return residual < 0 ? anhyst_add_q31(x, anhyst_quotient(-residual, slope))
-                      : anhyst_sub_q31(x, anhyst_quotient(residual, slope));
+  int32_t rise;
+  const int32_t level = odd_value(along->curve, x, &rise) - quotient(residual, iron + 1);
+  return odd_value(along->inverse, anhyst_clamp(level, -ONE, ONE), &rise);
 }
 
 /* Whether a step stays inside the interval and is shorter by a quarter than the last one, since
    tangents can swing to and fro across the two bends of the curve; or is too short to matter. */
 static int nearer(int32_t x, int32_t next, int32_t low, int32_t high, int32_t furthest)
 {
-  const int32_t way = anhyst_abs_q31(anhyst_sub_q31(next, x));
+  const int32_t way = next < x ? x - next : next - x;
   return way <= SHORT_WAY || (next > low && next < high && way <= furthest - furthest / 4);
 }
 
-/* Solves air*x + iron*m = target along a rising path on which the residual begins below zero.
-   Newton's steps inside an interval that always holds the solution; a step that leaves it follows
-   the anhysteretic curve instead, or goes to the middle. The number of evaluations is fixed; what
-   is left of the residual after them is part of the accuracy budget. */
-static void rise(const path *along, int16_t air, int16_t iron, int32_t target, answer *at)
+/* Solves air*x + iron*m = target along a rising path, at whose start *at the residual is negative.
+   Newton's steps inside an interval that always holds the solution; one that leaves it follows the
+   anhysteretic curve instead, or goes to the middle. The number of evaluations is fixed; what is
+   left of the residual after them is part of the accuracy budget. */
+static void rise(const path *along, int16_t air, int16_t iron, int32_t target, int16_t evaluations,
+                 answer *at)
 {
-  int32_t low = along->from.a;
-  int32_t high = ANHYST_Q30_ONE - 1;
+  int32_t low = at->x;
+  int32_t high = ONE - 1;
   int32_t furthest = ANHYST_Q31_MAX;
-  int32_t x = low;
-  for (int16_t i = along->words[ANHYST_WORD_FULL_ITERATIONS]; i > 0; i--) {
-    evaluate(along, x, at);
+  for (int16_t i = 0; i < evaluations; i++) {
+    const int32_t x = at->x;
     const int32_t residual = anhyst_scale(x, air) + anhyst_scale(at->m, iron) - target;
-    int32_t next = follow_tangent(x, residual, air + ((iron * at->m_slope) >> 10));
+    int32_t next = x - quotient(residual, air + ((iron * at->m_slope) >> 10));
     if (residual < 0) {
       low = x;
     } else {
@@ -199,45 +231,59 @@ static void rise(const path *along, int16_t air, int16_t iron, int32_t target, a
     }
     if (nearer(x, next, low, high, furthest)) {
       next = anhyst_clamp(next, low, high);
-      furthest = anhyst_abs_q31(anhyst_sub_q31(next, x));
+      furthest = next < x ? x - next : next - x;
     } else {
-      next = high - low > LONG_WAY ? follow_curve(along->words, x, iron, residual) : low;
+      next = high - low > LONG_WAY ? follow_curve(along, x, iron, residual) : low;
       if (next <= low || next >= high) {
         next = low + (high - low) / 2;
       }
       furthest = high - low;
     }
-    x = next;
+    evaluate(along, next, at);
   }
-  evaluate(along, x, at);
 }
 
-/* Solves air*x + iron*m = target from a memory; |target| below 1, air above 0. *at is mirrored
-   back. */
+static void prepare(path *along, const int16_t *words, const anhyst_memory *from)
+{
+  along->curve.at = words + words[ANHYST_WORD_FULL_CURVE];
+  along->curve.n = (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
+  along->branch.at = words + words[ANHYST_WORD_FULL_BRANCH];
+  along->branch.n = (uint16_t)(along->curve.n + 1U);
+  along->inverse.at = words + words[ANHYST_WORD_FULL_INVERSE];
+  along->inverse.n = (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
+  along->play = (int32_t)words[ANHYST_WORD_FULL_PLAY] * 8192;
+  along->rate = words[ANHYST_WORD_FULL_RATE];
+  along->rate_shift = (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT];
+  along->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
+  along->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
+  along->x = from->a >> 2;
+  along->y = from->b >> 2;
+  along->p = from->c >> 2;
+}
+
+/* Solves air*x + iron*m = target from a memory; |target| <= 1, air above 0. */
 static void solve(const int16_t *words, const anhyst_memory *from, int16_t air, int16_t iron,
                   int32_t target, answer *at)
 {
-  int32_t slope;
-  anhyst_memory start = *from;
-  const int32_t m = magnetisation(words, start.b, curve(words, start.a, &slope));
-  const int32_t residual = anhyst_scale(start.a, air) + anhyst_scale(m, iron) - target;
-  if (residual == 0) {
-    at->x = start.a;
-    at->y = start.b;
-    at->p = start.c;
-    at->m = m;
-    return;
-  }
-  if (residual > 0) {
-    start.a = -start.a;
-    start.b = -start.b;
-    start.c = -start.c;
-    target = -target;
-  }
   path along;
-  depart(&along, words, &start);
-  rise(&along, air, iron, target, at);
-  if (residual > 0) {
+  int32_t step;
+  prepare(&along, words, from);
+  int32_t anhysteretic = odd_value(along.curve, along.x, &step);
+  const int32_t m = magnetisation(&along, along.y, anhysteretic);
+  const int falling = anhyst_scale(along.x, air) + anhyst_scale(m, iron) > target;
+  if (falling) {
+    along.x = -along.x;
+    along.y = -along.y;
+    along.p = -along.p;
+    anhysteretic = -anhysteretic;
+  }
+  at->x = along.x;
+  at->y = along.y;
+  at->p = along.p;
+  at->m = falling ? -m : m;
+  at->m_slope = slope_of_m(&along, depart(&along, anhysteretic), slope_of(&along, step));
+  rise(&along, air, iron, falling ? -target : target, words[ANHYST_WORD_FULL_ITERATIONS], at);
+  if (falling) {
     at->x = -at->x;
     at->y = -at->y;
     at->p = -at->p;
@@ -247,18 +293,18 @@ static void solve(const int16_t *words, const anhyst_memory *from, int16_t air, 
 
 static void remember(const answer *at, anhyst_memory *to)
 {
-  to->a = at->x;
-  to->b = at->y;
-  to->c = at->p;
+  to->a = at->x * 4;
+  to->b = at->y * 4;
+  to->c = at->p * 4;
 }
 
 static int32_t full_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
                           anhyst_memory *to)
 {
   answer at;
-  solve(words, from, words[ANHYST_WORD_FULL_AIR], 16384, flux >> 2, &at);
+  solve(words, from, words[ANHYST_WORD_FULL_AIR], 16384, flux >> 4, &at);
   remember(&at, to);
-  return at.x;
+  return to->a;
 }
 
 static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const anhyst_arms *arms,
@@ -266,12 +312,11 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const 
 {
   const int32_t air_arm = ((int32_t)words[ANHYST_WORD_FULL_AIR] * arms->flux_arm) >> 14;
   const int16_t air = anhyst_sat_q15(arms->field_arm + air_arm);
-  const int32_t target =
-      anhyst_clamp(anhyst_sub_q31(current, arms->bias), -ANHYST_Q30_ONE + 1, ANHYST_Q30_ONE - 1);
+  const int32_t target = anhyst_clamp((current >> 2) - (arms->bias >> 2), -ONE, ONE);
   answer at;
   solve(words, from, air, arms->flux_arm, target, &at);
   remember(&at, to);
-  return at.m + anhyst_scale(at.x, words[ANHYST_WORD_FULL_AIR]) * 4;
+  return at.m * 4 + anhyst_scale(to->a, words[ANHYST_WORD_FULL_AIR]) * 4;
 }
 
 static int full_sound(const int16_t *words)
@@ -287,8 +332,8 @@ static int full_sound(const int16_t *words)
          anhyst_table_rises(words, words[ANHYST_WORD_FULL_CURVE], (int16_t)((1 << n) + 1), 0) &&
          anhyst_table_rises(words, words[ANHYST_WORD_FULL_BRANCH], (int16_t)((2 << n) + 1),
                             -ANHYST_Q15_MAX) &&
-         anhyst_table_rises(words, words[ANHYST_WORD_FULL_INVERSE], (int16_t)((1 << n_inverse) + 1),
-                            0);
+         anhyst_table_rises(words, words[ANHYST_WORD_FULL_INVERSE],
+                            (int16_t)((1 << n_inverse) + 1), 0);
 }
 
 const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL, full_field, full_flux, full_sound};
