@@ -1,0 +1,263 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The board that is a process: the firmware on a PC, bit for bit the one that a controller runs.
+
+     firmware LINK PLANT
+
+   LINK: pty for a new pseudo-terminal, whose name is printed; the path of a terminal; or tcp:PORT
+   to listen on, where port 0 takes a free one, which is printed. PLANT, which gives the ticks: fd:N
+   for an inherited stream, or tcp:PORT to connect to. Ports are those of 127.0.0.1. Ends when the
+   plant hangs up. */
+#define _XOPEN_SOURCE 700
+#define _DEFAULT_SOURCE /* cfmakeraw */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include "lockstep.h"
+#include "port/port.h"
+
+#define BAD_USAGE 2
+#define NONE (-1)
+
+static int listener = NONE; /* where a link on TCP comes in */
+static int link_fd = NONE;
+static int plant_fd = NONE;
+static int more_to_send; /* the link took less than was offered */
+
+static void quit(const char *what, const char *why)
+{
+  (void)fprintf(stderr, "firmware: %s: %s\n", what, why);
+  exit(BAD_USAGE);
+}
+
+/* The number after a prefix such as "tcp:", or NONE. */
+static int number_after(const char *prefix, const char *text)
+{
+  const size_t length = strlen(prefix);
+  if (strncmp(text, prefix, length) != 0) {
+    return NONE;
+  }
+  char *end = NULL;
+  const long value = strtol(text + length, &end, 10);
+  if (end == text + length || *end != '\0' || value < 0 || value > 65535) {
+    quit(text, "not a number");
+  }
+  return (int)value;
+}
+
+static int new_socket(void)
+{
+  const int fd = socket(AF_INET, SOCK_STREAM, 0);
+  if (fd < 0) {
+    quit("socket", strerror(errno));
+  }
+  return fd;
+}
+
+static struct sockaddr_in local(int port)
+{
+  struct sockaddr_in address;
+  memset(&address, 0, sizeof address);
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  address.sin_port = htons((uint16_t)port);
+  return address;
+}
+
+/* Frames are small and wait for each other: sent at once. */
+static void send_at_once(int fd)
+{
+  const int yes = 1;
+  (void)setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+}
+
+static void listen_on(int port)
+{
+  struct sockaddr_in address = local(port);
+  socklen_t size = sizeof address;
+  listener = new_socket();
+  if (bind(listener, (const struct sockaddr *)&address, size) != 0 || listen(listener, 1) != 0 ||
+      getsockname(listener, (struct sockaddr *)&address, &size) != 0) {
+    quit("link", strerror(errno));
+  }
+  (void)printf("%d\n", ntohs(address.sin_port));
+  (void)fflush(stdout);
+}
+
+/* A terminal that passes bytes on as they are. */
+static int open_terminal(const char *path)
+{
+  struct termios raw;
+  const int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK);
+  if (fd < 0 || tcgetattr(fd, &raw) != 0) {
+    quit(path, strerror(errno));
+  }
+  cfmakeraw(&raw);
+  (void)cfsetspeed(&raw, B921600);
+  if (tcsetattr(fd, TCSANOW, &raw) != 0) {
+    quit(path, strerror(errno));
+  }
+  return fd;
+}
+
+/* The far end is opened here too and kept, so that a PC may come and go. */
+static void open_pty(void)
+{
+  link_fd = posix_openpt(O_RDWR | O_NOCTTY);
+  if (link_fd < 0 || grantpt(link_fd) != 0 || unlockpt(link_fd) != 0 ||
+      fcntl(link_fd, F_SETFL, O_NONBLOCK) != 0) {
+    quit("pty", strerror(errno));
+  }
+  (void)open_terminal(ptsname(link_fd));
+  (void)printf("%s\n", ptsname(link_fd));
+  (void)fflush(stdout);
+}
+
+static void open_link(const char *where)
+{
+  const int port = number_after("tcp:", where);
+  if (port != NONE) {
+    listen_on(port);
+  } else if (strcmp(where, "pty") == 0) {
+    open_pty();
+  } else {
+    link_fd = open_terminal(where);
+  }
+}
+
+static void open_plant(const char *where)
+{
+  const int port = number_after("tcp:", where);
+  if (port == NONE) {
+    plant_fd = number_after("fd:", where);
+    if (plant_fd == NONE) {
+      quit(where, "the plant is fd:N or tcp:PORT");
+    }
+    return;
+  }
+  const struct sockaddr_in address = local(port);
+  plant_fd = new_socket();
+  if (connect(plant_fd, (const struct sockaddr *)&address, sizeof address) != 0) {
+    quit(where, strerror(errno));
+  }
+  send_at_once(plant_fd);
+}
+
+static void accept_link(void)
+{
+  link_fd = accept(listener, NULL, NULL);
+  if (link_fd >= 0) {
+    (void)fcntl(link_fd, F_SETFL, O_NONBLOCK);
+    send_at_once(link_fd);
+  }
+}
+
+/* Another client may come on TCP; a terminal that hung up stays silent, as a cable pulled out. */
+static void drop_link(void)
+{
+  (void)close(link_fd);
+  link_fd = NONE;
+  more_to_send = 0;
+}
+
+static int would_block(void) { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
+
+uint16_t port_link_read(uint8_t *bytes, uint16_t most)
+{
+  if (link_fd == NONE) {
+    return 0;
+  }
+  const ssize_t count = read(link_fd, bytes, most);
+  if (count > 0) {
+    return (uint16_t)count;
+  }
+  if (count == 0 || !would_block()) {
+    drop_link();
+  }
+  return 0;
+}
+
+uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+{
+  if (link_fd == NONE) {
+    return count; /* into the air */
+  }
+  const ssize_t taken = write(link_fd, bytes, count);
+  if (taken < 0 && !would_block()) {
+    drop_link();
+    return count;
+  }
+  more_to_send = taken < (ssize_t)count;
+  return taken > 0 ? (uint16_t)taken : 0;
+}
+
+void board_plant_write(const uint8_t *bytes, uint16_t count)
+{
+  while (count > 0) {
+    const ssize_t taken = write(plant_fd, bytes, count);
+    if (taken < 0 && errno == EINTR) {
+      continue;
+    }
+    if (taken <= 0) {
+      exit(EXIT_SUCCESS); /* the plant hung up */
+    }
+    bytes += taken;
+    count = (uint16_t)(count - taken);
+  }
+}
+
+static void receive_plant(void)
+{
+  uint8_t bytes[256];
+  const ssize_t count = read(plant_fd, bytes, sizeof bytes);
+  if (count == 0 || (count < 0 && !would_block())) {
+    exit(EXIT_SUCCESS);
+  }
+  for (ssize_t i = 0; i < count; ++i) {
+    lockstep_receive(bytes[i]);
+  }
+}
+
+/* Sleeps until the link or the plant has something. */
+static void wait_and_serve(void)
+{
+  struct pollfd ends[2];
+  ends[0].fd = link_fd != NONE ? link_fd : listener;
+  ends[0].events = (short)(more_to_send ? POLLIN | POLLOUT : POLLIN);
+  ends[1].fd = plant_fd;
+  ends[1].events = POLLIN;
+  if (poll(ends, 2, -1) < 0) {
+    return;
+  }
+  if (link_fd == NONE && (ends[0].revents & POLLIN) != 0) {
+    accept_link();
+  }
+  if (ends[1].revents != 0) {
+    receive_plant();
+  }
+}
+
+int main(int argc, char **argv)
+{
+  if (argc != 3) {
+    quit("usage", "firmware LINK PLANT");
+  }
+  (void)signal(SIGPIPE, SIG_IGN); /* who hung up is told by write */
+  open_link(argv[1]);
+  open_plant(argv[2]);
+  lockstep_start();
+  for (;;) {
+    lockstep_poll();
+    wait_and_serve();
+  }
+}

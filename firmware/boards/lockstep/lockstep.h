@@ -1,0 +1,25 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The firmware on a board without hardware: a virtual plant gives the ticks.
+
+   A tick begins when the plant's sample has arrived and is over when the drive has been sent back;
+   the plant waits for it, so that virtual time stands still while either side computes. port_sense,
+   port_drive, port_lock and port_unlock are implemented here; records as in link/frames.h. */
+#ifndef LOCKSTEP_H
+#define LOCKSTEP_H
+
+#include <stdint.h>
+
+/* Board: sends bytes to the plant, all of them, waiting as long as it takes. */
+void board_plant_write(const uint8_t *bytes, uint16_t count);
+
+/* Starts the firmware. Once, first. */
+void lockstep_start(void);
+
+/* Answers what came over the link; as often as possible between bytes of the plant. */
+void lockstep_poll(void);
+
+/* Takes a byte from the plant. When it completes a sound record, runs the tick and sends the drive.
+   After a slip of the stream it finds the next sound record by itself. */
+void lockstep_receive(uint8_t byte);
+
+#endif

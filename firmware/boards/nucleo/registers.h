@@ -1,0 +1,125 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The registers of the STM32F446 that this board uses, by their names in the reference manual
+   (RM0390). */
+#ifndef REGISTERS_H
+#define REGISTERS_H
+
+#include "startup.h"
+
+/* Reset and clock control. */
+#define RCC_CR REGISTER(0x40023800U)
+#define RCC_CR_HSEON (1U << 16)
+#define RCC_CR_HSERDY (1U << 17)
+#define RCC_CR_HSEBYP (1U << 18)
+#define RCC_CR_PLLON (1U << 24)
+#define RCC_CR_PLLRDY (1U << 25)
+#define RCC_PLLCFGR REGISTER(0x40023804U)
+#define RCC_PLLCFGR_SRC_HSE (1U << 22)
+#define RCC_CFGR REGISTER(0x40023808U)
+#define RCC_CFGR_SW_PLL 2U
+#define RCC_CFGR_SWS (3U << 2)
+#define RCC_CFGR_SWS_PLL (2U << 2)
+#define RCC_CFGR_PPRE1_4 (5U << 10)
+#define RCC_CFGR_PPRE2_2 (4U << 13)
+#define RCC_AHB1ENR REGISTER(0x40023830U)
+#define RCC_AHB1ENR_GPIOA (1U << 0)
+#define RCC_AHB1ENR_GPIOC (1U << 2)
+#define RCC_AHB1ENR_DMA1 (1U << 21)
+#define RCC_APB1ENR REGISTER(0x40023840U)
+#define RCC_APB1ENR_TIM2 (1U << 0)
+#define RCC_APB1ENR_TIM5 (1U << 3)
+#define RCC_APB1ENR_USART2 (1U << 17)
+#define RCC_APB1ENR_DAC (1U << 29)
+#define RCC_APB2ENR REGISTER(0x40023844U)
+#define RCC_APB2ENR_ADC123 (7U << 8)
+
+#define FLASH_ACR REGISTER(0x40023C00U)
+#define FLASH_ACR_LATENCY_5 5U
+#define FLASH_ACR_PRFTEN (1U << 8)
+#define FLASH_ACR_ICEN (1U << 9)
+#define FLASH_ACR_DCEN (1U << 10)
+
+/* Pins. */
+#define GPIOA_MODER REGISTER(0x40020000U)
+#define GPIOA_AFRL REGISTER(0x40020020U)
+#define GPIOA_BSRR REGISTER(0x40020018U)
+#define GPIOC_MODER REGISTER(0x40020800U)
+#define GPIO_OUTPUT(pin) (1U << (2U * (pin)))
+#define GPIO_ALTERNATE(pin) (2U << (2U * (pin)))
+#define GPIO_ANALOG(pin) (3U << (2U * (pin)))
+
+/* Timer 2: the tick. */
+#define TIM2_CR1 REGISTER(0x40000000U)
+#define TIM2_CR1_CEN 1U
+#define TIM2_CR2 REGISTER(0x40000004U)
+#define TIM2_CR2_MMS_UPDATE (2U << 4)
+#define TIM2_PSC REGISTER(0x40000028U)
+#define TIM2_ARR REGISTER(0x4000002CU)
+
+/* Timer 5: counts the updates of timer 2. */
+#define TIM5_CR1 REGISTER(0x40000C00U)
+#define TIM5_CR1_CEN 1U
+#define TIM5_SMCR REGISTER(0x40000C08U)
+#define TIM5_SMCR_COUNT_TIM2 7U /* external clock, internal trigger 0 */
+#define TIM5_CNT REGISTER(0x40000C24U)
+
+/* Converters 1, 2, 3 of one kind, 0x100 apart. */
+#define ADC_SR(n) REGISTER(0x40012000U + 0x100U * ((n)-1U))
+#define ADC_SR_JEOC (1U << 2)
+#define ADC_CR1(n) REGISTER(0x40012004U + 0x100U * ((n)-1U))
+#define ADC_CR1_JEOCIE (1U << 7)
+#define ADC_CR2(n) REGISTER(0x40012008U + 0x100U * ((n)-1U))
+#define ADC_CR2_ADON 1U
+#define ADC_CR2_JEXTSEL_TIM2_TRGO (3U << 16)
+#define ADC_CR2_JEXTEN_RISING (1U << 20)
+#define ADC_SMPR1(n) REGISTER(0x4001200CU + 0x100U * ((n)-1U))
+#define ADC_SMPR2(n) REGISTER(0x40012010U + 0x100U * ((n)-1U))
+#define ADC_SMP_56_CYCLES(channel) (3U << (3U * ((channel) % 10U)))
+#define ADC_JSQR(n) REGISTER(0x40012038U + 0x100U * ((n)-1U))
+#define ADC_JSQR_ONE(channel) ((uint32_t)(channel) << 15)
+#define ADC_JDR1(n) REGISTER(0x4001203CU + 0x100U * ((n)-1U))
+#define ADC_CCR REGISTER(0x40012304U)
+#define ADC_CCR_MULTI_TRIPLE_INJECTED 0x15U
+#define ADC_CCR_ADCPRE_4 (1U << 16)
+#define ADC_IRQ 18U
+
+/* Digital-analogue converter, channel 1. */
+#define DAC_CR REGISTER(0x40007400U)
+#define DAC_CR_EN1 1U
+#define DAC_CR_TEN1 (1U << 2)
+#define DAC_CR_TSEL1_TIM2 (4U << 3)
+#define DAC_DHR12R1 REGISTER(0x40007408U)
+
+/* Serial port 2, and stream 5 of DMA 1 that receives from it. */
+#define USART2_SR REGISTER(0x40004400U)
+#define USART2_SR_TXE (1U << 7)
+#define USART2_DR_ADDRESS 0x40004404U
+#define USART2_DR REGISTER(USART2_DR_ADDRESS)
+#define USART2_BRR REGISTER(0x40004408U)
+#define USART2_CR1 REGISTER(0x4000440CU)
+#define USART2_CR1_RE (1U << 2)
+#define USART2_CR1_TE (1U << 3)
+#define USART2_CR1_TXEIE (1U << 7)
+#define USART2_CR1_UE (1U << 13)
+#define USART2_CR3 REGISTER(0x40004414U)
+#define USART2_CR3_DMAR (1U << 6)
+#define USART2_IRQ 38U
+#define DMA1_S5CR REGISTER(0x40026088U)
+#define DMA1_S5CR_EN 1U
+#define DMA1_S5CR_CIRC (1U << 8)
+#define DMA1_S5CR_MINC (1U << 10)
+#define DMA1_S5CR_CHANNEL_4 (4U << 25)
+#define DMA1_S5NDTR REGISTER(0x4002608CU)
+#define DMA1_S5PAR REGISTER(0x40026090U)
+#define DMA1_S5M0AR REGISTER(0x40026094U)
+
+/* Independent watchdog: about 32 kHz of its own. */
+#define IWDG_KR REGISTER(0x40003000U)
+#define IWDG_KR_UNLOCK 0x5555U
+#define IWDG_KR_START 0xCCCCU
+#define IWDG_KR_FEED 0xAAAAU
+#define IWDG_PR REGISTER(0x40003004U)
+#define IWDG_PR_4 0U
+#define IWDG_RLR REGISTER(0x40003008U)
+
+#endif

@@ -1,0 +1,464 @@
+"""The PC's end of the link: a force controller that is asked, told and watched.
+
+Every request has a number and is repeated until it is answered; the controller does a repeated one
+only once. So nothing is lost silently, whatever the line does to the bytes.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Self, TypeVar
+
+import numpy as np
+
+from anhyst.errors import InputError
+from anhyst.link import frames
+from anhyst.link.frames import (
+    ANSWERS,
+    AckAnswer,
+    BlockBeginRequest,
+    BlockDataRequest,
+    BlockReadRequest,
+    BlockSwapRequest,
+    BlockWordsAnswer,
+    Command,
+    CommandRequest,
+    DemandRequest,
+    Fault,
+    HeartbeatRequest,
+    HelloRequest,
+    InfoAnswer,
+    Message,
+    NakAnswer,
+    Reason,
+    Setting,
+    SettingAnswer,
+    SettingReadRequest,
+    SettingWriteRequest,
+    State,
+    StatusAnswer,
+)
+from anhyst.link.status import Status
+from anhyst.link.transport import BAUD, Port
+from anhyst.link.wire import Frame, Receiver, encode
+
+_Answer = TypeVar("_Answer", bound=Message)
+
+_WORDS_MOST = 118
+"""Words of a block in one frame, either way."""
+
+_GENERATION_AT = 5
+_CRC_AT = 6
+
+_MEANING = {
+    Reason.VERSION: "it speaks another version of the protocol",
+    Reason.TYPE: "it does not know this request",
+    Reason.LENGTH: "the request has the wrong length",
+    Reason.OLD: "newer requests overtook it",
+    Reason.STATE: "not in the state it is in",
+    Reason.VALUE: "a value is out of its range",
+    Reason.ORDER: "the words of the block came out of order",
+    Reason.CHECKSUM: "the block that arrived is not the one that was announced",
+    Reason.BLOCK: "the parameter block is not sound, or of another kind or layout",
+    Reason.GENERATION: "the parameter block has another generation than was announced",
+}
+
+
+class Refused(InputError):  # noqa: N818 - an answer
+    """The controller answered that it does not do a request, and why; nothing changed there.
+
+    Attributes
+    ----------
+    reason : Reason
+        Why.
+    detail : int
+        More, as ``firmware/link/frames.toml`` says at each reason.
+    """
+
+    def __init__(self, url: str, request: Message, nak: NakAnswer) -> None:
+        name = type(request).__name__.removesuffix("Request")
+        try:
+            self.reason = Reason(nak.reason)
+            meaning = _MEANING[self.reason]
+        except (KeyError, ValueError):
+            self.reason = Reason.NONE
+            meaning = f"for reason {nak.reason}"
+        self.detail = nak.detail
+        if self.reason is Reason.STATE:
+            meaning = f"not in the state {State(nak.detail).name.lower()}"
+        super().__init__(f"{url}: the controller refused {_words(name)}: {meaning}")
+
+
+class ForceController:
+    """A controller behind a port.
+
+    Opens the port and the session, and checks that both sides speak the same protocol.
+
+    Parameters
+    ----------
+    url : str
+        Port, as :class:`anhyst.link.transport.Port` takes it.
+    baud : int, optional
+        Bits a second of a real port.
+    timeout : float, optional
+        Without an answer for so long, a request is repeated, s.
+    attempts : int, optional
+        How often before the controller counts as silent.
+
+    Attributes
+    ----------
+    info : InfoAnswer
+        Who the controller is.
+    repeated : int
+        Requests that had to be sent again.
+
+    Raises
+    ------
+    InputError
+        The port is not there or taken, nobody answers, or the firmware is of another protocol
+        version.
+    """
+
+    def __init__(
+        self, url: str, baud: int = BAUD, timeout: float = 0.1, attempts: int = 20
+    ) -> None:
+        self.url = url
+        self.timeout = timeout
+        self.attempts = attempts
+        self.repeated = 0
+        self._port = Port(url, baud)
+        self._receiver = Receiver()
+        self._sequence = 0
+        self._lock = threading.RLock()
+        self._arrived: list[Frame] = []
+        try:
+            self._port.write(b"\0")  # ends whatever a former session left half said
+            self.info = self._request(HelloRequest(frames.VERSION), InfoAnswer)
+        except BaseException:
+            self._port.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the port. A controller that drives current goes to its safe state by itself."""
+        self._port.close()
+
+    @property
+    def bad_frames(self) -> int:
+        """Frames from the controller that arrived broken."""
+        return self._receiver.bad
+
+    def status(self) -> Status:
+        """Ask what the controller did in its last tick; tells it that the PC is there."""
+        return self._status(HeartbeatRequest())
+
+    def demand(self, force: int) -> Status:
+        """Demand a force, q31 of the full-scale force, from the next tick on.
+
+        Returns
+        -------
+        Status
+            Of the last tick, before the demand.
+
+        Raises
+        ------
+        InputError
+            The controller is silent, or the demand does not fit 32 bits.
+        """
+        return self._status(_demand(force))
+
+    def stream(self, forces: Iterable[int], window: int = 8) -> Iterator[Status]:
+        """Send many demands, several of them on their way at a time.
+
+        All of them reach the controller, in order. A demand that the line lost is sent again with
+        all that followed it: the controller may see some twice, never one late.
+
+        Parameters
+        ----------
+        forces : iterable of int
+            Demands, q31.
+        window : int, optional
+            How many may wait for their answer, 1 to 32.
+
+        Yields
+        ------
+        Status
+            One for each demand, in order.
+
+        Raises
+        ------
+        InputError
+            The controller is silent.
+        """
+        from anhyst.link.streaming import stream
+
+        with self._lock:
+            yield from stream(self, forces, window)
+
+    def command(self, command: Command) -> State:
+        """Change the state of the controller.
+
+        Returns
+        -------
+        State
+            The state it went to.
+
+        Raises
+        ------
+        Refused
+            It does not do that in its state.
+        """
+        return State(self._request(CommandRequest(command), AckAnswer).detail)
+
+    def read_setting(self, setting: Setting) -> int:
+        """Ask for a setting."""
+        return self._request(SettingReadRequest(setting), SettingAnswer).value
+
+    def write_setting(self, setting: Setting, value: int) -> int:
+        """Set a setting from the next tick on; returns what the controller has now.
+
+        Raises
+        ------
+        Refused
+            The value is out of range, or the setting may not be changed in this state.
+        """
+        return self._request(SettingWriteRequest(setting, value), SettingAnswer).value
+
+    def write_block(self, words: Sequence[int]) -> int:
+        """Send a parameter block and put it in force between two ticks.
+
+        Parameters
+        ----------
+        words : sequence of int
+            The whole block, its generation and checksum included; see :func:`regenerate`.
+
+        Returns
+        -------
+        int
+            Generation in force: that of the block.
+
+        Raises
+        ------
+        Refused
+            The block is not sound or not for this firmware; the old one stays in force.
+        """
+        row = [int(word) for word in words]
+        generation = row[_GENERATION_AT] & 0xFFFF
+        with self._lock:
+            begin = BlockBeginRequest(len(row), generation, _checksum(row))
+            self._request(begin, AckAnswer)
+            for at in range(0, len(row), _WORDS_MOST):
+                data = BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST]))
+                self._request(data, AckAnswer)
+            return self._request(BlockSwapRequest(generation), AckAnswer).detail
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        words: list[int] = []
+        with self._lock:
+            length = self._block_words(0, _GENERATION_AT)[4]
+            while len(words) < length:
+                most = min(length - len(words), _WORDS_MOST)
+                words += self._block_words(len(words), most)
+        return words
+
+    def _block_words(self, offset: int, count: int) -> tuple[int, ...]:
+        return self._request(BlockReadRequest(offset, count), BlockWordsAnswer).words
+
+    @contextmanager
+    def heartbeats(self, period: float = 0.02) -> Iterator[None]:
+        """Keep the link alive in the background while nothing else is asked.
+
+        Parameters
+        ----------
+        period : float, optional
+            Between two heartbeats, s; well below the controller's heartbeat timeout.
+        """
+        done = threading.Event()
+
+        def beat() -> None:
+            while not done.wait(period):
+                try:
+                    self.status()
+                except InputError:
+                    return  # the next request tells
+
+        thread = threading.Thread(target=beat, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
+
+    def wait_for(self, *states: State, timeout: float = 10.0) -> Status:
+        """Ask until the controller is in one of these states.
+
+        Parameters
+        ----------
+        *states : State
+            Wanted.
+        timeout : float, optional
+            s.
+
+        Raises
+        ------
+        InputError
+            It did not get there, or went to fault instead.
+        """
+        end = time.monotonic() + timeout
+        while True:
+            status = self.status()
+            if status.state in states:
+                return status
+            if status.state is State.FAULT and status.fault is not Fault.NONE:
+                raise InputError(f"{self.url}: the controller is in fault: {_fault(status.fault)}")
+            if time.monotonic() > end:
+                wanted = " or ".join(state.name.lower() for state in states)
+                raise InputError(
+                    f"{self.url}: the controller is in {status.state.name.lower()}, "
+                    f"not in {wanted}, after {timeout:g} s"
+                )
+
+    def _status(self, request: Message) -> Status:
+        with self._lock:
+            answer, tick = self._exchange(request)
+            return Status.of(_expect(self.url, request, answer, StatusAnswer), tick)
+
+    def _request(self, request: Message, kind: type[_Answer]) -> _Answer:
+        with self._lock:
+            return _expect(self.url, request, self._exchange(request)[0], kind)
+
+    def _exchange(self, request: Message) -> tuple[Message, int]:
+        """Send a request until it is answered."""
+        sequence = self.next_sequence()
+        wire = encode(request, sequence)
+        for attempt in range(self.attempts):
+            self.repeated += attempt > 0
+            self._port.write(wire)
+            end = time.monotonic() + self.timeout
+            while (left := end - time.monotonic()) > 0.0:
+                for frame in self.receive(left):
+                    if frame.sequence == sequence:
+                        return self.read_answer(frame), frame.tick
+        raise self.silent()
+
+    def next_sequence(self) -> int:
+        """Return the number of the next request."""
+        self._sequence = (self._sequence + 1) & 0xFF
+        return self._sequence
+
+    def send(self, wire: bytes) -> None:
+        """Put encoded frames on the line."""
+        self._port.write(wire)
+
+    def receive(self, timeout: float) -> list[Frame]:
+        """Return the frames that arrive next, or none after `timeout` s."""
+        return self._receiver.feed(self._port.read(timeout))
+
+    def read_answer(self, frame: Frame) -> Message:
+        """Read an answer.
+
+        Raises
+        ------
+        InputError
+            The firmware speaks another version of the protocol.
+        """
+        kind = ANSWERS.get(frame.type)
+        if frame.version != frames.VERSION:
+            raise self._other_version(frame.version)
+        try:
+            answer = kind.unpack(frame.payload) if kind else None
+        except ValueError:
+            answer = None
+        if answer is None:
+            raise InputError(
+                f"{self.url}: an answer of type {frame.type:#04x} that this version does not know; "
+                "use the firmware of this version of anhyst"
+            )
+        if isinstance(answer, NakAnswer) and answer.reason == Reason.VERSION:
+            raise self._other_version(answer.detail)
+        if isinstance(answer, InfoAnswer) and answer.version != frames.VERSION:
+            raise self._other_version(answer.version)
+        return answer
+
+    def _other_version(self, version: int) -> InputError:
+        return InputError(
+            f"{self.url}: the firmware speaks version {version} of the protocol, this anhyst "
+            f"version {frames.VERSION}; build and flash the firmware of this anhyst"
+        )
+
+    def silent(self) -> InputError:
+        """Return the error of a controller that does not answer."""
+        return InputError(
+            f"{self.url}: no answer within {self.timeout * self.attempts:.1f} s; see that the "
+            "controller runs, that the cable and the baud rate are right, and that no other "
+            "program talks to it"
+        )
+
+
+def regenerate(words: Sequence[int], generation: int) -> list[int]:
+    """Give a parameter block another generation, and the checksum that belongs to it.
+
+    Parameters
+    ----------
+    words : sequence of int
+        A sound block.
+    generation : int
+        0 to 65535.
+
+    Returns
+    -------
+    list of int
+        The new block.
+    """
+    row = [int(word) for word in words]
+    row[_GENERATION_AT] = _signed(generation)
+    crc = _checksum(row[:_CRC_AT] + row[_CRC_AT + 2 :])
+    row[_CRC_AT : _CRC_AT + 2] = [_signed(crc & 0xFFFF), _signed(crc >> 16)]
+    return row
+
+
+def _signed(word: int) -> int:
+    return word - 0x10000 if word >= 0x8000 else word
+
+
+def _checksum(words: Sequence[int]) -> int:
+    return zlib.crc32(np.asarray(words, dtype="<i2").tobytes())
+
+
+def _demand(force: int) -> DemandRequest:
+    if not -(1 << 31) <= force < 1 << 31:
+        raise InputError(f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1")
+    return DemandRequest(int(force))
+
+
+def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) -> _Answer:
+    if isinstance(answer, kind):
+        return answer
+    if isinstance(answer, NakAnswer):
+        raise Refused(url, request, answer)
+    raise InputError(f"{url}: {type(answer).__name__} in answer to {type(request).__name__}")
+
+
+def _words(name: str) -> str:
+    return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
+
+
+def _fault(fault: Fault) -> str:
+    return fault.name.lower().replace("_", " ")

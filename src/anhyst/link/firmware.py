@@ -1,0 +1,172 @@
+"""The firmware of a board, built from its sources and a compiled compensator."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from anhyst.atomic import PathLike, write_bytes
+from anhyst.errors import InputError, NegativeResult
+from anhyst.version import running_version
+
+_PARAMETERS = ("anhyst.h", "anhyst.c", "anhyst_parameters.h", "anhyst_parameters.c")
+_WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
+_THUMB = ("-target", "thumb-freestanding-eabi")
+_FREESTANDING = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined")
+_SMALL = ("-Os", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
+_TIME_LIMIT = 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """What is particular to a board.
+
+    Parameters
+    ----------
+    folders : tuple of str
+        Folders of ``firmware/boards`` with its sources.
+    cpu : str
+        Processor as zig calls it; empty for the PC at hand.
+    port_header : str
+        Header of the parameters' folder with the processor's own instructions.
+    """
+
+    folders: tuple[str, ...]
+    cpu: str = ""
+    port_header: str = ""
+
+
+BOARDS = {
+    "host": Board(("host", "lockstep")),
+    "qemu-mps2": Board(("qemu-mps2", "lockstep", "cortex-m"), "cortex_m3"),
+    "nucleo": Board(("nucleo", "cortex-m"), "cortex_m4", "anhyst_port_cortex_m4.h"),
+}
+
+
+def build(board: str, parameters: PathLike, out: PathLike) -> Path:
+    """Build the firmware of a board around a compiled compensator.
+
+    Parameters
+    ----------
+    board : str
+        ``"host"`` (a program for the PC at hand), ``"qemu-mps2"`` or ``"nucleo"`` (ELF files).
+    parameters : path-like
+        Folder that ``anhyst compile`` wrote.
+    out : path-like
+        File to write.
+
+    Returns
+    -------
+    Path
+        `out`.
+
+    Raises
+    ------
+    InputError
+        Board unknown, folder without a compensator, compiler not installed, or `out` cannot be
+        written.
+    NegativeResult
+        The compiler refuses the sources.
+    """
+    if board not in BOARDS:
+        raise InputError(f"board {board}: is not known; choose one of {', '.join(BOARDS)}")
+    folder = Path(parameters).resolve()
+    for name in _PARAMETERS:
+        if not (folder / name).is_file():
+            raise InputError(
+                f"{folder / name}: is not there; name a folder that anhyst compile wrote"
+            )
+    _check_rate(folder)
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
+        program = Path(place, "firmware")
+        _run([*_command(board, folder), "-o", str(program)], board)
+        write_bytes(out, program.read_bytes())
+    target = Path(out)
+    target.chmod(0o755)
+    return target
+
+
+def firmware_folder() -> Path:
+    """Return the folder with the sources of the firmware.
+
+    Raises
+    ------
+    InputError
+        They are not there: the package was installed without them.
+    """
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package.parents[1] / "firmware", package / "_firmware"):
+        if (folder / "boards").is_dir():
+            return folder
+    raise InputError(f"{package}: the sources of the firmware are missing; install anhyst anew")
+
+
+def _check_rate(folder: Path) -> None:
+    """A tick is a whole number of the board's clock: the rate is whole too."""
+    text = (folder / "anhyst_parameters.h").read_text(encoding="utf-8")
+    rate = re.search(r"^#define ANHYST_RATE_HZ (\S+)", text, re.M)
+    if rate is None or not rate[1].isdecimal() or not 10 <= int(rate[1]) <= 1_000_000:
+        found = rate[1] if rate else "nothing"
+        raise InputError(
+            f"{folder / 'anhyst_parameters.h'}: ANHYST_RATE_HZ is {found}; compile for a whole "
+            "number of ticks a second, 10 to 1000000"
+        )
+
+
+def _command(name: str, folder: Path) -> list[str]:
+    board = BOARDS[name]
+    root = firmware_folder()
+    own = [root / "boards" / part for part in board.folders]
+    sources = [folder / "anhyst.c", folder / "anhyst_parameters.c"]
+    for place in (root / "app", root / "link", *own):
+        sources += sorted(place.glob("*.c"))
+    major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
+    command = [*_compiler(name), "-std=c99", *_WARNINGS]
+    command += [f"-I{place}" for place in (root, folder, *own)]
+    command.append(f"-DBOARD_FIRMWARE_VERSION={256 * major + minor}")
+    if board.port_header and (folder / board.port_header).is_file():
+        command.append(f'-DANHYST_PORT_HEADER="{board.port_header}"')
+    if board.cpu:
+        command += ["-T", str(own[0] / "board.ld")]
+    return command + [str(source) for source in sources]
+
+
+def _compiler(name: str) -> list[str]:
+    board = BOARDS[name]
+    if board.cpu:
+        if importlib.util.find_spec("ziglang") is None:
+            raise InputError(
+                f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'"
+            )
+        zig = [sys.executable, "-m", "ziglang", "cc"]
+        return [*zig, *_THUMB, f"-mcpu={board.cpu}", *_FREESTANDING, *_SMALL]
+    for candidate in ("cc", "gcc", "clang"):
+        if shutil.which(candidate):
+            return [candidate, "-O2"]
+    raise InputError(f"board {name}: a C compiler is not installed: apt install gcc libc6-dev")
+
+
+def _run(command: Sequence[str], board: str) -> None:
+    try:
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            timeout=_TIME_LIMIT,
+            check=False,
+            cwd=firmware_folder() / "boards" / "cortex-m",  # linker scripts are included from here
+        )
+    except subprocess.TimeoutExpired:
+        raise NegativeResult(
+            f"board {board}: the compiler did not end within {_TIME_LIMIT:.0f} s"
+        ) from None
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if "error" in line] or ["no reason"]
+        raise NegativeResult(f"board {board}: does not compile: {lines[0]}")

@@ -1,0 +1,119 @@
+"""Many demands on their way at a time, none lost and none out of order."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING
+
+from anhyst.errors import InputError
+from anhyst.link.frames import DemandRequest, NakAnswer, Reason, StatusAnswer
+from anhyst.link.status import Status
+from anhyst.link.wire import Frame, encode
+
+if TYPE_CHECKING:
+    from anhyst.link.client import ForceController
+
+WINDOW_MOST = 32
+"""Requests on their way; the controller knows of so many whether it answered them."""
+
+
+@dataclass(slots=True)
+class _Sent:
+    """A demand that waits for its answer."""
+
+    force: int
+    sequence: int
+    wire: bytes
+    times: int = 1
+    status: Status | None = None
+
+
+def stream(
+    controller: ForceController, forces: Iterable[int], window: int
+) -> Iterator[Status]:
+    """Send demands; see :meth:`anhyst.link.client.ForceController.stream`."""
+    if not 1 <= window <= WINDOW_MOST:
+        raise InputError(f"window {window}: choose 1 to {WINDOW_MOST}")
+    flow = _Flow(controller)
+    source = iter(forces)
+    while True:
+        flow.send(islice(source, window - len(flow.waiting)))
+        if not flow.waiting:
+            return
+        flow.receive()
+        yield from flow.answered()
+
+
+class _Flow:
+    def __init__(self, controller: ForceController) -> None:
+        self.controller = controller
+        self.waiting: deque[_Sent] = deque()
+        self._end = 0.0
+
+    def send(self, forces: Iterable[int]) -> None:
+        """Put demands on the line, in one piece."""
+        fresh = [self._number(force) for force in forces]
+        if fresh:
+            self.waiting.extend(fresh)
+            self._write(fresh)
+
+    def _number(self, force: int) -> _Sent:
+        sequence = self.controller.next_sequence()
+        return _Sent(force, sequence, encode(DemandRequest(int(force)), sequence))
+
+    def _write(self, demands: Iterable[_Sent]) -> None:
+        self.controller.send(b"".join(demand.wire for demand in demands))
+        self._end = time.monotonic() + self.controller.timeout
+
+    def receive(self) -> None:
+        """Take the answers that arrive; send again what went missing."""
+        arrived = self.controller.receive(max(self._end - time.monotonic(), 0.0))
+        by_number = {demand.sequence: demand for demand in self.waiting}
+        for frame in arrived:
+            demand = by_number.get(frame.sequence)
+            if demand is not None and demand.status is None and not self._take(demand, frame):
+                return
+        first = self.waiting[0]
+        if first.status is not None:
+            return
+        overtaken = first.times == 1 and any(demand.status for demand in self.waiting)
+        if overtaken or time.monotonic() >= self._end:
+            self._repeat(first)
+
+    def _take(self, demand: _Sent, frame: Frame) -> bool:
+        """Keep an answer; False where the demands from this one on were sent anew."""
+        answer = self.controller.read_answer(frame)
+        if isinstance(answer, StatusAnswer):
+            demand.status = Status.of(answer, frame.tick)
+            return True
+        if isinstance(answer, NakAnswer) and answer.reason == Reason.OLD:
+            self._begin_again(demand)
+            return False
+        raise InputError(f"{self.controller.url}: {answer} in answer to a demand")
+
+    def _repeat(self, demand: _Sent) -> None:
+        if demand.times >= self.controller.attempts:
+            raise self.controller.silent()
+        demand.times += 1
+        self.controller.repeated += 1
+        self._write([demand])
+
+    def _begin_again(self, first: _Sent) -> None:
+        """Send a demand and all after it under new numbers: newer ones had overtaken it."""
+        kept = list(self.waiting)
+        at = kept.index(first)
+        anew = [self._number(demand.force) for demand in kept[at:]]
+        self.controller.repeated += len(anew)
+        self.waiting = deque(kept[:at] + anew)
+        self._write(anew)
+
+    def answered(self) -> Iterator[Status]:
+        """Take off the statuses that are there, in order."""
+        while self.waiting and self.waiting[0].status is not None:
+            status = self.waiting.popleft().status
+            if status is not None:
+                yield status
