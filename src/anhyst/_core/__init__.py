@@ -1,9 +1,12 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
+    Controller,
     FixedCompensator,
+    FixedController,
     Iron,
     Operator,
+    SingleController,
     batch,
     batch_functions,
     demagnetised,
@@ -12,9 +15,12 @@ from anhyst._core._native import (
 )
 
 __all__ = [
+    "Controller",
     "FixedCompensator",
+    "FixedController",
     "Iron",
     "Operator",
+    "SingleController",
     "batch",
     "batch_functions",
     "demagnetised",

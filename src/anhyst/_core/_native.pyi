@@ -134,3 +134,51 @@ class FixedCompensator:
     ) -> NDArray[np.int32]: ...
     def conditioning_length(self) -> int: ...
     def conditioning_q15(self, tick: int) -> int: ...
+
+class Controller:
+    """The position controller of pidd2_real.h in double precision; ValueError if out of range.
+
+    ``gains`` is ``Pidd2.per_tick``. ``solve`` keeps its candidate for the ``commit`` that follows.
+    """
+
+    def __init__(self, gains: _Array) -> None: ...
+    def start(self, reference: float, position: float, load: float, output: float) -> None:
+        """Be at rest there, with the integral that makes the output be the given one."""
+
+    def solve(self, reference: float, position: float, load: float) -> float:
+        """Return the output of this tick, within its limits."""
+
+    def commit(self, applied: float) -> None:
+        """Go on to the next tick with the output that was applied."""
+
+    def change(self, gains: _Array, reference: float, position: float, load: float) -> None:
+        """Go over to other gains without a jump of the output."""
+
+    @property
+    def wanted(self) -> float:
+        """The last output before its limits."""
+
+    @property
+    def state(self) -> tuple[float, float, float]:
+        """Filtered position, velocity a tick, integral."""
+
+class SingleController(Controller):
+    """The same in single precision."""
+
+class FixedController:
+    """The same in fixed point, pidd2.h; ``gains`` is ``FixedPidd2.words``, signals are q31."""
+
+    def __init__(self, gains: NDArray[np.int32]) -> None: ...
+    def start(self, reference: int, position: int, load: int, output: int) -> None: ...
+    def solve(self, reference: int, position: int, load: int) -> int: ...
+    def commit(self, applied: int) -> None: ...
+    def change(
+        self, gains: NDArray[np.int32], reference: int, position: int, load: int
+    ) -> None: ...
+    @property
+    def wanted(self) -> int:
+        """The last output before its limits, q28."""
+
+    @property
+    def state(self) -> tuple[int, int, int]:
+        """Filtered position and velocity a tick, q30; integral, q30 of the output."""

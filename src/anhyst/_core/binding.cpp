@@ -165,4 +165,5 @@ NB_MODULE(_native, m)
       "z"_a.noconvert());
   bind_identification(m);
   bind_compensator(m);
+  bind_control(m);
 }

@@ -1,0 +1,5 @@
+"""Controllers of the position: what designs them; the C core runs them."""
+
+from anhyst.control.pidd2 import FixedPidd2, FullScales, Pidd2
+
+__all__ = ["FixedPidd2", "FullScales", "Pidd2"]

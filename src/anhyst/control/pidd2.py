@@ -1,0 +1,268 @@
+"""The position controller PIDD2: gains in SI units, and what the core makes of them.
+
+The law, with reference r, measured position y and load l::
+
+    u = K_p (b r - y) + I - K_d y' - K_dd y'' + K_l l
+    I' = K_i (r - y) + (applied - u)/tracking
+
+``core/include/anhyst/pidd2.h`` runs it in fixed point, ``pidd2_real.h`` in floating point.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.errors import InputError
+
+# Factors of core/include/anhyst/pidd2.h: mantissa/65536 * 2^shift.
+_SHIFT_LOW, _SHIFT_HIGH = -15, 16
+_LEAST_MANTISSA = 512  # rounded to 0.1 %
+_ORDER = ("proportional", "integral", "derivative", "second", "load", "back")
+_Q31 = 2.0**31
+
+
+@dataclass(frozen=True)
+class FullScales:
+    """What 1.0 of each signal means.
+
+    Parameters
+    ----------
+    position : float
+        Metres from the middle of the range to its end, > 0.
+    output : float
+        Newtons, > 0.
+    load : float
+        In the unit of the load that is fed forward, > 0.
+    """
+
+    position: float
+    output: float
+    load: float = 1.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"full scale of {field.name}: {value} is not above zero")
+
+
+@dataclass(frozen=True)
+class FixedPidd2:
+    """Gains as the words of ``anhyst_pidd2_gains_q31``, and what they stand for.
+
+    Parameters
+    ----------
+    factors : mapping of str to (int, int)
+        Mantissa and shift of every factor, in the order of the structure.
+    unweighted, low, high : int
+        As in the structure.
+    scales : FullScales
+    rate : float
+        Ticks a second.
+    """
+
+    factors: Mapping[str, tuple[int, int]]
+    unweighted: int
+    low: int
+    high: int
+    scales: FullScales
+    rate: float
+
+    @property
+    def words(self) -> NDArray[np.int32]:
+        """All members of the structure but the reserved one, in its order, shape (19,)."""
+        flat = [number for factor in self.factors.values() for number in factor]
+        return np.array([*flat, self.unweighted, self.low, self.high], dtype=np.int32)
+
+    @property
+    def per_tick(self) -> NDArray[np.float64]:
+        """The gains that the words stand for, exactly, as :attr:`Pidd2.per_tick`."""
+        value = {name: m / 65536.0 * 2.0**s for name, (m, s) in self.factors.items()}
+        units = _units(self.scales)
+        row = [value[name] / units[name] for name in _ORDER]
+        row += [-value["smoothing"], -value["smoothing_2"], 1.0 + self.unweighted / 32768.0]
+        output = self.scales.output / _Q31
+        return np.array([*row, self.low * output, self.high * output])
+
+
+@dataclass(frozen=True)
+class Pidd2:
+    """A controller in SI units.
+
+    Parameters
+    ----------
+    rate : float
+        Ticks a second, Hz.
+    K_p : float
+        N/m.
+    K_i : float
+        N/(m s); of the sign of K_p.
+    K_d : float
+        N s/m.
+    K_dd : float
+        N s^2/m.
+    K_load : float
+        Output for each unit of the load that is fed forward.
+    cutoff, cutoff_2 : float
+        Of the filters of the first and of the second derivative, Hz; infinite: no filter.
+    weight : float
+        Of the set point in the proportional part, 0..1.
+    low, high : float
+        Limits of the output, N.
+    tracking : float, optional
+        Time in which the integral follows an output that was limited, s; K_p/K_i if not given.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range.
+    """
+
+    rate: float
+    K_p: float
+    K_i: float = 0.0
+    K_d: float = 0.0
+    K_dd: float = 0.0
+    K_load: float = 0.0
+    cutoff: float = math.inf
+    cutoff_2: float = math.inf
+    weight: float = 1.0
+    low: float = -math.inf
+    high: float = math.inf
+    tracking: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rate", "K_p", "K_i", "K_d", "K_dd", "K_load"):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(f"{name}: {getattr(self, name)} is not a finite number")
+        for name in ("rate", "cutoff", "cutoff_2"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"{name}: {getattr(self, name)} Hz is not above zero")
+        if not 0.0 <= self.weight <= 1.0:
+            raise InputError(f"weight: {self.weight} is not within 0..1")
+        if self.K_p * self.K_i < 0.0:
+            raise InputError("K_i: must have the sign of K_p, or the loop drives itself away")
+        if not self.low <= self.high:
+            raise InputError(f"low: {self.low} N is above high, {self.high} N")
+        if self.tracking is not None and not self.tracking > 0.0:
+            raise InputError(f"tracking: {self.tracking} s is not above zero")
+
+    @property
+    def tick(self) -> float:
+        """Seconds from one tick to the next."""
+        return 1.0 / self.rate
+
+    @property
+    def back(self) -> float:
+        """Share of a limited output that the integral takes back in one tick, 0..1."""
+        if self.tracking is not None:
+            return min(1.0, self.tick / self.tracking)
+        if self.K_i == 0.0:
+            return 0.0
+        return min(1.0, self.tick * self.K_i / self.K_p) if self.K_p else 1.0
+
+    @property
+    def per_tick(self) -> NDArray[np.float64]:
+        """The members of ``anhyst_pidd2_gains_f64`` in their order, shape (11,)."""
+        tick = self.tick
+        gains = [self.K_p, self.K_i * tick, self.K_d / tick, self.K_dd / tick**2, self.K_load]
+        shares = [self.back, _share(self.cutoff, tick), _share(self.cutoff_2, tick), self.weight]
+        return np.array([*gains, *shares, self.low, self.high])
+
+    def fixed(self, scales: FullScales) -> FixedPidd2:
+        """Turn the gains into words for these full scales.
+
+        Parameters
+        ----------
+        scales : FullScales
+            The limits of the output may not lie beyond its full scale, unless infinite.
+
+        Returns
+        -------
+        FixedPidd2
+            Every gain within 0.1 % (2e-5 where its mantissa is normalised).
+
+        Raises
+        ------
+        InputError
+            If a gain is too large or too small for the full scales, or a limit beyond them.
+        """
+        row = self.per_tick
+        units = _units(scales)
+        factors = {
+            name: _factor(name, value * units[name])
+            for name, value in zip(_ORDER, row[:6].tolist(), strict=True)
+        }
+        factors["smoothing"] = _smoothing("cutoff", float(row[6]))
+        factors["smoothing_2"] = _smoothing("cutoff_2", float(row[7]))
+        return FixedPidd2(
+            factors=factors,
+            unweighted=-round((1.0 - self.weight) * 32768.0),
+            low=_limit("low", self.low, scales),
+            high=_limit("high", self.high, scales),
+            scales=scales,
+            rate=self.rate,
+        )
+
+
+def _share(cutoff: float, tick: float) -> float:
+    """Share of a step that a first-order low-pass passes in one tick."""
+    return -math.expm1(-2.0 * math.pi * cutoff * tick)
+
+
+def _units(scales: FullScales) -> dict[str, float]:
+    """Return what each gain per tick is multiplied by to become a factor; see pidd2.h."""
+    across = scales.position / scales.output
+    return {
+        "proportional": across / 4.0,
+        "integral": across,
+        "derivative": across / 4.0,
+        "second": across / 4.0,
+        "load": scales.load / scales.output / 8.0,
+        "back": 4.0,
+    }
+
+
+def _factor(name: str, value: float) -> tuple[int, int]:
+    """Return mantissa and shift of the nearest factor."""
+    if value == 0.0:
+        return 0, 0
+    fraction, exponent = math.frexp(value)
+    mantissa, shift = round(fraction * 32768.0), exponent + 1
+    if mantissa == 32768:
+        mantissa, shift = 16384, shift + 1
+    if shift > _SHIFT_HIGH:
+        raise InputError(
+            f"{name}: the gain is too large for the full scales, a last place of the input would "
+            "move the output by more than 1/8192; lower the rate or raise the output's full scale"
+        )
+    if shift < _SHIFT_LOW:
+        mantissa, shift = round(math.ldexp(value, 16 - _SHIFT_LOW)), _SHIFT_LOW
+        if abs(mantissa) < _LEAST_MANTISSA:
+            raise InputError(
+                f"{name}: the gain is too small for the full scales to be kept to 0.1 %; set it "
+                "to zero or lower the output's full scale"
+            )
+    return mantissa, shift
+
+
+def _smoothing(name: str, share: float) -> tuple[int, int]:
+    """Return mantissa and shift of minus the share."""
+    shift = 1 if share > 0.5 else 0
+    mantissa = -round(share * 65536.0 / 2.0**shift)
+    if -mantissa < _LEAST_MANTISSA:
+        raise InputError(f"{name}: too low for this rate to be kept to 0.1 %; raise it")
+    return mantissa, shift
+
+
+def _limit(name: str, value: float, scales: FullScales) -> int:
+    """Return a limit of the output as a q31."""
+    part = value / scales.output
+    if math.isfinite(value) and abs(part) > 1.0:
+        raise InputError(f"{name}: {value} N is beyond the full scale of {scales.output} N")
+    return int(max(-_Q31, min(_Q31 - 1.0, round(part * _Q31) if math.isfinite(part) else part * 2)))

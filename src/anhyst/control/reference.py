@@ -1,0 +1,56 @@
+"""The controller in the words of a textbook, in double precision: the oracle of the core.
+
+Differences are divided by the tick and then low-passed, state by state, while the core lets each
+filter move by the derivative that it gives. Nothing is shared with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.control.pidd2 import Pidd2
+
+_Array = NDArray[np.float64]
+
+
+def respond(
+    gains: Pidd2,
+    reference: _Array,
+    position: _Array,
+    load: _Array,
+    *,
+    limit: Callable[[float], float] = lambda output: output,
+) -> tuple[_Array, _Array]:
+    """Answer recorded signals, at rest before them.
+
+    Parameters
+    ----------
+    gains : Pidd2
+    reference, position : ndarray, shape (n,)
+        Metres.
+    load : ndarray, shape (n,)
+    limit : callable
+        What becomes of an output behind the controller, N to N.
+
+    Returns
+    -------
+    output, integral : ndarray, shape (n,)
+        The output within its limits and the integral used for it, N.
+    """
+    tick = 1.0 / gains.rate
+    keep = np.exp(-2.0 * np.pi * gains.cutoff * tick)
+    keep_2 = np.exp(-2.0 * np.pi * gains.cutoff_2 * tick)
+    outputs, integrals = np.empty(len(position)), np.empty(len(position))
+    before, velocity, acceleration, integral = position[0], 0.0, 0.0, 0.0
+    for i, (r, y, force) in enumerate(zip(reference, position, load, strict=True)):
+        faster = keep * velocity + (1.0 - keep) * (y - before) / tick
+        acceleration = keep_2 * acceleration + (1.0 - keep_2) * (faster - velocity) / tick
+        before, velocity = y, faster
+        wanted = gains.K_p * (gains.weight * r - y) + integral + gains.K_load * force
+        wanted -= gains.K_d * velocity + gains.K_dd * acceleration
+        outputs[i], integrals[i] = np.clip(wanted, gains.low, gains.high), integral
+        integral += gains.K_i * tick * (r - y) + gains.back * (limit(outputs[i]) - wanted)
+    return outputs, integrals
