@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,9 @@ AROUND: dict[str, dict[str, Parameter]] = {
 
 
 @cache
-def magnet(gap_map: GapMap = "reluctance", play: float = 0.0, residual: float = 0.5) -> ActuatorModel:
+def magnet(
+    gap_map: GapMap = "reluctance", play: float = 0.0, residual: float = 0.5
+) -> ActuatorModel:
     """Return an electromagnet: force over current at gaps of 0.3 to 0.6 mm.
 
     `play` is the half-width of the play, A/m; `residual` the force at zero flux, N.
@@ -116,6 +119,6 @@ def reversals(low: float, high: float, count: int, seed: int) -> FloatArray:
     points = rng.uniform(low, high, count + 1)
     ways = [
         np.linspace(a, b, int(rng.integers(1, 40)), endpoint=False)
-        for a, b in zip(points[:-1], points[1:], strict=True)
+        for a, b in pairwise(points.tolist())
     ]
     return np.concatenate(ways)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from actuators import (
     CURRENTS,
     GAPS,
@@ -15,18 +16,16 @@ from actuators import (
     largest_force,
     magnet,
     nested,
-    ranges,
     reversals,
     ring,
-    triangles,
 )
-
 from anhyst.compile.block import Limits, Scales
 from anhyst.compile.full import build_full
 from anhyst.compile.twin import Twin
 from anhyst.model import GapMap
 
 RESIDUAL = 0.5
+DEMAND_LIMITED, CURRENT_LIMITED = 1, 2
 MAGNETS: list[tuple[GapMap, float]] = [
     (gap_map, play) for gap_map in ("scaling", "reluctance") for play in (0.0, 40.0)
 ]
@@ -84,3 +83,58 @@ def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
     drive = Twin(block).run(wanted)
     flux_density = model.predict(drive, history="demagnetised").output
     assert np.abs(flux_density - wanted).max() < PROMISED * top
+
+
+@pytest.mark.parametrize("io", ["q15", "q31"])
+@pytest.mark.parametrize(("gap_map", "play"), MAGNETS)
+def test_expected_force_is_that_of_the_current_a_slow_amplifier_gave(
+    gap_map: GapMap, play: float, io: str
+) -> None:
+    """What was wanted does not count: the memory follows the current that was applied."""
+    largest = largest_force(gap_map, play, GAPS[0])
+    wanted = jumps(largest_force(gap_map, play, GAPS[-1]))[::5]
+    at = gap_of("moving", wanted.size)
+    twin = Twin(compiled("full", gap_map, play), io)
+    applied, expected = np.empty(wanted.size), np.empty(wanted.size)
+    current = 0.0
+    for i, (demand, gap) in enumerate(zip(wanted.tolist(), at.tolist(), strict=True)):
+        aim = twin.solve(demand, gap)
+        current += float(np.clip(0.4 * (aim - current), -0.15, 0.15))
+        current = round(current / twin.block.scales.current * 2**15) * (
+            twin.block.scales.current / 2**15
+        )
+        expected[i] = twin.commit(current, gap)
+        applied[i] = current
+    force = magnet(gap_map, play).predict(applied, at, history="demagnetised").output
+    assert np.abs(applied - Twin(compiled("full", gap_map, play), io).run(wanted, at)).max() > 0.1
+    assert np.abs(expected - force).max() < PROMISED * largest
+
+
+def test_limited_current_leads_to_the_force_it_can_give() -> None:
+    """A demand beyond the limits of the current is flagged, and tracked for what it gives."""
+    wide = 0.999 * largest_force("reluctance", 0.0, GAPS[0])
+    twin, model = Twin(compiled("full")), magnet()
+    rest = twin.solve(0.3 * wide, GAPS[-1])
+    assert twin.flags == 0
+    twin.commit(rest, GAPS[-1])
+    top = twin.solve(wide, GAPS[-1])
+    assert twin.flags & CURRENT_LIMITED
+    assert top == pytest.approx(CURRENTS[1], abs=1e-3)
+    expected = twin.commit(top, GAPS[-1])
+    path = np.array([rest, top])
+    force = model.predict(path, np.full(2, GAPS[-1]), history="demagnetised").output[-1]
+    assert force < 0.99 * wide
+    assert expected == pytest.approx(force, abs=PROMISED * wide)
+
+
+def test_below_the_residual_force_the_current_takes_the_flux_away() -> None:
+    """At the demand of the force that is there without flux, or less, the iron is emptied."""
+    twin, model = Twin(compiled("full")), magnet()
+    history = [twin.run([60.0], [WIDE])[0], twin.solve(0.2 * RESIDUAL, WIDE)]
+    assert twin.flags == DEMAND_LIMITED
+    twin.commit(history[1], WIDE)
+    assert history[1] < 0.0  # remanence has to be driven out
+    answer = model.predict(history, np.full(2, WIDE), history="demagnetised")
+    assert abs(answer.flux_density[-1]) < 0.005 * answer.flux_density[0]
+    assert answer.output[-1] == pytest.approx(RESIDUAL, abs=1e-3)
+    assert twin.output == pytest.approx(RESIDUAL, abs=0.1)
