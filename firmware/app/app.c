@@ -81,10 +81,10 @@ static int follow_sequence(app_session *session, const link_frame *request)
 }
 
 /* Whether a number behind the last one was answered, as far back as is known. */
-static uint16_t was_answered(const app_session *session, uint8_t sequence)
+static int was_answered(const app_session *session, uint8_t sequence)
 {
   const uint16_t behind = (uint16_t)(session->last - sequence) & 0xFFU;
-  return behind > 0U && behind < 32U ? (uint16_t)((session->window >> behind) & 1U) : 0U;
+  return behind < 32U && ((session->window >> behind) & 1U) != 0U;
 }
 
 /* The last tick, in one piece also where a processor reads it in two. */
@@ -131,7 +131,7 @@ static void take_request(app *a, const link_frame *request)
   }
   const int sequence = follow_sequence(session, request);
   if (sequence == SEQUENCE_OLD) {
-    refuse(a, request, LINK_REASON_OLD, was_answered(session, request->sequence));
+    refuse(a, request, LINK_REASON_OLD, was_answered(session, request->sequence) ? 1 : 0);
     return;
   }
   port_lock();

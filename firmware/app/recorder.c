@@ -20,7 +20,7 @@ static uint16_t ones(uint16_t mask)
 uint16_t app_recorder_setup(app_recorder *recorder, const link_recorder_setup *setup)
 {
   const uint16_t width = ones(setup->mask);
-  const uint16_t fit = width > 0U ? (uint16_t)(APP_RECORDER_VALUES / width) : 0U;
+  const uint16_t fit = (uint16_t)(APP_RECORDER_VALUES / (width > 0U ? width : 1));
   const uint16_t records = setup->records > 0U ? setup->records : fit;
   if ((setup->mask >> LINK_SIGNAL_COUNT) != 0U || setup->signal >= LINK_SIGNAL_COUNT ||
       setup->trigger >= LINK_TRIGGER_COUNT || setup->decimation == 0U || records > fit ||
@@ -58,8 +58,8 @@ static int triggers(const app_recorder *recorder, int32_t now)
 static void keep(app_recorder *recorder, const int32_t *signals)
 {
   uint16_t at = (uint16_t)(recorder->next * recorder->width);
-  for (int i = 0; i < LINK_SIGNAL_COUNT; i++) {
-    if (((recorder->setup.mask >> i) & 1U) != 0U) {
+  for (uint16_t i = 0; i < (uint16_t)LINK_SIGNAL_COUNT; i++) {
+    if ((recorder->setup.mask & (1U << i)) != 0U) {
       recorder->values[at++] = signals[i];
     }
   }

@@ -12,7 +12,7 @@ static const setting table[LINK_SETTING_COUNT] = {LINK_SETTING_TABLE};
 
 void app_settings_start(int32_t *values, uint32_t rate)
 {
-  for (int i = 0; i < LINK_SETTING_COUNT; i++) {
+  for (uint16_t i = 0; i < (uint16_t)LINK_SETTING_COUNT; i++) {
     values[i] = table[i].start;
   }
   const int32_t tenth = (int32_t)(rate / 10U);

@@ -47,7 +47,10 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
 {
   fake.solves++;
   fake.solved_gap = gap;
-  c->flags = demand < 0 ? ANHYST_DEMAND_LIMITED : 0;
+  c->flags = 0;
+  if (demand < 0) {
+    c->flags = ANHYST_DEMAND_LIMITED;
+  }
   c->current = demand / 2;
   return c->current;
 }

@@ -1,0 +1,51 @@
+"""Building the firmware's sources with the compilers that are here."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+
+WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+SANITIZERS = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+FIRMWARE = [*sorted(ROOT.glob("firmware/link/*.c")), *sorted(ROOT.glob("firmware/app/*.c"))]
+
+
+def tool(*names: str) -> str:
+    """Return the first of these programs that is there, else skip."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    for name in names:
+        if found := shutil.which(name, path=path):
+            return found
+    pytest.skip(f"{names[0]} is not installed: apt install {names[0]}")
+
+
+def compile_c(
+    compiler: str, sources: Sequence[Path], out: Path, *options: str
+) -> subprocess.CompletedProcess[str]:
+    """Compile and link; warnings are errors."""
+    include = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
+    command = [compiler, "-std=c99", "-O1", *WARNINGS, *options, *include]
+    command += [*map(str, sources), "-o", str(out), "-lm"]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def can(compiler: str, folder: Path, *options: str) -> bool:
+    """Tell whether a compiler can build with these options: some need packages of their own."""
+    source = folder / "probe.c"
+    source.write_text(
+        "int LLVMFuzzerTestOneInput(const unsigned char *data, unsigned long size);\n"
+        "int LLVMFuzzerTestOneInput(const unsigned char *data, unsigned long size)\n"
+        "{\n  return data == 0 && size > 0;\n}\n"
+        "#ifndef PROBE_FUZZER\nint main(void) { return LLVMFuzzerTestOneInput(0, 0); }\n#endif\n",
+        encoding="utf-8",
+    )
+    return compile_c(compiler, [source], folder / "probe", *options).returncode == 0

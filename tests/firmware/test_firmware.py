@@ -1,0 +1,60 @@
+"""The firmware's claims: its C tests, built by two compilers, with and without sanitizers."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from .build import FIRMWARE, HERE, SANITIZERS, can, compile_c, tool
+
+PROGRAMS = [file.stem for file in sorted(HERE.glob("test_*.c"))]
+BENCH = [HERE / "bench.c", HERE / "fake_compensator.c"]
+
+
+@pytest.fixture(scope="module", params=["cc", "cc-sanitized", "clang-sanitized"])
+def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the C tests, built by one compiler in one way."""
+    folder = tmp_path_factory.mktemp(request.param)
+    kind, _, sanitized = request.param.partition("-")
+    compiler = tool("clang") if kind == "clang" else tool("cc", "gcc")
+    options = SANITIZERS if sanitized else []
+    if not can(compiler, folder, *options):
+        pytest.skip(f"{compiler} has no sanitizers here: apt install libclang-rt-dev")
+    for name in PROGRAMS:
+        sources = [HERE / f"{name}.c", *BENCH, *FIRMWARE]
+        done = compile_c(compiler, sources, folder / name, *options)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_claims_of_the_firmware_hold(programs: Path, name: str) -> None:
+    done = subprocess.run(
+        [programs / name], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+# What the firmware may take from a C library, which a small controller may not have.
+LIBRARY = {"memcpy", "memset", "memmove", "_GLOBAL_OFFSET_TABLE_"}
+
+
+def test_firmware_has_no_heap_no_globals_and_knows_the_port_alone(tmp_path: Path) -> None:
+    compiler = tool("cc", "gcc")
+    defined: set[str] = set()
+    wanted: set[str] = set()
+    writable: set[str] = set()
+    for source in FIRMWARE:
+        compiled = tmp_path / f"{source.stem}.o"
+        done = compile_c(compiler, [source], compiled, "-c")
+        assert done.returncode == 0, done.stderr
+        listing = subprocess.run([tool("nm"), compiled], capture_output=True, text=True, check=True)
+        for line in listing.stdout.splitlines():
+            *_, kind, name = line.split()
+            (wanted if kind == "U" else defined).add(name)
+            writable |= {name} if kind in "BbCDGgSs" else set()
+    outside = {name for name in wanted - defined if not name.startswith(("anhyst_", "port_"))}
+    assert outside <= LIBRARY
+    assert writable == set()
