@@ -28,14 +28,15 @@ int anhyst_table_inside(const int16_t *words, int16_t first, int16_t entries)
          (int32_t)first + entries <= words[ANHYST_WORD_LENGTH];
 }
 
-int anhyst_table_rises(const int16_t *words, int16_t first, int16_t entries, int16_t least)
+int anhyst_table_rises(const int16_t *words, int16_t first, int16_t entries, int16_t least,
+                       int16_t steepest)
 {
   if (!anhyst_table_inside(words, first, entries) || words[first] < least) {
     return 0;
   }
   for (int16_t i = 1; i < entries; i++) {
     const int32_t rise = (int32_t)words[first + i] - words[first + i - 1];
-    if (rise < 0 || rise > ANHYST_Q15_MAX) {
+    if (rise < 0 || rise > steepest) {
       return 0;
     }
   }

@@ -13,8 +13,9 @@ static inline int anhyst_within(int16_t word, int16_t low, int16_t high)
 /* Whether a table of so many entries lies behind the head of the block and inside it. */
 int anhyst_table_inside(const int16_t *words, int16_t first, int16_t entries);
 
-/* Whether it does, never falls, and starts at least at the given value. No two entries may differ
-   by more than 32767. */
-int anhyst_table_rises(const int16_t *words, int16_t first, int16_t entries, int16_t least);
+/* Whether it does, never falls, starts at the least value or above, and rises by no more than so
+   much from entry to entry. */
+int anhyst_table_rises(const int16_t *words, int16_t first, int16_t entries, int16_t least,
+                       int16_t steepest);
 
 #endif

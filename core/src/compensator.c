@@ -6,21 +6,33 @@
 /* A weight as a q30. */
 static int32_t weight_q30(int16_t weight) { return (int32_t)weight * 16384; }
 
-/* A gap, q31, as a place in the tables over the gap: q30 within 0..1. */
-static int32_t gap_place(int32_t gap) { return gap > 0 ? gap >> 1 : 0; }
+/* Where a gap falls in the tables over the gap. */
+typedef struct {
+  const int16_t *words; /* of the block, moved on to the segment */
+  int32_t part;         /* of the segment, q15 */
+} place;
 
-static int16_t over_gap(const int16_t *words, int16_t word, int32_t gap)
+static place gap_place(const int16_t *words, int32_t gap)
 {
-  return anhyst_over_gap(words, words[word], (uint16_t)words[ANHYST_WORD_GAP_SEGMENTS],
-                         gap_place(gap));
+  const uint16_t n = (uint16_t)words[ANHYST_WORD_GAP_SEGMENTS];
+  const int32_t fine = (gap > 0 ? gap : 0) >> (16U - n);
+  const place at = {words + (fine >> 15), fine & 0x7FFF};
+  return at;
 }
 
-static anhyst_arms arms_at(const int16_t *words, int32_t gap)
+/* The entry of a table there, rounded; the word of the block names the table. */
+static int16_t over_gap(place at, int16_t table)
+{
+  const int16_t *entry = at.words + table;
+  return (int16_t)(entry[0] + ((((int32_t)entry[1] - entry[0]) * at.part + 0x4000) >> 15));
+}
+
+static anhyst_arms arms_at(const int16_t *words, place at)
 {
   anhyst_arms arms;
-  arms.bias = weight_q30(over_gap(words, ANHYST_WORD_GAP_BIAS, gap));
-  arms.flux_arm = over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, gap);
-  arms.field_arm = over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, gap);
+  arms.bias = weight_q30(over_gap(at, words[ANHYST_WORD_GAP_BIAS]));
+  arms.flux_arm = over_gap(at, words[ANHYST_WORD_GAP_FLUX_ARM]);
+  arms.field_arm = over_gap(at, words[ANHYST_WORD_GAP_FIELD_ARM]);
   return arms;
 }
 
@@ -54,12 +66,12 @@ static int32_t square(int32_t a, int16_t knee)
 }
 
 /* The demand at this gap as a flux, q30. */
-static int32_t flux_of(anhyst_compensator *c, int32_t demand, int32_t gap)
+static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
 {
   const int16_t *words = c->words;
   const int32_t wanted = anhyst_clamp(demand, (int32_t)words[ANHYST_WORD_DEMAND_LOW] * 65536,
                                       (int32_t)words[ANHYST_WORD_DEMAND_HIGH] * 65536);
-  const int32_t offset = (int32_t)over_gap(words, ANHYST_WORD_GAP_OFFSET, gap) * 65536;
+  const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
   int32_t part = anhyst_sub_q31(wanted, offset);
   if (words[ANHYST_WORD_POWER] == 2) {
     if (part < 0) {
@@ -73,9 +85,8 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, int32_t gap)
   if (wanted != demand) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const int32_t flux =
-      anhyst_shl_q31(anhyst_scale(part, over_gap(words, ANHYST_WORD_GAP_GAIN, gap)),
-                     (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
+  const int32_t flux = anhyst_shl_q31(anhyst_scale(part, over_gap(at, words[ANHYST_WORD_GAP_GAIN])),
+                                      (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
   const int32_t limit = (int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536;
   const int32_t reached = anhyst_clamp(flux, -limit, limit);
   if (reached != flux) {
@@ -116,8 +127,9 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   const int16_t *words = c->words;
   c->flags = 0;
   c->gap = gap;
-  c->flux = flux_of(c, demand, gap);
-  const anhyst_arms arms = arms_at(words, gap);
+  const place at = gap_place(words, gap);
+  const anhyst_arms arms = arms_at(words, at);
+  c->flux = flux_of(c, demand, at);
   const int32_t field = c->kernel->field(words, &c->memory, c->flux, &c->next);
   const int32_t inner =
       arms.bias + anhyst_scale(c->flux, arms.flux_arm) + anhyst_scale(field, arms.field_arm);
@@ -144,7 +156,7 @@ static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_s
     c->memory = c->next;
     c->flux_applied = c->flux;
   } else {
-    const anhyst_arms arms = arms_at(c->words, gap);
+    const anhyst_arms arms = arms_at(c->words, gap_place(c->words, gap));
     const int32_t inner = applied >> (c->words[ANHYST_WORD_CURRENT_SHIFT] + 1);
     c->flux_applied = c->kernel->flux(c->words, &c->memory, &arms, inner, &c->next);
     c->memory = c->next;
@@ -167,13 +179,14 @@ void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16
 int32_t anhyst_compensator_output_q31(const anhyst_compensator *c)
 {
   const int16_t *words = c->words;
-  const int32_t offset = (int32_t)over_gap(words, ANHYST_WORD_GAP_OFFSET, c->gap) * 65536;
+  const place at = gap_place(words, c->gap);
+  const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
   /* Shifted first: the quotient alone may be beyond 32 bits. */
   const int32_t magnitude =
       anhyst_abs_q31(c->flux_applied) >> (uint16_t)words[ANHYST_WORD_FLUX_SHIFT];
   int32_t part = 0;
   if (magnitude > 0) {
-    part = anhyst_quotient(magnitude, over_gap(words, ANHYST_WORD_GAP_GAIN, c->gap));
+    part = anhyst_quotient(magnitude, over_gap(at, words[ANHYST_WORD_GAP_GAIN]));
   }
   if (words[ANHYST_WORD_POWER] == 2) {
     part = square(anhyst_clamp(part, 0, ANHYST_Q30_ONE - 1), words[ANHYST_WORD_ROOT_KNEE]);
@@ -202,8 +215,8 @@ int16_t anhyst_conditioning_q15(const anhyst_compensator *c, int32_t tick)
   if (tick < 0 || tick >= anhyst_conditioning_length(c)) {
     return 0;
   }
-  const int32_t place = tick % (2 * ramp);
-  const int32_t way = place < ramp ? place : 2 * ramp - place;
+  const int32_t phase = tick % (2 * ramp);
+  const int32_t way = phase < ramp ? phase : 2 * ramp - phase;
   return anhyst_sat_q15(low + (span * way) / ramp);
 }
 

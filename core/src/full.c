@@ -56,24 +56,21 @@ typedef struct {
   int32_t y;
   int32_t p;
   int32_t m;
-  int32_t m_slope; /* dm/dx in 1/1024 */
+  int32_t y_slope; /* dy/dx in 1/1024 */
+  int32_t m_slope; /* dm/dx */
 } answer;
 
-/* The value of a table at u, 0..1; *rise is that of the segment, in q15. */
+/* The value of a table at u, 0 <= u < 1; *rise is that of the segment, in q15. */
 static int32_t value(table t, int32_t u, int32_t *rise)
 {
-  const uint16_t below = (uint16_t)(28U - t.n);
-  int32_t index = u >> below;
-  if (index >= (int32_t)1 << t.n) {
-    index--; /* the far end belongs to the last segment */
-  }
-  const int32_t part = (u - (int32_t)((uint32_t)index << below)) >> (15U - t.n); /* 0..8192 */
-  const int32_t low = t.at[index];
-  *rise = t.at[index + 1] - low;
-  return low * 8192 + *rise * part;
+  const int32_t fine = u >> (15U - t.n); /* segment and 13 bits of its part */
+  const int16_t *at = t.at + (fine >> 13);
+  const int32_t low = at[0];
+  *rise = at[1] - low;
+  return low * 8192 + *rise * (fine & 8191);
 }
 
-/* An odd table at |u| <= 1. */
+/* An odd table at |u| < 1. */
 static int32_t odd_value(table t, int32_t u, int32_t *rise)
 {
   return u < 0 ? -value(t, -u, rise) : value(t, u, rise);
@@ -88,8 +85,7 @@ static int32_t branch(const path *along, int32_t x, int32_t *rise)
 /* The rise of a segment of curve or branch, which are equally wide, as a slope in 1/1024. */
 static int32_t slope_of(const path *along, int32_t rise)
 {
-  const int32_t slope = (int32_t)((uint32_t)rise << along->curve.n) >> 5;
-  return slope < ANHYST_SLOPE_MAX ? slope : ANHYST_SLOPE_MAX;
+  return (int32_t)((uint32_t)rise << along->curve.n) >> 5;
 }
 
 /* dy/dp in 1/1024 where what pulls stands so far above y. */
@@ -136,8 +132,8 @@ static int32_t irreversible(const path *along, int32_t p, int32_t *slope)
   const int32_t most = ANHYST_Q31_MAX >> along->rate_shift; /* beyond, all is forgotten */
   const int32_t gone =
       octaves > most ? ONE : forgotten((int32_t)((uint32_t)octaves << along->rate_shift));
-  const int32_t y = anhyst_clamp(here + along->offset + anhyst_scale(gone, along->lead) * 4,
-                                 along->y, ONE);
+  const int32_t y =
+      anhyst_clamp(here + along->offset + anhyst_scale(gone, along->lead) * 4, along->y, ONE - 1);
   *slope = anhyst_clamp(slope_of(along, rise) + pulled(along, here - y), 0, ANHYST_SLOPE_MAX);
   return y;
 }
@@ -145,13 +141,12 @@ static int32_t irreversible(const path *along, int32_t p, int32_t *slope)
 static void evaluate(const path *along, int32_t x, answer *at)
 {
   int32_t rise;
-  int32_t y_slope;
   const int32_t anhysteretic = odd_value(along->curve, x, &rise);
   at->x = x;
   at->p = x - along->play > along->p ? x - along->play : along->p;
-  at->y = irreversible(along, at->p, &y_slope);
+  at->y = irreversible(along, at->p, &at->y_slope);
   at->m = magnetisation(along, at->y, anhysteretic);
-  at->m_slope = slope_of_m(along, y_slope, slope_of(along, rise));
+  at->m_slope = slope_of_m(along, at->y_slope, slope_of(along, rise));
 }
 
 /* Finds where the irreversible part departs and what it has to forget; dy/dp at the start. */
@@ -199,7 +194,7 @@ static int32_t follow_curve(const path *along, int32_t x, int16_t iron, int32_t 
 {
   int32_t rise;
   const int32_t level = odd_value(along->curve, x, &rise) - quotient(residual, iron + 1);
-  return odd_value(along->inverse, anhyst_clamp(level, -ONE, ONE), &rise);
+  return odd_value(along->inverse, anhyst_clamp(level, 1 - ONE, ONE - 1), &rise);
 }
 
 /* Whether a step stays inside the interval and is shorter by a quarter than the last one, since
@@ -210,37 +205,66 @@ static int nearer(int32_t x, int32_t next, int32_t low, int32_t high, int32_t fu
   return way <= SHORT_WAY || (next > low && next < high && way <= furthest - furthest / 4);
 }
 
-/* Solves air*x + iron*m = target along a rising path, at whose start *at the residual is negative.
-   Newton's steps inside an interval that always holds the solution; one that leaves it follows the
-   anhysteretic curve instead, or goes to the middle. The number of evaluations is fixed; what is
-   left of the residual after them is part of the accuracy budget. */
-static void rise(const path *along, int16_t air, int16_t iron, int32_t target, int16_t evaluations,
-                 answer *at)
+/* air*x + iron*m = target along a rising path, and the interval known to hold the solution. */
+typedef struct {
+  int16_t air;
+  int16_t iron;
+  int32_t target;
+  int32_t low;
+  int32_t high;
+  int32_t residual; /* at the last place looked at */
+} search;
+
+/* Looks at a place: narrows the interval, and gives where the tangent would meet the target. */
+static int32_t look(search *find, const answer *at)
 {
-  int32_t low = at->x;
-  int32_t high = ONE - 1;
+  find->residual = anhyst_scale(at->x, find->air) + anhyst_scale(at->m, find->iron) - find->target;
+  if (find->residual < 0) {
+    find->low = at->x;
+  } else {
+    find->high = at->x;
+  }
+  return at->x - quotient(find->residual, find->air + ((find->iron * at->m_slope) >> 10));
+}
+
+/* Moves an answer along its tangents to x, a short way. */
+static void slide(const path *along, int32_t x, answer *at)
+{
+  const int32_t way = x - at->x;
+  at->x = x;
+  at->y = anhyst_clamp(at->y + anhyst_scale(way, (int16_t)at->y_slope) * 64, along->y, ONE - 1);
+  at->m += anhyst_scale(way, (int16_t)at->m_slope) * 64;
+  if (at->p > along->p) {
+    at->p = x - along->play > along->p ? x - along->play : along->p;
+  }
+}
+
+/* Solves from *at, the start of the path, where the residual is negative. Newton's steps inside an
+   interval that always holds the solution; one that leaves it follows the anhysteretic curve
+   instead, or goes to the middle. The number of evaluations is fixed; a last step is taken along
+   the tangents, and what is left of the residual then is part of the accuracy budget. */
+static void rise(const path *along, search *find, int16_t evaluations, answer *at)
+{
   int32_t furthest = ANHYST_Q31_MAX;
+  find->low = at->x;
+  find->high = ONE - 1;
   for (int16_t i = 0; i < evaluations; i++) {
     const int32_t x = at->x;
-    const int32_t residual = anhyst_scale(x, air) + anhyst_scale(at->m, iron) - target;
-    int32_t next = x - quotient(residual, air + ((iron * at->m_slope) >> 10));
-    if (residual < 0) {
-      low = x;
-    } else {
-      high = x;
-    }
-    if (nearer(x, next, low, high, furthest)) {
-      next = anhyst_clamp(next, low, high);
+    int32_t next = look(find, at);
+    if (nearer(x, next, find->low, find->high, furthest)) {
+      next = anhyst_clamp(next, find->low, find->high);
       furthest = next < x ? x - next : next - x;
     } else {
-      next = high - low > LONG_WAY ? follow_curve(along, x, iron, residual) : low;
-      if (next <= low || next >= high) {
-        next = low + (high - low) / 2;
+      furthest = find->high - find->low;
+      next = furthest > LONG_WAY ? follow_curve(along, x, find->iron, find->residual) : find->low;
+      if (next <= find->low || next >= find->high) {
+        next = find->low + furthest / 2;
       }
-      furthest = high - low;
     }
     evaluate(along, next, at);
   }
+  const int32_t last = look(find, at);
+  slide(along, anhyst_clamp(last, find->low, find->high), at);
 }
 
 static void prepare(path *along, const int16_t *words, const anhyst_memory *from)
@@ -256,9 +280,9 @@ static void prepare(path *along, const int16_t *words, const anhyst_memory *from
   along->rate_shift = (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT];
   along->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
   along->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
-  along->x = from->a >> 2;
-  along->y = from->b >> 2;
-  along->p = from->c >> 2;
+  along->x = anhyst_clamp(from->a >> 2, 1 - ONE, ONE - 1);
+  along->y = anhyst_clamp(from->b >> 2, 1 - ONE, ONE - 1);
+  along->p = anhyst_clamp(from->c >> 2, 1 - ONE, ONE - 1);
 }
 
 /* Solves air*x + iron*m = target from a memory; |target| <= 1, air above 0. */
@@ -266,6 +290,7 @@ static void solve(const int16_t *words, const anhyst_memory *from, int16_t air, 
                   int32_t target, answer *at)
 {
   path along;
+  search find;
   int32_t step;
   prepare(&along, words, from);
   int32_t anhysteretic = odd_value(along.curve, along.x, &step);
@@ -281,8 +306,12 @@ static void solve(const int16_t *words, const anhyst_memory *from, int16_t air, 
   at->y = along.y;
   at->p = along.p;
   at->m = falling ? -m : m;
-  at->m_slope = slope_of_m(&along, depart(&along, anhysteretic), slope_of(&along, step));
-  rise(&along, air, iron, falling ? -target : target, words[ANHYST_WORD_FULL_ITERATIONS], at);
+  at->y_slope = depart(&along, anhysteretic);
+  at->m_slope = slope_of_m(&along, at->y_slope, slope_of(&along, step));
+  find.air = air;
+  find.iron = iron;
+  find.target = falling ? -target : target;
+  rise(&along, &find, words[ANHYST_WORD_FULL_ITERATIONS], at);
   if (falling) {
     at->x = -at->x;
     at->y = -at->y;
@@ -323,17 +352,20 @@ static int full_sound(const int16_t *words)
 {
   const int16_t n = words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
   const int16_t n_inverse = words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
+  /* Slopes of the tables stay within ANHYST_SLOPE_MAX. */
+  const int16_t steepest = (int16_t)(ANHYST_Q15_MAX >> (n > 5 ? n - 5 : 0));
   return words[ANHYST_WORD_FULL_AIR] > 0 && words[ANHYST_WORD_FULL_REVERSIBLE] >= 0 &&
          words[ANHYST_WORD_FULL_PLAY] >= 0 && words[ANHYST_WORD_FULL_RATE] > 0 &&
          anhyst_within(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, 12) &&
          words[ANHYST_WORD_FULL_STEEPNESS] > 0 &&
          anhyst_within(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16) && anhyst_within(n, 3, 9) &&
          anhyst_within(n_inverse, 3, 9) &&
-         anhyst_table_rises(words, words[ANHYST_WORD_FULL_CURVE], (int16_t)((1 << n) + 1), 0) &&
+         anhyst_table_rises(words, words[ANHYST_WORD_FULL_CURVE], (int16_t)((1 << n) + 1), 0,
+                            steepest) &&
          anhyst_table_rises(words, words[ANHYST_WORD_FULL_BRANCH], (int16_t)((2 << n) + 1),
-                            -ANHYST_Q15_MAX) &&
-         anhyst_table_rises(words, words[ANHYST_WORD_FULL_INVERSE],
-                            (int16_t)((1 << n_inverse) + 1), 0);
+                            -ANHYST_Q15_MAX, steepest) &&
+         anhyst_table_rises(words, words[ANHYST_WORD_FULL_INVERSE], (int16_t)((1 << n_inverse) + 1),
+                            0, ANHYST_Q15_MAX);
 }
 
 const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL, full_field, full_flux, full_sound};

@@ -35,21 +35,6 @@ static inline int32_t anhyst_value_at(anhyst_spot spot)
   return low * 32768 + rise * spot.part;
 }
 
-/* The slope of its segment, for a table of 2^n segments, n <= 10, over a unit; 0..32 in 1/1024. */
-static inline int32_t anhyst_slope_at(anhyst_spot spot, uint16_t n)
-{
-  const int32_t rise = (int32_t)spot.at[1] - spot.at[0];
-  const int32_t slope = (int32_t)((uint32_t)(rise < 0 ? 0 : rise) << n) >> 5;
-  return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;
-}
-
-/* The value over the gap, of the table that a word of the block names; q15 or weight, rounded. */
-static inline int16_t anhyst_over_gap(const int16_t *words, int16_t table, uint16_t n, int32_t gap)
-{
-  const int32_t value = anhyst_value_at(anhyst_spot_of(words + table, n, gap));
-  return anhyst_sat_q15(((value >> 14) + 1) >> 1);
-}
-
 /* numerator*65536/denominator, both positive, to 14 bits; saturates. */
 static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
 {

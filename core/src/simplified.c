@@ -109,7 +109,7 @@ static int simplified_sound(const int16_t *words)
   const int16_t n = words[ANHYST_WORD_SIMPLE_SEGMENTS];
   return anhyst_closed_sound(words) && anhyst_within(octaves, 4, 14) && anhyst_within(n, 2, 6) &&
          anhyst_table_rises(words, words[ANHYST_WORD_SIMPLE_CURVE],
-                            (int16_t)(((octaves + 1) << n) + 1), 0);
+                            (int16_t)(((octaves + 1) << n) + 1), 0, ANHYST_Q15_MAX);
 }
 
 const anhyst_kernel anhyst_kernel_simplified = {ANHYST_KIND_SIMPLIFIED, simplified_field,

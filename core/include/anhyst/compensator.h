@@ -16,6 +16,7 @@
 #define ANHYST_COMPENSATOR_H
 
 #include "anhyst/fixed.h"
+#include "anhyst/flags.h"
 #include "anhyst/layout.h"
 #include "anhyst/status.h"
 
@@ -57,12 +58,6 @@ extern const anhyst_kernel anhyst_kernel_full;
 extern const anhyst_kernel anhyst_kernel_simplified;
 extern const anhyst_kernel anhyst_kernel_euler;
 
-/* Bits of anhyst_compensator.flags, set by the last solve. */
-#define ANHYST_DEMAND_LIMITED 1U  /* the demand was beyond its limits, or below the residual force \
-                                   */
-#define ANHYST_CURRENT_LIMITED 2U /* the current was */
-#define ANHYST_FLUX_LIMITED 4U    /* the flux was */
-
 /* One compensator: 72 bytes or fewer on targets with 32-bit pointers. */
 typedef struct {
   const anhyst_kernel *kernel;
@@ -73,8 +68,8 @@ typedef struct {
   int32_t flux;         /* solved, q30 */
   int32_t flux_applied; /* after the last commit, q30 */
   int32_t gap;          /* for which was solved, q31 */
-  uint16_t flags;
-  uint16_t solved; /* whether next belongs to memory */
+  uint16_t flags;       /* of the last solve, see flags.h */
+  uint16_t solved;      /* whether next belongs to memory */
 } anhyst_compensator;
 
 /* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the block is not

@@ -110,7 +110,7 @@ class Sizes:
     gap_segments: int = 4
     curve_segments: int = 7
     inverse_segments: int = 6
-    iterations: int = 7
+    iterations: int = 5
     octaves: int = 12
     octave_segments: int = 4
     substeps: int = 1

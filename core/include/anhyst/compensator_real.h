@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The compensator of compensator.h in floating point: wanted output (force) in, drive (current)
+   out, in the units of the model. Declarations are in generic/compensator.h.
+
+   At every tick: solve once or more, limit and apply the current, then commit what was really
+   applied. The law, its tables and the number of its evaluations are those of the fixed-point
+   form, so what differs between the two is rounding alone.
+
+   Made of + - * / and comparisons, without a library: the same bits on every target that rounds to
+   nearest as IEEE 754 says and does not fuse products into sums (-ffp-contract=off); neither
+   -ffast-math nor flushing to zero. A signal that is not a number counts as its lowest value; an
+   applied current that is not one leaves the memory alone. */
+#ifndef ANHYST_COMPENSATOR_REAL_H
+#define ANHYST_COMPENSATOR_REAL_H
+
+#include <stdint.h>
+
+#include "anhyst/flags.h"
+#include "anhyst/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "anhyst/f64.h"
+#include "anhyst/generic/compensator.h"
+#include "anhyst/f32.h"
+#include "anhyst/generic/compensator.h"
+#include "anhyst/no_format.h"
+
+#ifdef __cplusplus
+}
+#endif
+#endif

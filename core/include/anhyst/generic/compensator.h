@@ -1,0 +1,142 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+/* How flux and current are made up at one gap. Flux is in units of that of saturated iron without
+   the air around it; field in a (the law's own scale); output and current in the model's units. */
+typedef struct {
+  ANHYST_REAL gain;      /* flux for the root of a full-scale output (power 2) or for it (1), > 0 */
+  ANHYST_REAL offset;    /* output at zero flux, taken off the demand */
+  ANHYST_REAL bias;      /* current at zero flux and field */
+  ANHYST_REAL flux_arm;  /* current for a unit of flux, >= 0 */
+  ANHYST_REAL field_arm; /* current for a unit of field (full) or of u (simplified), > 0 */
+} ANHYST_NAME(anhyst_at_gap);
+
+/* Full: the exact step. Tables have equal segments, one entry more than segments, and never fall.
+ */
+typedef struct {
+  ANHYST_REAL air;            /* h: flux of the air for a unit of field, > 0 */
+  ANHYST_REAL reversible;     /* c, 0..1 */
+  ANHYST_REAL play;           /* half-width of the play, field, >= 0 */
+  ANHYST_REAL kappa;          /* field over which the iron forgets to 1/e, > 0 */
+  ANHYST_REAL octaves;        /* 1/(kappa*ln 2): halvings of what is remembered, a unit of field */
+  ANHYST_REAL reach;          /* largest field of the tables */
+  uint16_t iterations;        /* evaluations of a solve, 2..16 */
+  uint16_t curve_segments;    /* 8..4096; the branch has twice as many */
+  uint16_t inverse_segments;  /* 8..4096 */
+  const ANHYST_REAL *curve;   /* anhysteretic curve over a field of 0..reach, 0..1 */
+  const ANHYST_REAL *branch;  /* ascending branch over -reach..reach, -1..1 */
+  const ANHYST_REAL *inverse; /* field over the anhysteretic, 0..1 */
+} ANHYST_NAME(anhyst_full_law);
+
+/* Simplified: the closed form. */
+typedef struct {
+  ANHYST_REAL rate;         /* distance z of a unit of flux, > 0 */
+  ANHYST_REAL hold;         /* change of u of a unit of flux while held, rate/(1-nu) */
+  ANHYST_REAL nu;           /* 0 <= .. < 1 */
+  ANHYST_REAL first;        /* z at the end of the first octave */
+  uint16_t iterations;      /* evaluations of a commit, 2..16 */
+  uint16_t octaves;         /* 4..15: the table ends at first*2^octaves */
+  uint16_t segments;        /* 4..64 up to first, and as many in each octave */
+  const ANHYST_REAL *curve; /* p over z, 0..1: (octaves + 1)*segments + 1 entries, rising */
+} ANHYST_NAME(anhyst_simplified_law);
+
+typedef struct ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel);
+
+/* What a compensator knows of its actuator; constant. */
+typedef struct {
+  const ANHYST_NAME(anhyst_kernel) *kernel; /* anhyst_kernel_full_.. or .._simplified_.. */
+  const ANHYST_NAME(anhyst_full_law) *full; /* of the kernel full, otherwise 0 */
+  const ANHYST_NAME(anhyst_simplified_law) *simplified; /* of the kernel simplified */
+  ANHYST_REAL demand_low;                               /* limits of the demand */
+  ANHYST_REAL demand_high;
+  ANHYST_REAL current_low; /* limits of the current */
+  ANHYST_REAL current_high;
+  ANHYST_REAL full_scale; /* output that counts as 1 under the root, > 0 */
+  ANHYST_REAL knee;       /* root below which it is a straight line: its slope at zero is infinite,
+                             and noise near zero demand would become noise of the current */
+  ANHYST_REAL flux_limit; /* largest |flux| solved for */
+  ANHYST_REAL gap_low;    /* gap of the first row */
+  ANHYST_REAL gap_rows;   /* rows for a unit of the gap; 0: nothing runs over it */
+  const ANHYST_NAME(anhyst_at_gap) *gaps; /* gap_segments + 1 rows, interpolated */
+  uint16_t gap_segments;                  /* 1..64 */
+  uint16_t power;                         /* 2: output is a force, flux its root; 1: linear */
+  uint16_t condition_cycles;              /* ramps up and down that make the state known, 0..64 */
+  uint16_t condition_ticks;               /* ticks of one ramp, 2..32767 */
+} ANHYST_NAME(anhyst_parameters);
+
+/* What the iron remembers. All zero is the demagnetised state. Beside where it is, it keeps where
+   the path now followed set out, and a step is computed from there: ticks of any number and size
+   add no rounding. */
+typedef struct {
+  ANHYST_REAL place; /* full: where the play stands, field; simplified: flux */
+  ANHYST_REAL level; /* full: irreversible magnetisation; simplified: the bounded state u */
+  ANHYST_REAL turn;  /* place where the path set out; place itself: not known, it sets out now */
+  ANHYST_REAL turn_level; /* level there */
+  ANHYST_REAL x;          /* full: field; simplified: distance z where the path set out */
+} ANHYST_NAME(anhyst_memory);
+
+/* A law. Both functions leave *from alone and fill *to, which may not be *from. */
+struct ANHYST_NAME(anhyst_kernel) {
+  /* The field that belongs to a flux. */
+  ANHYST_REAL (*field)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                       const ANHYST_NAME(anhyst_memory) *from, ANHYST_REAL flux,
+                       ANHYST_NAME(anhyst_memory) *to);
+  /* The flux to which a current leads: bias + flux_arm*flux + field_arm*field = current. */
+  ANHYST_REAL (*flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                      const ANHYST_NAME(anhyst_memory) *from,
+                      const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
+                      ANHYST_NAME(anhyst_memory) *to);
+  /* Whether the law's own parameters are sound. */
+  int (*sound)(const ANHYST_NAME(anhyst_parameters) *parameters);
+};
+
+extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_full);
+extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified);
+
+/* One compensator: 64 bytes in single precision on targets with 32-bit pointers. */
+typedef struct {
+  const ANHYST_NAME(anhyst_parameters) *parameters;
+  ANHYST_NAME(anhyst_memory) memory; /* of what was applied */
+  ANHYST_NAME(anhyst_memory) next;   /* where the solved current would lead */
+  ANHYST_REAL current;               /* solved */
+  ANHYST_REAL flux;                  /* solved */
+  ANHYST_REAL flux_applied;          /* after the last commit */
+  ANHYST_REAL gap;                   /* for which was solved */
+  uint16_t flags;                    /* of the last solve, see flags.h */
+  uint16_t solved;                   /* whether next belongs to memory */
+} ANHYST_NAME(anhyst_compensator);
+
+/* Whether parameters are sound: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry of the
+   tables; not for an interrupt. */
+anhyst_status ANHYST_NAME(anhyst_parameters_check)(
+    const ANHYST_NAME(anhyst_parameters) *parameters);
+
+/* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the parameters are
+   not sound; nothing is changed then. */
+anhyst_status ANHYST_NAME(anhyst_compensator_init)(
+    ANHYST_NAME(anhyst_compensator) *c, const ANHYST_NAME(anhyst_parameters) *parameters);
+
+/* Goes on with other parameters of the same kernel, which must have passed the check. The memory is
+   kept: it means the same under both. Between two ticks. */
+void ANHYST_NAME(anhyst_compensator_swap)(ANHYST_NAME(anhyst_compensator) *c,
+                                          const ANHYST_NAME(anhyst_parameters) *parameters);
+
+/* The current that gives the demanded output now. */
+ANHYST_REAL ANHYST_NAME(anhyst_compensator_solve)(ANHYST_NAME(anhyst_compensator) *c,
+                                                  ANHYST_REAL demand, ANHYST_REAL gap);
+
+/* Advances the memory with the current that was applied, at the gap there was. If both are what
+   was solved for, this costs a copy; otherwise as much as a solve. */
+void ANHYST_NAME(anhyst_compensator_commit)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL applied,
+                                            ANHYST_REAL gap);
+
+/* The output that the model expects after the last commit. */
+ANHYST_REAL
+ANHYST_NAME(anhyst_compensator_output)(const ANHYST_NAME(anhyst_compensator) *c);
+
+/* Number of ticks of the sequence that makes an unknown state known. */
+int32_t ANHYST_NAME(anhyst_conditioning_length)(const ANHYST_NAME(anhyst_compensator) *c);
+
+/* The current of its tick 0, 1, ...: triangles between the limits of the current; 0 after the
+   end. Apply it and commit it as any other. */
+ANHYST_REAL ANHYST_NAME(anhyst_conditioning)(const ANHYST_NAME(anhyst_compensator) *c,
+                                             int32_t tick);

@@ -1,0 +1,205 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+/* The row of this gap, interpolated. */
+static ANHYST_NAME(anhyst_at_gap)
+    ANHYST_NAME(at_gap)(const ANHYST_NAME(anhyst_parameters) *parameters, ANHYST_REAL gap)
+{
+  const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
+      parameters->gap_segments, (gap - parameters->gap_low) * parameters->gap_rows);
+  const ANHYST_NAME(anhyst_at_gap) *low = parameters->gaps + spot.index;
+  const ANHYST_NAME(anhyst_at_gap) *high = low + 1;
+  ANHYST_NAME(anhyst_at_gap) row;
+  row.gain = low->gain + spot.part * (high->gain - low->gain);
+  row.offset = low->offset + spot.part * (high->offset - low->offset);
+  row.bias = low->bias + spot.part * (high->bias - low->bias);
+  row.flux_arm = low->flux_arm + spot.part * (high->flux_arm - low->flux_arm);
+  row.field_arm = low->field_arm + spot.part * (high->field_arm - low->field_arm);
+  return row;
+}
+
+/* Root of a number that is not negative, meant for 0..1. Below the knee a straight line; from
+   there to 1 a relative error below one unit in the last place of a float and 1e-14 in double
+   precision. */
+static ANHYST_REAL ANHYST_NAME(root)(ANHYST_REAL a, ANHYST_REAL knee)
+{
+  if (a < knee * knee) {
+    return a / knee;
+  }
+  /* Into 1/4..1 by even powers of two, which are exact; the least knee is 2^-8. */
+  ANHYST_REAL scale = R(0.5);
+  if (a < R(0.00390625)) {
+    a *= R(256.0);
+    scale *= R(0.0625);
+  }
+  if (a < R(0.0625)) {
+    a *= R(16.0);
+    scale *= R(0.25);
+  }
+  if (a < R(0.25)) {
+    a *= R(4.0);
+    scale *= R(0.5);
+  }
+  /* A line within 3 % to begin with; each step doubles the digits. */
+  ANHYST_REAL r = R(0.686) * a + R(0.343);
+  r = R(0.5) * (r + a / r);
+  r = R(0.5) * (r + a / r);
+  return scale * (r + a / r);
+}
+
+/* The demand as a flux. */
+static ANHYST_REAL ANHYST_NAME(flux_of)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL demand,
+                                        const ANHYST_NAME(anhyst_at_gap) *row)
+{
+  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+  const ANHYST_REAL wanted =
+      ANHYST_NAME(anhyst_limited)(demand, parameters->demand_low, parameters->demand_high);
+  ANHYST_REAL part = (wanted - row->offset) / parameters->full_scale;
+  if (wanted != demand) {
+    c->flags |= ANHYST_DEMAND_LIMITED;
+  }
+  if (parameters->power == 2U) {
+    if (part < R(0.0)) {
+      part = R(0.0);
+      c->flags |= ANHYST_DEMAND_LIMITED;
+    }
+    part = ANHYST_NAME(root)(part, parameters->knee);
+  }
+  const ANHYST_REAL flux = part * row->gain;
+  const ANHYST_REAL reached =
+      ANHYST_NAME(anhyst_limited)(flux, -parameters->flux_limit, parameters->flux_limit);
+  if (reached != flux) {
+    c->flags |= ANHYST_FLUX_LIMITED;
+  }
+  return reached;
+}
+
+/* Whether limits are in order and finite. */
+static int ANHYST_NAME(is_range)(ANHYST_REAL low, ANHYST_REAL high)
+{
+  const ANHYST_REAL largest = R(1e30);
+  return low <= high && low >= -largest && high <= largest;
+}
+
+static int ANHYST_NAME(rows_sound)(const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
+    const ANHYST_NAME(anhyst_at_gap) *row = parameters->gaps + i;
+    if (!(row->gain > R(0.0) && row->flux_arm >= R(0.0) && row->field_arm > R(0.0) &&
+          ANHYST_NAME(is_range)(row->gain, row->gain) &&
+          ANHYST_NAME(is_range)(row->offset, row->offset) &&
+          ANHYST_NAME(is_range)(row->bias, row->bias) &&
+          ANHYST_NAME(is_range)(row->flux_arm, row->flux_arm) &&
+          ANHYST_NAME(is_range)(row->field_arm, row->field_arm))) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  const int sound = parameters->kernel != 0 && parameters->gaps != 0 &&
+                    (parameters->power == 1U || parameters->power == 2U) &&
+                    ANHYST_NAME(is_range)(parameters->demand_low, parameters->demand_high) &&
+                    ANHYST_NAME(is_range)(parameters->current_low, parameters->current_high) &&
+                    ANHYST_NAME(is_range)(parameters->gap_low, parameters->gap_low) &&
+                    ANHYST_NAME(is_range)(R(0.0), parameters->gap_rows) &&
+                    parameters->full_scale > R(0.0) && parameters->knee >= R(0.00390625) &&
+                    parameters->knee <= R(0.25) && parameters->flux_limit > R(0.0) &&
+                    parameters->flux_limit <= R(1.0) && parameters->gap_segments >= 1U &&
+                    parameters->gap_segments <= 64U && parameters->condition_cycles <= 64U &&
+                    parameters->condition_ticks >= 2U && parameters->condition_ticks <= 32767U;
+  return sound && ANHYST_NAME(rows_sound)(parameters) && parameters->kernel->sound(parameters)
+             ? ANHYST_OK
+             : ANHYST_BAD_PARAMETER;
+}
+
+anhyst_status ANHYST_NAME(anhyst_compensator_init)(ANHYST_NAME(anhyst_compensator) *c,
+                                                   const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  const ANHYST_NAME(anhyst_compensator) fresh = {0};
+  const anhyst_status status = ANHYST_NAME(anhyst_parameters_check)(parameters);
+  if (status != ANHYST_OK) {
+    return status;
+  }
+  *c = fresh;
+  c->parameters = parameters;
+  return ANHYST_OK;
+}
+
+void ANHYST_NAME(anhyst_compensator_swap)(ANHYST_NAME(anhyst_compensator) *c,
+                                          const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  c->parameters = parameters;
+  /* The new law goes on from here, not from where the old one set out. */
+  c->memory.turn = c->memory.place;
+  c->memory.turn_level = c->memory.level;
+  c->solved = 0;
+}
+
+ANHYST_REAL ANHYST_NAME(anhyst_compensator_solve)(ANHYST_NAME(anhyst_compensator) *c,
+                                                  ANHYST_REAL demand, ANHYST_REAL gap)
+{
+  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+  const ANHYST_NAME(anhyst_at_gap) row = ANHYST_NAME(at_gap)(parameters, gap);
+  c->flags = 0;
+  c->gap = gap;
+  c->flux = ANHYST_NAME(flux_of)(c, demand, &row);
+  const ANHYST_REAL field = parameters->kernel->field(parameters, &c->memory, c->flux, &c->next);
+  const ANHYST_REAL wanted = row.bias + row.flux_arm * c->flux + row.field_arm * field;
+  c->current =
+      ANHYST_NAME(anhyst_limited)(wanted, parameters->current_low, parameters->current_high);
+  c->solved = 1;
+  if (c->current != wanted) {
+    c->flags |= ANHYST_CURRENT_LIMITED;
+    c->solved = 0;
+  }
+  return c->current;
+}
+
+void ANHYST_NAME(anhyst_compensator_commit)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL applied,
+                                            ANHYST_REAL gap)
+{
+  if (c->solved != 0U && applied == c->current && gap == c->gap) {
+    c->memory = c->next;
+    c->flux_applied = c->flux;
+  } else if (applied == applied) {
+    const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+    const ANHYST_NAME(anhyst_at_gap) row = ANHYST_NAME(at_gap)(parameters, gap);
+    c->flux_applied = parameters->kernel->flux(parameters, &c->memory, &row, applied, &c->next);
+    c->memory = c->next;
+    c->gap = gap;
+  }
+  c->solved = 0;
+}
+
+ANHYST_REAL
+ANHYST_NAME(anhyst_compensator_output)(const ANHYST_NAME(anhyst_compensator) *c)
+{
+  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+  const ANHYST_NAME(anhyst_at_gap) row = ANHYST_NAME(at_gap)(parameters, c->gap);
+  ANHYST_REAL part = c->flux_applied / row.gain;
+  if (parameters->power == 2U) {
+    const ANHYST_REAL magnitude = ANHYST_NAME(anhyst_size)(part);
+    part = magnitude * (magnitude < parameters->knee ? parameters->knee : magnitude);
+  }
+  return part * parameters->full_scale + row.offset;
+}
+
+int32_t ANHYST_NAME(anhyst_conditioning_length)(const ANHYST_NAME(anhyst_compensator) *c)
+{
+  return (int32_t)c->parameters->condition_cycles * 2 * c->parameters->condition_ticks;
+}
+
+ANHYST_REAL ANHYST_NAME(anhyst_conditioning)(const ANHYST_NAME(anhyst_compensator) *c, int32_t tick)
+{
+  const int32_t ramp = c->parameters->condition_ticks;
+  const ANHYST_REAL low = c->parameters->current_low;
+  const ANHYST_REAL span = c->parameters->current_high - low;
+  if (tick < 0 || tick >= ANHYST_NAME(anhyst_conditioning_length)(c)) {
+    return R(0.0);
+  }
+  const int32_t place = tick % (2 * ramp);
+  const int32_t way = place < ramp ? place : 2 * ramp - place;
+  return low + span * (ANHYST_REAL)way / (ANHYST_REAL)ramp;
+}

@@ -1,0 +1,199 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+/* p over z, z >= 0. */
+static ANHYST_REAL ANHYST_NAME(p_of)(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL z)
+{
+  const uint16_t end = (uint16_t)((law->octaves + 1U) * law->segments);
+  ANHYST_REAL place = z / law->first; /* from 1 on in octaves */
+  uint16_t before = 0;
+  if (place >= (ANHYST_REAL)((uint32_t)1 << law->octaves)) {
+    return law->curve[end];
+  }
+  if (place >= R(1.0)) {
+    uint16_t octave = 0;
+    if (place >= R(256.0)) {
+      place *= R(0.00390625);
+      octave = 8;
+    }
+    if (place >= R(16.0)) {
+      place *= R(0.0625);
+      octave = (uint16_t)(octave + 4U);
+    }
+    if (place >= R(4.0)) {
+      place *= R(0.25);
+      octave = (uint16_t)(octave + 2U);
+    }
+    if (place >= R(2.0)) {
+      place *= R(0.5);
+      octave = (uint16_t)(octave + 1U);
+    }
+    place -= R(1.0);
+    before = (uint16_t)((octave + 1U) * law->segments);
+  }
+  const ANHYST_NAME(anhyst_spot) spot =
+      ANHYST_NAME(anhyst_spot_of)(law->segments, place * (ANHYST_REAL)law->segments);
+  return ANHYST_NAME(anhyst_value_at)(law->curve + before, spot);
+}
+
+/* z over p, 0 <= p <= 1: the same table searched, so that there and back agree. */
+static ANHYST_REAL ANHYST_NAME(z_of)(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL p)
+{
+  const uint16_t end = (uint16_t)((law->octaves + 1U) * law->segments);
+  uint16_t index = 0;
+  for (uint16_t step = 512U; step > 0U; step = (uint16_t)(step >> 1)) {
+    if (index + step < end && law->curve[index + step] <= p) {
+      index = (uint16_t)(index + step);
+    }
+  }
+  const ANHYST_REAL rise = law->curve[index + 1U] - law->curve[index];
+  const ANHYST_REAL over = p - law->curve[index];
+  const ANHYST_REAL part =
+      rise > R(0.0) ? ANHYST_NAME(anhyst_limited)(over / rise, R(0.0), R(1.0)) : R(0.0);
+  const uint16_t octave = (uint16_t)(index / law->segments); /* 0: below the first */
+  const uint16_t inside = (uint16_t)(index % law->segments);
+  const ANHYST_REAL place = ((ANHYST_REAL)inside + part) / (ANHYST_REAL)law->segments;
+  if (octave == 0U) {
+    return place * law->first;
+  }
+  return (R(1.0) + place) * (law->first * (ANHYST_REAL)((uint32_t)1 << (octave - 1U)));
+}
+
+/* On a rising path, the state where it is at the given flux, not below that of the start. */
+static void ANHYST_NAME(advance)(const ANHYST_NAME(anhyst_simplified_law) *law,
+                                 const ANHYST_NAME(anhyst_memory) *start, ANHYST_REAL flux,
+                                 ANHYST_NAME(anhyst_memory) *to)
+{
+  const ANHYST_REAL way = flux - start->turn;
+  const ANHYST_REAL held = start->turn_level + law->hold * way;
+  ANHYST_REAL p;
+  if (held < R(0.0)) {
+    p = held;
+  } else {
+    const ANHYST_REAL spent = start->turn_level < R(0.0)
+                                  ? start->turn_level * (R(1.0) - law->nu) /* while held */
+                                  : start->x;
+    const ANHYST_REAL z = law->rate * way + spent;
+    p = ANHYST_NAME(p_of)(law, z > R(0.0) ? z : R(0.0));
+  }
+  *to = *start;
+  to->place = flux;
+  to->level = p > start->level ? p : start->level;
+}
+
+/* A memory as the start of a rising path: what set out the other way sets out anew. */
+static ANHYST_NAME(anhyst_memory)
+    ANHYST_NAME(set_out)(const ANHYST_NAME(anhyst_simplified_law) *law,
+                         ANHYST_NAME(anhyst_memory) from)
+{
+  if (!(from.turn < from.place)) {
+    from.turn = from.place;
+    from.turn_level = from.level;
+    from.x = from.level > R(0.0) ? ANHYST_NAME(z_of)(law, from.level) : R(0.0);
+  }
+  return from;
+}
+
+/* z counts in the direction of travel, whichever that is. */
+static ANHYST_NAME(anhyst_memory)
+    ANHYST_NAME(simplified_mirrored)(const ANHYST_NAME(anhyst_memory) *memory)
+{
+  ANHYST_NAME(anhyst_memory) other;
+  other.place = -memory->place;
+  other.level = -memory->level;
+  other.turn = -memory->turn;
+  other.turn_level = -memory->turn_level;
+  other.x = memory->x;
+  return other;
+}
+
+static ANHYST_REAL ANHYST_NAME(simplified_field)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                                 const ANHYST_NAME(anhyst_memory) *from,
+                                                 ANHYST_REAL flux, ANHYST_NAME(anhyst_memory) *to)
+{
+  const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
+  if (flux > from->place) {
+    const ANHYST_NAME(anhyst_memory) start = ANHYST_NAME(set_out)(law, *from);
+    ANHYST_NAME(advance)(law, &start, flux, to);
+  } else if (flux < from->place) {
+    const ANHYST_NAME(anhyst_memory) start =
+        ANHYST_NAME(set_out)(law, ANHYST_NAME(simplified_mirrored)(from));
+    ANHYST_NAME(anhyst_memory) end;
+    ANHYST_NAME(advance)(law, &start, -flux, &end);
+    *to = ANHYST_NAME(simplified_mirrored)(&end);
+  } else {
+    *to = *from;
+  }
+  return to->level;
+}
+
+/* dp/dflux on a rising path. */
+static ANHYST_REAL ANHYST_NAME(lag_slope)(const ANHYST_NAME(anhyst_simplified_law) *law,
+                                          ANHYST_REAL p)
+{
+  const ANHYST_REAL v = R(1.0) - p;
+  return p < R(0.0) ? law->hold : law->rate * v / (R(1.0) - law->nu * v);
+}
+
+/* flux_arm*flux + field_arm*u = target on a rising path. In the direction of travel the sum is a
+   concave function of the flux, so Newton's steps from the start come nearer without ever passing
+   the solution. */
+static void ANHYST_NAME(reach)(const ANHYST_NAME(anhyst_simplified_law) *law,
+                               const ANHYST_NAME(anhyst_memory) *start,
+                               const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL target,
+                               ANHYST_NAME(anhyst_memory) *to)
+{
+  *to = *start;
+  for (uint16_t i = 0; i < law->iterations; i++) {
+    const ANHYST_REAL missing = target - arms->flux_arm * to->place - arms->field_arm * to->level;
+    const ANHYST_REAL slope =
+        arms->flux_arm + arms->field_arm * ANHYST_NAME(lag_slope)(law, to->level);
+    if (missing <= R(0.0) || slope <= R(0.0)) {
+      continue; /* as near as the numbers allow; the remaining rounds change nothing */
+    }
+    const ANHYST_REAL flux = to->place + missing / slope;
+    ANHYST_NAME(advance)(law, start, flux < R(1.0) ? flux : R(1.0), to);
+  }
+}
+
+static ANHYST_REAL ANHYST_NAME(simplified_flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                                const ANHYST_NAME(anhyst_memory) *from,
+                                                const ANHYST_NAME(anhyst_at_gap) *arms,
+                                                ANHYST_REAL current, ANHYST_NAME(anhyst_memory) *to)
+{
+  const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
+  const ANHYST_REAL target = current - arms->bias;
+  const ANHYST_REAL of_flux = arms->flux_arm * from->place;
+  const ANHYST_REAL of_level = arms->field_arm * from->level;
+  const ANHYST_REAL missing = target - of_flux - of_level;
+  const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(target) + ANHYST_NAME(anhyst_size)(of_flux) +
+                           ANHYST_NAME(anhyst_size)(of_level);
+  if (ANHYST_NAME(anhyst_size)(missing) <= ANHYST_NAME(anhyst_noise)(size)) {
+    *to = *from;
+  } else if (missing > R(0.0)) {
+    const ANHYST_NAME(anhyst_memory) start = ANHYST_NAME(set_out)(law, *from);
+    ANHYST_NAME(reach)(law, &start, arms, target, to);
+  } else {
+    const ANHYST_NAME(anhyst_memory) start =
+        ANHYST_NAME(set_out)(law, ANHYST_NAME(simplified_mirrored)(from));
+    ANHYST_NAME(anhyst_memory) end;
+    ANHYST_NAME(reach)(law, &start, arms, -target, &end);
+    *to = ANHYST_NAME(simplified_mirrored)(&end);
+  }
+  return to->place;
+}
+
+static int ANHYST_NAME(simplified_sound)(const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
+  const ANHYST_REAL largest = R(1e6);
+  return law != 0 && law->curve != 0 && law->rate > R(0.0) && law->rate <= largest &&
+         law->hold > R(0.0) && law->hold <= largest && law->nu >= R(0.0) && law->nu < R(1.0) &&
+         law->first > R(0.0) && law->first <= largest && law->iterations >= 2U &&
+         law->iterations <= 16U && law->octaves >= 4U && law->octaves <= 15U &&
+         law->segments >= 4U && law->segments <= 64U &&
+         ANHYST_NAME(anhyst_rises)(law->curve, (uint16_t)((law->octaves + 1U) * law->segments),
+                                   R(0.0), R(1.0));
+}
+
+const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified) = {
+    ANHYST_NAME(simplified_field), ANHYST_NAME(simplified_flux), ANHYST_NAME(simplified_sound)};
