@@ -15,6 +15,9 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/simplified.c"
   "${ANHYST_CORE_DIR}/src/euler.c"
   "${ANHYST_CORE_DIR}/src/compensator.c"
+  "${ANHYST_CORE_DIR}/src/full_real.c"
+  "${ANHYST_CORE_DIR}/src/simplified_real.c"
+  "${ANHYST_CORE_DIR}/src/compensator_real.c"
   "${ANHYST_CORE_DIR}/src/pidd2.c"
   "${ANHYST_CORE_DIR}/src/pidd2_real.c")
 
@@ -39,6 +42,11 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   anhyst_batch(avx2 -mavx2 -mfma)
   anhyst_batch(avx512 -mavx512f -mavx512dq -mavx512vl -mfma -mprefer-vector-width=512)
 endif()
+
+# The same bits on every target: no product fused into a sum.
+set_source_files_properties(
+  "${ANHYST_CORE_DIR}/src/full_real.c" "${ANHYST_CORE_DIR}/src/simplified_real.c"
+  "${ANHYST_CORE_DIR}/src/compensator_real.c" PROPERTIES COMPILE_OPTIONS -ffp-contract=off)
 
 add_library(anhyst_core STATIC ${ANHYST_CORE_SOURCES} ${ANHYST_BATCH_OBJECTS})
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")

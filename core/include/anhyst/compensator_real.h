@@ -9,7 +9,7 @@
    Made of + - * / and comparisons, without a library: the same bits on every target that rounds to
    nearest as IEEE 754 says and does not fuse products into sums (-ffp-contract=off); neither
    -ffast-math nor flushing to zero. A signal that is not a number counts as its lowest value; an
-   applied current that is not one leaves the memory alone. */
+   applied current that is not finite leaves the memory alone. */
 #ifndef ANHYST_COMPENSATOR_REAL_H
 #define ANHYST_COMPENSATOR_REAL_H
 

@@ -163,7 +163,7 @@ void ANHYST_NAME(anhyst_compensator_commit)(ANHYST_NAME(anhyst_compensator) *c, 
   if (c->solved != 0U && applied == c->current && gap == c->gap) {
     c->memory = c->next;
     c->flux_applied = c->flux;
-  } else if (applied == applied) {
+  } else {
     const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
     const ANHYST_NAME(anhyst_at_gap) row = ANHYST_NAME(at_gap)(parameters, gap);
     c->flux_applied = parameters->kernel->flux(parameters, &c->memory, &row, applied, &c->next);

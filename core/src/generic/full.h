@@ -225,8 +225,8 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_full_law) *law,
   const ANHYST_REAL residual = air * from->x + iron * m - target;
   const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(air * from->x) +
                            ANHYST_NAME(anhyst_size)(iron * m) + ANHYST_NAME(anhyst_size)(target);
-  if (ANHYST_NAME(anhyst_size)(residual) <= ANHYST_NAME(anhyst_noise)(size)) {
-    *to = *from;
+  if (!(ANHYST_NAME(anhyst_size)(residual) > ANHYST_NAME(anhyst_noise)(size))) {
+    *to = *from; /* there already, or the target is no number */
     return m;
   }
   ANHYST_NAME(path) along;

@@ -167,8 +167,8 @@ static ANHYST_REAL ANHYST_NAME(simplified_flux)(const ANHYST_NAME(anhyst_paramet
   const ANHYST_REAL missing = target - of_flux - of_level;
   const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(target) + ANHYST_NAME(anhyst_size)(of_flux) +
                            ANHYST_NAME(anhyst_size)(of_level);
-  if (ANHYST_NAME(anhyst_size)(missing) <= ANHYST_NAME(anhyst_noise)(size)) {
-    *to = *from;
+  if (!(ANHYST_NAME(anhyst_size)(missing) > ANHYST_NAME(anhyst_noise)(size))) {
+    *to = *from; /* there already, or the current is no number */
   } else if (missing > R(0.0)) {
     const ANHYST_NAME(anhyst_memory) start = ANHYST_NAME(set_out)(law, *from);
     ANHYST_NAME(reach)(law, &start, arms, target, to);

@@ -67,4 +67,5 @@ anhyst_step to_step(const std::string &law, const std::string &step);
 
 void bind_identification(nb::module_ &m);
 void bind_compensator(nb::module_ &m);
+void bind_real_compensator(nb::module_ &m);
 void bind_control(nb::module_ &m);

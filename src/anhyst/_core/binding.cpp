@@ -165,5 +165,6 @@ NB_MODULE(_native, m)
       "z"_a.noconvert());
   bind_identification(m);
   bind_compensator(m);
+  bind_real_compensator(m);
   bind_control(m);
 }
