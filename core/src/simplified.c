@@ -46,7 +46,7 @@ static int32_t z_of(const int16_t *words, int32_t p)
   const uint16_t segments = (uint16_t)((words[ANHYST_WORD_SIMPLE_OCTAVES] + 1) << n);
   const int16_t level = (int16_t)((p >> 15) > ANHYST_Q15_MAX ? ANHYST_Q15_MAX : p >> 15);
   uint16_t index = 0;
-  for (uint16_t step = 512U; step > 0U; step = (uint16_t)(step >> 1)) {
+  for (uint16_t step = (uint16_t)(8U << n); step > 0U; step = (uint16_t)(step >> 1)) {
     if (index + step < segments && table[index + step] <= level) {
       index = (uint16_t)(index + step);
     }

@@ -112,7 +112,7 @@ class Sizes:
     inverse_segments: int = 6
     iterations: int = 5
     octaves: int = 12
-    octave_segments: int = 4
+    octave_segments: int = 3
     substeps: int = 1
     root_knee: int = 5
 
