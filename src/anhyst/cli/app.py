@@ -18,6 +18,7 @@ from anhyst.cli.identify import identify
 from anhyst.cli.inspect import inspect
 from anhyst.cli.report import report
 from anhyst.cli.use import invert, predict
+from anhyst.cli.verify import verify
 from anhyst.errors import InputError, Interrupted, NegativeResult
 
 BAD_INPUT = 2
@@ -41,6 +42,7 @@ app = typer.Typer(
 for _verb in (inspect, identify, predict, invert, report, diff):
     app.command(no_args_is_help=True)(_verb)
 app.command("compile", no_args_is_help=True)(compile_)
+app.command(no_args_is_help=True)(verify)
 
 
 def _print_version(wanted: bool) -> None:

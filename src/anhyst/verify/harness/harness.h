@@ -1,0 +1,106 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a target runs to be compared with the host, and what its port has to supply.
+
+   The host fills the box, lets the target run until it calls harness_wait, and reads the box. All
+   of it is uint32_t, so that every target lays it out alike; anhyst.verify.protocol holds the same
+   numbers and checks HARNESS_BOX_WORDS. */
+#ifndef HARNESS_H
+#define HARNESS_H
+
+#include <stdint.h>
+
+#define HARNESS_CHECKPOINTS 64
+#define HARNESS_WINDOW 48
+
+/* What to do. */
+enum {
+  HARNESS_START = 0,   /* take the block, forget everything, restart the generator with the seed */
+  HARNESS_RANDOM = 1,  /* the next `steps` steps of the generator */
+  HARNESS_VECTORS = 2, /* `steps` steps with the inputs that stand in the window */
+  HARNESS_STACK = 3    /* as HARNESS_RANDOM, measuring stack instead of time */
+};
+
+/* How the current of a step comes about. */
+enum {
+  HARNESS_AS_SOLVED = 0, /* applied is the solved current at the same gap */
+  HARNESS_AS_GIVEN = 1   /* applied and its gap stand in the record */
+};
+
+/* One step: inputs first, then outputs. */
+enum {
+  HARNESS_DEMAND,
+  HARNESS_GAP,
+  HARNESS_HOW,
+  HARNESS_APPLIED,
+  HARNESS_APPLIED_GAP,
+  HARNESS_CURRENT,
+  HARNESS_FLAGS,
+  HARNESS_FLUX,
+  HARNESS_OUTPUT,
+  HARNESS_FLUX_APPLIED,
+  HARNESS_MEMORY_A,
+  HARNESS_MEMORY_B,
+  HARNESS_MEMORY_C,
+  HARNESS_PIDD2,
+  HARNESS_INTEGRAL,
+  HARNESS_VELOCITY,
+  HARNESS_RECORD_WORDS
+};
+
+/* What is timed. */
+enum {
+  HARNESS_EMPTY, /* the clock itself: to be taken off the others */
+  HARNESS_SOLVE,
+  HARNESS_COMMIT_SOLVED,
+  HARNESS_COMMIT_OTHER,
+  HARNESS_CONTROL_BLOCK,
+  HARNESS_TICK, /* all of one step: control, solve and commit */
+  HARNESS_SECTIONS
+};
+
+typedef struct {
+  uint32_t count, least, most, most_at, sum_low, sum_high;
+} harness_section;
+
+typedef struct {
+  /* Filled by the host. */
+  uint32_t mode;
+  uint32_t seed;
+  uint32_t steps;
+  uint32_t checkpoint_first;  /* hash is kept before this step, and every ... */
+  uint32_t checkpoint_stride; /* ... so many steps after it */
+  uint32_t window_first;      /* records are kept from this step on */
+  /* Filled by the target. */
+  uint32_t box_words;
+  uint32_t status;        /* of anhyst_compensator_init */
+  uint32_t state_bytes;   /* sizeof(anhyst_compensator) */
+  uint32_t control_bytes; /* sizeof(anhyst_pidd2_state_q31) */
+  uint32_t words;         /* of the parameter block */
+  uint32_t
+      stack_bytes; /* deepest so far below a call of solve or commit, return address included */
+  uint32_t step;   /* steps since HARNESS_START */
+  uint32_t hash;   /* of everything since HARNESS_START */
+  harness_section sections[HARNESS_SECTIONS];
+  uint32_t checkpoints[HARNESS_CHECKPOINTS];
+  uint32_t window[HARNESS_WINDOW][HARNESS_RECORD_WORDS];
+} harness_box_layout;
+
+extern volatile harness_box_layout harness_box;
+
+/* Supplied by the port. */
+
+/* Gives way to the host, which fills the box anew before this returns. */
+void harness_wait(void);
+/* Starts counting instructions or cycles. */
+void harness_clock_start(void);
+/* Counted since harness_clock_start, the call of this function included. */
+uint32_t harness_clock_stop(void);
+/* The stack pointer of the caller, and the lowest address its stack may reach; both 0 where the
+   stack is not measured. */
+uintptr_t harness_stack_pointer(void);
+uintptr_t harness_stack_end(void);
+
+/* Never returns but on the host. */
+int harness_main(void);
+
+#endif

@@ -1,0 +1,151 @@
+"""What a verification found."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from anhyst.verify.compare import Difference
+from anhyst.verify.elf import Sizes
+from anhyst.verify.estimate import Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What one part of a step takes on a target, in the target's unit.
+
+    Parameters
+    ----------
+    part : str
+        ``solve``; ``commit, solved`` with the solved current; ``commit, other`` with another one;
+        ``pidd2``; ``tick``, all of a step.
+    least, most : int
+        Over all steps.
+    mean : float
+        Over all steps.
+    most_at : int
+        Step with the most, from 0.
+    """
+
+    part: str
+    least: int
+    mean: float
+    most: int
+    most_at: int
+
+
+@dataclass(frozen=True, slots=True)
+class TargetResult:
+    """One build on one target.
+
+    Parameters
+    ----------
+    target, build : str
+        Where, and what sets this build apart.
+    processor, compiler : str
+        What it ran on and what made it.
+    steps, vectors : int
+        Random steps and golden vectors compared.
+    warnings : int
+        The compiler's.
+    unit : str
+        Of the costs: ``instructions``, ``cycles``, or nothing where they are not counted.
+    costs : tuple of Cost
+        By part of a step.
+    sizes : Sizes or None
+        Of code and constants; None on the host.
+    state_bytes, control_bytes : int
+        Mutable state of one compensator and of one PIDD2.
+    stack_measured : int or None
+        Deepest painted stack below a call of solve or commit, bytes.
+    stack_static : int or None
+        Deepest path through the machine code from there, bytes.
+    difference : Difference or None
+        The first one.
+    failure : str
+        Why there is no comparison: it does not compile, a sanitizer stopped it.
+    seconds : float
+        Build and run.
+    """
+
+    target: str
+    build: str
+    processor: str
+    compiler: str
+    steps: int
+    vectors: int
+    warnings: int = 0
+    unit: str = ""
+    costs: tuple[Cost, ...] = ()
+    sizes: Sizes | None = None
+    state_bytes: int = 0
+    control_bytes: int = 0
+    stack_measured: int | None = None
+    stack_static: int | None = None
+    difference: Difference | None = None
+    failure: str = ""
+    seconds: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether every bit was the same."""
+        return self.difference is None and not self.failure
+
+    @property
+    def label(self) -> str:
+        """Target and build in one."""
+        return f"{self.target} ({self.build})"
+
+    def verdict(self) -> str:
+        """Tell in one line what came out."""
+        if self.failure:
+            return self.failure
+        if self.difference is not None:
+            return f"target {self.label}: {self.difference.text()}"
+        return "identical"
+
+    def cost(self, part: str) -> Cost | None:
+        """Return the costs of one part, if it was counted."""
+        return next((cost for cost in self.costs if cost.part == part), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """A bundle on all targets that were asked for.
+
+    Parameters
+    ----------
+    folder : str
+        The bundle.
+    kind, io : str
+        Of the compensator and its signals.
+    rate : float or None
+        Ticks a second it was made for, Hz.
+    seed : int
+        Of the random steps.
+    results : tuple of TargetResult
+        One for each build.
+    estimates : tuple of Estimate
+        For a 16-bit digital signal controller, by part of the step.
+    """
+
+    folder: str
+    kind: str
+    io: str
+    rate: float | None
+    seed: int
+    results: tuple[TargetResult, ...]
+    estimates: tuple[Estimate, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every bit was the same everywhere."""
+        return all(result.passed for result in self.results)
+
+    def first_failure(self) -> str:
+        """Return the verdict of the first build that differs, or nothing."""
+        return next((result.verdict() for result in self.results if not result.passed), "")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain data, for JSON."""
+        return {"format": 1, "passed": self.passed, **asdict(self)}

@@ -1,0 +1,235 @@
+"""The targets by name, and how the C is built for each."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+from anhyst.errors import InputError
+from anhyst.verify.cortexm import CortexProgram, Costs, build_counter, instruction_costs
+from anhyst.verify.elf import read_image
+from anhyst.verify.msp430 import Msp430Program
+from anhyst.verify.process import ProcessProgram
+from anhyst.verify.protocol import BOX_BYTES, REQUEST_BYTES, WINDOW_OFFSET
+from anhyst.verify.toolchain import (
+    FREESTANDING,
+    Build,
+    compile_c,
+    compile_cortex_m,
+    find_program,
+    need_modules,
+    zig_cc,
+)
+from anhyst.verify.workshop import HARNESS, Variant, Workshop
+
+Maker = Callable[[Workshop], list["Order"]]
+Order = Callable[[], Variant]
+"""A build that has not been made yet."""
+
+OPTIMISATIONS = ("-O0", "-O2", "-O3")
+SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+HOST_COMPILERS = {"gcc": "gcc", "clang": "clang"}
+
+AVR_CPU = "atmega1284p"
+AVR_DATA = 0x800000
+SIMAVR_HEADERS = Path("/usr/include/simavr")
+
+CORTEX = {
+    "cortex-m0plus": ("cortex_m0plus", "UC_CPU_ARM_CORTEX_M0"),
+    "cortex-m3": ("cortex_m3", "UC_CPU_ARM_CORTEX_M3"),
+    "cortex-m4": ("cortex_m4", "UC_CPU_ARM_CORTEX_M4"),
+    "cortex-m7": ("cortex_m7", "UC_CPU_ARM_CORTEX_M7"),
+}
+WITH_PORT = ("cortex-m4", "cortex-m7")
+
+
+def reference(workshop: Workshop) -> Variant:
+    """Build what all others are compared with: the C on this machine.
+
+    Raises
+    ------
+    InputError
+        There is no C compiler.
+    """
+    for name in ("cc", *HOST_COMPILERS):
+        if found := shutil.which(name):
+            return _host(workshop, name, [found], ("-O2",))
+    return _host(workshop, "zig cc", zig_cc("host"), ("-O2",))
+
+
+def host(workshop: Workshop) -> list[Order]:
+    """Return the builds for this machine: each compiler at each optimisation, and sanitizers."""
+    compilers = {
+        name: [find_program(name, package, "host")] for name, package in HOST_COMPILERS.items()
+    }
+    settings = (*((level,) for level in OPTIMISATIONS), SANITIZE)
+    return [
+        partial(_host, workshop, name, command, flags)
+        for name, command in compilers.items()
+        for flags in settings
+    ]
+
+
+def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, ...]) -> Variant:
+    sanitized = flags == SANITIZE
+    title = f"{name} sanitizers" if sanitized else f"{name} {flags[0]}"
+    program = workshop.folder / f"host-{title.replace(' ', '-')}"
+    label = f"host ({title})"
+    warnings = compile_c(command, workshop.build("host", *flags), program, label)
+    process = ProcessProgram(label, (str(program),))
+    return Variant("host", title, process, "", "this machine", name, warnings)
+
+
+def cortex_m(name: str, workshop: Workshop, costs: Costs = instruction_costs) -> list[Order]:
+    """Return the builds for a Cortex-M: portable, and with its own instructions where it has some.
+
+    Raises
+    ------
+    InputError
+        A package of the extra ``verify`` is not installed.
+    """
+    need_modules(["ziglang", "unicorn", "elftools", "capstone"], name)
+    counter = build_counter(HARNESS, workshop.folder, name)
+    builds: list[tuple[str, dict[str, str]]] = [("portable", {})]
+    if name in WITH_PORT and workshop.bundle.has_port:
+        builds.append(("port header", {"ANHYST_PORT_HEADER": '"anhyst_port_cortex_m4.h"'}))
+    return [partial(_cortex, name, workshop, counter, costs, title, more) for title, more in builds]
+
+
+def _cortex(
+    name: str,
+    workshop: Workshop,
+    counter: Path,
+    costs: Costs,
+    title: str,
+    defines: Mapping[str, str],
+) -> Variant:
+    cpu, model = CORTEX[name]
+    plain = workshop.build("cortex_m", "-O2", "-Wl,--gc-sections")
+    build = Build(plain.sources, plain.include, {**plain.defines, **defines}, plain.flags)
+    path = workshop.folder / f"{name}-{title.replace(' ', '-')}.elf"
+    warnings = compile_cortex_m(cpu, build, HARNESS / "cortex_m.ld", path)
+    image = read_image(path)
+    program = CortexProgram(name, model, image, counter, costs)
+    return Variant(name, title, program, "instructions", cpu, "zig cc -O2", warnings, image)
+
+
+def avr(workshop: Workshop) -> list[Order]:
+    """Return the build for an ATmega, run by simavr.
+
+    Raises
+    ------
+    InputError
+        A package is not installed.
+    """
+    compiler = find_program("avr-gcc", "gcc-avr avr-libc", "avr")
+    need_modules(["elftools"], "avr")
+    host_compiler = find_program("cc", "gcc", "avr")
+    if not (SIMAVR_HEADERS / "sim_avr.h").exists():
+        raise InputError(
+            "target avr: libsimavr is not installed: apt install libsimavr-dev libelf-dev"
+        )
+    return [partial(_avr, workshop, compiler, host_compiler)]
+
+
+def _avr(workshop: Workshop, compiler: str, host_compiler: str) -> Variant:
+    path = workshop.folder / "avr.elf"
+    build = workshop.build("avr", "-O2", f"-mmcu={AVR_CPU}", "-Wl,--gc-sections")
+    warnings = compile_c([compiler], build, path, "avr")
+    image = read_image(path)
+    runner = workshop.folder / "avr_runner"
+    compile_c(
+        [host_compiler],
+        Build(
+            (HARNESS / "avr_runner.c",),
+            # simavr's own headers are not clean under this project's warnings.
+            flags=(
+                "-O2",
+                "-isystem",
+                str(SIMAVR_HEADERS),
+                "-isystem",
+                str(SIMAVR_HEADERS / "avr"),
+                "-Wno-conversion",
+            ),
+            libraries=("-lsimavr", "-lelf"),
+        ),
+        runner,
+        "avr",
+    )
+    numbers = (
+        image.address("harness_box") - AVR_DATA,
+        image.address("harness_count") - AVR_DATA,
+        REQUEST_BYTES,
+        WINDOW_OFFSET,
+        BOX_BYTES,
+    )
+    command = (str(runner), str(path), AVR_CPU, *map(str, numbers))
+    program = ProcessProgram("avr", command)
+    return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
+
+
+def msp430(workshop: Workshop) -> list[Order]:
+    """Return the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator.
+
+    Raises
+    ------
+    InputError
+        A package is not installed.
+    """
+    need_modules(["ziglang", "elftools"], "msp430")
+    return [partial(_msp430, workshop, find_program("mspdebug", "mspdebug", "msp430"))]
+
+
+def _msp430(workshop: Workshop, simulator: str) -> Variant:
+    path = workshop.folder / "msp430.elf"
+    compiler = [
+        *zig_cc("msp430"),
+        "-target",
+        "msp430-freestanding-none",
+        *FREESTANDING,
+        "-T",
+        str(HARNESS / "msp430.ld"),
+        "-Wl,--entry=reset",
+    ]
+    # Without -g the linker drops the symbols.
+    build = workshop.build("msp430", "-O2", "-g", "-Wl,--gc-sections")
+    warnings = compile_c(compiler, build, path, "msp430")
+    image = read_image(path)
+    program = Msp430Program("msp430", simulator, path, image)
+    return Variant(
+        "msp430",
+        "portable",
+        program,
+        "cycles",
+        "MSP430, 16x16 multiplier",
+        "zig cc -O2",
+        warnings,
+        image,
+    )
+
+
+TARGETS: Mapping[str, Maker] = {
+    "host": host,
+    **{name: partial(cortex_m, name) for name in CORTEX},
+    "avr": avr,
+    "msp430": msp430,
+}
+
+
+def parse_targets(names: str) -> list[str]:
+    """Read a list such as ``host,cortex-m4``.
+
+    Raises
+    ------
+    InputError
+        A name is unknown, or there is none.
+    """
+    wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
+    if not wanted:
+        raise InputError(f"--on: no target; known are {', '.join(TARGETS)}")
+    for name in wanted:
+        if name not in TARGETS:
+            raise InputError(f"--on: unknown target {name}; known are {', '.join(TARGETS)}")
+    return wanted

@@ -1,0 +1,192 @@
+"""Runs the C of a bundle on all targets and holds it against the host."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+from anhyst.errors import InputError, NegativeResult
+from anhyst.verify.bundle import VECTORS, Bundle, read_bundle
+from anhyst.verify.compare import Outcome, compare_with_host, compare_with_vectors, run
+from anhyst.verify.elf import measure_sizes
+from anhyst.verify.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
+from anhyst.verify.protocol import SECTIONS, Reply
+from anhyst.verify.result import Cost, TargetResult, Verification
+from anhyst.verify.stackdepth import stack_below
+from anhyst.verify.targets import CORTEX, TARGETS, cortex_m, parse_targets, reference
+from anhyst.verify.vectors import GoldenVectors, read_vectors
+from anhyst.verify.workshop import Variant, Workshop
+
+HOST_STEPS = 1_000_000
+TARGET_STEPS = 10_000
+ESTIMATE_STEPS = 2_000
+SEED = 1
+
+Progress = Callable[[float, float], None]
+
+
+def verify(
+    folder: Path,
+    on: str = "host,cortex-m4",
+    host_steps: int = HOST_STEPS,
+    target_steps: int = TARGET_STEPS,
+    seed: int = SEED,
+    progress: Progress | None = None,
+) -> Verification:
+    """Compare a compiled compensator bit for bit on several targets, and measure it there.
+
+    Parameters
+    ----------
+    folder : Path
+        What ``anhyst compile --out`` wrote.
+    on : str
+        Targets, separated by commas.
+    host_steps, target_steps : int
+        Random steps on the host and on each other target, at least 1.
+    seed : int
+        Of the random steps, 1 to 2^32 - 1.
+    progress : callable or None
+        Called with builds done and their number.
+
+    Returns
+    -------
+    Verification
+        Differences included: look at ``passed``.
+
+    Raises
+    ------
+    InputError
+        The folder is not what compile wrote, a target is unknown, its tools are not installed, or
+        a number is out of range.
+    """
+    names = parse_targets(on)
+    for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
+        if not 1 <= number < 1 << 32:
+            raise InputError(f"{name}: {number} is not within 1 .. 2^32 - 1")
+    bundle = read_bundle(folder)
+    vectors = read_vectors(folder / VECTORS)
+    with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
+        workshop = Workshop.set_up(bundle, Path(scratch))
+        job = _Job(workshop, vectors, host_steps, target_steps, seed)
+        orders = [(name, order) for name in names for order in TARGETS[name](workshop)]
+        results = job.run_all(names, orders, progress)
+        estimates = _estimates(job) if any(name in CORTEX for name in names) else ()
+    return Verification(
+        str(folder), bundle.kind, bundle.io, bundle.rate, seed, tuple(results), estimates
+    )
+
+
+class _Job:
+    """What all builds have in common: the inputs, and the host's answers to them."""
+
+    def __init__(
+        self,
+        workshop: Workshop,
+        vectors: GoldenVectors,
+        host_steps: int,
+        target_steps: int,
+        seed: int,
+    ) -> None:
+        self.workshop = workshop
+        self.vectors = vectors
+        self.seed = seed
+        self.host_steps, self.target_steps = host_steps, target_steps
+        self._reference = reference(workshop)
+        self._answers: dict[int, Outcome] = {}
+
+    def steps(self, target: str) -> int:
+        return self.host_steps if target == "host" else self.target_steps
+
+    def run_all(
+        self,
+        names: Sequence[str],
+        orders: Sequence[tuple[str, Callable[[], Variant]]],
+        progress: Progress | None,
+    ) -> list[TargetResult]:
+        """Build and run everything, as many at a time as there are processors."""
+        for steps in {self.steps(name) for name in names}:
+            self._answers[steps] = run(self._reference.program, self.vectors, steps, self.seed)
+        results: list[TargetResult] = []
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            waiting = [pool.submit(partial(self._one, *order)) for order in orders]
+            for done, future in enumerate(waiting):
+                if progress:
+                    progress(done, len(waiting))
+                results.append(future.result())
+        return results
+
+    def _one(self, target: str, order: Callable[[], Variant]) -> TargetResult:
+        began = time.monotonic()
+        steps = self.steps(target)
+        try:
+            variant = order()
+        except NegativeResult as error:
+            return TargetResult(target, "build", "", "", 0, 0, failure=str(error))
+        head = (target, variant.name, variant.processor, variant.compiler)
+        try:
+            outcome = run(variant.program, self.vectors, steps, self.seed)
+            difference = compare_with_vectors(outcome, self.vectors) or compare_with_host(
+                (self._reference.program, variant.program),
+                (self._answers[steps], outcome),
+                steps,
+                self.seed,
+            )
+        except NegativeResult as error:
+            return TargetResult(*head, 0, 0, failure=str(error))
+        counted = bool(variant.unit)
+        image = variant.image
+        return TargetResult(
+            *head,
+            steps,
+            len(self.vectors.inputs),
+            warnings=variant.warnings,
+            unit=variant.unit,
+            costs=costs(outcome.random) if counted else (),
+            sizes=measure_sizes(image, constants_in_data=target == "avr") if image else None,
+            state_bytes=outcome.random.state_bytes,
+            control_bytes=outcome.random.control_bytes,
+            stack_measured=outcome.stack if counted else None,
+            stack_static=_static_stack(variant, self.workshop.bundle),
+            difference=difference,
+            seconds=time.monotonic() - began,
+        )
+
+
+def _static_stack(variant: Variant, bundle: Bundle) -> int | None:
+    if variant.image is None or variant.target not in CORTEX:
+        return None
+    roots = [f"anhyst_compensator_{part}_{bundle.io}" for part in ("solve", "commit")]
+    return stack_below(variant.image, roots)
+
+
+def costs(reply: Reply) -> tuple[Cost, ...]:
+    """Take the clock's own share off what was counted."""
+    clock = reply.sections[0].least
+    found = []
+    for name, section in zip(SECTIONS[1:], reply.sections[1:], strict=True):
+        if section.count:
+            # A tick is made of four parts: PIDD2 and compensator, solve and commit each.
+            own = {"tick": 4, "pidd2": 2}.get(name, 1) * clock
+            mean = section.total / section.count - own
+            found.append(Cost(name, section.least - own, mean, section.most - own, section.most_at))
+    return tuple(found)
+
+
+def _estimates(job: _Job) -> tuple[Estimate, ...]:
+    """Run the Cortex-M0+ once more for each list of prices."""
+    found: list[Estimate] = []
+    for name, prices in PRICES.items():
+        order = cortex_m(SOURCE, job.workshop, partial(costs_of, prices))[0]
+        try:
+            reply = run(order().program, job.vectors, ESTIMATE_STEPS, job.seed).random
+        except NegativeResult:
+            return ()  # told as a failure of the target where it was asked for
+        found += [
+            Estimate(cost.part, name, cost.most, CLOCK_HZ / cost.most) for cost in costs(reply)
+        ]
+    return tuple(found)

@@ -1,0 +1,127 @@
+"""Where the C of a bundle is put together with the harness and compiled for a target."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from anhyst.compile.core import core_folder
+from anhyst.verify.bundle import FORMATS, SOURCES, Bundle
+from anhyst.verify.elf import Image
+from anhyst.verify.protocol import Reply, Request
+from anhyst.verify.toolchain import Build
+
+HARNESS = Path(__file__).resolve().parent / "harness"
+WITHOUT_LIBRARY = ("cortex_m", "msp430")
+SECTIONS_APART = ("-ffunction-sections", "-fdata-sections")
+
+
+class Program(Protocol):
+    """A linked harness that answers requests from reset."""
+
+    def run(self, requests: Sequence[Request]) -> list[Reply]:
+        """Answer one request after the other."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One build of the C for one target.
+
+    Parameters
+    ----------
+    target, name : str
+        Target, and what sets this build apart: ``gcc -O2``, ``portable``.
+    program : Program
+        What to run.
+    unit : str
+        What its clock counts: ``instructions``, ``cycles``, or nothing.
+    processor, compiler : str
+        What it ran on and what made it, for the report.
+    warnings : int
+        The compiler's, of the bundle and the harness.
+    image : Image or None
+        The linked program, where sizes can be read from it.
+    """
+
+    target: str
+    name: str
+    program: Program
+    unit: str
+    processor: str
+    compiler: str
+    warnings: int
+    image: Image | None = None
+
+    @property
+    def label(self) -> str:
+        """Target and build in one."""
+        return f"{self.target} ({self.name})"
+
+
+@dataclass(frozen=True, slots=True)
+class Workshop:
+    """A folder with copies of everything that is compiled.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        What is verified.
+    folder : Path
+        Scratch folder; the C lies in ``c``, programs beside it.
+    """
+
+    bundle: Bundle
+    folder: Path
+
+    @classmethod
+    def set_up(cls, bundle: Bundle, folder: Path) -> Workshop:
+        """Copy the C of the bundle and the harness into a scratch folder."""
+        place = folder / "c"
+        place.mkdir(parents=True)
+        bundle.copy_sources(place)
+        for source in HARNESS.iterdir():
+            shutil.copyfile(source, place / source.name)
+        _add_control(place, bundle)
+        return cls(bundle, folder)
+
+    def build(self, port: str, *flags: str) -> Build:
+        """Return what to compile for a port of the harness, such as ``cortex_m``."""
+        place = self.folder / "c"
+        ports = [port, "freestanding"] if port in WITHOUT_LIBRARY else [port]
+        names = [
+            "harness.c",
+            *(f"{name}.c" for name in ports),
+            *(name for name in SOURCES if name.endswith(".c")),
+        ]
+        if not self.bundle.has_control:
+            names.append(CONTROL_SOURCE)
+        return Build(
+            tuple(place / name for name in names),
+            (place,),
+            {"HARNESS_IO": FORMATS[self.bundle.io]},
+            (*SECTIONS_APART, *flags),
+        )
+
+
+CONTROL_SOURCE = "anhyst_pidd2.c"
+JOINED = '#include "anhyst.h"\n'
+
+
+def _add_control(place: Path, bundle: Bundle) -> None:
+    """Put the position controller where the harness looks for it.
+
+    A joined header holds what the core's has in several; one without the controller gets the
+    core's, so that a whole tick is measured.
+    """
+    headers = place / "anhyst"
+    headers.mkdir()
+    for name in ("fixed.h", "status.h", "pidd2.h"):
+        (headers / name).write_text(JOINED, encoding="ascii")
+    if not bundle.has_control:
+        core = core_folder()
+        shutil.copyfile(core / "include" / "anhyst" / "pidd2.h", headers / "pidd2.h")
+        shutil.copyfile(core / "src" / "pidd2.c", place / CONTROL_SOURCE)

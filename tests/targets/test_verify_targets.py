@@ -1,0 +1,109 @@
+"""The compiled compensators on every target: the same bits, and what they cost there."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from anhyst.verify import TargetResult, verify
+from anhyst.verify.result import Verification
+
+from .conftest import Compile
+
+KINDS = [("full", "q15"), ("full", "q31"), ("simplified", "q15"), ("simplified", "q31")]
+PARTS = ["solve", "commit, solved", "commit, other", "pidd2", "tick"]
+
+
+def agrees(found: Verification) -> Verification:
+    """Every build gave the same bits, without a warning."""
+    assert found.passed, found.first_failure()
+    assert [result.label for result in found.results if result.warnings] == []
+    return found
+
+
+def plausible(result: TargetResult) -> None:
+    assert [cost.part for cost in result.costs] == PARTS
+    for cost in result.costs:
+        assert 0 < cost.least <= cost.mean <= cost.most, cost
+        assert 0 <= cost.most_at < result.steps
+    most = {cost.part: cost.most for cost in result.costs}
+    parts = most["solve"] + most["commit, other"] + most["pidd2"]
+    assert most["solve"] < most["tick"] <= max(parts, most["solve"] + most["commit, solved"]) * 2
+    sizes = result.sizes
+    assert sizes is not None
+    assert sizes.code > 1000
+    assert sizes.parameters > 400
+    assert sizes.variables == 0
+    assert result.state_bytes <= 128
+    assert result.stack_measured is not None
+    assert 0 < result.stack_measured < 1024
+
+
+@pytest.mark.parametrize(("kind", "io"), KINDS)
+def test_cortex_m4_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -> None:
+    found = agrees(verify(compiled(kind, io), "cortex-m4"))
+    assert [result.build for result in found.results] == ["portable", "port header"]
+    for result in found.results:
+        plausible(result)
+        assert result.steps == 10_000
+        assert result.vectors >= 100
+        assert result.stack_static is not None
+        assert result.stack_static >= (result.stack_measured or 0)
+    portable, port = found.results
+    assert port.costs[0].most < portable.costs[0].most
+
+
+@pytest.mark.parametrize("target", ["cortex-m0plus", "cortex-m3", "cortex-m7"])
+def test_the_other_cortex_m_do_too(compiled: Compile, target: str) -> None:
+    for result in agrees(verify(compiled("full", "q15"), target, target_steps=2_000)).results:
+        plausible(result)
+
+
+def test_a_dsc_is_estimated_from_two_lists_of_prices(compiled: Compile) -> None:
+    found = verify(compiled("simplified", "q15"), "cortex-m0plus", target_steps=500)
+    cycles = {(each.prices, each.part): each.cycles for each in found.estimates}
+    instructions = found.results[0].cost("tick")
+    assert instructions is not None
+    for part in PARTS:
+        assert 0 < cycles["at best", part] < cycles["cautious", part]
+    for each in found.estimates:
+        assert each.rate == pytest.approx(60e6 / each.cycles)
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_host_builds_agree_under_sanitizers_too(
+    compiled: Compile, compiler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is missing: apt install {compiler} libclang-rt-dev")
+    monkeypatch.setattr("anhyst.verify.targets.HOST_COMPILERS", {compiler: compiler})
+    found = agrees(verify(compiled("full", "q31"), "host", host_steps=50_000))
+    assert [result.build for result in found.results] == [
+        *(f"{compiler} {level}" for level in ("-O0", "-O2", "-O3")),
+        f"{compiler} sanitizers",
+    ]
+    assert {result.costs for result in found.results} == {()}
+
+
+def missing_for_avr() -> bool:
+    tools = [shutil.which(name) for name in ("avr-gcc", "cc")]
+    return None in tools or not Path("/usr/include/simavr/sim_avr.h").exists()
+
+
+@pytest.mark.skipif(
+    missing_for_avr(), reason="apt install gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
+)
+@pytest.mark.parametrize(("kind", "io"), [("full", "q31"), ("simplified", "q15")])
+def test_avr_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -> None:
+    (result,) = agrees(verify(compiled(kind, io), "avr", target_steps=300)).results
+    plausible(result)
+    assert result.unit == "cycles"
+
+
+@pytest.mark.skipif(shutil.which("mspdebug") is None, reason="apt install mspdebug")
+def test_msp430_gives_the_bits_of_the_host(compiled: Compile) -> None:
+    (result,) = agrees(verify(compiled("simplified", "q31"), "msp430", target_steps=300)).results
+    plausible(result)
+    assert result.unit == "cycles"
