@@ -50,7 +50,7 @@ static void reach(const int16_t *words, const anhyst_memory *start, const anhyst
       continue; /* as near as the numbers allow; the remaining rounds change nothing */
     }
     const int32_t slope =
-        arms->flux_arm + ((arms->field_arm * anhyst_lag_slope(words, to->b)) >> 10);
+        arms->flux_arm + anhyst_scale(anhyst_lag_slope(words, to->b) * 64, arms->field_arm);
     const int32_t next = anhyst_add_q31(flux, anhyst_quotient(missing, slope));
     flux = next < ANHYST_Q30_ONE ? next : ANHYST_Q30_ONE - 1;
     if (flux > start->a) {

@@ -11,18 +11,16 @@
 #include "anhyst/compensator.h"
 #include "lookup.h"
 
-/* A weight with an exponent, as a slope in 1/1024. */
-static inline int32_t anhyst_steepness(int16_t weight, int16_t shift)
-{
-  const int32_t slope = anhyst_shl_q31(weight, (uint16_t)shift) / 64;
-  return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;
-}
+/* The steepest dp/dflux there is, 2048: what a weight with an exponent can say. */
+#define ANHYST_LAG_SLOPE_MAX ((int32_t)2097152)
 
-/* dp/dflux in 1/1024, largest ANHYST_SLOPE_MAX. |p| <= 1, q30. */
+/* dp/dflux in 1/1024, 0..ANHYST_LAG_SLOPE_MAX. |p| <= 1, q30. */
 static inline int32_t anhyst_lag_slope(const int16_t *words, int32_t p)
 {
   if (p < 0) {
-    return anhyst_steepness(words[ANHYST_WORD_SIMPLE_HOLD], words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]);
+    return anhyst_shl_q31(words[ANHYST_WORD_SIMPLE_HOLD],
+                          (uint16_t)words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]) >>
+           6;
   }
   const int32_t v = (ANHYST_Q30_ONE - p) >> 15; /* q15 */
   const int32_t rest = words[ANHYST_WORD_SIMPLE_REST];
@@ -30,14 +28,11 @@ static inline int32_t anhyst_lag_slope(const int16_t *words, int32_t p)
   if (v == 0) {
     return 0;
   }
-  const int32_t ratio = anhyst_quotient(v, below) >> 6;
-  const int32_t rate =
-      anhyst_steepness(words[ANHYST_WORD_SIMPLE_RATE], words[ANHYST_WORD_SIMPLE_RATE_SHIFT]) *
-      8; /* of z, which is counted in eighths */
-  const int32_t slope = (ratio > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : ratio) *
-                        (rate > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : rate);
-  const int32_t whole = slope >> 10;
-  return whole > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : whole;
+  /* The rate is that of z, which is counted in eighths. */
+  const int32_t ratio =
+      anhyst_shl_q31(anhyst_quotient(v, below), (uint16_t)words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
+  const int32_t slope = anhyst_scale(ratio, words[ANHYST_WORD_SIMPLE_RATE]) >> 3;
+  return slope > ANHYST_LAG_SLOPE_MAX ? ANHYST_LAG_SLOPE_MAX : slope;
 }
 
 /* The words that both kinds have. */

@@ -6,14 +6,20 @@
 #include "block.h"
 #include "closed.h"
 
+/* part*slope, slope in 1/1024, saturates: the slope as a weight of 15 bits and what it takes. */
+static int32_t change(int32_t part, int32_t slope)
+{
+  const uint16_t beyond = slope > ANHYST_Q15_MAX ? (uint16_t)(16U - anhyst_headroom(slope)) : 0U;
+  return anhyst_shl_q31(anhyst_scale(part, (int16_t)(slope >> beyond)), (uint16_t)(beyond + 6U));
+}
+
 static void advance(const int16_t *words, const anhyst_memory *from, int32_t way, anhyst_memory *to)
 {
   const int16_t substeps = words[ANHYST_WORD_EULER_SUBSTEPS];
   const int32_t part = way / substeps;
   int32_t u = from->b;
   for (int16_t i = 0; i < substeps; i++) {
-    const int16_t slope = (int16_t)anhyst_lag_slope(words, u);
-    u = anhyst_add_q31(u, anhyst_shl_q31(anhyst_scale(part, slope), 6));
+    u = anhyst_add_q31(u, change(part, anhyst_lag_slope(words, u)));
     u = anhyst_clamp(u, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   }
   to->a = from->a;
