@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Every operator of fixed.h but anhyst_scale, for any numbers within its preconditions. */
+#include "any.h"
+
+#include "anhyst/fixed.h"
+
+int main(void)
+{
+  const int16_t a = nondet_i16();
+  const int16_t b = nondet_i16();
+  const int32_t x = nondet_i32();
+  const int32_t y = nondet_i32();
+  (void)anhyst_sat_q15(x);
+  (void)anhyst_add_q15(a, b);
+  (void)anhyst_sub_q15(a, b);
+  (void)anhyst_mul_q15(a, b);
+  (void)anhyst_round_q31(x);
+  SHOW(anhyst_abs_q31(x) >= 0);
+  SHOW(anhyst_add_q31(x, y) == anhyst_add_q31(y, x));
+  SHOW(x < y || anhyst_sub_q31(x, y) >= 0);
+  const int32_t low = nondet_i32();
+  const int32_t high = any_within(low, ANHYST_Q31_MAX);
+  const int32_t kept = anhyst_clamp(x, low, high);
+  SHOW(kept >= low && kept <= high);
+  const uint16_t n = nondet_u16();
+  ASSUME(n <= 31);
+  const int32_t shifted = anhyst_shl_q31(x, n);
+  SHOW(x >= 0 ? shifted >= x : shifted <= x);
+  if (x > 0) {
+    const uint16_t room = anhyst_headroom(x);
+    SHOW(room <= 30 && (x << room) >= 0x40000000);
+  }
+  return 0;
+}

@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* anhyst_scale for any two numbers. */
+#include "any.h"
+
+#include "anhyst/fixed.h"
+
+int main(void)
+{
+  const int32_t r = anhyst_scale(nondet_i32(), nondet_i16());
+  SHOW(r >= -ANHYST_Q30_ONE && r <= ANHYST_Q30_ONE);
+  return 0;
+}
