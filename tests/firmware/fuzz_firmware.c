@@ -1,0 +1,368 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Fuzzing harness: an input is a script of what a line, a PC and sensors may do to the firmware.
+   Parser, request handler and control task run on a compiled compensator; address and undefined
+   behaviour sanitizers watch the memory, `require` watches what must hold at any time. */
+#include "anhyst_parameters.h"
+#include "app/app.h"
+#include "link/crc.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define STEPS_MOST 32
+
+typedef struct {
+  const uint8_t *data;
+  size_t size;
+  size_t at;
+} script;
+
+static const app_limits limits = {
+    .gap = {-PORT_ONE / 8, PORT_ONE / 8 * 9, PORT_ONE / 50, 12},
+    .force = {-PORT_ONE / 4, PORT_ONE / 4 * 5, PORT_ONE / 5, 14},
+    .current = {-PORT_ONE, PORT_ONE, PORT_ONE / 5, 16},
+    .current_low = INT32_MIN / 8 * 7,
+    .current_high = INT32_MAX / 8 * 7,
+    .stuck_current = INT32_MAX / 50,
+    .doubtful_ticks = 2,
+    .missed_ticks = 3,
+    .selftest_ticks = 4,
+    .ramp_ms = 50,
+};
+
+static const app_board board = {
+    .kernel = &ANHYST_KERNEL,
+    .words = anhyst_parameters,
+    .words_capacity = ANHYST_PARAMETERS_WORDS,
+    .firmware = 1,
+    .rate = ANHYST_RATE_HZ,
+    .limits = &limits,
+};
+
+static app fresh; /* as app_start leaves it: its check of the block would take most of the time */
+static app firmware;
+static port_sample sample;
+static int32_t drive;
+static uint32_t drive_state;
+static uint8_t wire[4096];
+static uint16_t wire_count;
+static uint16_t wire_at;
+static uint16_t accepts;
+static link_receiver line; /* what a PC sees */
+static link_receiver twin; /* what the firmware should see */
+static uint32_t answers;
+static uint32_t requests;
+static uint8_t sequence;
+static int locks;
+
+static void require(int holds)
+{
+  if (!holds) {
+    abort();
+  }
+}
+
+static uint8_t next8(script *s) { return s->at < s->size ? s->data[s->at++] : 0; }
+
+static uint16_t next16(script *s)
+{
+  const uint16_t low = next8(s);
+  return (uint16_t)(low | ((uint16_t)next8(s) << 8));
+}
+
+static int32_t next32(script *s)
+{
+  uint8_t bytes[4];
+  for (int i = 0; i < 4; i++) {
+    bytes[i] = next8(s);
+  }
+  return link_get_i32(bytes);
+}
+
+void port_sense(port_sample *to) { *to = sample; }
+
+void port_drive(int32_t current, uint32_t state)
+{
+  drive = current;
+  drive_state = state;
+}
+
+uint16_t port_link_read(uint8_t *bytes, uint16_t most)
+{
+  uint16_t count = 0;
+  while (count < most && wire_at < wire_count) {
+    bytes[count++] = wire[wire_at++];
+  }
+  return count;
+}
+
+uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+{
+  const uint16_t taken = count < accepts ? count : accepts;
+  link_frame answer;
+  for (uint16_t i = 0; i < taken; i++) {
+    if (link_receive(&line, bytes[i], &answer)) {
+      answers++;
+      require(answer.type >= 0x80U && answer.version == LINK_VERSION);
+    }
+  }
+  return taken;
+}
+
+void port_lock(void) { locks++; }
+void port_unlock(void) { locks--; }
+
+static void put_byte(uint8_t byte)
+{
+  link_frame frame;
+  if (wire_count < sizeof wire) {
+    wire[wire_count++] = byte;
+    requests += (uint32_t)link_receive(&twin, byte, &frame);
+  }
+}
+
+/* What must hold whatever was sent. */
+static void check_session(void)
+{
+  const int16_t *words = firmware.control.compensator.words;
+  require(locks == 0);
+  require(answers == requests && line.bad == 0 && firmware.session.receiver.bad == twin.bad);
+  require(words == anhyst_parameters || words == firmware.download.words[0] ||
+          words == firmware.download.words[1]);
+  for (uint16_t i = 0; i < (uint16_t)LINK_SETTING_COUNT; i++) {
+    require(app_setting_obstacle(i, firmware.settings[i], 0) == LINK_REASON_NONE);
+  }
+}
+
+static void poll(void)
+{
+  const app_session *session = &firmware.session;
+  do {
+    app_poll(&firmware);
+  } while (wire_at < wire_count || session->sending_count > 0U ||
+           session->chunk_at < session->chunk_count);
+  wire_at = 0;
+  wire_count = 0;
+  check_session();
+}
+
+static int32_t magnitude(int32_t value) { return value < 0 ? -(value + 1) : value; }
+
+static void tick(void)
+{
+  const app_control *control = &firmware.control;
+  const int32_t before = drive;
+  const int was_live = control->state == LINK_STATE_RUN || control->step >= 0;
+  app_tick(&firmware);
+  require(drive >= limits.current_low && drive <= limits.current_high);
+  require(control->state <= LINK_STATE_FAULT && control->fault < LINK_FAULT_COUNT);
+  require((control->state == LINK_STATE_FAULT) == (control->fault != LINK_FAULT_NONE));
+  require(drive_state == control->state + 256U * control->fault);
+  require(control->tick == sample.tick);
+  if (control->state == LINK_STATE_FAULT || !was_live) {
+    /* the safe state: one step of the ramp nearer to zero, at least */
+    const int32_t size = magnitude(before);
+    require(magnitude(drive) <= (size > control->ramp ? size - control->ramp + 1 : 0));
+  }
+}
+
+static void put_frame(uint8_t type, const uint8_t *payload, uint8_t length, uint8_t damage)
+{
+  uint8_t bytes[LINK_WIRE_MOST];
+  const link_frame frame = {LINK_VERSION, type, sequence, length, 0, payload, 0};
+  const uint16_t count = link_encode(bytes, &frame);
+  if (damage != 0U) {
+    bytes[damage % count] ^= (uint8_t)(1U << (damage & 7U));
+  }
+  for (uint16_t i = 0; i < count; i++) {
+    put_byte(bytes[i]);
+  }
+}
+
+static void send_words(const uint8_t *words, uint16_t count)
+{
+  uint8_t payload[LINK_PAYLOAD_MOST];
+  for (uint16_t at = 0; at < count; at = (uint16_t)(at + 100U)) {
+    const uint16_t part = (uint16_t)(count - at < 100 ? count - at : 100);
+    link_put_u16(payload, at);
+    memcpy(payload + 2, words + 2U * at, 2U * part);
+    sequence++;
+    put_frame(LINK_TYPE_BLOCK_DATA, payload, (uint8_t)(2U + 2U * part), 0);
+    poll();
+  }
+}
+
+/* A whole block: the one built in with a few words changed, its own checksum made right again, so
+   that what is behind the checksum is reached. */
+static void download(script *s)
+{
+  static uint8_t words[2 * ANHYST_PARAMETERS_WORDS];
+  uint8_t payload[LINK_SIZE_BLOCK_BEGIN];
+  for (size_t i = 0; i < ANHYST_PARAMETERS_WORDS; i++) {
+    link_put_u16(words + 2 * i, (uint16_t)anhyst_parameters[i]);
+  }
+  for (int changes = next8(s) & 3; changes > 0; changes--) {
+    const size_t at = next16(s) % ANHYST_PARAMETERS_WORDS;
+    link_put_u16(words + 2 * at, next16(s));
+  }
+  const uint32_t head = link_crc32(0, words, 2 * ANHYST_WORD_CRC);
+  const uint32_t own = link_crc32(head, words + 2 * (ANHYST_WORD_CRC + 2),
+                                  2 * (ANHYST_PARAMETERS_WORDS - ANHYST_WORD_CRC - 2));
+  link_put_u32(words + 2 * ANHYST_WORD_CRC, own);
+  link_put_u16(payload, ANHYST_PARAMETERS_WORDS);
+  memcpy(payload + 2, words + 2 * ANHYST_WORD_GENERATION, 2);
+  link_put_u32(payload + 4, link_crc32(0, words, sizeof words));
+  sequence++;
+  put_frame(LINK_TYPE_BLOCK_BEGIN, payload, LINK_SIZE_BLOCK_BEGIN, 0);
+  send_words(words, ANHYST_PARAMETERS_WORDS);
+  sequence++;
+  put_frame(LINK_TYPE_BLOCK_SWAP, words + 2 * ANHYST_WORD_GENERATION, LINK_SIZE_BLOCK_SWAP, 0);
+  poll();
+}
+
+/* A request whose length is as a rule that of its type. */
+static void request(script *s, uint8_t damage)
+{
+  static const uint8_t lengths[16] = {
+      0,
+      LINK_SIZE_HELLO,
+      LINK_SIZE_HEARTBEAT,
+      LINK_SIZE_DEMAND,
+      LINK_SIZE_COMMAND,
+      LINK_SIZE_SETTING_READ,
+      LINK_SIZE_SETTING_WRITE,
+      LINK_SIZE_BLOCK_BEGIN,
+      LINK_SIZE_BLOCK_DATA + 8,
+      LINK_SIZE_BLOCK_SWAP,
+      LINK_SIZE_BLOCK_READ,
+      LINK_SIZE_RECORDER_SETUP,
+      LINK_SIZE_RECORDER_QUERY,
+      LINK_SIZE_RECORDER_READ,
+  };
+  uint8_t payload[LINK_PAYLOAD_MOST];
+  const uint8_t type = next8(s);
+  uint8_t length = lengths[type & 15U];
+  if ((type & 0x40U) != 0U) {
+    length = (uint8_t)(next8(s) % (LINK_PAYLOAD_MOST + 1));
+  }
+  for (uint8_t i = 0; i < length; i++) {
+    payload[i] = next8(s);
+  }
+  sequence = (type & 0x20U) != 0U ? next8(s) : (uint8_t)(sequence + 1U);
+  put_frame(type & 0x8FU, payload, length, damage);
+  poll();
+}
+
+static void command(script *s)
+{
+  uint8_t payload[LINK_SIZE_COMMAND];
+  link_put_u16(payload, next8(s) & 7U);
+  sequence++;
+  put_frame(LINK_TYPE_COMMAND, payload, sizeof payload, 0);
+  poll();
+}
+
+static void quiet_ticks(script *s)
+{
+  for (int count = next8(s) & 15; count >= 0; count--) {
+    sample.tick++;
+    sample.gap ^= 64;
+    sample.force ^= 64;
+    sample.current ^= 64;
+    tick();
+  }
+}
+
+static void any_sample(script *s)
+{
+  const uint8_t kind = next8(s);
+  sample.tick += (kind & 1U) != 0U ? next8(s) : 1U;
+  sample.gap = (kind & 2U) != 0U ? next32(s) : (int32_t)next16(s) * 0x4000;
+  if ((kind & 4U) != 0U) {
+    sample.force = next32(s);
+  }
+  if ((kind & 8U) != 0U) {
+    sample.current = next32(s);
+  }
+  sample.status = (kind & 16U) != 0U ? next8(s) : 0U;
+  tick();
+}
+
+static void raw_bytes(script *s)
+{
+  for (int count = next8(s) & 63; count >= 0; count--) {
+    put_byte(next8(s));
+  }
+  poll();
+}
+
+static void step(script *s)
+{
+  const uint8_t what = next8(s);
+  accepts = (uint16_t)((what >> 3) + 1U);
+  switch (what & 7U) {
+  case 0:
+    raw_bytes(s);
+    break;
+  case 1:
+    request(s, 0);
+    break;
+  case 2:
+    request(s, next8(s));
+    break;
+  case 3:
+    any_sample(s);
+    break;
+  case 4:
+    command(s);
+    break;
+  case 5:
+    if ((what & 0x18U) == 0U) { /* takes longest: not as often as the others */
+      download(s);
+    } else {
+      command(s);
+    }
+    break;
+  default:
+    quiet_ticks(s);
+    break;
+  }
+}
+
+static void start(void)
+{
+  firmware = fresh;
+  memset(&sample, 0, sizeof sample);
+  sample.gap = PORT_ONE / 2;
+  drive = 0;
+  wire_at = 0;
+  wire_count = 0;
+  link_receiver_start(&line);
+  link_receiver_start(&twin);
+  answers = 0;
+  requests = 0;
+  sequence = 0;
+  locks = 0;
+}
+
+int LLVMFuzzerInitialize(int *argc, char ***argv);
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+int LLVMFuzzerInitialize(int *argc, char ***argv)
+{
+  (void)argc;
+  (void)argv;
+  app_start(&fresh, &board);
+  require(fresh.control.compensator.words != NULL);
+  return 0;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+  script s = {data, size, 0};
+  start();
+  for (int i = 0; i < STEPS_MOST && s.at < s.size; i++) {
+    step(&s);
+  }
+  return 0;
+}

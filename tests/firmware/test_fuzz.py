@@ -1,0 +1,29 @@
+"""A short run of the fuzzer; ``make fuzz`` is the long one."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from .build import ROOT, can, tool
+
+FUZZER = ["-fsanitize=fuzzer,address,undefined", "-DPROBE_FUZZER"]
+INPUTS = 20_000
+
+
+def test_no_input_of_a_short_run_breaks_the_firmware(tmp_path: Path) -> None:
+    clang = tool("clang")
+    if not can(clang, tmp_path, *FUZZER):
+        pytest.skip("clang has no libFuzzer here: apt install libclang-rt-dev")
+    script = ROOT / "tools" / "fuzz.py"
+    command = [sys.executable, str(script), "--runs", str(INPUTS), "--out", str(tmp_path / "fuzz")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    reached = [int(edges) for edges in re.findall(r"(\d+) edges reached", done.stdout)]
+    # Requests, blocks, states and both laws: far beyond a parser that throws everything away.
+    assert len(reached) == 2
+    assert all(edges > 400 for edges in reached)

@@ -1,0 +1,140 @@
+"""Fuzz the firmware: parser, request handler and control task on compiled compensators.
+
+Usage: ``python tools/fuzz.py [--runs N] [--seed N] [--out FOLDER]``
+
+A small model is compiled in both kinds; the harness tests/firmware/fuzz_firmware.c is built on each
+with clang's libFuzzer and its address and undefined-behaviour sanitizers, and the two run side by
+side, half of the inputs each. The figures are printed. The exit code is 1 if an input broke
+something; it is kept in the folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from anhyst.compile.output import compile_model
+from anhyst.compile.plan import Request
+from anhyst.data.units import QUANTITIES
+from anhyst.model import ActuatorModel, Parameter
+from anhyst.modelfile import write_model
+from anhyst.record import ValidRange
+
+ROOT = Path(__file__).resolve().parents[1]
+KINDS = ("full", "simplified")
+
+RATE = 100.0
+"""Ticks a second: few, so that a tenth of a second, the heartbeat, is a few ticks of a script."""
+
+RECORDER_VALUES = 96
+"""So few that a script fills the recorder."""
+
+FLAGS = [
+    *("-std=c99", "-O2", "-g", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
+    # Comparisons need not be traced: the harness makes sound frames itself. Twice as fast.
+    "-fno-sanitize-coverage=trace-cmp,trace-div,trace-gep",
+    f"-DAPP_RECORDER_VALUES={RECORDER_VALUES}",
+]
+LENGTH_MOST = 160
+"""Bytes of a script."""
+
+
+def small_magnet() -> ActuatorModel:
+    """Return an electromagnet with two gaps."""
+    gaps = (0.3e-3, 0.6e-3)
+    parameters: dict[str, Parameter] = {"M_s": 1e6, "a": 1000.0, "k": 700.0, "c": 0.2}
+    parameters |= {"c_H": 12e3, "rho": tuple(2e-4 + 11.5 * gap for gap in gaps)}
+    parameters |= {"c_out": 60.0, "in_0": 0.015, "out_0": -0.4}
+    return ActuatorModel(
+        "small magnet",
+        QUANTITIES["current"],
+        QUANTITIES["force"],
+        parameters,
+        gap_map="reluctance",
+        schedule=QUANTITIES["gap"],
+        nodes=gaps,
+        valid=ValidRange((0.0, 2.0), (0.0, 200.0), (gaps[0], gaps[-1])),
+    )
+
+
+def build(kind: str, folder: Path, clang: str) -> Path:
+    """Compile the compensator and the harness on it; return the program."""
+    compiled = folder / f"compiled-{kind}"
+    compile_model(folder / "model.toml", compiled, Request(kind, "q31", RATE))  # type: ignore[arg-type]
+    sources = [
+        ROOT / "tests" / "firmware" / "fuzz_firmware.c",
+        *sorted(ROOT.glob("firmware/link/*.c")),
+        *sorted(ROOT.glob("firmware/app/*.c")),
+        compiled / "anhyst.c",
+        compiled / "anhyst_parameters.c",
+    ]
+    program = folder / f"fuzz-{kind}"
+    include = [f"-I{ROOT / 'firmware'}", f"-I{compiled}"]
+    subprocess.run([clang, *FLAGS, *include, *map(str, sources), "-o", str(program)], check=True)
+    return program
+
+
+def begin(kind: str, program: Path, runs: int, seed: int) -> subprocess.Popen[str]:
+    """Start a run; its corpus begins empty."""
+    corpus = program.with_name(f"corpus-{kind}")
+    shutil.rmtree(corpus, ignore_errors=True)
+    corpus.mkdir()
+    options = {
+        "max_len": LENGTH_MOST,
+        "runs": runs,
+        "seed": seed,
+        "entropic": 0,
+        "reduce_inputs": 0,
+        "artifact_prefix": f"{program.parent}/{kind}-",
+    }
+    command = [str(program), *(f"-{name}={value}" for name, value in options.items()), str(corpus)]
+    log = program.with_suffix(".log").open("w", encoding="utf-8")
+    with log:
+        return subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, text=True)
+
+
+def fuzz(runs: int, seed: int, folder: Path) -> int:
+    """Build and run both; return the exit code."""
+    clang = shutil.which("clang")
+    if clang is None:
+        print("clang is not installed: apt install clang libclang-rt-dev")
+        return 2
+    folder.mkdir(parents=True, exist_ok=True)
+    write_model(small_magnet(), folder / "model.toml")
+    programs = {kind: build(kind, folder, clang) for kind in KINDS}
+    started = time.monotonic()
+    share = runs // len(KINDS)
+    running = {kind: begin(kind, programs[kind], share, seed) for kind in KINDS}
+    broken = 0
+    for kind, process in running.items():
+        code = process.wait()
+        log = programs[kind].with_suffix(".log").read_text(encoding="utf-8", errors="replace")
+        edges = re.findall(r"cov: (\d+)", log)
+        print(
+            f"{kind}: {share} inputs in {time.monotonic() - started:.0f} s, "
+            f"{edges[-1] if edges else 0} edges reached, "
+            f"{'nothing found' if code == 0 else 'BROKEN'}"
+        )
+        if code != 0:
+            broken += 1
+            print(log[-3000:])
+    return 1 if broken else 0
+
+
+def main() -> int:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else None)
+    parser.add_argument("--runs", type=int, default=10_000_000, help="inputs altogether")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=ROOT / "build" / "fuzz")
+    options = parser.parse_args()
+    return fuzz(options.runs, options.seed, options.out)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
