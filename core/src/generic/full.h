@@ -4,6 +4,7 @@
 typedef struct {
   const ANHYST_NAME(anhyst_full_law) *law;
   ANHYST_NAME(anhyst_memory) from;
+  ANHYST_REAL scale;     /* segments for a unit of field */
   ANHYST_REAL departure; /* of the irreversible part */
   ANHYST_REAL level;     /* irreversible part there */
   ANHYST_REAL branch;    /* A there */
@@ -15,30 +16,31 @@ typedef struct {
   ANHYST_REAL y;
   ANHYST_REAL p;
   ANHYST_REAL m;
+  ANHYST_REAL y_slope; /* dy/dx */
   ANHYST_REAL m_slope; /* dm/dx */
 } ANHYST_NAME(answer);
 
 /* L(x) and its slope. */
-static ANHYST_REAL ANHYST_NAME(curve)(const ANHYST_NAME(anhyst_full_law) *law, ANHYST_REAL x,
+static ANHYST_REAL ANHYST_NAME(curve)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
                                       ANHYST_REAL *slope)
 {
-  const ANHYST_REAL scale = (ANHYST_REAL)law->curve_segments / law->reach;
-  const ANHYST_NAME(anhyst_spot) spot =
-      ANHYST_NAME(anhyst_spot_of)(law->curve_segments, ANHYST_NAME(anhyst_size)(x) * scale);
-  const ANHYST_REAL value = ANHYST_NAME(anhyst_value_at)(law->curve, spot);
-  *slope = ANHYST_NAME(anhyst_rise_at)(law->curve, spot) * scale;
+  const ANHYST_REAL *table = along->law->curve;
+  const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
+      along->law->curve_segments, ANHYST_NAME(anhyst_size)(x) * along->scale);
+  const ANHYST_REAL value = ANHYST_NAME(anhyst_value_at)(table, spot);
+  *slope = ANHYST_NAME(anhyst_rise_at)(table, spot) * along->scale;
   return x < R(0.0) ? -value : value;
 }
 
 /* A(x) and its slope. */
-static ANHYST_REAL ANHYST_NAME(branch)(const ANHYST_NAME(anhyst_full_law) *law, ANHYST_REAL x,
+static ANHYST_REAL ANHYST_NAME(branch)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
                                        ANHYST_REAL *slope)
 {
-  const ANHYST_REAL scale = (ANHYST_REAL)law->curve_segments / law->reach;
-  const ANHYST_NAME(anhyst_spot) spot =
-      ANHYST_NAME(anhyst_spot_of)((uint16_t)(2U * law->curve_segments), (x + law->reach) * scale);
-  *slope = ANHYST_NAME(anhyst_rise_at)(law->branch, spot) * scale;
-  return ANHYST_NAME(anhyst_value_at)(law->branch, spot);
+  const ANHYST_REAL *table = along->law->branch;
+  const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
+      (uint16_t)(2U * along->law->curve_segments), (x + along->law->reach) * along->scale);
+  *slope = ANHYST_NAME(anhyst_rise_at)(table, spot) * along->scale;
+  return ANHYST_NAME(anhyst_value_at)(table, spot);
 }
 
 /* The field at which L reaches y. */
@@ -67,50 +69,33 @@ static ANHYST_REAL ANHYST_NAME(forgotten)(ANHYST_REAL t)
   return R(1.0) - (R(1.0) - f * ratio) / (ANHYST_REAL)((uint32_t)1 << whole);
 }
 
-static ANHYST_REAL ANHYST_NAME(magnetisation)(const ANHYST_NAME(anhyst_full_law) *law,
-                                              ANHYST_REAL y, ANHYST_REAL anhysteretic)
+static ANHYST_REAL ANHYST_NAME(magnetisation)(const ANHYST_NAME(path) *along, ANHYST_REAL y,
+                                              ANHYST_REAL anhysteretic)
 {
-  return y + law->reversible * (anhysteretic - y);
+  return y + along->law->reversible * (anhysteretic - y);
 }
 
-static void ANHYST_NAME(depart)(ANHYST_NAME(path) *along, const ANHYST_NAME(anhyst_full_law) *law,
-                                const ANHYST_NAME(anhyst_memory) *from)
+/* dy/dp where what pulls stands so far above y. */
+static ANHYST_REAL ANHYST_NAME(pulled)(const ANHYST_NAME(path) *along, ANHYST_REAL above)
 {
-  ANHYST_REAL slope;
-  along->law = law;
-  along->from = *from;
-  if (from->turn < from->place) { /* still on the way on which it set out there */
-    along->departure = from->turn;
-    along->level = from->turn_level;
-  } else {
-    along->departure = from->place;
-    along->level = from->level;
-    if (ANHYST_NAME(curve)(law, from->place, &slope) < from->level) {
-      /* Held until the anhysteretic has crossed y; what b is exactly hardly matters, since y
-         leaves with slope zero. */
-      const ANHYST_REAL crossing = ANHYST_NAME(inverse_curve)(law, from->level);
-      along->departure = crossing > from->place ? crossing : from->place;
-    }
-  }
-  along->branch = ANHYST_NAME(branch)(law, along->departure, &slope);
+  return R(0.6931471805599453) * along->law->octaves * above;
 }
 
 /* The irreversible part where the play stands at p; *slope is dy/dp. */
 static ANHYST_REAL ANHYST_NAME(irreversible)(const ANHYST_NAME(path) *along, ANHYST_REAL p,
                                              ANHYST_REAL *slope)
 {
-  const ANHYST_NAME(anhyst_full_law) *law = along->law;
   *slope = R(0.0);
   if (p <= along->departure) {
     return along->from.level;
   }
   ANHYST_REAL rise;
-  const ANHYST_REAL here = ANHYST_NAME(branch)(law, p, &rise);
-  const ANHYST_REAL lost = ANHYST_NAME(forgotten)((p - along->departure) * law->octaves);
-  const ANHYST_REAL risen = (along->branch - along->level) * lost + (here - along->branch);
+  const ANHYST_REAL here = ANHYST_NAME(branch)(along, p, &rise);
+  const ANHYST_REAL gone = ANHYST_NAME(forgotten)((p - along->departure) * along->law->octaves);
+  const ANHYST_REAL risen = (along->branch - along->level) * gone + (here - along->branch);
   const ANHYST_REAL y =
       ANHYST_NAME(anhyst_limited)(along->level + risen, along->from.level, R(1.0));
-  const ANHYST_REAL steep = rise + (here - y) / law->kappa;
+  const ANHYST_REAL steep = rise + ANHYST_NAME(pulled)(along, here - y);
   *slope = steep > R(0.0) ? steep : R(0.0);
   return y;
 }
@@ -120,97 +105,155 @@ static void ANHYST_NAME(evaluate)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
 {
   const ANHYST_NAME(anhyst_full_law) *law = along->law;
   ANHYST_REAL x_slope;
-  ANHYST_REAL y_slope;
-  const ANHYST_REAL anhysteretic = ANHYST_NAME(curve)(law, x, &x_slope);
+  const ANHYST_REAL anhysteretic = ANHYST_NAME(curve)(along, x, &x_slope);
   at->x = x;
   at->p = x - law->play > along->from.place ? x - law->play : along->from.place;
-  at->y = ANHYST_NAME(irreversible)(along, at->p, &y_slope);
-  at->m = ANHYST_NAME(magnetisation)(law, at->y, anhysteretic);
-  at->m_slope = y_slope + law->reversible * (x_slope - y_slope);
+  at->y = ANHYST_NAME(irreversible)(along, at->p, &at->y_slope);
+  at->m = ANHYST_NAME(magnetisation)(along, at->y, anhysteretic);
+  at->m_slope = ANHYST_NAME(magnetisation)(along, at->y_slope, x_slope);
 }
+
+/* Finds where the irreversible part departs, and the answer at the start. */
+static void ANHYST_NAME(depart)(ANHYST_NAME(path) *along, ANHYST_NAME(answer) *at)
+{
+  const ANHYST_NAME(anhyst_memory) *from = &along->from;
+  ANHYST_REAL slope;
+  ANHYST_REAL x_slope;
+  const ANHYST_REAL anhysteretic = ANHYST_NAME(curve)(along, from->x, &x_slope);
+  const ANHYST_REAL pull = ANHYST_NAME(curve)(along, from->place, &slope);
+  at->x = from->x;
+  at->p = from->place;
+  at->y = from->level;
+  at->y_slope = R(0.0);
+  along->departure = from->place;
+  along->level = from->level;
+  if (pull < from->level) {
+    /* Held until the anhysteretic has crossed y. Where that is exactly hardly matters, since y
+       leaves with slope zero. */
+    const ANHYST_REAL crossing = ANHYST_NAME(inverse_curve)(along->law, from->level);
+    along->departure = crossing > from->place ? crossing : from->place;
+  } else if (from->x - from->place >= along->law->play) {
+    at->y_slope = ANHYST_NAME(pulled)(along, pull - from->level);
+  }
+  if (from->turn < from->place) { /* still on the way on which it set out there */
+    along->departure = from->turn;
+    along->level = from->turn_level;
+  }
+  along->branch = ANHYST_NAME(branch)(along, along->departure, &slope);
+  at->m = ANHYST_NAME(magnetisation)(along, at->y, anhysteretic);
+  at->m_slope = ANHYST_NAME(magnetisation)(along, at->y_slope, x_slope);
+}
+
+/* air*x + iron*m = target along a rising path, and the interval known to hold the solution. */
+typedef struct {
+  ANHYST_REAL air;
+  ANHYST_REAL iron;
+  ANHYST_REAL target;
+  ANHYST_REAL low;
+  ANHYST_REAL high;
+  ANHYST_REAL residual; /* at the last place looked at */
+} ANHYST_NAME(search);
 
 /* Where the path would meet its target if m rose like the anhysteretic curve: a guess that holds
-   over long ways, where a tangent does not. residual is that at x. */
-static ANHYST_REAL ANHYST_NAME(follow_curve)(const ANHYST_NAME(anhyst_full_law) *law, ANHYST_REAL x,
-                                             ANHYST_REAL iron, ANHYST_REAL residual)
+   over long ways, where a tangent does not. */
+static ANHYST_REAL ANHYST_NAME(follow_curve)(const ANHYST_NAME(path) *along,
+                                             const ANHYST_NAME(search) *find, ANHYST_REAL x)
 {
+  /* Iron that does not count at all must not be divided by. */
+  const ANHYST_REAL least = R(1e-6) * find->air;
+  const ANHYST_REAL iron = find->iron > least ? find->iron : least;
   ANHYST_REAL slope;
-  const ANHYST_REAL level = ANHYST_NAME(curve)(law, x, &slope) - residual / iron;
-  return ANHYST_NAME(inverse_curve)(law, ANHYST_NAME(anhyst_limited)(level, R(-1.0), R(1.0)));
+  const ANHYST_REAL level = ANHYST_NAME(curve)(along, x, &slope) - find->residual / iron;
+  return ANHYST_NAME(inverse_curve)(along->law,
+                                    ANHYST_NAME(anhyst_limited)(level, R(-1.0), R(1.0)));
 }
 
-/* Solves air*x + iron*m = target along a rising path on which the residual begins below zero.
-   Newton's steps inside an interval that always holds the solution. A step must stay inside it and
-   be shorter by a quarter than the last one, since tangents can swing to and fro across the two
-   bends of the curve, or be too short to matter; any other follows the anhysteretic curve instead,
-   or goes to the middle. The number of evaluations is fixed; what is left of the residual after
-   them is part of the accuracy budget. */
-static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_REAL air, ANHYST_REAL iron,
-                              ANHYST_REAL target, ANHYST_NAME(answer) *at)
+/* Looks at a place: narrows the interval, and gives where the tangent would meet the target. */
+static ANHYST_REAL ANHYST_NAME(look)(ANHYST_NAME(search) *find, const ANHYST_NAME(answer) *at)
 {
-  const ANHYST_REAL long_way = along->law->reach / R(64.0);
-  const ANHYST_REAL short_way = along->law->reach / R(16384.0);
-  /* Iron that does not count at all must not be divided by. */
-  const ANHYST_REAL counted = iron > R(1e-6) * air ? iron : R(1e-6) * air;
-  ANHYST_REAL low = along->from.x;
-  ANHYST_REAL high = along->law->reach;
-  ANHYST_REAL furthest = R(4.0) * high;
-  ANHYST_REAL x = low;
+  find->residual = find->air * at->x + find->iron * at->m - find->target;
+  if (find->residual < R(0.0)) {
+    find->low = at->x;
+  } else {
+    find->high = at->x;
+  }
+  return at->x - find->residual / (find->air + find->iron * at->m_slope);
+}
+
+/* Moves an answer along its tangents to x, a short way. */
+static void ANHYST_NAME(slide)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
+                               ANHYST_NAME(answer) *at)
+{
+  const ANHYST_NAME(anhyst_memory) *from = &along->from;
+  const ANHYST_REAL way = x - at->x;
+  at->x = x;
+  at->y = ANHYST_NAME(anhyst_limited)(at->y + way * at->y_slope, from->level, R(1.0));
+  at->m += way * at->m_slope;
+  if (at->p > from->place) {
+    at->p = x - along->law->play > from->place ? x - along->law->play : from->place;
+  }
+}
+
+/* Solves from *at, the start of the path, where the residual is negative. Newton's steps inside an
+   interval that always holds the solution. A step must stay inside it and be shorter by a quarter
+   than the last one, since tangents can swing to and fro across the two bends of the curve, or be
+   too short to matter; any other follows the anhysteretic curve instead, or goes to the middle.
+   The number of evaluations is fixed; a last step is taken along the tangents, and what is left of
+   the residual then is part of the accuracy budget. */
+static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search) *find,
+                              ANHYST_NAME(answer) *at)
+{
+  const ANHYST_REAL reach = along->law->reach;
+  ANHYST_REAL furthest = R(4.0) * reach;
+  find->low = at->x;
+  find->high = reach;
   for (uint16_t i = 0; i < along->law->iterations; i++) {
-    ANHYST_NAME(evaluate)(along, x, at);
-    const ANHYST_REAL residual = air * x + iron * at->m - target;
-    ANHYST_REAL next = x - residual / (air + iron * at->m_slope);
+    const ANHYST_REAL x = at->x;
+    ANHYST_REAL next = ANHYST_NAME(look)(find, at);
     const ANHYST_REAL way = ANHYST_NAME(anhyst_size)(next - x);
-    if (residual < R(0.0)) {
-      low = x;
-    } else {
-      high = x;
-    }
-    if (way <= short_way || (next > low && next < high && way <= R(0.75) * furthest)) {
-      next = ANHYST_NAME(anhyst_limited)(next, low, high);
+    const int inside = next > find->low && next < find->high;
+    if (way <= reach / R(16384.0) || (inside && way <= R(0.75) * furthest)) {
+      next = ANHYST_NAME(anhyst_limited)(next, find->low, find->high);
       furthest = ANHYST_NAME(anhyst_size)(next - x);
     } else {
-      next = low;
-      if (high - low > long_way) {
-        next = ANHYST_NAME(follow_curve)(along->law, x, counted, residual);
+      furthest = find->high - find->low;
+      next = furthest > reach / R(64.0) ? ANHYST_NAME(follow_curve)(along, find, x) : find->low;
+      if (!(next > find->low && next < find->high)) {
+        next = find->low + R(0.5) * furthest;
       }
-      if (!(next > low && next < high)) {
-        next = low + R(0.5) * (high - low);
-      }
-      furthest = high - low;
     }
-    x = next;
+    ANHYST_NAME(evaluate)(along, next, at);
   }
-  ANHYST_NAME(evaluate)(along, x, at);
+  const ANHYST_REAL last = ANHYST_NAME(look)(find, at);
+  ANHYST_NAME(slide)(along, ANHYST_NAME(anhyst_limited)(last, find->low, find->high), at);
 }
 
-static ANHYST_NAME(anhyst_memory)
-    ANHYST_NAME(full_mirrored)(const ANHYST_NAME(anhyst_memory) *memory)
+static ANHYST_NAME(anhyst_memory) ANHYST_NAME(full_mirrored)(ANHYST_NAME(anhyst_memory) memory)
 {
-  ANHYST_NAME(anhyst_memory) other;
-  other.place = -memory->place;
-  other.level = -memory->level;
-  other.turn = -memory->turn;
-  other.turn_level = -memory->turn_level;
-  other.x = -memory->x;
-  return other;
+  memory.place = -memory.place;
+  memory.level = -memory.level;
+  memory.turn = -memory.turn;
+  memory.turn_level = -memory.turn_level;
+  memory.x = -memory.x;
+  return memory;
 }
 
 /* Where an answer on a path leaves the iron. */
-static void ANHYST_NAME(remember)(const ANHYST_NAME(path) *along, const ANHYST_NAME(answer) *at,
-                                  ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_NAME(anhyst_memory)
+    ANHYST_NAME(remembered)(const ANHYST_NAME(path) *along, const ANHYST_NAME(answer) *at)
 {
-  *to = along->from;
-  to->x = at->x;
-  to->level = at->y;
-  to->place = at->p;
+  ANHYST_NAME(anhyst_memory) memory = along->from;
+  memory.x = at->x;
+  memory.level = at->y;
+  memory.place = at->p;
   if (at->p > along->departure) {
-    to->turn = along->departure;
-    to->turn_level = along->level;
+    memory.turn = along->departure;
+    memory.turn_level = along->level;
   } else if (at->p > along->from.place) { /* held: what comes sets out from here */
-    to->turn = at->p;
-    to->turn_level = at->y;
+    memory.turn = at->p;
+    memory.turn_level = at->y;
   }
+  return memory;
 }
 
 /* Solves air*x + iron*m = target from a memory; air > 0, iron >= 0. Returns m. */
@@ -220,30 +263,37 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_full_law) *law,
                                      ANHYST_NAME(anhyst_memory) *to)
 {
   ANHYST_REAL slope;
+  ANHYST_NAME(path) along;
+  along.law = law;
+  along.from = *from;
+  along.scale = (ANHYST_REAL)law->curve_segments / law->reach;
   const ANHYST_REAL m =
-      ANHYST_NAME(magnetisation)(law, from->level, ANHYST_NAME(curve)(law, from->x, &slope));
-  const ANHYST_REAL residual = air * from->x + iron * m - target;
-  const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(air * from->x) +
-                           ANHYST_NAME(anhyst_size)(iron * m) + ANHYST_NAME(anhyst_size)(target);
+      ANHYST_NAME(magnetisation)(&along, from->level, ANHYST_NAME(curve)(&along, from->x, &slope));
+  const ANHYST_REAL of_air = air * from->x;
+  const ANHYST_REAL of_iron = iron * m;
+  const ANHYST_REAL residual = of_air + of_iron - target;
+  const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(of_air) + ANHYST_NAME(anhyst_size)(of_iron) +
+                           ANHYST_NAME(anhyst_size)(target);
   if (!(ANHYST_NAME(anhyst_size)(residual) > ANHYST_NAME(anhyst_noise)(size))) {
     *to = *from; /* there already, or the target is no number */
     return m;
   }
-  ANHYST_NAME(path) along;
+  const int falling = residual > R(0.0);
   ANHYST_NAME(answer) at;
-  if (residual < R(0.0)) {
-    ANHYST_NAME(depart)(&along, law, from);
-    ANHYST_NAME(rise)(&along, air, iron, target, &at);
-    ANHYST_NAME(remember)(&along, &at, to);
-    return at.m;
+  ANHYST_NAME(search) find;
+  find.air = air;
+  find.iron = iron;
+  find.target = falling ? -target : target;
+  if (falling) {
+    along.from = ANHYST_NAME(full_mirrored)(along.from);
   }
-  const ANHYST_NAME(anhyst_memory) start = ANHYST_NAME(full_mirrored)(from);
-  ANHYST_NAME(anhyst_memory) end;
-  ANHYST_NAME(depart)(&along, law, &start);
-  ANHYST_NAME(rise)(&along, air, iron, -target, &at);
-  ANHYST_NAME(remember)(&along, &at, &end);
-  *to = ANHYST_NAME(full_mirrored)(&end);
-  return -at.m;
+  ANHYST_NAME(depart)(&along, &at);
+  ANHYST_NAME(rise)(&along, &find, &at);
+  *to = ANHYST_NAME(remembered)(&along, &at);
+  if (falling) {
+    *to = ANHYST_NAME(full_mirrored)(*to);
+  }
+  return falling ? -at.m : at.m;
 }
 
 static ANHYST_REAL ANHYST_NAME(full_field)(const ANHYST_NAME(anhyst_parameters) *parameters,
@@ -274,10 +324,10 @@ static int ANHYST_NAME(full_sound)(const ANHYST_NAME(anhyst_parameters) *paramet
   return law != 0 && law->curve != 0 && law->branch != 0 && law->inverse != 0 &&
          law->reach > R(0.0) && law->reach <= largest && law->air > R(0.0) && law->air <= largest &&
          law->reversible >= R(0.0) && law->reversible <= R(1.0) && law->play >= R(0.0) &&
-         law->play <= largest && law->kappa >= R(1.0) / largest && law->kappa <= largest &&
-         law->octaves > R(0.0) && law->octaves <= R(2.0) * largest && law->iterations >= 2U &&
-         law->iterations <= 16U && law->curve_segments >= 8U && law->curve_segments <= 4096U &&
-         law->inverse_segments >= 8U && law->inverse_segments <= 4096U &&
+         law->play <= largest && law->octaves > R(0.0) && law->octaves <= largest &&
+         law->iterations >= 2U && law->iterations <= 16U && law->curve_segments >= 8U &&
+         law->curve_segments <= 4096U && law->inverse_segments >= 8U &&
+         law->inverse_segments <= 4096U &&
          ANHYST_NAME(anhyst_rises)(law->curve, law->curve_segments, R(0.0), R(1.0)) &&
          ANHYST_NAME(anhyst_rises)(law->branch, (uint16_t)(2U * law->curve_segments), R(-1.0),
                                    R(1.0)) &&

@@ -40,7 +40,7 @@ static ANHYST_REAL ANHYST_NAME(z_of)(const ANHYST_NAME(anhyst_simplified_law) *l
 {
   const uint16_t end = (uint16_t)((law->octaves + 1U) * law->segments);
   uint16_t index = 0;
-  for (uint16_t step = 512U; step > 0U; step = (uint16_t)(step >> 1)) {
+  for (uint16_t step = (uint16_t)(8U * law->segments); step > 0U; step = (uint16_t)(step >> 1)) {
     if (index + step < end && law->curve[index + step] <= p) {
       index = (uint16_t)(index + step);
     }
@@ -95,15 +95,13 @@ static ANHYST_NAME(anhyst_memory)
 
 /* z counts in the direction of travel, whichever that is. */
 static ANHYST_NAME(anhyst_memory)
-    ANHYST_NAME(simplified_mirrored)(const ANHYST_NAME(anhyst_memory) *memory)
+    ANHYST_NAME(simplified_mirrored)(ANHYST_NAME(anhyst_memory) memory)
 {
-  ANHYST_NAME(anhyst_memory) other;
-  other.place = -memory->place;
-  other.level = -memory->level;
-  other.turn = -memory->turn;
-  other.turn_level = -memory->turn_level;
-  other.x = memory->x;
-  return other;
+  memory.place = -memory.place;
+  memory.level = -memory.level;
+  memory.turn = -memory.turn;
+  memory.turn_level = -memory.turn_level;
+  return memory;
 }
 
 static ANHYST_REAL ANHYST_NAME(simplified_field)(const ANHYST_NAME(anhyst_parameters) *parameters,
@@ -116,10 +114,10 @@ static ANHYST_REAL ANHYST_NAME(simplified_field)(const ANHYST_NAME(anhyst_parame
     ANHYST_NAME(advance)(law, &start, flux, to);
   } else if (flux < from->place) {
     const ANHYST_NAME(anhyst_memory) start =
-        ANHYST_NAME(set_out)(law, ANHYST_NAME(simplified_mirrored)(from));
+        ANHYST_NAME(set_out)(law, ANHYST_NAME(simplified_mirrored)(*from));
     ANHYST_NAME(anhyst_memory) end;
     ANHYST_NAME(advance)(law, &start, -flux, &end);
-    *to = ANHYST_NAME(simplified_mirrored)(&end);
+    *to = ANHYST_NAME(simplified_mirrored)(end);
   } else {
     *to = *from;
   }
@@ -174,10 +172,10 @@ static ANHYST_REAL ANHYST_NAME(simplified_flux)(const ANHYST_NAME(anhyst_paramet
     ANHYST_NAME(reach)(law, &start, arms, target, to);
   } else {
     const ANHYST_NAME(anhyst_memory) start =
-        ANHYST_NAME(set_out)(law, ANHYST_NAME(simplified_mirrored)(from));
+        ANHYST_NAME(set_out)(law, ANHYST_NAME(simplified_mirrored)(*from));
     ANHYST_NAME(anhyst_memory) end;
     ANHYST_NAME(reach)(law, &start, arms, -target, &end);
-    *to = ANHYST_NAME(simplified_mirrored)(&end);
+    *to = ANHYST_NAME(simplified_mirrored)(end);
   }
   return to->place;
 }
@@ -191,6 +189,7 @@ static int ANHYST_NAME(simplified_sound)(const ANHYST_NAME(anhyst_parameters) *p
          law->first > R(0.0) && law->first <= largest && law->iterations >= 2U &&
          law->iterations <= 16U && law->octaves >= 4U && law->octaves <= 15U &&
          law->segments >= 4U && law->segments <= 64U &&
+         (law->segments & (law->segments - 1U)) == 0U &&
          ANHYST_NAME(anhyst_rises)(law->curve, (uint16_t)((law->octaves + 1U) * law->segments),
                                    R(0.0), R(1.0));
 }

@@ -1,12 +1,16 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
+    Compensator,
     Controller,
     FixedCompensator,
     FixedController,
     Iron,
     Operator,
+    Parameters,
+    SingleCompensator,
     SingleController,
+    SingleParameters,
     batch,
     batch_functions,
     demagnetised,
@@ -15,12 +19,16 @@ from anhyst._core._native import (
 )
 
 __all__ = [
+    "Compensator",
     "Controller",
     "FixedCompensator",
     "FixedController",
     "Iron",
     "Operator",
+    "Parameters",
+    "SingleCompensator",
     "SingleController",
+    "SingleParameters",
     "batch",
     "batch_functions",
     "demagnetised",

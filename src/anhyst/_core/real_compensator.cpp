@@ -132,7 +132,6 @@ private:
     full_.air = real(from, "air");
     full_.reversible = real(from, "reversible");
     full_.play = real(from, "play");
-    full_.kappa = real(from, "kappa");
     full_.octaves = real(from, "octaves");
     full_.reach = real(from, "reach");
     full_.iterations = count(from, "iterations");
@@ -261,6 +260,6 @@ template <class F> void bind(nb::module_ &m, const char *parameters, const char 
 
 void bind_real_compensator(nb::module_ &m)
 {
-  bind<Double>(m, "DoubleParameters", "DoubleCompensator");
+  bind<Double>(m, "Parameters", "Compensator");
   bind<Single>(m, "SingleParameters", "SingleCompensator");
 }

@@ -108,6 +108,40 @@ def largest_field(law: Normal, current: tuple[float, float]) -> float:
     return max(*reaches, law.kappa)
 
 
+@dataclass(frozen=True)
+class FullTables:
+    """What a compensator of the full law looks up; fields in units of ``a``.
+
+    Parameters
+    ----------
+    reach : float
+        Largest field.
+    curve : ndarray, shape (2**n + 1,)
+        Anhysteretic curve over fields from 0 to the largest.
+    branch : ndarray, shape (2**(n + 1) + 1,)
+        Ascending branch of a fully pinned iron, over fields of both signs.
+    inverse : ndarray, shape (2**m + 1,)
+        Field over the anhysteretic from 0 to 1.
+    """
+
+    reach: float
+    curve: FloatArray
+    branch: FloatArray
+    inverse: FloatArray
+
+
+def full_tables(law: Normal, limits: Limits, sizes: Sizes) -> FullTables:
+    """Return the tables of a law, as far as currents within their limits lead."""
+    reach = MARGIN * largest_field(law, limits.current)
+    n = sizes.curve_segments
+    field = np.linspace(-reach, reach, 2 ** (n + 1) + 1)
+    rising = field[2**n :]
+    curve = langevin(rising)[0]
+    level = np.linspace(0.0, 1.0, 2**sizes.inverse_segments + 1)
+    inverse = np.interp(level, curve, rising)
+    return FullTables(reach, curve, ascending_branch(law.kappa, field), inverse)
+
+
 def build_full(
     model: ActuatorModel,
     scales: Scales,
@@ -146,18 +180,15 @@ def build_full(
     refuse_uncompilable(model)
     sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
     law = normal(model, nodes(model, scales, sizes))
-    reach = MARGIN * largest_field(law, limits.current)
+    tables = full_tables(law, limits, sizes)
+    reach = tables.reach
     pack = Packer("full", model_hash)
     pack_common(pack, model, scales, limits, sizes, conditioning)
     pack_arms(pack, scales, law.bias, law.flux_arm, law.field_arm * reach)
 
-    n = sizes.curve_segments
-    field = np.linspace(-reach, reach, 2 ** (n + 1) + 1)
-    curve = langevin(field[2**n :])[0]
-    pack.table("FULL_CURVE", curve, 32768.0)
-    pack.table("FULL_BRANCH", ascending_branch(law.kappa, field), 32768.0)
-    level = np.linspace(0.0, 1.0, 2**sizes.inverse_segments + 1)
-    pack.table("FULL_INVERSE", np.interp(level, curve, field[2**n :]) / reach, 32767.0)
+    pack.table("FULL_CURVE", tables.curve, 32768.0)
+    pack.table("FULL_BRANCH", tables.branch, 32768.0)
+    pack.table("FULL_INVERSE", tables.inverse / reach, 32767.0)
 
     weight, shift = mantissa(reach / (law.kappa * np.log(2.0)) / 16.0, "k")
     pack.set("FULL_RATE", weight)
@@ -167,6 +198,6 @@ def build_full(
     pack.set("FULL_REVERSIBLE", as_word(law.c, 32768.0, "c"))
     pack.set("FULL_PLAY", as_word(law.play / reach, 32768.0, "r_d"))
     pack.set("FULL_ITERATIONS", sizes.iterations)
-    pack.set("FULL_CURVE_SEGMENTS", n)
+    pack.set("FULL_CURVE_SEGMENTS", sizes.curve_segments)
     pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
     return pack.close(scales, limits)

@@ -51,6 +51,12 @@ def flux_unit(model: ActuatorModel) -> float:
     return MU_0 * first["M_s"] * (1.0 - first["alpha"])
 
 
+def flux_gain(model: ActuatorModel, scales: Scales, at: FloatArray) -> FloatArray:
+    """Return the flux of a full-scale output at each node, in units of :func:`flux_unit`."""
+    full = scales.demand / model.over_schedule("c_out", at)
+    return np.asarray((np.sqrt(full) if model.power == 2 else full) / flux_unit(model))
+
+
 def pack_common(
     pack: Packer,
     model: ActuatorModel,
@@ -73,8 +79,7 @@ def pack_common(
     pack.set("CONDITION_CYCLES", conditioning.cycles)
     pack.set("CONDITION_TICKS", conditioning.ramp_ticks)
     pack.set("GAP_SEGMENTS", sizes.gap_segments if model.needs_schedule else 0)
-    full = scales.demand / model.over_schedule("c_out", at)
-    gain = (np.sqrt(full) if model.power == 2 else full) / flux_unit(model)
+    gain = flux_gain(model, scales, at)
     shift = max(0, int(np.ceil(np.log2(gain.max() / LARGEST_WEIGHT))))
     if shift > 6:
         raise InputError("flux: the full-scale demand is far beyond saturation; narrow the demand")
@@ -84,15 +89,20 @@ def pack_common(
     pack.table("GAP_OFFSET", model.over_schedule("out_0", at) / scales.demand, 32768.0)
 
 
-def pack_arms(
-    pack: Packer, scales: Scales, bias: FloatArray, flux_arm: FloatArray, field_arm: FloatArray
-) -> None:
-    """Put how the current is made up, A for each unit of flux and field, one value a node."""
+def require_rising(flux_arm: FloatArray, field_arm: FloatArray) -> None:
+    """Raise `InputError` where more flux or field would not need more current."""
     if np.any(flux_arm < 0.0) or np.any(field_arm <= 0.0):
         raise InputError(
             "alpha: the coupling is so strong that the iron would jump at some current; such a "
             "model cannot be compiled"
         )
+
+
+def pack_arms(
+    pack: Packer, scales: Scales, bias: FloatArray, flux_arm: FloatArray, field_arm: FloatArray
+) -> None:
+    """Put how the current is made up, A for each unit of flux and field, one value a node."""
+    require_rising(flux_arm, field_arm)
     largest = max(np.abs(part).max() for part in (bias, flux_arm, field_arm)) / scales.current
     shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT))))
     if shift > 8:

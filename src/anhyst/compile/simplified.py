@@ -127,6 +127,18 @@ def curve(nu: float, z: FloatArray) -> FloatArray:
     return np.asarray(1.0 - np.minimum(v, 1.0))
 
 
+def distances(sizes: Sizes) -> FloatArray:
+    """Return where the table of the closed form has its entries: as many in each octave up to 16.
+
+    Below the first octave, which ends at ``16/2**octaves``, there are as many again.
+    """
+    n = 2**sizes.octave_segments
+    first = 16.0 / 2.0**sizes.octaves
+    ends = [np.arange(n) / n * first]
+    ends += [first * 2.0**k * (1.0 + np.arange(n) / n) for k in range(sizes.octaves)]
+    return np.append(np.concatenate(ends), 16.0)
+
+
 def _pack_law(pack: Packer, rate: float, nu: float, sizes: Sizes) -> None:
     weight, shift = mantissa(rate / 8.0, "rate of the simplified law")
     pack.set("SIMPLE_RATE", weight)
@@ -139,11 +151,7 @@ def _pack_law(pack: Packer, rate: float, nu: float, sizes: Sizes) -> None:
     if pack.kind == "euler":
         pack.set("EULER_SUBSTEPS", sizes.substeps)
         return
-    n = 2**sizes.octave_segments
-    first = 2.0 ** (31 - sizes.octaves)
-    ends = [np.arange(n) / n * first]
-    ends += [first * 2.0**k * (1.0 + np.arange(n) / n) for k in range(sizes.octaves)]
-    z = np.append(np.concatenate(ends), 2.0**31) / 2.0**27
+    z = distances(sizes)
     pack.set("SIMPLE_OCTAVES", sizes.octaves)
     pack.set("SIMPLE_SEGMENTS", sizes.octave_segments)
     pack.table("SIMPLE_CURVE", np.minimum(curve(nu, z), 32767 / 32768), 32768.0)

@@ -13,14 +13,13 @@ typedef struct {
 /* Full: the exact step. Tables have equal segments, one entry more than segments, and never fall.
  */
 typedef struct {
-  ANHYST_REAL air;            /* h: flux of the air for a unit of field, > 0 */
-  ANHYST_REAL reversible;     /* c, 0..1 */
-  ANHYST_REAL play;           /* half-width of the play, field, >= 0 */
-  ANHYST_REAL kappa;          /* field over which the iron forgets to 1/e, > 0 */
-  ANHYST_REAL octaves;        /* 1/(kappa*ln 2): halvings of what is remembered, a unit of field */
-  ANHYST_REAL reach;          /* largest field of the tables */
-  uint16_t iterations;        /* evaluations of a solve, 2..16 */
-  uint16_t curve_segments;    /* 8..4096; the branch has twice as many */
+  ANHYST_REAL air;         /* h: flux of the air for a unit of field, > 0 */
+  ANHYST_REAL reversible;  /* c, 0..1 */
+  ANHYST_REAL play;        /* half-width of the play, field, >= 0 */
+  ANHYST_REAL octaves;     /* 1/(kappa*ln 2): how often a unit of field halves what is remembered */
+  ANHYST_REAL reach;       /* largest field of the tables */
+  uint16_t iterations;     /* evaluations of a solve, 2..16 */
+  uint16_t curve_segments; /* 8..4096; the branch has twice as many */
   uint16_t inverse_segments;  /* 8..4096 */
   const ANHYST_REAL *curve;   /* anhysteretic curve over a field of 0..reach, 0..1 */
   const ANHYST_REAL *branch;  /* ascending branch over -reach..reach, -1..1 */
@@ -35,7 +34,7 @@ typedef struct {
   ANHYST_REAL first;        /* z at the end of the first octave */
   uint16_t iterations;      /* evaluations of a commit, 2..16 */
   uint16_t octaves;         /* 4..15: the table ends at first*2^octaves */
-  uint16_t segments;        /* 4..64 up to first, and as many in each octave */
+  uint16_t segments;        /* 4, 8 .. 64 up to first, and as many in each octave */
   const ANHYST_REAL *curve; /* p over z, 0..1: (octaves + 1)*segments + 1 entries, rising */
 } ANHYST_NAME(anhyst_simplified_law);
 
