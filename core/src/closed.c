@@ -46,11 +46,11 @@ static void reach(const int16_t *words, const anhyst_memory *start, const anhyst
   for (int16_t i = words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
     const int32_t missing =
         target - anhyst_scale(flux, arms->flux_arm) - anhyst_scale(to->b, arms->field_arm);
-    if (missing <= 0) {
-      continue; /* as near as the numbers allow; the remaining rounds change nothing */
-    }
     const int32_t slope =
         arms->flux_arm + anhyst_scale(anhyst_lag_slope(words, to->b) * 64, arms->field_arm);
+    if (missing <= 0 || slope <= 0) {
+      continue; /* as near as the numbers allow; the remaining rounds change nothing */
+    }
     const int32_t next = anhyst_add_q31(flux, anhyst_quotient(missing, slope));
     flux = next < ANHYST_Q30_ONE ? next : ANHYST_Q30_ONE - 1;
     if (flux > start->a) {
