@@ -16,6 +16,11 @@ MANIFEST = "manifest.json"
 FORMAT = "anhyst-compiled"
 
 
+def json_text(content: Mapping[str, object]) -> str:
+    """Return the text of a JSON file."""
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 def check_folder(out: PathLike) -> None:
     """Find out before the work whether a folder may be written.
 
@@ -69,7 +74,7 @@ def write_folder(out: PathLike, files: Mapping[str, str], manifest: Mapping[str,
     target = Path(os.path.realpath(out))
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     complete = {"product": FORMAT, **manifest, "files": dict(sorted(hashes.items()))}
-    text = json.dumps(complete, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json_text(complete)
     draft = target.with_name(f".{target.name}.{os.getpid()}.part")
     old = target.with_name(f".{target.name}.{os.getpid()}.old")
     try:

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
+from anhyst.compile.budget import Budget, percent
+from anhyst.compile.choices import explain
 from anhyst.compile.plan import Plan
+from anhyst.compile.source import STATE_BYTES
 from anhyst.data.units import Quantity
 
 VERSION = 1
 
-STATE_BYTES = 52
-"""Of ``anhyst_compensator`` where a pointer has 32 bits; 4 less where it has 16."""
 
-
-def manifest(plan: Plan, sha256: str, version: str) -> dict[str, Any]:
-    """Return the manifest without what is measured and without the list of files.
+def manifest(plan: Plan, budget: Budget, sha256: str, version: str) -> dict[str, Any]:
+    """Return the manifest without the list of files.
 
     Parameters
     ----------
     plan : Plan
         What was compiled.
+    budget : Budget
+        How accurate it is.
     sha256 : str
         Of the model file.
     version : str
@@ -45,12 +47,35 @@ def manifest(plan: Plan, sha256: str, version: str) -> dict[str, Any]:
         },
         "memory": {"parameters_bytes": block.size, "state_bytes": STATE_BYTES},
         "conditioning": _conditioning(plan),
+        "accuracy": _accuracy(budget),
+        "plan": {choice.name: f"{choice.value}: {choice.reason}" for choice in explain(plan)},
     }
 
 
 def _conditioning(plan: Plan) -> dict[str, Any]:
-    cycles, ticks = plan.conditioning.cycles, plan.conditioning.ramp_ticks
-    return {"cycles": cycles, "ticks": ticks, "seconds": 2 * cycles * ticks / plan.request.rate}
+    start = plan.start
+    return {
+        "cycles": start.conditioning.cycles,
+        "ticks": start.conditioning.ramp_ticks,
+        "seconds": start.seconds,
+        "remaining_percent": 100.0 * start.remaining / plan.largest,
+    }
+
+
+def _accuracy(budget: Budget) -> dict[str, Any]:
+    compiled, total = budget.compiled, budget.total
+    assert compiled.worst is not None
+    assert compiled.rms is not None
+    assert total.worst is not None
+    return {
+        "unit": budget.unit,
+        "largest_output": budget.largest,
+        "wanted_percent": None if budget.wanted is None else percent(budget, budget.wanted),
+        "worst": compiled.worst,
+        "worst_percent": percent(budget, compiled.worst),
+        "rms_percent": percent(budget, compiled.rms),
+        "total_worst_percent": percent(budget, total.worst),
+    }
 
 
 def _signals(plan: Plan) -> dict[str, Any]:

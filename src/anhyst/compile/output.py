@@ -8,13 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.atomic import PathLike
-from anhyst.compile.folder import check_folder, write_folder
+from anhyst.compile.budget import Budget, as_dict, check_accuracy, keeps_allowance, measure_budget
+from anhyst.compile.folder import check_folder, json_text, write_folder
 from anhyst.compile.manifest import manifest
+from anhyst.compile.page import budget_page
 from anhyst.compile.plan import Plan, Request, make_plan
 from anhyst.compile.source import sources
 from anhyst.compile.vectors import golden_vectors, vectors_csv
+from anhyst.model import ActuatorModel
 from anhyst.modelfile import read_model
 from anhyst.version import running_version
+
+SHARES = (1.0, 0.7, 0.4)
+"""Of the allowance that a plan may use up, one try after the other."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,8 @@ class Compiled:
         The folder.
     plan : Plan
         What was chosen.
+    budget : Budget
+        How accurate it is.
     manifest : dict
         What stands in ``manifest.json``, without the hashes of the files.
     files : tuple of str
@@ -35,6 +43,7 @@ class Compiled:
 
     out: Path
     plan: Plan
+    budget: Budget
     manifest: dict[str, Any]
     files: tuple[str, ...]
 
@@ -65,12 +74,25 @@ def compile_model(model_path: PathLike, out: PathLike, request: Request) -> Comp
     check_folder(out)
     model = read_model(model_path)
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
-    plan = make_plan(model, request, int(sha256[:8], 16))
+    plan, budget = _planned(model, request, int(sha256[:8], 16))
+    check_accuracy(budget)
     version = running_version()
     files = {
         **sources(plan, sha256, version),
         "vectors.csv": vectors_csv(golden_vectors(plan)),
+        "budget.json": json_text(as_dict(budget)),
+        "budget.html": budget_page(plan, budget, version),
     }
-    described = manifest(plan, sha256, version)
+    described = manifest(plan, budget, sha256, version)
     write_folder(out, files, described)
-    return Compiled(Path(out), plan, described, (*files, "manifest.json"))
+    return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"))
+
+
+def _planned(model: ActuatorModel, request: Request, model_hash: int) -> tuple[Plan, Budget]:
+    """Plan, and plan tighter where another path than that of the plan breaks the allowance."""
+    for share in SHARES:
+        plan = make_plan(model, request, model_hash, share)
+        budget = measure_budget(plan)
+        if keeps_allowance(plan, budget):
+            break
+    return plan, budget

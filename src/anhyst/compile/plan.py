@@ -7,9 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst.compile.block import Block, Conditioning, Kind, Limits, Scales, Sizes
-from anhyst.compile.full import build_full
-from anhyst.compile.simplified import build_euler, build_simplified
+from anhyst.compile.block import Block, Kind, Limits, Scales, Sizes
+from anhyst.compile.scheduled import refuse_uncompilable
+from anhyst.compile.search import Builder, Found, Search
+from anhyst.compile.start import StartUp, plan_start
 from anhyst.errors import InputError
 from anhyst.model import ActuatorModel
 
@@ -18,8 +19,13 @@ Io = Literal["q15", "q31"]
 ROUND = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """Full-scale values are one of these times a power of ten."""
 
-RAMP_SECONDS = 0.25
-"""Duration of one ramp of the start-up sequence, where the ticks of the controller allow."""
+ACCURACY = 0.1
+"""Per cent of the largest output that formats and tables may cost where nothing else is asked."""
+
+FINEST, COARSEST = 1e-3, 50.0
+"""Accuracies that make sense, per cent."""
+
+RATES = (1.0, 1e6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,15 +39,27 @@ class Request:
     io : str
         Format of the signals: ``"q15"`` or ``"q31"``.
     rate : float
-        Ticks a second.
+        Ticks a second, 1 to 10^6.
     accuracy : float or None
-        Largest deviation of the output that formats and tables may cause, per cent of the largest.
+        Largest deviation from the model, per cent of the largest output. None: :data:`ACCURACY`
+        for formats and tables, whatever the law itself is off.
+
+    Raises
+    ------
+    InputError
+        A number that makes no sense.
     """
 
     kind: Kind
     io: Io
     rate: float
     accuracy: float | None = None
+
+    def __post_init__(self) -> None:
+        if not RATES[0] <= self.rate <= RATES[1]:
+            raise InputError(f"--rate: is {self.rate:g} Hz; give 1 to 1000000")
+        if self.accuracy is not None and not FINEST <= self.accuracy <= COARSEST:
+            raise InputError(f"--accuracy: is {self.accuracy:g} %; give {FINEST:g} to {COARSEST:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,26 +77,39 @@ class Plan:
 
     Parameters
     ----------
-    model : ActuatorModel
-        The model.
     request : Request
         What was asked for.
-    block : Block
-        The parameters, with scales and limits.
+    builder : Builder
+        The model, with scales and limits.
     sizes : Sizes
         Of tables and searches.
-    conditioning : Conditioning
-        Start-up sequence.
-    choices : tuple of Choice
-        Every decision in words.
+    block : Block
+        The parameters.
+    start : StartUp
+        The start-up sequence.
+    found : Found
+        What the search tried.
+    allowance : float
+        What formats and tables may cost, in units of the output.
     """
 
-    model: ActuatorModel
     request: Request
-    block: Block
+    builder: Builder
     sizes: Sizes
-    conditioning: Conditioning
-    choices: tuple[Choice, ...] = ()
+    block: Block
+    start: StartUp
+    found: Found
+    allowance: float
+
+    @property
+    def model(self) -> ActuatorModel:
+        """The model."""
+        return self.builder.model
+
+    @property
+    def largest(self) -> float:
+        """Output to which per cent refer: the largest that may be demanded."""
+        return largest_output(self.block.limits)
 
 
 def full_scale(largest: float) -> float:
@@ -95,7 +126,12 @@ def full_scale(largest: float) -> float:
     return float(f"{found * decade:.6g}")
 
 
-def make_plan(model: ActuatorModel, request: Request, model_hash: int) -> Plan:
+def largest_output(limits: Limits) -> float:
+    """Return the largest magnitude of a demand."""
+    return max(abs(end) for end in limits.demand)
+
+
+def make_plan(model: ActuatorModel, request: Request, model_hash: int, share: float = 1.0) -> Plan:
     """Decide how a model is compiled.
 
     Parameters
@@ -106,59 +142,57 @@ def make_plan(model: ActuatorModel, request: Request, model_hash: int) -> Plan:
         What is wanted.
     model_hash : int
         First 32 bits of the hash of the model file.
+    share : float, optional
+        Of the allowance that the plan may use up on its own path.
 
     Returns
     -------
     Plan
+        The smallest found that meets the wanted accuracy, or else the best.
 
     Raises
     ------
     InputError
         The model cannot be compiled.
     """
+    refuse_uncompilable(model)
+    limits = find_limits(model)
+    scales = find_scales(model, limits)
+    allowance = ACCURACY / 100.0 * largest_output(limits)
+    if request.accuracy is not None:
+        asked = request.accuracy / 100.0 * largest_output(limits)
+        allowance = asked if request.kind == "full" else min(asked, allowance)
+    start = plan_start(model, scales, limits, request.rate, allowance)
+    builder = Builder(model, request.kind, scales, limits, start.conditioning, model_hash)
+    found = Search(builder, request.io, share * allowance).run()
+    block = builder(found.sizes)
+    return Plan(request, builder, found.sizes, block, start, found, allowance)
+
+
+def find_limits(model: ActuatorModel) -> Limits:
+    """Return the limits of demand and current: where the model was seen to hold.
+
+    Raises
+    ------
+    InputError
+        The model does not say.
+    """
     if model.valid is None:
         raise InputError(
             "the model does not say where it holds: without [valid] there are no limits of demand "
             "and current; add it to the model file"
         )
-    limits = _limits(model)
-    scales = _scales(model, limits)
-    sizes = Sizes()
-    ticks = int(np.clip(round(request.rate * RAMP_SECONDS), 2, 32767))
-    conditioning = Conditioning(3, ticks)
-    block = build(model, request.kind, scales, limits, sizes, conditioning, model_hash)
-    return Plan(model, request, block, sizes, conditioning)
-
-
-def build(
-    model: ActuatorModel,
-    kind: Kind,
-    scales: Scales,
-    limits: Limits,
-    sizes: Sizes,
-    conditioning: Conditioning,
-    model_hash: int,
-) -> Block:
-    """Make the parameter block of a kind of compensator."""
-    if kind == "full":
-        return build_full(model, scales, limits, sizes, conditioning, model_hash)
-    if kind == "simplified":
-        return build_simplified(model, scales, limits, sizes, conditioning, model_hash)
-    return build_euler(model, scales, limits, sizes, conditioning, model_hash)
-
-
-def _limits(model: ActuatorModel) -> Limits:
-    assert model.valid is not None
     low, high = model.valid.output
     # A force is the square of the flux: what the sensor read below zero was noise.
     return Limits((max(low, 0.0) if model.power == 2 else low, high), model.valid.input)
 
 
-def _scales(model: ActuatorModel, limits: Limits) -> Scales:
+def find_scales(model: ActuatorModel, limits: Limits) -> Scales:
+    """Return what 1.0 of each signal means: round values, the gap's range as it is."""
     assert model.valid is not None
     gap_low, gap_high = model.valid.schedule or (0.0, 0.0)
     return Scales(
-        demand=full_scale(max(abs(end) for end in limits.demand)),
+        demand=full_scale(largest_output(limits)),
         current=full_scale(max(abs(end) for end in limits.current)),
         gap_low=gap_low,
         gap_high=gap_high,

@@ -18,6 +18,9 @@ from anhyst.data.units import Quantity
 
 PORT = "anhyst_port_cortex_m4.h"
 
+STATE_BYTES = 52
+"""Of ``anhyst_compensator`` where a pointer has 32 bits; 4 less where it has 16."""
+
 
 def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
     """Return the C files and what helps to build them.
@@ -75,8 +78,29 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
         "anhyst_parameters.c": render("anhyst_parameters.c.j2", parameters),
         PORT: read_core(f"port/{PORT}"),
         "main.c": render("main.c.j2", main),
+        "DROP_IN.md": render("DROP_IN.md.j2", main | _guide(plan)),
         "anhyst.mk": render("anhyst.mk.j2", common),
         "anhyst.cmake": render("anhyst.cmake.j2", common),
+    }
+
+
+def _guide(plan: Plan) -> dict[str, object]:
+    """Return what the drop-in guide tells beside the code."""
+    start, io = plan.start, plan.request.io
+    cycles = start.conditioning.cycles
+    rows = [line.partition(" ") for line in signal_lines(plan)]
+    return {
+        "rate": f"{plan.request.rate:.10g}",
+        "one": 32768 if io == "q15" else 2147483648,
+        "bits": 16 if io == "q15" else 32,
+        "signals": [(name, text.strip()) for name, _, text in rows],
+        "condition": (
+            f"{cycles} triangle{'s' * (cycles > 1)} of current between its limits, "
+            f"{start.seconds:g} s"
+        ),
+        "remaining": f"{100.0 * start.remaining / plan.largest:.2g}",
+        "words_bytes": plan.block.size,
+        "state_bytes": STATE_BYTES,
     }
 
 

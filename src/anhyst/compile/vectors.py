@@ -64,7 +64,7 @@ def _inputs(plan: Plan, rows: int) -> CodeArray:
     moving = 0.5 - 0.5 * np.cos(np.arange(rows) * 2.0 * np.pi / 250.0)
     gap = np.where(np.arange(rows) % 500 < 250, np.round(moving * 4.0) / 4.0, moving)
     codes = np.rint(np.stack([demand, gap], axis=1) * one)
-    return np.clip(codes, -one, one - 1).astype(np.int32)
+    return np.asarray(np.clip(codes, -one, one - 1), dtype=np.int32)
 
 
 def vectors_csv(table: CodeArray) -> str:

@@ -1,0 +1,241 @@
+"""How far a compensator's output is from the demand: its current, mapped by the exact model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst._core import FixedCompensator
+from anhyst.compile.block import Block, FloatArray, Limits, Scales, Sizes
+from anhyst.compile.full import normal
+from anhyst.compile.paths import Path
+from anhyst.compile.scheduled import flux_unit, nodes
+from anhyst.compile.twin import Twin
+from anhyst.model import ActuatorModel
+
+MU_0 = 4e-7 * np.pi
+
+LOSS_EVERY = 4
+"""On the path with losses the amplifier gives what was wanted but for one tick in so many."""
+
+LOSS_SEED = 3
+
+
+@dataclass(frozen=True)
+class Run:
+    """One path under one compensator.
+
+    Parameters
+    ----------
+    path : Path
+        What was demanded.
+    current : ndarray, shape (n,)
+        What was applied, in units of the input.
+    output : ndarray, shape (n,)
+        What the exact model makes of it.
+    judged : ndarray of bool, shape (n,)
+        Samples at which the current was the compensator's own.
+    """
+
+    path: Path
+    current: FloatArray
+    output: FloatArray
+    judged: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """Worst and root-mean-square deviation of the output, in its unit, and where the worst was."""
+
+    worst: float
+    rms: float
+    path: str
+
+
+def run_twin(model: ActuatorModel, block: Block, io: str, path: Path) -> Run:
+    """Run a compensator along a path, and the exact model with its currents.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    block : Block
+        Parameters of the compensator.
+    io : str
+        Format of its signals.
+    path : Path
+        The demand.
+
+    Returns
+    -------
+    Run
+    """
+    current = Twin(block, io).run(path.demand, path.gap)
+    return Run(path, current, exact_output(model, current, path), np.ones(current.size, dtype=bool))
+
+
+def run_with_losses(model: ActuatorModel, block: Block, io: str, path: Path) -> Run:
+    """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
+    twin = Twin(block, io)
+    core = FixedCompensator(block.kind, block.words)
+    solve, commit = (
+        (core.solve_q15, core.commit_q15) if io == "q15" else (core.solve_q31, core.commit_q31)
+    )
+    size = path.demand.size
+    random = np.random.default_rng(LOSS_SEED + size)
+    low, high = twin.current_codes(block.limits.current).tolist()
+    loss = (0.1 * (high - low) * random.standard_normal(size)).round().astype(int).tolist()
+    demands, gaps = twin.demand_codes(path.demand).tolist(), twin.gap_codes(path.gap, size).tolist()
+    codes = []
+    for place, (demand, gap) in enumerate(zip(demands, gaps, strict=True)):
+        code = solve(demand, gap)
+        if place % LOSS_EVERY == LOSS_EVERY - 1:
+            code = min(max(code + loss[place], low), high)
+        commit(code, gap)
+        codes.append(code)
+    current = np.array(codes) / twin.one * block.scales.current
+    judged = np.arange(size) % LOSS_EVERY != LOSS_EVERY - 1
+    return Run(path, current, exact_output(model, current, path), judged)
+
+
+def exact_output(model: ActuatorModel, current: FloatArray, path: Path) -> FloatArray:
+    """Return what the model makes of a current along a path."""
+    return model.predict(current, path.gap, history="demagnetised").output
+
+
+def off_demand(run: Run, limits: Limits, resolution: float) -> FloatArray:
+    """Return output minus demand; at a limit of the current only what is on its wrong side.
+
+    Parameters
+    ----------
+    run : Run
+        A path under a compensator.
+    limits : Limits
+        Of the current.
+    resolution : float
+        What counts as being at a limit, in units of the input.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In units of the output; 0 where it is not judged.
+    """
+    error = run.output - run.path.demand
+    low, high = limits.current
+    bottom, top = run.current <= low + resolution, run.current >= high - resolution
+    error[bottom] = np.minimum(error[bottom], 0.0)
+    error[top] = np.maximum(error[top], 0.0)
+    return np.where(run.judged, error, 0.0)
+
+
+def deviation(errors: Iterable[tuple[str, FloatArray]]) -> Deviation:
+    """Sum up errors over several paths, given with their names."""
+    kept = [(name, np.abs(error)) for name, error in errors]
+    worst = max(kept, key=lambda item: float(item[1].max()))
+    squares = np.concatenate([error for _, error in kept]) ** 2
+    return Deviation(float(worst[1].max()), float(np.sqrt(squares.mean())), worst[0])
+
+
+def resolution(scales: Scales) -> float:
+    """Return two steps of the words that hold the limits of the current, in units of the input."""
+    return scales.current * 2.0**-14
+
+
+def against_demand(
+    model: ActuatorModel, block: Block, io: str, paths: Sequence[Path]
+) -> tuple[Deviation, list[tuple[Run, FloatArray]]]:
+    """Run a compensator along all paths, the first of the random ones with losses as well.
+
+    Returns
+    -------
+    Deviation
+        Over all of them.
+    list of (Run, ndarray)
+        Each run with its errors.
+    """
+    step = resolution(block.scales)
+    runs = [run_twin(model, block, io, path) for path in paths]
+    lossy = next(path for path in paths if path.name == "reversals")
+    title = "random reversals, the amplifier not following"
+    runs.append(run_with_losses(model, block, io, replace(lossy, name="losses", title=title)))
+    judged = [(run, off_demand(run, block.limits, step)) for run in runs]
+    return deviation((run.path.name, error) for run, error in judged), judged
+
+
+def between(
+    model: ActuatorModel, one: tuple[Block, str], other: tuple[Block, str], paths: Sequence[Path]
+) -> Deviation:
+    """Compare two compensators: what the exact model makes of their currents."""
+
+    def errors(path: Path) -> FloatArray:
+        first, second = (run_twin(model, *each, path).output for each in (one, other))
+        return first - second
+
+    return deviation((path.name, errors(path)) for path in paths)
+
+
+def snapped(
+    paths: Sequence[Path], model: ActuatorModel, scales: Scales, sizes: Sizes
+) -> list[Path]:
+    """Return the paths with every gap moved to the nearest entry of the tables over it."""
+    if not model.needs_schedule:
+        return list(paths)
+    at = nodes(model, scales, sizes)
+    middles = 0.5 * (at[1:] + at[:-1])
+
+    def moved(path: Path) -> Path:
+        assert path.gap is not None
+        return replace(path, gap=at[np.searchsorted(middles, path.gap)])
+
+    return [moved(path) for path in paths]
+
+
+def interpolation(
+    model: ActuatorModel, scales: Scales, limits: Limits, sizes: Sizes, paths: Sequence[Path]
+) -> Deviation:
+    """Return what straight lines between the entries over the gap cost, everything else exact.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    scales : Scales
+        Range of the gap.
+    limits : Limits
+        Of the current.
+    sizes : Sizes
+        How many entries.
+    paths : sequence of Path
+        Demands that lie above what the smallest current may leave.
+    """
+    if not model.needs_schedule:
+        return Deviation(0.0, 0.0, "")
+    at = nodes(model, scales, sizes)
+    law = normal(model, at)
+    unit, power = flux_unit(model), model.power
+    circuit = model.circuit(at, np.zeros(at.size))
+    iron = model.parameters_at(float(at[0]))
+
+    def error(path: Path) -> FloatArray:
+        gap = path.gap
+        assert gap is not None
+
+        def over(values: FloatArray) -> FloatArray:
+            return np.interp(gap, at, values)
+
+        part = path.demand - over(circuit.out_0)
+        gain = over((1.0 / circuit.c_out) ** (1.0 / power)) / unit
+        flux = gain * (np.sqrt(np.maximum(part, 0.0)) if power == 2 else part)
+        exact = model.circuit(gap, np.zeros(gap.size))
+        reached = model.invert(exact.output(flux * unit), gap, history="demagnetised")
+        x = (
+            (1.0 - iron["alpha"]) * reached.field + iron["alpha"] * reached.flux_density / MU_0
+        ) / (iron["a"])
+        current = over(law.bias) + over(law.flux_arm) * flux + over(law.field_arm) * x
+        current = np.clip(current, *limits.current)
+        run = Run(path, current, exact_output(model, current, path), np.ones(x.size, dtype=bool))
+        return off_demand(run, limits, 1e-9 * scales.current)
+
+    return deviation((path.name, error(path)) for path in paths)
