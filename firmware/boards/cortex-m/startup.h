@@ -29,7 +29,7 @@ void startup_trap(void);
 /* The first 16 entries of a vector table, which belongs into the section .vectors; and where in it
    interrupt n stands. Interrupts that a board does not enable need no entry. */
 #define STARTUP_VECTORS                                                                            \
-  [0] = (startup_vector)&startup_stack_top, [1] = startup_reset, [2] = startup_trap,               \
+  [0] = (startup_vector) & startup_stack_top, [1] = startup_reset, [2] = startup_trap,             \
   [3] = startup_trap, [4] = startup_trap, [5] = startup_trap, [6] = startup_trap,                  \
   [11] = startup_trap, [12] = startup_trap, [14] = startup_trap, [15] = startup_trap
 #define STARTUP_INTERRUPT(n) (16 + (n))

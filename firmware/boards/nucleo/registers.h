@@ -64,20 +64,20 @@
 #define TIM5_CNT REGISTER(0x40000C24U)
 
 /* Converters 1, 2, 3 of one kind, 0x100 apart. */
-#define ADC_SR(n) REGISTER(0x40012000U + 0x100U * ((n)-1U))
+#define ADC_SR(n) REGISTER(0x40012000U + 0x100U * ((n) - 1U))
 #define ADC_SR_JEOC (1U << 2)
-#define ADC_CR1(n) REGISTER(0x40012004U + 0x100U * ((n)-1U))
+#define ADC_CR1(n) REGISTER(0x40012004U + 0x100U * ((n) - 1U))
 #define ADC_CR1_JEOCIE (1U << 7)
-#define ADC_CR2(n) REGISTER(0x40012008U + 0x100U * ((n)-1U))
+#define ADC_CR2(n) REGISTER(0x40012008U + 0x100U * ((n) - 1U))
 #define ADC_CR2_ADON 1U
 #define ADC_CR2_JEXTSEL_TIM2_TRGO (3U << 16)
 #define ADC_CR2_JEXTEN_RISING (1U << 20)
-#define ADC_SMPR1(n) REGISTER(0x4001200CU + 0x100U * ((n)-1U))
-#define ADC_SMPR2(n) REGISTER(0x40012010U + 0x100U * ((n)-1U))
+#define ADC_SMPR1(n) REGISTER(0x4001200CU + 0x100U * ((n) - 1U))
+#define ADC_SMPR2(n) REGISTER(0x40012010U + 0x100U * ((n) - 1U))
 #define ADC_SMP_56_CYCLES(channel) (3U << (3U * ((channel) % 10U)))
-#define ADC_JSQR(n) REGISTER(0x40012038U + 0x100U * ((n)-1U))
+#define ADC_JSQR(n) REGISTER(0x40012038U + 0x100U * ((n) - 1U))
 #define ADC_JSQR_ONE(channel) ((uint32_t)(channel) << 15)
-#define ADC_JDR1(n) REGISTER(0x4001203CU + 0x100U * ((n)-1U))
+#define ADC_JDR1(n) REGISTER(0x4001203CU + 0x100U * ((n) - 1U))
 #define ADC_CCR REGISTER(0x40012304U)
 #define ADC_CCR_MULTI_TRIPLE_INJECTED 0x15U
 #define ADC_CCR_ADCPRE_4 (1U << 16)

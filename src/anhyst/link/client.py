@@ -135,10 +135,9 @@ class ForceController:
         self._receiver = Receiver()
         self._sequence = 0
         self._lock = threading.RLock()
-        self._arrived: list[Frame] = []
         try:
             self._port.write(b"\0")  # ends whatever a former session left half said
-            self.info = self._request(HelloRequest(frames.VERSION), InfoAnswer)
+            self.info = self.request(HelloRequest(frames.VERSION), InfoAnswer)
         except BaseException:
             self._port.close()
             raise
@@ -223,11 +222,11 @@ class ForceController:
         Refused
             It does not do that in its state.
         """
-        return State(self._request(CommandRequest(command), AckAnswer).detail)
+        return State(self.request(CommandRequest(command), AckAnswer).detail)
 
     def read_setting(self, setting: Setting) -> int:
         """Ask for a setting."""
-        return self._request(SettingReadRequest(setting), SettingAnswer).value
+        return self.request(SettingReadRequest(setting), SettingAnswer).value
 
     def write_setting(self, setting: Setting, value: int) -> int:
         """Set a setting from the next tick on; returns what the controller has now.
@@ -237,7 +236,7 @@ class ForceController:
         Refused
             The value is out of range, or the setting may not be changed in this state.
         """
-        return self._request(SettingWriteRequest(setting, value), SettingAnswer).value
+        return self.request(SettingWriteRequest(setting, value), SettingAnswer).value
 
     def write_block(self, words: Sequence[int]) -> int:
         """Send a parameter block and put it in force between two ticks.
@@ -258,14 +257,16 @@ class ForceController:
             The block is not sound or not for this firmware; the old one stays in force.
         """
         row = [int(word) for word in words]
+        if len(row) <= _GENERATION_AT:
+            raise InputError(f"a block of {len(row)} words: is too short; send a whole one")
         generation = row[_GENERATION_AT] & 0xFFFF
         with self._lock:
             begin = BlockBeginRequest(len(row), generation, _checksum(row))
-            self._request(begin, AckAnswer)
+            self.request(begin, AckAnswer)
             for at in range(0, len(row), _WORDS_MOST):
                 data = BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST]))
-                self._request(data, AckAnswer)
-            return self._request(BlockSwapRequest(generation), AckAnswer).detail
+                self.request(data, AckAnswer)
+            return self.request(BlockSwapRequest(generation), AckAnswer).detail
 
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""
@@ -278,7 +279,7 @@ class ForceController:
         return words
 
     def _block_words(self, offset: int, count: int) -> tuple[int, ...]:
-        return self._request(BlockReadRequest(offset, count), BlockWordsAnswer).words
+        return self.request(BlockReadRequest(offset, count), BlockWordsAnswer).words
 
     @contextmanager
     def heartbeats(self, period: float = 0.02) -> Iterator[None]:
@@ -340,7 +341,23 @@ class ForceController:
             answer, tick = self._exchange(request)
             return Status.of(_expect(self.url, request, answer, StatusAnswer), tick)
 
-    def _request(self, request: Message, kind: type[_Answer]) -> _Answer:
+    def request(self, request: Message, kind: type[_Answer]) -> _Answer:
+        """Send any request and return its answer.
+
+        Parameters
+        ----------
+        request : Message
+            One of the requests of :mod:`anhyst.link.frames`.
+        kind : type
+            The answer that belongs to it.
+
+        Raises
+        ------
+        Refused
+            The controller does not do it.
+        InputError
+            The controller is silent.
+        """
         with self._lock:
             return _expect(self.url, request, self._exchange(request)[0], kind)
 

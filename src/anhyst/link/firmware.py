@@ -170,3 +170,44 @@ def _run(command: Sequence[str], board: str) -> None:
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if "error" in line] or ["no reason"]
         raise NegativeResult(f"board {board}: does not compile: {lines[0]}")
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """Memory of a firmware for a microcontroller, bytes.
+
+    Parameters
+    ----------
+    flash : int
+        Code, constants and what variables start with.
+    ram : int
+        Variables: state, both parameter blocks, recorder, buffers.
+    stack : int
+        Kept for the stack.
+    """
+
+    flash: int
+    ram: int
+    stack: int
+
+
+def read_sizes(program: PathLike) -> Sizes:
+    """Return how much memory a firmware takes.
+
+    Parameters
+    ----------
+    program : path-like
+        ELF file of a board with a Cortex-M.
+
+    Returns
+    -------
+    Sizes
+    """
+    from elftools.elf.elffile import ELFFile
+
+    with Path(program).open("rb") as stream:
+        size = {
+            section.name: int(section["sh_size"]) for section in ELFFile(stream).iter_sections()
+        }
+    data = size.get(".data", 0)
+    return Sizes(size[".text"] + data, size[".bss"] + data, size[".stack"])

@@ -57,7 +57,7 @@ def run_host(program: Path, plant: Plant, link: str = "pty") -> Iterator[Running
     """
     ours, theirs = socket.socketpair()
     command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
-    with _started(command, [theirs], stdout=subprocess.PIPE) as process:
+    with ours, _started(command, [theirs], stdout=subprocess.PIPE) as process:
         url = link
         if link == "pty" or link.startswith("tcp:"):
             assert process.stdout is not None
@@ -65,8 +65,7 @@ def run_host(program: Path, plant: Plant, link: str = "pty") -> Iterator[Running
             if not place:
                 raise InputError(f"{program}: the firmware did not start")
             url = place if link == "pty" else f"socket://127.0.0.1:{place}"
-        with ours:
-            yield Running(url, PlantBus(plant, ours))
+        yield Running(url, PlantBus(plant, ours))
 
 
 @contextmanager
@@ -103,7 +102,7 @@ def run_qemu(program: Path, plant: Plant) -> Iterator[Running]:
     command += _serial("link", f"fd={listener.fileno()},server=on,wait=off,nodelay=on")
     command += _serial("plant", f"fd={theirs.fileno()}")
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
-    with _started(command, [listener, theirs]), ours:
+    with ours, _started(command, [listener, theirs]):
         yield Running(url, PlantBus(plant, ours))
 
 

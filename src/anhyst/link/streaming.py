@@ -32,9 +32,7 @@ class _Sent:
     status: Status | None = None
 
 
-def stream(
-    controller: ForceController, forces: Iterable[int], window: int
-) -> Iterator[Status]:
+def stream(controller: ForceController, forces: Iterable[int], window: int) -> Iterator[Status]:
     """Send demands; see :meth:`anhyst.link.client.ForceController.stream`."""
     if not 1 <= window <= WINDOW_MOST:
         raise InputError(f"window {window}: choose 1 to {WINDOW_MOST}")

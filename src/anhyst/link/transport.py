@@ -143,6 +143,8 @@ def _why(error: Exception) -> str:
         return "nobody listens there; start the controller first"
     if "exclusively lock" in text:
         return _ADVICE[errno.EBUSY]
+    if "configure port" in text:
+        return _ADVICE[errno.ENOTTY]
     return f"cannot be opened: {text}; name another port"
 
 

@@ -1,0 +1,51 @@
+"""Firmware built once for all tests of the link."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from anhyst.link.client import ForceController
+from anhyst.link.firmware import build
+from anhyst.link.process import Running, run_host
+from tests.link.handmade import write_parameters
+from tests.link.plant import NoisyPlant
+
+RATE = 4000
+
+
+@pytest.fixture(scope="session")
+def parameters(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the firmware is built from."""
+    return write_parameters(tmp_path_factory.mktemp("link") / "compiled", RATE)
+
+
+@pytest.fixture(scope="session")
+def host_firmware(parameters: Path) -> Path:
+    """The firmware as a process."""
+    return build("host", parameters, parameters.parent / "host")
+
+
+@pytest.fixture(scope="session")
+def qemu_firmware(parameters: Path) -> Path:
+    """The firmware for the emulated board."""
+    if shutil.which("qemu-system-arm") is None:
+        pytest.skip("qemu-system-arm is not installed: apt install qemu-system-arm")
+    return build("qemu-mps2", parameters, parameters.parent / "qemu.elf")
+
+
+@pytest.fixture
+def board(host_firmware: Path) -> Iterator[Running]:
+    """A firmware on a pty that has passed its self-test."""
+    with run_host(host_firmware, NoisyPlant()) as running:
+        running.bus.step(40)
+        yield running
+
+
+@pytest.fixture
+def controller(board: Running) -> Iterator[ForceController]:
+    with ForceController(board.url, timeout=1.0) as controller:
+        yield controller

@@ -1,0 +1,34 @@
+"""A folder as the compiler writes it, made from the core's own files, in no time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from anhyst.compile.core import SOURCES, core_folder
+from tests.actuators import compiled
+
+KIND = "simplified"
+
+
+def write_parameters(folder: Path, rate: int | str) -> Path:
+    """Write what a firmware is built from: a compensator for `rate` ticks a second."""
+    core = core_folder()
+    words = [int(word) for word in compiled(KIND).words]
+    folder.mkdir()
+    (folder / "anhyst").symlink_to(core / "include" / "anhyst")
+    files = {
+        "anhyst.h": '#include "anhyst/compensator.h"\n',
+        "anhyst.c": "".join(f'#include "{core}/src/{name}"\n' for name in SOURCES[KIND]),
+        "anhyst_parameters.h": f"""\
+#include "anhyst.h"
+#define ANHYST_KERNEL anhyst_kernel_{KIND}
+#define ANHYST_RATE_HZ {rate}
+#define ANHYST_PARAMETERS_WORDS {len(words)}
+extern const int16_t anhyst_parameters[ANHYST_PARAMETERS_WORDS];
+""",
+        "anhyst_parameters.c": '#include "anhyst_parameters.h"\n'
+        f"const int16_t anhyst_parameters[] = {{{', '.join(map(str, words))}}};\n",
+    }
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder

@@ -1,0 +1,130 @@
+"""Firmware is built for every board; the emulated one carries a thousand commands a second."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+from pathlib import Path
+
+import pytest
+
+from anhyst.errors import InputError, NegativeResult
+from anhyst.link.client import ForceController
+from anhyst.link.firmware import build, read_sizes
+from anhyst.link.frames import Command, Fault, State
+from anhyst.link.plantbus import PlantBus
+from anhyst.link.process import run_host, run_qemu
+from tests.link.handmade import write_parameters
+from tests.link.plant import NoisyPlant
+
+COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "10000"))
+"""CI sends 100000."""
+
+
+def test_the_nucleo_s_firmware_fits_with_room_to_spare(parameters: Path, tmp_path: Path) -> None:
+    sizes = read_sizes(build("nucleo", parameters, tmp_path / "nucleo.elf"))
+    assert 4000 < sizes.flash < 32 * 1024
+    assert 0 < sizes.ram < 64 * 1024
+    assert sizes.stack == 4096
+
+
+def test_the_same_parameters_give_the_same_firmware(parameters: Path, tmp_path: Path) -> None:
+    first = build("qemu-mps2", parameters, tmp_path / "first").read_bytes()
+    assert build("qemu-mps2", parameters, tmp_path / "second").read_bytes() == first
+
+
+def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path) -> None:
+    with (
+        run_qemu(qemu_firmware, NoisyPlant()) as board,
+        ForceController(board.url, timeout=2.0) as controller,
+    ):
+        board.bus.step(40)
+        controller.command(Command.ARM)
+        controller.command(Command.RUN)
+        forces = ((n % 1000) * 1_000_000 for n in range(1, COMMANDS + 1))
+        answered = sum(1 for _ in controller.stream(forces, window=16))
+        board.bus.step()
+        status = controller.status()
+    assert answered == COMMANDS
+    assert status.codes.demand == (COMMANDS % 1000) * 1_000_000
+    assert (status.codes.lost_frames, status.codes.bad_frames) == (0, 0)
+    assert status.state is State.RUN
+
+
+def test_process_and_emulated_board_drive_the_same_currents(
+    host_firmware: Path, qemu_firmware: Path
+) -> None:
+    drives = []
+    for runner, program in ((run_host, host_firmware), (run_qemu, qemu_firmware)):
+        plant = NoisyPlant()
+        with (
+            runner(program, plant) as board,
+            ForceController(board.url, timeout=2.0) as controller,
+        ):
+            board.bus.step(40)
+            controller.command(Command.ARM)
+            controller.command(Command.RUN)
+            for n in range(60):
+                controller.demand((37 * n % 101) * 20_000_000)
+                board.bus.step(2)
+            assert board.bus.fault is Fault.NONE
+        drives.append(plant.drives)
+    assert drives[0] == drives[1]
+    assert len(set(drives[0])) > 50
+
+
+def test_a_firmware_keeps_its_port_while_clients_come_and_go(host_firmware: Path) -> None:
+    for link in ("pty", "tcp:0"):
+        with run_host(host_firmware, NoisyPlant(), link) as board:
+            for _ in range(3):
+                with ForceController(board.url, timeout=1.0) as controller:
+                    assert controller.status().state is State.INIT
+
+
+def test_a_board_that_is_not_known(parameters: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="choose one of host, qemu-mps2, nucleo"):
+        build("arduino", parameters, tmp_path / "x")
+
+
+def test_a_folder_without_a_compensator(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="name a folder that anhyst compile wrote"):
+        build("host", tmp_path, tmp_path / "x")
+
+
+@pytest.mark.parametrize("rate", [9, "4000.5", 1000001])
+def test_a_rate_that_no_board_keeps(tmp_path: Path, rate: int | str) -> None:
+    folder = write_parameters(tmp_path / "compiled", rate)
+    with pytest.raises(InputError, match="compile for a whole number of ticks a second"):
+        build("host", folder, tmp_path / "x")
+
+
+def test_sources_that_do_not_compile(parameters: Path, tmp_path: Path) -> None:
+    shutil.copytree(parameters, tmp_path / "compiled", symlinks=True)
+    (tmp_path / "compiled" / "anhyst_parameters.c").write_text("no C", encoding="utf-8")
+    with pytest.raises(NegativeResult, match="board host: does not compile"):
+        build("host", tmp_path / "compiled", tmp_path / "x")
+
+
+def test_a_program_that_is_not_there(tmp_path: Path) -> None:
+    with (
+        pytest.raises(InputError, match="cannot be run"),
+        run_host(tmp_path / "none", NoisyPlant()),
+    ):
+        pass
+
+
+def test_a_controller_that_hangs_up_is_told() -> None:
+    ours, theirs = socket.socketpair()
+    with ours:
+        theirs.close()
+        with pytest.raises(InputError, match="did not finish tick 1"):
+            PlantBus(NoisyPlant(), ours).step()
+
+
+def test_records_of_the_bus_are_found_again_after_a_slip(host_firmware: Path) -> None:
+    with run_host(host_firmware, NoisyPlant()) as board:
+        board.bus.step(3)
+        board.bus._connection.sendall(b"\1\2\3\4\5")
+        board.bus.step(3)
+        assert board.bus.tick == 6

@@ -1,0 +1,207 @@
+"""A session with a controller: the process, over a pty."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.errors import InputError
+from anhyst.link.client import ForceController, Refused, regenerate
+from anhyst.link.frames import (
+    AckAnswer,
+    BlockBeginRequest,
+    BlockDataRequest,
+    BlockSwapRequest,
+    Command,
+    Fault,
+    Flag,
+    Reason,
+    Recorder,
+    Setting,
+    Signal,
+    State,
+    Trigger,
+)
+from anhyst.link.process import Running, run_host
+from anhyst.link.recorder import When, read_recording, recorder_state, start_recording
+from tests.link.conftest import RATE
+from tests.link.plant import NOISE, NoisyPlant
+
+TENTH = (1 << 31) // 10
+
+
+def run(board: Running, controller: ForceController) -> None:
+    """Bring a controller that is idle to run."""
+    controller.command(Command.ARM)
+    controller.command(Command.RUN)
+    board.bus.step()
+    assert board.bus.state is State.RUN
+
+
+def test_a_controller_says_who_it_is(controller: ForceController) -> None:
+    assert controller.info.rate == RATE
+    assert controller.info.version == 1
+    assert controller.status().state is State.IDLE
+
+
+def test_a_demand_becomes_a_current_two_ticks_later(
+    board: Running, controller: ForceController
+) -> None:
+    run(board, controller)
+    before = controller.demand(3 * TENTH)
+    assert before.demand == 0.0
+    board.bus.step()
+    after = controller.status()
+    assert after.tick == before.tick + 1
+    assert after.codes.demand == 3 * TENTH
+    assert after.drive == board.bus.drive > 0.1
+    assert after.current == pytest.approx(0.0, abs=6 * NOISE)
+    board.bus.step(2)
+    assert controller.status().current == pytest.approx(after.drive, abs=0.01)
+
+
+def test_sensors_come_back_as_they_were_shown(host_firmware: Path) -> None:
+    plant = NoisyPlant()
+    plant.reading = {"gap": 0.25, "force": 0.5, "current": -0.125}
+    with run_host(host_firmware, plant, "tcp:0") as board:
+        board.bus.step(3)
+        with ForceController(board.url, timeout=1.0) as controller:
+            status = controller.status()
+    assert (status.gap, status.force, status.current) == (0.25, 0.5, -0.125)
+    assert status.tick == 3
+
+
+def test_commands_that_do_not_fit_the_state_are_refused(controller: ForceController) -> None:
+    with pytest.raises(Refused, match="not in the state idle") as refused:
+        controller.command(Command.RUN)
+    assert refused.value.reason is Reason.STATE
+    assert controller.status().state is State.IDLE
+
+
+def test_settings_are_read_and_written(controller: ForceController) -> None:
+    assert controller.read_setting(Setting.HEARTBEAT_TICKS) == RATE // 10
+    assert controller.write_setting(Setting.DEMAND_SLEW, 12345) == 12345
+    assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
+    with pytest.raises(Refused, match="out of its range"):
+        controller.write_setting(Setting.DEMAND_SLEW, 0)
+    assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
+
+
+def test_demands_beyond_the_model_are_limited_and_said_so(
+    board: Running, controller: ForceController
+) -> None:
+    run(board, controller)
+    controller.demand((1 << 31) - 1)
+    board.bus.step()
+    assert Flag.DEMAND_LIMITED in controller.status().flags
+    with pytest.raises(InputError, match="does not fit q31"):
+        controller.demand(1 << 31)
+
+
+def test_a_block_is_swapped_between_two_ticks_while_it_runs(
+    board: Running, controller: ForceController
+) -> None:
+    run(board, controller)
+    controller.demand(2 * TENTH)
+    board.bus.step(3)
+    drive = controller.status().drive
+    words = controller.read_block()
+    assert controller.write_block(regenerate(words, 40001)) == 40001
+    board.bus.step()
+    status = controller.status()
+    assert status.generation == 40001
+    assert status.state is State.RUN
+    assert status.drive == pytest.approx(drive, abs=1e-6)
+    assert controller.read_block() == regenerate(words, 40001)
+
+
+@pytest.mark.parametrize("at", [8, 33, -1])
+def test_a_corrupted_block_is_rejected_and_the_old_one_stays(
+    controller: ForceController, at: int
+) -> None:
+    old = controller.read_block()
+    spoilt = regenerate(old, 7)
+    spoilt[at] ^= 1
+    with pytest.raises(Refused, match="not sound") as refused:
+        controller.write_block(spoilt)
+    assert refused.value.reason is Reason.BLOCK
+    assert controller.status().generation == 0
+    assert controller.read_block() == old
+
+
+def test_a_block_that_arrives_incomplete_is_not_put_in_force(controller: ForceController) -> None:
+    controller.request(BlockBeginRequest(60, 3, 0), AckAnswer)
+    with pytest.raises(Refused) as refused:
+        controller.request(BlockDataRequest(20, (1, 2)), AckAnswer)
+    assert (refused.value.reason, refused.value.detail) == (Reason.ORDER, 0)
+    with pytest.raises(Refused):
+        controller.request(BlockSwapRequest(3), AckAnswer)
+    assert controller.status().generation == 0
+
+
+def test_a_recording_holds_the_ticks_around_its_trigger(
+    board: Running, controller: ForceController
+) -> None:
+    run(board, controller)
+    when = When(Trigger.RISING, Signal.DEMAND, TENTH, before=5)
+    start_recording(controller, [Signal.DEMAND, Signal.DRIVE], when, records=100)
+    board.bus.step(20)
+    assert recorder_state(controller) is Recorder.WAITING
+    with pytest.raises(InputError, match="recorder is waiting"):
+        read_recording(controller)
+    begin = controller.demand(2 * TENTH).tick + 1
+    board.bus.step(100)
+    recording = read_recording(controller)
+    assert recording.ticks[recording.trigger] == begin
+    assert recording.trigger == 5
+    assert np.array_equal(recording.ticks, begin - 5 + np.arange(100))
+    expected = np.where(np.arange(100) < 5, 0, 2 * TENTH)
+    assert np.array_equal(recording.signals[Signal.DEMAND], expected)
+    plant = board.bus.plant
+    assert isinstance(plant, NoisyPlant)
+    drives = np.array(plant.drives[begin : begin + 90]) * 2.0**31
+    assert np.array_equal(recording.signals[Signal.DRIVE][5:95], drives)
+
+
+def test_demands_stream_in_order(board: Running, controller: ForceController) -> None:
+    run(board, controller)
+    forces = [n * 1000 for n in range(300)]
+    answers = list(controller.stream(forces, window=16))
+    assert len(answers) == 300
+    board.bus.step()
+    assert controller.status().codes.demand == forces[-1]
+    assert controller.status().codes.lost_frames == 0
+    with pytest.raises(InputError, match="choose 1 to 32"):
+        list(controller.stream(forces, window=33))
+
+
+def test_heartbeats_in_the_background_keep_the_link_alive(
+    board: Running, controller: ForceController
+) -> None:
+    run(board, controller)
+    controller.write_setting(Setting.HEARTBEAT_TICKS, 1000)
+    with controller.heartbeats(0.001):
+        for _ in range(20):
+            seen = board.bus.tick
+            board.bus.step(100)
+            controller.status()
+            assert board.bus.tick == seen + 100
+    assert board.bus.fault is Fault.NONE
+
+
+def test_waiting_for_a_state_tells_of_a_fault(board: Running, controller: ForceController) -> None:
+    run(board, controller)
+    plant = board.bus.plant
+    assert isinstance(plant, NoisyPlant)
+    plant.reading = {"gap": float("nan")}
+    board.bus.step(10)
+    with pytest.raises(InputError, match="in fault: gap reserved"):
+        controller.wait_for(State.READY, timeout=1.0)
+    with pytest.raises(InputError, match="not in ready"):
+        plant.reading = {}
+        board.bus.step(200)
+        controller.command(Command.CLEAR)
+        board.bus.step(40)
+        controller.wait_for(State.READY, timeout=0.05)

@@ -1,0 +1,119 @@
+"""Ports that cannot be used say why, in one line."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from anhyst.errors import InputError
+from anhyst.link import frames
+from anhyst.link.client import ForceController
+from anhyst.link.frames import HelloRequest, InfoAnswer, NakAnswer, Reason, StatusAnswer
+from anhyst.link.process import Running
+from anhyst.link.wire import Receiver, encode
+
+
+def refusal(url: str) -> str:
+    with pytest.raises(InputError) as error:
+        ForceController(url, timeout=0.02, attempts=3)
+    text = str(error.value)
+    assert "\n" not in text
+    assert text.startswith(url)
+    return text
+
+
+def test_a_port_that_is_not_there() -> None:
+    assert "is not there; plug the controller in" in refusal("/dev/ttyNONE7")
+
+
+def test_a_host_where_nobody_listens() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    assert "nobody listens there" in refusal(f"socket://127.0.0.1:{port}")
+
+
+def test_something_that_is_not_a_port(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert "is not a serial port" in refusal(str(tmp_path / "file"))
+    assert "name a port" in refusal("nonsense://x")
+
+
+def test_a_port_that_is_taken(board: Running) -> None:
+    with ForceController(board.url, timeout=1.0) as first:
+        assert "is taken by another program" in refusal(board.url)
+        assert first.status().tick == board.bus.tick
+
+
+def test_a_port_without_a_controller() -> None:
+    ours, theirs = os.openpty()
+    try:
+        assert "no answer within 0.1 s" in refusal(os.ttyname(theirs))
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_a_controller_that_vanishes(board: Running) -> None:
+    with ForceController(board.url, timeout=0.02, attempts=3) as controller:
+        board.bus._connection.close()  # the firmware ends when its plant hangs up
+        with pytest.raises(InputError, match=r"no answer|the port is gone"):
+            for _ in range(100):
+                controller.status()
+
+
+@contextmanager
+def fake(answer: bytes) -> Iterator[str]:
+    """A controller that answers everything with the same frame."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            connection, _ = listener.accept()
+            receiver = Receiver()
+            with connection:
+                while data := connection.recv(4096):
+                    for _ in receiver.feed(data):
+                        connection.sendall(answer)
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        yield f"socket://127.0.0.1:{listener.getsockname()[1]}"
+        thread.join()
+
+
+INFO = InfoAnswer(frames.VERSION + 1, 1, 1, 1, 0, 1024, 0, 20, 0, 4000)
+NAK = NakAnswer(HelloRequest.TYPE, Reason.VERSION, frames.VERSION + 1)
+STATUS = StatusAnswer(2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        encode(INFO, 1),
+        encode(NAK, 1),
+        encode(STATUS, 1, version=frames.VERSION + 1),
+    ],
+)
+def test_firmware_of_another_protocol_version(answer: bytes) -> None:
+    with fake(answer) as url:
+        text = refusal(url)
+    assert "speaks version 2 of the protocol, this anhyst version 1" in text
+    assert "build and flash" in text
+
+
+def test_firmware_tells_a_pc_of_another_version(board: Running, monkeypatch: object) -> None:
+    patch = monkeypatch
+    assert isinstance(patch, pytest.MonkeyPatch)
+    patch.setattr(frames, "VERSION", 9)
+    text = refusal(board.url)
+    assert "speaks version 1 of the protocol, this anhyst version 9" in text
+
+
+def test_an_answer_that_makes_no_sense() -> None:
+    with fake(encode(STATUS, 1)) as url:
+        assert "StatusAnswer in answer to HelloRequest" in refusal(url)
