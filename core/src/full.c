@@ -239,19 +239,41 @@ static void slide(const path *along, int32_t x, answer *at)
   }
 }
 
+/* Where to look first on a path that begins held, up to a known end: there m needs no evaluation
+   and tells on which side the solution lies. The tangent at the start knows nothing of what comes
+   after the end. */
+static int32_t leave_hold(const path *along, search *find, int32_t end, int32_t tangent)
+{
+  int32_t rise;
+  const int32_t m = magnetisation(along, along->y, odd_value(along->curve, end, &rise));
+  const int32_t residual =
+      anhyst_scale(end, find->air) + anhyst_scale(m, find->iron) - find->target;
+  int32_t first = tangent;
+  if (residual < 0) {
+    find->low = end;
+    first = follow_curve(along, end, find->iron, residual);
+  } else {
+    find->high = end;
+  }
+  return anhyst_clamp(first, find->low, find->high);
+}
+
 /* Solves from *at, the start of the path, where the residual is negative. Newton's steps inside an
    interval that always holds the solution; one that leaves it follows the anhysteretic curve
    instead, or goes to the middle. The number of evaluations is fixed; a last step is taken along
    the tangents, and what is left of the residual then is part of the accuracy budget. */
 static void rise(const path *along, search *find, int16_t evaluations, answer *at)
 {
+  const int32_t freed = along->departure + along->play;
   int32_t furthest = ANHYST_Q31_MAX;
   find->low = at->x;
   find->high = ONE - 1;
   for (int16_t i = 0; i < evaluations; i++) {
     const int32_t x = at->x;
     int32_t next = look(find, at);
-    if (nearer(x, next, find->low, find->high, furthest)) {
+    if (i == 0 && freed > x && freed < find->high) {
+      next = leave_hold(along, find, freed, next);
+    } else if (nearer(x, next, find->low, find->high, furthest)) {
       next = anhyst_clamp(next, find->low, find->high);
       furthest = next < x ? x - next : next - x;
     } else {
