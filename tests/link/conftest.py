@@ -11,8 +11,9 @@ import pytest
 from anhyst.link.client import ForceController
 from anhyst.link.firmware import build
 from anhyst.link.process import Running, run_host
-from tests.link.handmade import write_parameters
-from tests.link.plant import NoisyPlant
+
+from .handmade import write_parameters
+from .plant import NoisyPlant
 
 RATE = 4000
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from actuators import compiled
+from anhyst.compile.block import Kind
 from anhyst.compile.core import SOURCES, core_folder
-from tests.actuators import compiled
 
-KIND = "simplified"
+KIND: Kind = "simplified"
 
 
 def write_parameters(folder: Path, rate: int | str) -> Path:

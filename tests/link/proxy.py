@@ -55,7 +55,7 @@ class Disturbance:
         return [frame]
 
     def _happens(self, kind: str) -> bool:
-        happens = self.random.random() < getattr(self, kind)
+        happens = self.random.random() < float(getattr(self, kind))
         self.done[kind] = self.done.get(kind, 0) + happens
         return happens
 
@@ -79,7 +79,7 @@ def disturbed_line(disturbance: Disturbance) -> Iterator[Line]:
     masters = [pair[0] for pair in pairs]
 
     def carry() -> None:
-        held = {master: b"" for master in masters}
+        held = dict.fromkeys(masters, b"")
         while True:
             ready, _, _ = select.select([*masters, stop], [], [])
             if stop in ready:

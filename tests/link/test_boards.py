@@ -15,8 +15,9 @@ from anhyst.link.firmware import build, read_sizes
 from anhyst.link.frames import Command, Fault, State
 from anhyst.link.plantbus import PlantBus
 from anhyst.link.process import run_host, run_qemu
-from tests.link.handmade import write_parameters
-from tests.link.plant import NoisyPlant
+
+from .handmade import write_parameters
+from .plant import NoisyPlant
 
 COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "10000"))
 """CI sends 100000."""

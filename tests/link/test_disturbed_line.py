@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,9 @@ from anhyst.link.client import ForceController, regenerate
 from anhyst.link.frames import Command, Setting, Signal, State, Trigger
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, start_recording
-from tests.link.plant import NoisyPlant
-from tests.link.proxy import Disturbance, disturbed_line
+
+from .plant import NoisyPlant
+from .proxy import Disturbance, disturbed_line
 
 DAMAGE = {
     "flip": Disturbance(flip=0.05),
@@ -80,7 +82,7 @@ def test_streamed_demands_reach_the_controller_in_order(host_firmware: Path) -> 
             seen.append(answer.codes.demand)
         board.bus.step()
         seen.append(controller.status().codes.demand)
-    rises = [b - a for a, b in zip(seen, seen[1:], strict=False)]
+    rises = [b - a for a, b in pairwise(seen)]
     back = [rise for rise in rises if rise < 0]
     assert all(rise > -12 * STEP for rise in back)  # no older than what was on its way
     assert seen[-1] == 300 * STEP

@@ -9,8 +9,9 @@ import pytest
 from anhyst.link.client import ForceController, Refused
 from anhyst.link.frames import Command, Fault, Setting, State
 from anhyst.link.process import Running
-from tests.link.conftest import RATE
-from tests.link.plant import NoisyPlant
+
+from .conftest import RATE
+from .plant import NoisyPlant
 
 HALF = 1 << 30
 

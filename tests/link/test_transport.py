@@ -63,8 +63,7 @@ def test_a_controller_that_vanishes(board: Running) -> None:
     with ForceController(board.url, timeout=0.02, attempts=3) as controller:
         board.bus._connection.close()  # the firmware ends when its plant hangs up
         with pytest.raises(InputError, match=r"no answer|the port is gone"):
-            for _ in range(100):
-                controller.status()
+            list(controller.stream(range(100)))
 
 
 @contextmanager

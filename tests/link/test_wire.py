@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -37,11 +39,7 @@ def test_a_frame_after_a_zero_is_found_after_any_garbage(
     stream = garbage + b"\0" + encode(DemandRequest(force), 7)
     receiver = Receiver()
     places = [0, *sorted(cuts), len(stream)]
-    found = [
-        frame
-        for begin, end in zip(places, places[1:], strict=False)
-        for frame in receiver.feed(stream[begin:end])
-    ]
+    found = [frame for begin, end in pairwise(places) for frame in receiver.feed(stream[begin:end])]
     assert found[-1].sequence == 7
     assert DemandRequest.unpack(found[-1].payload).force == force
 

@@ -109,7 +109,7 @@ def firmware_folder() -> Path:
 
 
 def _check_rate(folder: Path) -> None:
-    """A tick is a whole number of the board's clock: the rate is whole too."""
+    """Refuse a rate that a board's clock cannot keep: a tick is a whole number of its cycles."""
     text = (folder / "anhyst_parameters.h").read_text(encoding="utf-8")
     rate = re.search(r"^#define ANHYST_RATE_HZ (\S+)", text, re.M)
     if rate is None or not rate[1].isdecimal() or not 10 <= int(rate[1]) <= 1_000_000:

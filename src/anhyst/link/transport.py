@@ -115,7 +115,7 @@ class Port:
         return InputError(f"{self.url}: the port is gone; see the cable and the controller's power")
 
 
-def _open(url: str, baud: int) -> Any:  # noqa: ANN401 - pyserial has no types
+def _open(url: str, baud: int) -> Any:
     try:
         import serial
     except ImportError as error:
@@ -148,7 +148,7 @@ def _why(error: Exception) -> str:
     return f"cannot be opened: {text}; name another port"
 
 
-def _descriptor(port: Any) -> int | None:  # noqa: ANN401 - pyserial has no types
+def _descriptor(port: Any) -> int | None:
     """Give the file descriptor where the system has one: reads are quicker past pyserial."""
     try:
         return int(port.fileno()) if os.name == "posix" else None
