@@ -64,16 +64,27 @@ static int32_t z_of(const int16_t *words, int32_t p)
   return z > (uint32_t)ANHYST_Q31_MAX ? ANHYST_Q31_MAX : (int32_t)z;
 }
 
+/* way*weight*2^shift of a way that is not negative, saturates. A short way is shifted first, so
+   that a tiny step loses no more than a unit in the last place. */
+static int32_t stretched(int32_t way, int16_t weight, int16_t shift)
+{
+  const uint16_t n = (uint16_t)shift;
+  if ((way >> (31U - n)) == 0) {
+    return anhyst_scale((int32_t)((uint32_t)way << n), weight);
+  }
+  return anhyst_shl_q31(anhyst_scale(way, weight), n);
+}
+
 static void advance(const int16_t *words, const anhyst_memory *from, int32_t way, anhyst_memory *to)
 {
-  int32_t distance = anhyst_shl_q31(anhyst_scale(way, words[ANHYST_WORD_SIMPLE_RATE]),
-                                    (uint16_t)words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
+  int32_t distance =
+      stretched(way, words[ANHYST_WORD_SIMPLE_RATE], words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
   int32_t z = 0;
   to->a = from->a;
   to->c = 0;
   if (from->b < 0) {
-    const int32_t held = anhyst_shl_q31(anhyst_scale(way, words[ANHYST_WORD_SIMPLE_HOLD]),
-                                        (uint16_t)words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]);
+    const int32_t held =
+        stretched(way, words[ANHYST_WORD_SIMPLE_HOLD], words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]);
     if (held < -from->b) {
       to->b = from->b + held;
       return;
