@@ -1,5 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The effective-field law with its exact step in floating point; full.c tells the mathematics. */
+/* The effective-field law with its exact step, in floating point.
+
+   In the law's own units the iron obeys h*x + m = flux, and a current gives
+   flux_arm*flux + field_arm*x. Both are one equation, air*x + iron*m = target, and both slopes are
+   positive, so the solution is unique. Everything happens on a path that rises: a falling one is
+   mirrored, which the law does not notice. Along a path
+
+     m = (1-c)*y + c*L(x),   y = A(x) + (y0 - A(b))*exp(-(x - b)/kappa)   beyond the departure b,
+
+   with L the anhysteretic curve and A the ascending branch of a fully pinned iron, both tables. */
 #include "anhyst/compensator_real.h"
 
 #include "lookup_real.h"

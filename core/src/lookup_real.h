@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of the floating-point compensator; see generic/lookup.h. */
+/* Interpolation in the tables of the floating-point compensator, and what its parts share. */
 #ifndef ANHYST_LOOKUP_REAL_H
 #define ANHYST_LOOKUP_REAL_H
 

@@ -1,5 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
+/* State that changes: at most 128 bytes, in either precision. */
+typedef char ANHYST_NAME(anhyst_state_is_small)[sizeof(ANHYST_NAME(anhyst_compensator)) <= 128U
+                                                    ? 1
+                                                    : -1];
+
 /* The row of this gap, interpolated. */
 static ANHYST_NAME(anhyst_at_gap)
     ANHYST_NAME(at_gap)(const ANHYST_NAME(anhyst_parameters) *parameters, ANHYST_REAL gap)
