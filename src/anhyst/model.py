@@ -57,7 +57,7 @@ MAY_VARY: Mapping[GapMap, frozenset[str]] = MappingProxyType(
         "none": frozenset(),
         "scaling": frozenset({"c_H", "c_out", "in_0", "out_0", "gamma"}),
         "reluctance": frozenset({"rho", "c_out", "in_0", "out_0", "gamma"}),
-        "circuit": frozenset({"c_H", "rho", "c_out", "in_0", "out_0", "gamma"}),
+        "circuit": frozenset({"rho", "c_out", "in_0", "out_0", "gamma"}),
         "free": frozenset(PARAMETERS),
     }
 )

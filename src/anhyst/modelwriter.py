@@ -21,8 +21,8 @@ LAW = """
 """
 GAP_MAP = """
 # How the scheduling variable enters. "none": not at all; "scaling": it scales the field, c_H runs
-# over it; "reluctance": a gap in series with the iron, rho runs over it; "circuit": all that surrounds the
-# iron runs over it; "free": anything may.
+# over it; "reluctance": a gap in series with the iron, rho runs over it; "circuit": the output and
+# the offsets besides; "free": anything may.
 """
 HISTORY = """
 # What happened before the first sample, unless told otherwise: "demagnetised"; "settled" (the drive

@@ -187,14 +187,14 @@ def join_circuit(form: Form, records: Records, known: list[Local], held: frozens
     Parameters
     ----------
     form, records, known, held
-        As in :func:`join_gaps`, from whose fit under the map ``scaling`` this one starts.
+        As in :func:`join_gaps`, from whose fit under the map ``reluctance`` this one starts.
 
     Returns
     -------
     Found
         Its cost contains the ties.
     """
-    scaled = join_gaps(form, records, "scaling", known, held)
+    plain = join_gaps(form, records, "reluctance", known, held)
     space = Space("circuit", records, form, held)
-    end = follow(space, space.pack(scaled.sets), tie=TIE * scaled.cost)
-    return replace(end, evaluations=end.evaluations + scaled.evaluations)
+    end = follow(space, space.pack(plain.sets), tie=TIE * plain.cost)
+    return replace(end, evaluations=end.evaluations + plain.evaluations)

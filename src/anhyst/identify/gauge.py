@@ -19,6 +19,7 @@ import numpy as np
 from anhyst.data import Quantity
 from anhyst.gapmap import Curve
 from anhyst.identify.response import Form, Local
+from anhyst.identify.space import IN_SERIES
 
 MU_0 = 4e-7 * np.pi
 """Permeability of free space, V s/(A m), as the core has it."""
@@ -31,9 +32,6 @@ AIR_CORE = 1e-3
 
 _ROUNDING = 1e-12
 """What rho keeps at the closed gap, so that rounding cannot make it negative there."""
-
-IN_SERIES = frozenset({"reluctance", "circuit"})
-"""Gap maps that read omega as a reluctance in series with the iron."""
 
 Parameter = float | tuple[float, ...]
 
@@ -95,7 +93,7 @@ def physical(
         "none": set(),
         "scaling": {"c_H"},
         "reluctance": {"rho"},
-        "circuit": {"c_H", "rho", "c_out", "in_0", "out_0"},
+        "circuit": {"rho", "c_out", "in_0", "out_0"},
         "free": set(table[0]) - ({"c_H"} if input_quantity.name == "field" else set()),
     }[gap_map]
     if len(sets) == 1:

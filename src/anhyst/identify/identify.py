@@ -17,12 +17,13 @@ from anhyst.errors import InputError
 from anhyst.identify.choice import model_of, search_maps
 from anhyst.identify.default import Found
 from anhyst.identify.drives import records_of
-from anhyst.identify.gauge import IN_SERIES, form_of
+from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
 from anhyst.identify.paper import check_splines
 from anhyst.identify.result import IdentifyResult
 from anhyst.identify.run import Progress, Run
 from anhyst.identify.sequence import search_paper
+from anhyst.identify.space import IN_SERIES
 from anhyst.identify.uncertainty import assess
 from anhyst.model import GAP_MAPS, LAWS, ActuatorModel
 from anhyst.record import Provenance, ReductionStep, ValidRange, fit_figures

@@ -15,7 +15,7 @@ from anhyst._core import batch
 from anhyst.errors import InputError
 from anhyst.identify.drives import Drive, Records, thinned
 from anhyst.identify.response import LOCAL, Form, Local
-from anhyst.identify.space import Space
+from anhyst.identify.space import IN_SERIES, Space
 
 Floats = NDArray[np.float64]
 
@@ -216,7 +216,7 @@ def scan_gap(space: Space, gap: int, known: list[Local]) -> tuple[list[Local], F
     """
     count = len(known)
     table = np.repeat(_table(known), _SCAN, axis=1)
-    if space.gap_map == "reluctance":
+    if space.gap_map in IN_SERIES:
         unscaled = table[3] * (1.0 - space.form.h * table[2])
         reach = np.linspace(np.log(0.05), np.log(300.0), _SCAN)
         table[2] = np.tile(np.exp(reach) - OMEGA_JUMP, count)

@@ -23,11 +23,14 @@ PER_GAP = {
     "none": frozenset[str](),
     "scaling": frozenset({"scale"}),
     "reluctance": frozenset({"omega"}),
-    "circuit": frozenset({"omega", "scale", "gain", "in_0", "out_0"}),
+    "circuit": frozenset({"omega", "gain", "in_0", "out_0"}),
     "free": frozenset(LOCAL),
 }
-"""Which parameters each gap map lets differ from gap to gap. With ``reluctance`` the scale of the
-input follows from omega: ``scale = scale_0/(1 - h*omega)``, where 1/(1 - h*omega) = 1 + rho."""
+"""Which parameters each gap map lets differ from gap to gap. Where omega is a reluctance the scale
+of the input follows from it: ``scale = scale_0/(1 - h*omega)``; 1/(1 - h*omega) = 1 + rho."""
+
+IN_SERIES = frozenset({"reluctance", "circuit"})
+"""Gap maps that read omega as a reluctance in series with the iron."""
 
 _LIMITS = {
     "kappa": (2e-3, 5e2),
@@ -125,7 +128,7 @@ class Space:
         for name, gap in self.entries:
             local = sets[gap or 0]
             value = getattr(local, name)
-            if name == "scale" and self.gap_map == "reluctance":
+            if name == "scale" and self.gap_map in IN_SERIES:
                 value *= 1.0 - self.form.h * local.omega
             theta.append(self._inward(name, value))
         return np.asarray(np.clip(np.array(theta), *self.bounds))
@@ -154,7 +157,7 @@ class Space:
 
     def _finish(self, values: dict[str, float], jacobian: Floats) -> Local:
         """Fill in what follows from the rest: h, and the scale of the reluctance map."""
-        if self.gap_map != "reluctance":
+        if self.gap_map not in IN_SERIES:
             return self.form.with_h(Local(**values, h=0.0))
         row, omega_row = LOCAL.index("scale"), LOCAL.index("omega")
         ratio = 1.0 / (1.0 - min(self.form.h * values["omega"], 0.99))

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from anhyst.data import LoopSet
 from anhyst.identify.default import Found
 from anhyst.identify.fitting import Evaluation
-from anhyst.identify.gauge import IN_SERIES
 from anhyst.identify.objective import Objective
+from anhyst.identify.space import IN_SERIES
 from anhyst.record import Uncertainty
 
 Floats = NDArray[np.float64]

@@ -35,8 +35,8 @@ GAP_MAPS: Mapping[str, str] = MappingProxyType(
         "runs over it, as in the paper.",
         "reluctance": "The iron is the same everywhere and carries the hysteresis; a reluctance "
         "ρ in series with it runs over it, as an air gap does.",
-        "circuit": "The iron is the same everywhere; all that surrounds it runs over the "
-        "scheduling variable: field, reluctance, output and offsets.",
+        "circuit": "The iron is the same everywhere and carries the hysteresis; a reluctance "
+        "in series with it, what its flux gives and the offsets run over the scheduling variable.",
         "free": "Any parameter may run over it, that of the iron too: for fixed values only.",
     }
 )
