@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.link import firmware
 from anhyst.link.client import ForceController
 from anhyst.link.firmware import build
 from anhyst.link.process import Running, run_host
@@ -16,6 +17,9 @@ from .handmade import write_parameters
 from .plant import NoisyPlant
 
 RATE = 4000
+
+
+firmware._WARNINGS.append("-Werror")  # our own sources give none
 
 
 @pytest.fixture(scope="session")

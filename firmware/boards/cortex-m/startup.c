@@ -12,14 +12,18 @@ extern uint32_t startup_zero_end;
 
 int main(void);
 
+/* The address of a symbol of the linker script, as a number: it lies between variables. */
+#define ADDRESS(symbol) ((uintptr_t)&(symbol))
+
 void startup_reset(void)
 {
-  const uint32_t *from = &startup_data_stored;
-  for (uint32_t *to = &startup_data_begin; to < &startup_data_end; ++to) {
-    *to = *from++;
+  uintptr_t from = ADDRESS(startup_data_stored);
+  for (uintptr_t to = ADDRESS(startup_data_begin); to < ADDRESS(startup_data_end); to += 4U) {
+    REGISTER(to) = REGISTER(from);
+    from += 4U;
   }
-  for (uint32_t *to = &startup_zero_begin; to < &startup_zero_end; ++to) {
-    *to = 0;
+  for (uintptr_t to = ADDRESS(startup_zero_begin); to < ADDRESS(startup_zero_end); to += 4U) {
+    REGISTER(to) = 0;
   }
   (void)main();
   startup_trap();

@@ -7,8 +7,10 @@
    to listen on, where port 0 takes a free one, which is printed. PLANT, which gives the ticks: fd:N
    for an inherited stream, or tcp:PORT to connect to. Ports are those of 127.0.0.1. Ends when the
    plant hangs up. */
+// NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): how POSIX is asked for
 #define _XOPEN_SOURCE 700
 #define _DEFAULT_SOURCE /* cfmakeraw */
+// NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -239,7 +241,7 @@ static void wait_and_serve(void)
   if (poll(ends, 2, -1) < 0) {
     return;
   }
-  if (link_fd == NONE && (ends[0].revents & POLLIN) != 0) {
+  if (link_fd == NONE && listener != NONE && (ends[0].revents & POLLIN) != 0) {
     accept_link();
   }
   if (ends[1].revents != 0) {

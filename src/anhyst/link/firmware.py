@@ -17,7 +17,7 @@ from anhyst.errors import InputError, NegativeResult
 from anhyst.version import running_version
 
 _PARAMETERS = ("anhyst.h", "anhyst.c", "anhyst_parameters.h", "anhyst_parameters.c")
-_WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
+_WARNINGS = ["-Wall", "-Wextra", "-Wconversion"]
 _THUMB = ("-target", "thumb-freestanding-eabi")
 _FREESTANDING = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined")
 _SMALL = ("-Os", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")

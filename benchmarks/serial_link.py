@@ -1,0 +1,156 @@
+"""The serial link: what it carries on an emulated controller, in a process, and on a real line."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+
+from anhyst.compile.output import compile_model
+from anhyst.compile.plan import Request
+from anhyst.data import LoopSet
+from anhyst.identify import identify
+from anhyst.link.client import ForceController
+from anhyst.link.firmware import build, read_sizes
+from anhyst.link.frames import Command, DemandRequest, State, StatusAnswer
+from anhyst.link.plantbus import Reading
+from anhyst.link.process import Running, run_host, run_qemu
+from anhyst.link.wire import encode
+from anhyst.modelfile import write_model
+from rows import ROOT, Row
+
+COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))
+ON_HOST = 20_000
+WINDOW = 16
+COMMANDS_A_TICK = 10
+RATE = 4000.0
+BITS_A_BYTE = 10
+"""Eight, a start and a stop bit."""
+
+
+class Coil:
+    """A current that does as it is told; sensors with a little noise."""
+
+    def __init__(self) -> None:
+        self._random = Random(1)
+        self._flows = 0.0
+
+    def step(self, tick: int, current: float) -> Reading:
+        """Show gap, force and current."""
+        noise = [self._random.gauss(0.0, 1e-4) for _ in range(3)]
+        flows, self._flows = self._flows, current
+        return Reading(0.5 + noise[0], 0.5 * flows + noise[1], flows + noise[2])
+
+
+def rows() -> list[Row]:
+    """Measure the link."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        loops = LoopSet.from_csv(ROOT / "examples" / "electromagnet" / "loops.csv")
+        write_model(identify(loops, gap_map="scaling").model, folder / "model.toml")
+        request = Request(kind="full", io="q31", rate=RATE)
+        compiled = compile_model(folder / "model.toml", folder / "compiled", request).out
+        return [
+            *_emulated(compiled, folder),
+            _process(compiled, folder),
+            *(_line(baud) for baud in (115_200, 921_600)),
+            _memory(compiled, folder),
+        ]
+
+
+def _emulated(compiled: Path, folder: Path) -> Iterator[Row]:
+    if shutil.which("qemu-system-arm") is None:
+        yield Row(
+            "link on qemu-mps2",
+            ">= 1000 force commands a second, none lost",
+            "not measured: apt install qemu-system-arm",
+            None,
+        )
+        return
+    program = build("qemu-mps2", compiled, folder / "qemu.elf")
+    with run_qemu(program, Coil()) as board:
+        seconds, lost = _stream(board, COMMANDS)
+    yield Row(
+        f"link on qemu-mps2, {COMMANDS} force commands",
+        ">= 1000 a second, none lost",
+        f"{COMMANDS / seconds:.0f} a second, {lost} lost",
+        COMMANDS / seconds >= 1000 and lost == 0,
+    )
+
+
+def _process(compiled: Path, folder: Path) -> Row:
+    program = build("host", compiled, folder / "host")
+    with run_host(program, Coil()) as board:
+        seconds, lost = _stream(board, ON_HOST)
+        with ForceController(board.url, timeout=1.0) as controller:
+            began = time.perf_counter()
+            for n in range(ON_HOST):
+                controller.demand(n)
+                board.bus.step()
+            stepped = time.perf_counter() - began
+    return Row(
+        "link on a pty to the firmware as a process",
+        "",
+        f"{ON_HOST / seconds:.0f} force commands a second, {lost} lost; one a tick, each waited "
+        f"for, with the tick in lock-step: {ON_HOST / stepped:.0f} a second",
+        None,
+    )
+
+
+def _stream(board: Running, count: int) -> tuple[float, int]:
+    """Send demands while the plant goes on; return the seconds and how many were lost."""
+    with ForceController(board.url, timeout=2.0) as controller:
+        board.bus.step(40)
+        controller.command(Command.ARM)
+        controller.command(Command.RUN)
+        forces = ((n % 1000) * 1_000_000 for n in range(1, count + 1))
+        began = time.perf_counter()
+        answered = 0
+        for _ in controller.stream(forces, window=WINDOW):
+            answered += 1
+            if answered % COMMANDS_A_TICK == 0:
+                board.bus.step()
+        seconds = time.perf_counter() - began
+        status = controller.status()
+    if status.state is not State.RUN:
+        raise RuntimeError(f"the controller went to {status.state.name}: {status.fault.name}")
+    return seconds, count - answered + status.codes.lost_frames + status.codes.bad_frames
+
+
+def _line(baud: int) -> Row:
+    """Compute what a real line carries; both directions at once, the answers are longer."""
+    demand = len(encode(DemandRequest(0x01010101), 1, 0x01010101))
+    status = len(encode(StatusAnswer(*([1] * 12)), 1, 0x01010101))
+    a_second = baud / BITS_A_BYTE
+    return Row(
+        f"a real line of {baud} baud, 8N1 (computed)",
+        "",
+        f"{a_second / status:.0f} force commands a second, each answered: {demand} bytes out, "
+        f"{status} bytes back; one alone takes {1e3 * (demand + status) / a_second:.2f} ms",
+        None,
+    )
+
+
+def _memory(compiled: Path, folder: Path) -> Row:
+    sizes = read_sizes(build("nucleo", compiled, folder / "nucleo.elf"))
+    return Row(
+        "firmware for the Nucleo-F446RE",
+        "",
+        f"{sizes.flash} bytes of flash, {sizes.ram} bytes of variables (16384 of them the "
+        f"recorder), {sizes.stack} kept for the stack",
+        None,
+    )
+
+
+def main() -> None:
+    """Print the lines of this file alone."""
+    for row in rows():
+        print(f"{row.what}: {row.measured}" + (f" ({row.reach})" if row.reach else ""))
+
+
+if __name__ == "__main__":
+    main()
