@@ -114,9 +114,10 @@ anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_para
                     parameters->flux_limit <= R(1.0) && parameters->gap_segments >= 1U &&
                     parameters->gap_segments <= 64U && parameters->condition_cycles <= 64U &&
                     parameters->condition_ticks >= 2U && parameters->condition_ticks <= 32767U;
-  return sound && ANHYST_NAME(rows_sound)(parameters) && parameters->kernel->sound(parameters)
-             ? ANHYST_OK
-             : ANHYST_BAD_PARAMETER;
+  if (!sound || !ANHYST_NAME(rows_sound)(parameters) || !parameters->kernel->sound(parameters)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  return ANHYST_OK;
 }
 
 anhyst_status ANHYST_NAME(anhyst_compensator_init)(ANHYST_NAME(anhyst_compensator) *c,

@@ -69,10 +69,10 @@ static void ANHYST_NAME(advance)(const ANHYST_NAME(anhyst_simplified_law) *law,
   if (held < R(0.0)) {
     p = held;
   } else {
-    const ANHYST_REAL spent = start->turn_level < R(0.0)
-                                  ? start->turn_level * (R(1.0) - law->nu) /* while held */
-                                  : start->x;
-    const ANHYST_REAL z = law->rate * way + spent;
+    /* What of the way went on while held counts for less. */
+    const ANHYST_REAL before =
+        start->turn_level < R(0.0) ? start->turn_level * (R(1.0) - law->nu) : start->x;
+    const ANHYST_REAL z = law->rate * way + before;
     p = ANHYST_NAME(p_of)(law, z > R(0.0) ? z : R(0.0));
   }
   *to = *start;

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from anhyst.compile.block import Kind
+from anhyst.compile.single import generic_of, with_single
 from anhyst.errors import InputError
 
 SOURCES: dict[Kind, tuple[str, ...]] = {
@@ -16,6 +17,12 @@ SOURCES: dict[Kind, tuple[str, ...]] = {
     "euler": ("block.c", "closed.c", "euler.c", "compensator.c"),
 }
 """What is joined, in the order of the file: each function stands before it is used."""
+
+SINGLE: dict[Kind, tuple[str, ...]] = {
+    "full": ("full_real.c", "compensator_real.c"),
+    "simplified": ("simplified_real.c", "compensator_real.c"),
+}
+"""The same for single precision."""
 
 PUBLIC = "anhyst/"
 WIDTH = 100
@@ -28,7 +35,7 @@ _LINKAGE = re.compile(
     r'^#ifdef __cplusplus\n(?:extern "C" \{|\})\n#endif\n',
     re.M,
 )
-_KERNEL = re.compile(r"^extern const anhyst_kernel anhyst_kernel_(\w+);\n", re.M)
+_KERNEL = re.compile(r"^extern const anhyst_kernel(?:_f32)? anhyst_kernel_(\w+?)(?:_f32)?;\n", re.M)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +77,7 @@ def read_core(name: str) -> str:
     return (core_folder() / name).read_text(encoding="utf-8")
 
 
-def join(kind: Kind) -> Joined:
+def join(kind: Kind, *, single: bool = False) -> Joined:
     """Join what a kind of compensator needs of the core.
 
     Includes of the core's own headers are resolved, each header once; comments are kept.
@@ -79,13 +86,15 @@ def join(kind: Kind) -> Joined:
     ----------
     kind : str
         Kind of compensator.
+    single : bool, optional
+        In single precision, not in fixed point.
 
     Returns
     -------
     Joined
     """
     joint = _Joint(kind)
-    for name in SOURCES[kind]:
+    for name in (SINGLE if single else SOURCES)[kind]:
         joint.add(f"src/{name}")
     return Joined(
         "\n".join(joint.header), "\n".join(joint.source), tuple(sorted(joint.system, key=str))
@@ -109,9 +118,10 @@ class _Joint:
             return
         self._seen.add(name)
         text = _LICENCE.sub("", read_core(name))
+        if generic := generic_of(text):
+            text = with_single(text, read_core(f"{_folder(generic)}/{generic}"))
         for included in _INCLUDE.findall(text):
-            folder = "include" if included.startswith(PUBLIC) else "src"
-            self.add(f"{folder}/{included}")
+            self.add(f"{_folder(included)}/{included}")
         self.system += [h for h in _SYSTEM.findall(text) if h not in self.system]
         if name.startswith("include/"):
             self._add_header(name, text)
@@ -124,6 +134,10 @@ class _Joint:
             self._linked = True
         text = _KERNEL.sub(lambda m: m[0] if m[1] == self.kind else "", _bare(text))
         self.header.append(_section(name, text))
+
+
+def _folder(included: str) -> str:
+    return "include" if included.startswith(PUBLIC) else "src"
 
 
 def _bare(text: str) -> str:

@@ -10,16 +10,16 @@ typedef struct {
   ANHYST_REAL field_arm; /* current for a unit of field (full) or of u (simplified), > 0 */
 } ANHYST_NAME(anhyst_at_gap);
 
-/* Full: the exact step. Tables have equal segments, one entry more than segments, and never fall.
- */
+/* Full: the exact step. Its tables have equal segments, one entry more than segments, and never
+   fall. */
 typedef struct {
-  ANHYST_REAL air;         /* h: flux of the air for a unit of field, > 0 */
-  ANHYST_REAL reversible;  /* c, 0..1 */
-  ANHYST_REAL play;        /* half-width of the play, field, >= 0 */
-  ANHYST_REAL octaves;     /* 1/(kappa*ln 2): how often a unit of field halves what is remembered */
-  ANHYST_REAL reach;       /* largest field of the tables */
-  uint16_t iterations;     /* evaluations of a solve, 2..16 */
-  uint16_t curve_segments; /* 8..4096; the branch has twice as many */
+  ANHYST_REAL air;            /* h: flux of the air for a unit of field, > 0 */
+  ANHYST_REAL reversible;     /* c, 0..1 */
+  ANHYST_REAL play;           /* half-width of the play, field, >= 0 */
+  ANHYST_REAL octaves;        /* 1/(kappa*ln 2): halvings of the memory in a unit of field */
+  ANHYST_REAL reach;          /* largest field of the tables */
+  uint16_t iterations;        /* evaluations of a solve, 2..16 */
+  uint16_t curve_segments;    /* 8..4096; the branch has twice as many */
   uint16_t inverse_segments;  /* 8..4096 */
   const ANHYST_REAL *curve;   /* anhysteretic curve over a field of 0..reach, 0..1 */
   const ANHYST_REAL *branch;  /* ascending branch over -reach..reach, -1..1 */
@@ -50,11 +50,10 @@ typedef struct {
   ANHYST_REAL current_low; /* limits of the current */
   ANHYST_REAL current_high;
   ANHYST_REAL full_scale; /* output that counts as 1 under the root, > 0 */
-  ANHYST_REAL knee;       /* root below which it is a straight line: its slope at zero is infinite,
-                             and noise near zero demand would become noise of the current */
-  ANHYST_REAL flux_limit; /* largest |flux| solved for */
-  ANHYST_REAL gap_low;    /* gap of the first row */
-  ANHYST_REAL gap_rows;   /* rows for a unit of the gap; 0: nothing runs over it */
+  ANHYST_REAL knee; /* root below which it is a straight line, so that noise stays small, < 1 */
+  ANHYST_REAL flux_limit;                 /* largest |flux| solved for */
+  ANHYST_REAL gap_low;                    /* gap of the first row */
+  ANHYST_REAL gap_rows;                   /* rows for a unit of the gap; 0: nothing runs over it */
   const ANHYST_NAME(anhyst_at_gap) *gaps; /* gap_segments + 1 rows, interpolated */
   uint16_t gap_segments;                  /* 1..64 */
   uint16_t power;                         /* 2: output is a force, flux its root; 1: linear */
