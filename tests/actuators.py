@@ -20,6 +20,9 @@ GAPS = (0.3e-3, 0.4e-3, 0.6e-3)
 WIDE = 0.45e-3
 """A gap between the nodes."""
 CURRENTS = (-0.4, 2.0)
+SIZES = Sizes(iterations=6)
+"""What the magnet of the map reluctance needs for full-range jumps."""
+
 AROUND: dict[str, dict[str, Parameter]] = {
     "scaling": {"alpha": -0.02, "c_H": (9000.0, 7000.0, 5000.0)},
     "reluctance": {"c_H": 9000.0, "rho": (0.004, 0.0053, 0.008)},
@@ -91,7 +94,7 @@ def closed_form(gap_map: GapMap) -> ClosedForm:
 
 @cache
 def compiled(
-    kind: Kind, gap_map: GapMap = "reluctance", play: float = 0.0, sizes: Sizes | None = None
+    kind: Kind, gap_map: GapMap = "reluctance", play: float = 0.0, sizes: Sizes = SIZES
 ) -> Block:
     """Return the magnet's compensator."""
     scales, limits = ranges(gap_map, play)

@@ -144,7 +144,7 @@ def test_a_swap_between_solve_and_commit_takes_the_new_block_for_the_commit() ->
         ("simplified", 1.0, 2**-15),
         ("euler", 1.0, 2**-15),
         ("full", 0.2, 2**-15),
-        ("full", 1.0, 4e-3),
+        ("full", 1.0, 4e-4),
     ],
 )
 def test_more_is_not_answered_with_less(kind: Kind, reach: float, most: float) -> None:
