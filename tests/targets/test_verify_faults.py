@@ -26,27 +26,33 @@ CLAMP = "  return a > high ? high : a;"
 POWER = "    2,             /* 10 POWER"
 CONDITIONING = "  return anhyst_sat_q15(low + (span * way) / ramp);"
 
+
+def on_target(line: str, right: str, wrong: str) -> str:
+    """Give a line twice: as it is, and another for Cortex-M alone."""
+    return f"#ifdef __thumb__\n{line.replace(right, wrong)}\n#else\n{line}\n#endif"
+
+
 FAULTS = {
-    "a product rounded up": ("anhyst.h", SCALE, SCALE.replace("low * b", "low * b + 0xFFFF"), ""),
-    "a clamp too high": ("anhyst.h", CLAMP, CLAMP.replace("? high", "? high - 1"), ""),
+    "a product rounded up": (
+        "anhyst.h",
+        SCALE,
+        on_target(SCALE, "low * b", "low * b + 0xFFFF"),
+        "",
+    ),
+    "a clamp too high": ("anhyst.h", CLAMP, on_target(CLAMP, "? high", "? high - 1"), ""),
     "a conditioning current off by one": (
         "anhyst.c",
         CONDITIONING,
-        CONDITIONING.replace("/ ramp", "/ ramp + 1"),
+        on_target(CONDITIONING, "/ ramp", "/ ramp + 1"),
         "start 0: hash of the conditioning sequence",
     ),
     "another parameter": (
         "anhyst_parameters.c",
         POWER,
-        POWER.replace("2,", "1,", 1),
+        "#ifdef __thumb__\n    1,\n#else\n    2,\n#endif\n/* 10 POWER",
         "start 0: status is -1, not 0",
     ),
 }
-
-
-def on_target(right: str, wrong: str) -> str:
-    """Both, one for Cortex-M and one for everything else."""
-    return f"#ifdef __thumb__\n{wrong}\n#else\n{right}\n#endif"
 
 
 def only(results: tuple[TargetResult, ...]) -> TargetResult:
@@ -57,7 +63,7 @@ def only(results: tuple[TargetResult, ...]) -> TargetResult:
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_on_the_target_is_found(with_fault: Seed, fault: str) -> None:
     name, right, wrong, expected = FAULTS[fault]
-    folder = with_fault(name, right, on_target(right, wrong))
+    folder = with_fault(name, right, wrong)
     found = verify(folder, "cortex-m3", target_steps=2_000)
     assert not found.passed
     assert expected in only(found.results).verdict()
@@ -93,9 +99,8 @@ def test_a_fault_of_a_single_step_is_found_in_that_step(
 
 
 def test_a_fault_that_does_not_repeat_is_told_as_such(with_fault: Seed) -> None:
-    wrong = (
-        f"{SOLVE}#ifdef __thumb__\n  static int32_t calls;\n  demand ^= ++calls == 1500;\n#endif\n"
-    )
+    twist = "  static int32_t calls;\n  demand ^= ++calls == 1500 ? 1 << 29 : 0;"
+    wrong = f"{SOLVE}#ifdef __thumb__\n{twist}\n#endif\n"
     folder = with_fault("anhyst.c", SOLVE, wrong)
     result = only(verify(folder, "cortex-m3", target_steps=1_000).results)
     assert "not repeatable" in result.verdict()
@@ -117,7 +122,7 @@ def test_an_access_to_nowhere_is_told(with_fault: Seed) -> None:
     wrong = f"{SOLVE}#ifdef __thumb__\n  *(volatile int32_t *)0x40000000 = demand;\n#endif\n"
     result = only(verify(with_fault("anhyst.c", SOLVE, wrong), "cortex-m3").results)
     assert "target cortex-m3: " in result.failure
-    assert "unmapped" in result.failure
+    assert "UNMAPPED" in result.failure
 
 
 def test_undefined_behaviour_is_found_by_the_sanitizers_alone(

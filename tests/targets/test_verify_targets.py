@@ -34,7 +34,7 @@ def plausible(result: TargetResult) -> None:
     sizes = result.sizes
     assert sizes is not None
     assert sizes.code > 1000
-    assert sizes.parameters > 400
+    assert sizes.parameters >= 2 * 48
     assert sizes.variables == 0
     assert result.state_bytes <= 128
     assert result.stack_measured is not None

@@ -19,11 +19,11 @@ RECORD = (
     "demand",
     "gap",
     "how",
-    "applied",
-    "applied gap",
     "current",
     "flags",
     "flux",
+    "applied",
+    "applied gap",
     "output",
     "applied flux",
     "memory a",
@@ -33,7 +33,8 @@ RECORD = (
     "pidd2 integral",
     "pidd2 velocity",
 )
-INPUTS = 5
+INPUTS = ("demand", "gap", "how", "applied", "applied gap")
+INPUT_PLACES = [RECORD.index(name) for name in INPUTS]
 SECTIONS = ("clock", "solve", "commit, solved", "commit, other", "pidd2", "tick")
 
 _REQUEST = 6
@@ -62,7 +63,7 @@ class Request:
         The hash is kept before this step and every so many steps after it, CHECKPOINTS times.
     window_first : int
         Records are kept from this step on, WINDOW of them.
-    rows : array of uint32, shape (steps, INPUTS), or None
+    rows : array of uint32, shape (steps, len(INPUTS)), or None
         Inputs, for VECTORS.
     """
 
@@ -90,7 +91,7 @@ class Request:
         """Lay the inputs out as the target reads them: the words from WINDOW_OFFSET on."""
         window = np.zeros((WINDOW, len(RECORD)), dtype="<u4")
         if self.rows is not None:
-            window[: len(self.rows), :INPUTS] = self.rows
+            window[: len(self.rows), INPUT_PLACES] = self.rows
         return window.tobytes()
 
 

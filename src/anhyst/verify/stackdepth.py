@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from anhyst.verify.elf import Image, Symbol
 
@@ -69,24 +70,25 @@ def _in_constants(image: Image, functions: dict[int, Symbol]) -> frozenset[int]:
     return frozenset(word & ~1 for word in words if word & 1 and word & ~1 in functions)
 
 
-def _content(image: Image, symbol: Symbol) -> bytes:
-    start = symbol.address & ~1 if symbol.kind == "STT_FUNC" else symbol.address
-    for address, content in image.segments:
-        if address <= start < address + len(content):
-            return content[start - address : start - address + symbol.size]
-    return b""
+def _instructions(image: Image, begin: int, end: int) -> Iterator[Any]:
+    """Decode what lies between two addresses, without the constants in between."""
+    import capstone
+
+    decoder = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
+    for first, last in image.thumb_ranges():
+        low, high = max(first, begin), min(last, end)
+        for address, content in image.segments:
+            if low < high and address <= low < address + len(content):
+                yield from decoder.disasm(content[low - address : high - address], low)
 
 
 def _read(image: Image, symbol: Symbol, functions: dict[int, Symbol]) -> _Function:
     """Add up what a function pushes, and list what it calls."""
-    import capstone
-
-    decoder = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
     begin = symbol.address & ~1
     frame, indirect = 0, False
     callees, named = set(), set()
     low_halves: dict[str, int] = {}
-    for instruction in decoder.disasm(_content(image, symbol), begin):
+    for instruction in _instructions(image, begin, begin + symbol.size):
         name = instruction.mnemonic.split(".")[0]
         frame += _pushed(name, instruction.op_str)
         register, _, value = instruction.op_str.partition(", ")

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from anhyst.errors import InputError
-from anhyst.verify.cortexm import CortexProgram, Costs, build_counter, instruction_costs
+from anhyst.verify.cortexm import CortexProgram, build_counter
 from anhyst.verify.elf import read_image
 from anhyst.verify.msp430 import Msp430Program
 from anhyst.verify.process import ProcessProgram
@@ -82,7 +82,7 @@ def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, .
     return Variant("host", title, process, "", "this machine", name, warnings)
 
 
-def cortex_m(name: str, workshop: Workshop, costs: Costs = instruction_costs) -> list[Order]:
+def cortex_m(name: str, workshop: Workshop) -> list[Order]:
     """Return the builds for a Cortex-M: portable, and with its own instructions where it has some.
 
     Raises
@@ -95,14 +95,13 @@ def cortex_m(name: str, workshop: Workshop, costs: Costs = instruction_costs) ->
     builds: list[tuple[str, dict[str, str]]] = [("portable", {})]
     if name in WITH_PORT and workshop.bundle.has_port:
         builds.append(("port header", {"ANHYST_PORT_HEADER": '"anhyst_port_cortex_m4.h"'}))
-    return [partial(_cortex, name, workshop, counter, costs, title, more) for title, more in builds]
+    return [partial(_cortex, name, workshop, counter, title, more) for title, more in builds]
 
 
 def _cortex(
     name: str,
     workshop: Workshop,
     counter: Path,
-    costs: Costs,
     title: str,
     defines: Mapping[str, str],
 ) -> Variant:
@@ -112,7 +111,7 @@ def _cortex(
     path = workshop.folder / f"{name}-{title.replace(' ', '-')}.elf"
     warnings = compile_cortex_m(cpu, build, HARNESS / "cortex_m.ld", path)
     image = read_image(path)
-    program = CortexProgram(name, model, image, counter, costs)
+    program = CortexProgram(name, model, image, counter)
     return Variant(name, title, program, "instructions", cpu, "zig cc -O2", warnings, image)
 
 

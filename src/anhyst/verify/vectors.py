@@ -31,8 +31,8 @@ class GoldenVectors:
 
     Parameters
     ----------
-    inputs : array of uint32, shape (rows, INPUTS)
-        As a record begins: demand, gap, how, applied, gap of applied.
+    inputs : array of uint32, shape (rows, len(INPUTS))
+        In that order: demand, gap, how, applied, gap of applied.
     outputs : mapping of arrays of uint32, shape (rows,)
         By the names of a record.
     """
@@ -69,7 +69,7 @@ def read_vectors(path: Path) -> GoldenVectors:
     columns = {
         name: (table[:, place] & 0xFFFFFFFF).astype(np.uint32) for place, name in enumerate(names)
     }
-    inputs = np.empty((len(rows), INPUTS), dtype=np.uint32)
+    inputs = np.empty((len(rows), len(INPUTS)), dtype=np.uint32)
     inputs[:, 0] = columns["demand"]
     inputs[:, 1] = columns["gap"]
     inputs[:, 2] = AS_GIVEN

@@ -7,12 +7,14 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from anhyst.errors import InputError, NegativeResult
 from anhyst.verify.bundle import VECTORS, Bundle, read_bundle
 from anhyst.verify.compare import Outcome, compare_with_host, compare_with_vectors, run
+from anhyst.verify.cortexm import CortexProgram
 from anhyst.verify.elf import measure_sizes
 from anhyst.verify.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
 from anhyst.verify.protocol import SECTIONS, Reply
@@ -179,13 +181,22 @@ def costs(reply: Reply) -> tuple[Cost, ...]:
 
 def _estimates(job: _Job) -> tuple[Estimate, ...]:
     """Run the Cortex-M0+ once more for each list of prices."""
+    try:
+        program = cortex_m(SOURCE, job.workshop)[0]().program
+        assert isinstance(program, CortexProgram)
+        replies = {
+            name: run(
+                replace(program, costs=partial(costs_of, prices)),
+                job.vectors,
+                ESTIMATE_STEPS,
+                job.seed,
+            ).random
+            for name, prices in PRICES.items()
+        }
+    except NegativeResult:
+        return ()  # told as a failure of the target where it was asked for
     found: list[Estimate] = []
-    for name, prices in PRICES.items():
-        order = cortex_m(SOURCE, job.workshop, partial(costs_of, prices))[0]
-        try:
-            reply = run(order().program, job.vectors, ESTIMATE_STEPS, job.seed).random
-        except NegativeResult:
-            return ()  # told as a failure of the target where it was asked for
+    for name, reply in replies.items():
         found += [
             Estimate(cost.part, name, cost.most, CLOCK_HZ / cost.most) for cost in costs(reply)
         ]

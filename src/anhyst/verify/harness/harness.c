@@ -343,10 +343,16 @@ static uint32_t stack_of(const input *in)
   return (uint32_t)(top - deepest);
 }
 
+/* None where the block was refused: nothing may run then. */
+static uint32_t steps_to_run(void)
+{
+  return harness_box.status == ANHYST_OK ? harness_box.steps : 0;
+}
+
 static void measure_stack(void)
 {
   input in;
-  for (uint32_t i = 0; i < harness_box.steps; i++) {
+  for (uint32_t i = 0; i < steps_to_run(); i++) {
     next_input(harness_box.step, &in);
     const uint32_t used = stack_of(&in);
     if (used > harness_box.stack_bytes) {
@@ -359,7 +365,7 @@ static void measure_stack(void)
 static void run_random(void)
 {
   input in;
-  for (uint32_t i = 0; i < harness_box.steps; i++) {
+  for (uint32_t i = 0; i < steps_to_run(); i++) {
     next_input(harness_box.step, &in);
     run_step(&in);
   }
@@ -370,7 +376,7 @@ static void run_vectors(void)
 {
   input in;
   harness_box.window_first = harness_box.step;
-  for (uint32_t i = 0; i < harness_box.steps && i < HARNESS_WINDOW; i++) {
+  for (uint32_t i = 0; i < steps_to_run() && i < HARNESS_WINDOW; i++) {
     volatile uint32_t *row = harness_box.window[i];
     in.demand = as_signed(row[HARNESS_DEMAND]);
     in.gap = as_signed(row[HARNESS_GAP]);

@@ -26,16 +26,16 @@ enum {
   HARNESS_AS_GIVEN = 1   /* applied and its gap stand in the record */
 };
 
-/* One step: inputs first, then outputs. */
+/* One step: what goes in and what comes out, in the order in which it does. */
 enum {
   HARNESS_DEMAND,
   HARNESS_GAP,
   HARNESS_HOW,
-  HARNESS_APPLIED,
-  HARNESS_APPLIED_GAP,
   HARNESS_CURRENT,
   HARNESS_FLAGS,
   HARNESS_FLUX,
+  HARNESS_APPLIED,
+  HARNESS_APPLIED_GAP,
   HARNESS_OUTPUT,
   HARNESS_FLUX_APPLIED,
   HARNESS_MEMORY_A,
