@@ -66,10 +66,11 @@ def bundled_example() -> list[Row]:
 
 def main() -> None:
     """Measure everything and print the table."""
+    import compiled
     import speed
 
     console = Console()
-    rows = [*speed.rows(), *bundled_example()]
+    rows = [*speed.rows(), *bundled_example(), *compiled.rows()]
     folder = measurements()
     if folder is None:
         console.print("real measurements are not here: set ANHYST_DATA to their folder")

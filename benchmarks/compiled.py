@@ -1,0 +1,192 @@
+"""Lines of the table: from loops to verified C, and what the compiled compensators cost."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.compile.block import Limits, Scales, Sizes
+from anhyst.compile.output import Compiled, compile_model
+from anhyst.compile.plan import Request, find_limits, find_scales
+from anhyst.compile.scheduled import nodes
+from anhyst.compile.simplified import build_euler, build_simplified, fit_closed_form
+from anhyst.compile.twin import Twin
+from anhyst.data import LoopSet
+from anhyst.identify import identify
+from anhyst.model import ActuatorModel
+from anhyst.modelfile import read_model, write_model
+from anhyst.verify import Verification, verify
+from rows import ROOT, Row
+
+LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
+RATE = 20e3
+ACCURACY = 0.2
+"""Per cent of F_max that formats, tables and iterations of the full law may cost."""
+
+TARGETS = "cortex-m4,cortex-m0plus,avr,msp430"
+
+
+def _compiled(model: Path, folder: Path, kind: str) -> Compiled:
+    request = {"full": Request("full", "q15", RATE, ACCURACY)}.get(kind)
+    if request is None:
+        request = Request("euler" if kind == "euler" else "simplified", "q15", RATE)
+    return compile_model(model, folder / kind, request)
+
+
+def chain(folder: Path) -> tuple[Path, list[Row]]:
+    """Whole chain on the bundled example: loops to verified C on host and Cortex-M4."""
+    began = time.perf_counter()
+    model = folder / "model.toml"
+    write_model(identify(LoopSet.from_csv(LOOPS)).model, model)
+    compiled = _compiled(model, folder, "full")
+    found = verify(folder / "full", "host,cortex-m4")
+    spent = time.perf_counter() - began
+    worst = compiled.budget.compiled
+    percent = 100.0 * worst.worst / compiled.budget.largest
+    steps = sum(result.steps for result in found.results)
+    return model, [
+        Row(
+            "bundled loops to verified C on host and Cortex-M4: wall time",
+            "<= 60 s",
+            f"{spent:.1f} s, {steps} steps compared, all identical: {found.passed}",
+            spent <= 60.0 and found.passed,
+        ),
+        Row(
+            "'full' against double precision, in force, jumps and lost currents included",
+            "<= 0.2 % of F_max",
+            f"{percent:.3f} %, rms {100 * worst.rms / compiled.budget.largest:.3f} %",
+            percent <= 0.2,
+        ),
+    ]
+
+
+def _most(found: Verification, target: str, part: str) -> str:
+    """Worst case of a part of a step on the builds of a target."""
+    texts = []
+    for result in found.results:
+        cost = result.cost(part)
+        if result.target == target and cost is not None:
+            texts.append(f"{cost.most} {result.unit} ({result.build})")
+    return ", ".join(texts) or "not measured"
+
+
+def _tick(found: Verification, build: str) -> int:
+    """Solve, PIDD2 and the commit of what was solved, each at its worst, on the Cortex-M4."""
+    result = next(r for r in found.results if r.target == "cortex-m4" and r.build == build)
+    parts = [result.cost(part) for part in ("solve", "pidd2", "commit, solved")]
+    solve, pidd2, commit = parts
+    assert solve is not None
+    assert pidd2 is not None
+    assert commit is not None
+    return solve.most + pidd2.most + commit.least
+
+
+def costs(model: Path, folder: Path) -> list[Row]:
+    """Instructions, cycles and memory of both kinds on all targets."""
+    rows = []
+    for kind, reach in (("full", 1800), ("simplified", 500)):
+        compiled = _compiled(model, folder, kind)
+        found = verify(folder / kind, TARGETS)
+        portable, ported = (_tick(found, build) for build in ("portable", "port header"))
+        rows.append(
+            Row(
+                f"'{kind}' with PIDD2 on Cortex-M4, worst case, no limit reached",
+                f"<= {reach} instructions" + (", goal 900 with the port header" * (reach > 900)),
+                f"{portable} portable, {ported} with the port header; a current at its limit, or "
+                f"another than solved, adds {_most(found, 'cortex-m4', 'commit, other')}",
+                portable <= reach,
+            )
+        )
+        for target in ("cortex-m0plus", "avr", "msp430"):
+            told = ", ".join(
+                f"{part} {_most(found, target, part)}" for part in ("solve", "commit, other")
+            )
+            rows.append(Row(f"'{kind}' on {target}, worst case", "reported", told, None))
+        estimates = [one for one in found.estimates if one.part == "solve"]
+        told = ", ".join(
+            f"{one.cycles} cycles, {one.rate / 1e3:.1f} kHz ({one.prices})" for one in estimates
+        )
+        rows.append(
+            Row(
+                f"'{kind}' on a 60 MHz DSC, solve, estimated (docs/verify.md)",
+                "reported",
+                told,
+                None,
+            )
+        )
+        one = next(r for r in found.results if r.target == "cortex-m4")
+        tables = compiled.plan.block.size
+        rows.append(
+            Row(
+                f"'{kind}': mutable state, parameters with tables, stack",
+                "<= 128 bytes, <= 2048 bytes, reported",
+                f"{one.state_bytes + one.control_bytes} bytes with PIDD2, {tables} bytes, "
+                f"{one.stack_measured} bytes",
+                one.state_bytes + one.control_bytes <= 128 and tables <= 2048,
+            )
+        )
+    return rows
+
+
+def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) -> list[Row]:
+    """Compare the closed form with Euler steps of the paper, at the same rate."""
+    limits = find_limits(model)
+    scales = find_scales(model, limits)
+    sizes = Sizes()
+    law = fit_closed_form(model, limits, nodes(model, scales, sizes), sizes)
+    fine = replace(sizes, octaves=14, octave_segments=5)
+    exact = Twin(build_simplified(model, scales, limits, fine, law=law))
+    told = []
+    for name, demand in _demands(scales, limits).items():
+        wanted = exact.run(demand, scales.gap_high)
+        off = []
+        for build in (build_simplified, build_euler):
+            current = Twin(build(model, scales, limits, sizes, law=law)).run(
+                demand, scales.gap_high
+            )
+            off.append(100.0 * float(np.abs(current - wanted).max()) / limits.current[1])
+            exact = Twin(build_simplified(model, scales, limits, fine, law=law))
+        told.append(f"{name}: {off[0]:.3f} against {off[1]:.3f} %")
+    counts = []
+    for kind in ("simplified", "euler"):
+        if kind == "euler":
+            _compiled(path, folder, kind)
+        found = verify(folder / kind, "cortex-m4")
+        counts.append(f"{kind} {_most(found, 'cortex-m4', 'solve')}")
+    return [
+        Row(
+            "closed form against one Euler step a sample: worst error of the current",
+            "reported",
+            "; ".join(told) + " of I_max",
+            None,
+        ),
+        Row("closed form against Euler: solve on Cortex-M4", "reported", "; ".join(counts), None),
+    ]
+
+
+def _demands(scales: Scales, limits: Limits) -> dict[str, NDArray[np.float64]]:
+    """Triangles at several samplings, and full-range jumps; a force the widest gap can give."""
+    top = 0.25 * min(scales.demand, limits.demand[1])
+    demands = {}
+    for samples in (20, 50, 200):
+        wave = 1.0 - np.abs(np.arange(samples) / (samples / 2) - 1.0)
+        demands[f"{samples} samples a cycle"] = top * np.tile(0.05 + 0.9 * wave, 4)
+    demands["full-range jumps"] = top * np.tile([0.05, 0.05, 0.95, 0.95], 20)
+    return demands
+
+
+def rows() -> list[Row]:
+    """Measure everything of this file."""
+    with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as name:
+        folder = Path(name)
+        path, found = chain(folder)
+        return [
+            *found,
+            *costs(path, folder),
+            *closed_form_against_euler(read_model(path), path, folder),
+        ]
