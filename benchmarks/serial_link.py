@@ -25,7 +25,7 @@ from rows import ROOT, Row
 
 COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))
 ON_HOST = 20_000
-WINDOW = 16
+WINDOW = 24
 COMMANDS_A_TICK = 10
 RATE = 4000.0
 BITS_A_BYTE = 10

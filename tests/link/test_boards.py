@@ -45,7 +45,7 @@ def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path) -> None:
         controller.command(Command.RUN)
         forces = ((n % 1000) * 1_000_000 for n in range(1, COMMANDS + 1))
         answered = 0
-        for _ in controller.stream(forces, window=16):
+        for _ in controller.stream(forces):
             answered += 1
             if answered % 50 == 0:
                 board.bus.step()

@@ -181,7 +181,7 @@ class ForceController:
         """
         return self._status(_demand(force))
 
-    def stream(self, forces: Iterable[int], window: int = 8) -> Iterator[Status]:
+    def stream(self, forces: Iterable[int], window: int = 24) -> Iterator[Status]:
         """Send many demands, several of them on their way at a time.
 
         All of them reach the controller, in order. A demand that the line lost is sent again with

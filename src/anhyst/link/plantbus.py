@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import socket
+import struct
 from typing import NamedTuple, Protocol
 
 from anhyst.errors import InputError
@@ -94,7 +95,11 @@ class PlantBus:
         self.state = State.INIT
         self.fault = Fault.NONE
         self._connection = connection
-        connection.settimeout(timeout)
+        # Waited for inside the system: an emulated board sends byte by byte.
+        connection.settimeout(None)
+        wait = struct.pack("@ll", int(timeout), int(timeout % 1.0 * 1e6))
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, wait)
 
     def step(self, ticks: int = 1) -> None:
         """Go on by some ticks, in lock-step with the controller.
@@ -130,12 +135,9 @@ class PlantBus:
         self.fault = Fault(drive.state >> 8 & 0xFF)
 
     def _receive(self) -> bytes:
-        data = b""
-        while len(data) < _DRIVE_BYTES:
-            piece = self._connection.recv(_DRIVE_BYTES - len(data))
-            if not piece:
-                raise ConnectionError("it hung up")
-            data += piece
+        data = self._connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
+        if not data:
+            raise ConnectionError("it hung up")
         return data
 
 

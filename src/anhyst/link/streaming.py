@@ -21,6 +21,10 @@ WINDOW_MOST = 32
 """Requests on their way; the controller knows of so many whether it answered them."""
 
 
+_PAUSE = 0.2e-3
+"""Between two looks at the line, s: an emulated board sends byte by byte, and every look costs."""
+
+
 @dataclass(slots=True)
 class _Sent:
     """A demand that waits for its answer."""
@@ -69,6 +73,8 @@ class _Flow:
 
     def receive(self) -> None:
         """Take the answers that arrive; send again what went missing."""
+        if len(self.waiting) > 1:
+            time.sleep(_PAUSE)
         arrived = self.controller.receive(max(self._end - time.monotonic(), 0.0))
         by_number = {demand.sequence: demand for demand in self.waiting}
         for frame in arrived:
