@@ -108,7 +108,8 @@ def _gaps(block: RealBlock, names: Names, schedule: Quantity | None) -> Iterator
     arm = "field" if block.kind == "full" else "the bounded state"
     text = (
         f"/* Over the gap: flux for a full-scale output; output at zero flux, {names.output}; "
-        f"current at zero flux and field, for a unit of flux, for a unit of {arm}, {names.input}. */"
+        f"current at zero flux and field, for a unit of flux, for a unit of {arm}, "
+        f"{names.input}. */"
     )
     yield from wrap(text, WIDTH, subsequent_indent="   ")
     yield f"static const anhyst_at_gap_f32 gaps[{len(block.gaps)}] = {{"

@@ -49,8 +49,8 @@ typedef struct {
   ANHYST_REAL demand_high;
   ANHYST_REAL current_low; /* limits of the current */
   ANHYST_REAL current_high;
-  ANHYST_REAL full_scale; /* output that counts as 1 under the root, > 0 */
-  ANHYST_REAL knee; /* root below which it is a straight line, so that noise stays small, < 1 */
+  ANHYST_REAL full_scale;                 /* output that counts as 1 under the root, > 0 */
+  ANHYST_REAL knee;                       /* root below which it is a straight line, 2^-8..1/4 */
   ANHYST_REAL flux_limit;                 /* largest |flux| solved for */
   ANHYST_REAL gap_low;                    /* gap of the first row */
   ANHYST_REAL gap_rows;                   /* rows for a unit of the gap; 0: nothing runs over it */
