@@ -38,12 +38,6 @@ RealIo = Literal["f32", "f64"]
 COLUMNS = ("gain", "offset", "bias", "flux_arm", "field_arm")
 """Of a row over the gap, as in ``anhyst_at_gap``."""
 
-STRUCTURES: dict[RealKind, int] = {"full": 60 + 40, "simplified": 60 + 28}
-"""Bytes of ``anhyst_parameters_f32`` and of the law's structure, without the tables."""
-
-STATE_BYTES = 64
-"""Of ``anhyst_compensator_f32``."""
-
 
 @dataclass(frozen=True)
 class RealBlock:
@@ -74,10 +68,9 @@ class RealBlock:
     tables: dict[str, FloatArray]
 
     @property
-    def size(self) -> int:
-        """Bytes in single precision, where a pointer has 32 bits."""
-        entries = self.gaps.size + sum(table.size for table in self.tables.values())
-        return 4 * entries + STRUCTURES[self.kind]
+    def entries(self) -> int:
+        """How many numbers stand in tables."""
+        return self.gaps.size + sum(table.size for table in self.tables.values())
 
     @cached_property
     def single(self) -> SingleParameters:
