@@ -3,16 +3,17 @@
 #   make test    all tests                      make check   format, lint, types, C analysis
 #   make bench   the table of figures           make format  lay out Python and C sources
 #   make build   compile the core anew          make clean   remove what make made, .venv too
+#   make fuzz    ten million inputs to the firmware; RUNS=n for another number
 PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-C_SOURCES := $(shell find core tests/core -name '*.c' -o -name '*.h') \
+C_SOURCES := $(shell find core firmware tests/core tests/firmware -name '*.c' -o -name '*.h') \
 	$(wildcard src/anhyst/_core/*.cpp src/anhyst/_core/*.h)
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake \
 	$(shell find core src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test check bench build format clean \
+.PHONY: demo test check bench build format clean fuzz \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
 demo: build
@@ -53,6 +54,9 @@ check-cppcheck: build/analysis/compile_commands.json
 	@echo "check: cppcheck"
 	@$(BIN)/cppcheck --project=build/analysis/compile_commands.json --quiet --std=c99 \
 		--enable=warning,performance,portability --inline-suppr --error-exitcode=1
+
+fuzz: build
+	@$(BIN)/python tools/fuzz.py $(if $(RUNS),--runs $(RUNS))
 
 format: build
 	@$(BIN)/ruff format --quiet

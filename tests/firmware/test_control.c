@@ -54,11 +54,29 @@ static void current_follows_the_demand_in_run_alone(void)
   CHECK(control()->state == LINK_STATE_READY && bench.drive == 0);
 }
 
+/* Brings the controller to one of idle, ready, run and fault. */
+static void go_to(int state)
+{
+  bench_start();
+  bench_ticks(12);
+  if (state == LINK_STATE_READY || state == LINK_STATE_RUN) {
+    (void)bench_command(LINK_COMMAND_ARM);
+  }
+  if (state == LINK_STATE_RUN) {
+    (void)bench_command(LINK_COMMAND_RUN);
+  }
+  if (state == LINK_STATE_FAULT) {
+    bench.sample.tick += 100;
+    bench_ticks(1);
+  }
+  CHECK(control()->state == state);
+}
+
 /* Each command in each state: where it leads, -1 where it is refused. */
 static void commands_are_done_in_their_states_alone(void)
 {
-  static const int leads[7][4] = {
-      /* idle, ready, run, fault */
+  static const int leads[LINK_COMMAND_COUNT][4] = {
+      /* from idle, ready, run, fault */
       {LINK_STATE_IDLE, LINK_STATE_IDLE, LINK_STATE_IDLE, -1}, /* idle */
       {LINK_STATE_IDLE, -1, -1, -1},                           /* condition */
       {LINK_STATE_READY, -1, -1, -1},                          /* arm */
@@ -67,30 +85,16 @@ static void commands_are_done_in_their_states_alone(void)
       {-1, -1, -1, LINK_STATE_SELFTEST},                       /* clear */
       {LINK_STATE_IDLE, -1, -1, -1},                           /* demagnetised */
   };
-  for (uint16_t command = 0; command < 7; command++) {
+  for (int command = 0; command < LINK_COMMAND_COUNT; command++) {
     for (int from = 0; from < 4; from++) {
-      bench_start();
-      bench_ticks(12);
-      if (from == 1 || from == 2) {
-        (void)bench_command(LINK_COMMAND_ARM);
-      }
-      if (from == 2) {
-        (void)bench_command(LINK_COMMAND_RUN);
-      }
-      if (from == 3) {
-        bench.sample.tick += 100;
-        bench_ticks(1);
-      }
-      const uint8_t type = bench_command(command);
-      CHECK(type == (leads[command][from] < 0 ? LINK_TYPE_NAK : LINK_TYPE_ACK));
-      if (type == LINK_TYPE_ACK) {
-        CHECK(bench_detail() == leads[command][from]);
-      } else {
-        CHECK(bench_reason() == LINK_REASON_STATE);
-      }
+      const int wanted = leads[command][from];
+      go_to(LINK_STATE_IDLE + from);
+      (void)bench_command((uint16_t)command);
+      CHECK(bench_reason() == (wanted < 0 ? LINK_REASON_STATE : LINK_REASON_NONE));
+      CHECK(bench_detail() == (wanted < 0 ? LINK_STATE_IDLE + from : wanted));
     }
   }
-  CHECK(bench_command(7) == LINK_TYPE_NAK);
+  CHECK(bench_command(LINK_COMMAND_COUNT) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_VALUE);
 }
 
@@ -400,7 +404,7 @@ static void without_compensation_the_ratio_is_constant(void)
   const int solves = fake.solves;
   (void)bench_demand(PORT_ONE);
   bench_ticks(1);
-  const int64_t off = (int64_t)bench.drive - PORT_ONE / 4 * 3;
+  const int64_t off = (int64_t)bench.drive - (int64_t)PORT_ONE / 4 * 3;
   CHECK(off <= 0 && off > -(PORT_ONE >> 15));
   CHECK(fake.solves == solves && fake.committed == bench.drive);
 }

@@ -98,7 +98,7 @@ static void after_any_garbage_the_second_frame_arrives(void)
 {
   uint8_t payload[5];
   uint8_t wire[LINK_WIRE_MOST];
-  uint8_t garbage[1000];
+  uint8_t garbage[1000] = {0};
   uint32_t random = 1;
   fill(payload, sizeof payload, 3);
   const uint16_t count = encode(wire, payload, sizeof payload);
@@ -179,9 +179,10 @@ static void a_record_of_the_plant_tells_when_it_slipped(void)
   uint8_t p[LINK_SIZE_PLANT_SAMPLE];
   uint32_t check = LINK_PLANT_MAGIC;
   link_plant_sample sample;
-  for (uint32_t i = 0; i < 5; i++) {
-    link_put_u32(p + 4 * i, 0x01020304U * (i + 1));
-    check ^= 0x01020304U * (i + 1);
+  for (uint8_t *at = p; at < p + 20; at += 4) {
+    const uint32_t word = 0x01020304U * (uint32_t)(at + 4 - p) / 4U;
+    link_put_u32(at, word);
+    check ^= word;
   }
   link_put_u32(p + 20, check);
   CHECK(link_get_plant_sample(&sample, p) == 1);

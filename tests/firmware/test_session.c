@@ -59,8 +59,8 @@ static void what_is_no_request_is_refused(void)
   CHECK(bench_reason() == LINK_REASON_TYPE);
   CHECK(bench_ask(LINK_TYPE_STATUS, payload, 0) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_TYPE);
-  for (uint8_t type = LINK_TYPE_HELLO; type <= LINK_TYPE_RECORDER_READ; type++) {
-    CHECK(bench_ask(type, payload, 1) == LINK_TYPE_NAK);
+  for (int type = LINK_TYPE_HELLO; type <= LINK_TYPE_RECORDER_READ; type++) {
+    CHECK(bench_ask((uint8_t)type, payload, 1) == LINK_TYPE_NAK);
     CHECK(bench_reason() == LINK_REASON_LENGTH && bench_detail() == 1);
   }
 }

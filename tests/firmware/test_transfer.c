@@ -33,11 +33,11 @@ static uint8_t begin(uint16_t words, uint16_t generation, uint32_t check)
   return bench_ask(LINK_TYPE_BLOCK_BEGIN, payload, sizeof payload);
 }
 
-static uint8_t data(uint16_t offset, uint16_t count)
+static uint8_t data(uint16_t offset, size_t count)
 {
   uint8_t payload[LINK_PAYLOAD_MOST];
   link_put_u16(payload, offset);
-  memcpy(payload + 2, bytes + 2U * offset, 2U * count);
+  memcpy(payload + 2, bytes + 2 * (size_t)offset, 2 * count);
   return bench_ask(LINK_TYPE_BLOCK_DATA, payload, (uint8_t)(2 + 2 * count));
 }
 
@@ -209,7 +209,7 @@ static uint8_t read_values(uint32_t offset, uint16_t count)
   return bench_ask(LINK_TYPE_RECORDER_READ, p, sizeof p);
 }
 
-static int32_t value(int number) { return link_get_i32(bench.payload + 4 + 4 * number); }
+static int32_t value(size_t number) { return link_get_i32(bench.payload + 4 + 4 * number); }
 
 static void want(uint16_t trigger, int32_t level, uint16_t before, uint16_t records)
 {
@@ -244,7 +244,7 @@ static void a_trigger_keeps_what_came_before_it(void)
   CHECK(link_get_u16(bench.payload + 6) == 4 && link_get_u32(bench.payload + 8) == tick);
   CHECK(read_values(0, 18) == LINK_TYPE_RECORDER_DATA && link_get_u32(bench.payload) == 0);
   for (int i = 0; i < 9; i++) {
-    CHECK(value(2 * i) == 600 + 100 * i && value(2 * i + 1) == LINK_STATE_RUN);
+    CHECK(value(2 * (size_t)i) == 600 + 100 * i && value(2 * (size_t)i + 1) == LINK_STATE_RUN);
   }
   CHECK(read_values(17, 1) == LINK_TYPE_RECORDER_DATA && value(0) == LINK_STATE_RUN);
   CHECK(read_values(17, 2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_VALUE);
@@ -263,7 +263,7 @@ static void a_trigger_that_comes_early_has_less_before_it(void)
   CHECK(recorder_state() == LINK_RECORDER_DONE && link_get_u16(bench.payload + 6) == 2);
   (void)read_values(0, 20);
   for (int i = 0; i < 10; i++) {
-    CHECK(value(2 * i) == 100 + 100 * i);
+    CHECK(value(2 * (size_t)i) == 100 + 100 * i);
   }
 }
 
