@@ -93,8 +93,8 @@ def require_rising(flux_arm: FloatArray, field_arm: FloatArray) -> None:
     """Raise `InputError` where more flux or field would not need more current."""
     if np.any(flux_arm < 0.0) or np.any(field_arm <= 0.0):
         raise InputError(
-            "alpha: the coupling is so strong that the iron would jump at some current; such a "
-            "model cannot be compiled"
+            "alpha: the coupling outweighs the gap, so that a part of the current falls as the flux "
+            "rises; a compensator needs an actuator with a gap (identify with --gap-map reluctance)"
         )
 
 
