@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
 import socket
@@ -115,6 +116,22 @@ def test_a_program_that_is_not_there(tmp_path: Path) -> None:
     with (
         pytest.raises(InputError, match="cannot be run"),
         run_host(tmp_path / "none", NoisyPlant()),
+    ):
+        pass
+
+
+def test_tools_that_are_not_installed_are_named(
+    parameters: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(InputError, match="ziglang is not installed: pip install"):
+        build("nucleo", parameters, tmp_path / "x")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(InputError, match="C compiler is not installed: apt install gcc"):
+        build("host", parameters, tmp_path / "x")
+    with (
+        pytest.raises(InputError, match="qemu-system-arm is not installed: apt install qemu"),
+        run_qemu(tmp_path / "x", NoisyPlant()),
     ):
         pass
 

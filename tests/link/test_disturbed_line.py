@@ -31,7 +31,7 @@ STEP = 1_000_000
 
 @contextmanager
 def session(firmware: Path, line: Disturbance) -> Iterator[tuple[Running, ForceController]]:
-    """A controller that runs behind a line that is sound until the session is open."""
+    """A controller that runs behind such a line, over which it was brought to run too."""
     with (
         disturbed_line(line) as ends,
         run_host(firmware, NoisyPlant(), ends.controller) as board,
@@ -86,6 +86,15 @@ def test_streamed_demands_reach_the_controller_in_order(host_firmware: Path) -> 
     back = [rise for rise in rises if rise < 0]
     assert all(rise > -12 * STEP for rise in back)  # no older than what was on its way
     assert seen[-1] == 300 * STEP
+
+
+def test_every_command_is_done_exactly_once(host_firmware: Path) -> None:
+    line = other(DAMAGE["all"])
+    with session(host_firmware, line) as (_, controller):
+        for _ in range(40):  # done twice, each of them would be refused
+            assert controller.command(Command.STOP) is State.READY
+            assert controller.command(Command.RUN) is State.RUN
+    assert controller.repeated > 0
 
 
 def test_blocks_settings_and_recordings_arrive_whole(host_firmware: Path) -> None:

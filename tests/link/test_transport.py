@@ -113,6 +113,11 @@ def test_firmware_tells_a_pc_of_another_version(board: Running, monkeypatch: obj
     assert "speaks version 1 of the protocol, this anhyst version 9" in text
 
 
-def test_an_answer_that_makes_no_sense() -> None:
-    with fake(encode(STATUS, 1)) as url:
-        assert "StatusAnswer in answer to HelloRequest" in refusal(url)
+@pytest.mark.parametrize("answer", [encode(STATUS, 1), b"\1\2\3\0", b"\0\0\0"])
+def test_answers_that_do_not_belong_to_the_question_are_none(answer: bytes) -> None:
+    with fake(answer) as url:
+        assert "no answer" in refusal(url)
+
+
+def test_a_line_that_only_echoes() -> None:
+    assert "an answer of type 0x01" in refusal("loop://")

@@ -52,6 +52,9 @@ _Answer = TypeVar("_Answer", bound=Message)
 _WORDS_MOST = 118
 """Words of a block in one frame, either way."""
 
+_POLL = 0.005
+"""Between two questions of :meth:`ForceController.wait_for`, s."""
+
 _GENERATION_AT = 5
 _CRC_AT = 6
 
@@ -329,6 +332,7 @@ class ForceController:
                 return status
             if status.state is State.FAULT and status.fault is not Fault.NONE:
                 raise InputError(f"{self.url}: the controller is in fault: {_fault(status.fault)}")
+            time.sleep(_POLL)
             if time.monotonic() > end:
                 wanted = " or ".join(state.name.lower() for state in states)
                 raise InputError(
@@ -372,7 +376,9 @@ class ForceController:
             while (left := end - time.monotonic()) > 0.0:
                 for frame in self.receive(left):
                     if frame.sequence == sequence:
-                        return self.read_answer(frame), frame.tick
+                        answer = self.read_answer(frame)
+                        if _belongs(answer, request):
+                            return answer, frame.tick
         raise self.silent()
 
     def next_sequence(self) -> int:
@@ -463,6 +469,13 @@ def _demand(force: int) -> DemandRequest:
     if not -(1 << 31) <= force < 1 << 31:
         raise InputError(f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1")
     return DemandRequest(int(force))
+
+
+def _belongs(answer: Message, request: Message) -> bool:
+    """Whether an answer can be one to this request, not left over from a former session."""
+    if isinstance(answer, NakAnswer | AckAnswer):
+        return answer.request == request.TYPE
+    return getattr(request, "ANSWER", None) == answer.TYPE
 
 
 def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) -> _Answer:

@@ -14,6 +14,9 @@ from anhyst.errors import InputError
 
 BAUD = 921600
 
+_PATIENCE = 5.0
+"""How long a port may take no byte, s."""
+
 _ADVICE = {
     errno.ENOENT: "is not there; plug the controller in, or name another port",
     errno.ENXIO: "is not there; plug the controller in, or name another port",
@@ -78,7 +81,8 @@ class Port:
                 self._serial.write(data)
                 return
             while data:
-                select.select([], [self._fd], [])
+                if not select.select([], [self._fd], [], _PATIENCE)[1]:
+                    raise OSError(errno.EIO, "it takes nothing")
                 with suppress(BlockingIOError):
                     data = data[os.write(self._fd, data) :]
         except (OSError, serial.SerialException) as error:
