@@ -5,6 +5,8 @@ typedef struct {
   const ANHYST_NAME(anhyst_full_law) *law;
   ANHYST_NAME(anhyst_memory) from;
   ANHYST_REAL scale;     /* segments for a unit of field */
+  ANHYST_REAL short_way; /* a step too short to matter, about what the tables leave unsure */
+  ANHYST_REAL long_way;  /* an interval too long for a tangent to be trusted at its ends */
   ANHYST_REAL departure; /* of the irreversible part */
   ANHYST_REAL level;     /* irreversible part there */
   ANHYST_REAL branch;    /* A there */
@@ -132,7 +134,7 @@ static void ANHYST_NAME(depart)(ANHYST_NAME(path) *along, ANHYST_NAME(answer) *a
        leaves with slope zero. */
     const ANHYST_REAL crossing = ANHYST_NAME(inverse_curve)(along->law, from->level);
     along->departure = crossing > from->place ? crossing : from->place;
-  } else if (from->x - from->place >= along->law->play) {
+  } else if (from->place + along->law->play - from->x <= along->short_way) { /* play taken up */
     at->y_slope = ANHYST_NAME(pulled)(along, pull - from->level);
   }
   if (from->turn < from->place) { /* still on the way on which it set out there */
@@ -180,18 +182,41 @@ static ANHYST_REAL ANHYST_NAME(look)(ANHYST_NAME(search) *find, const ANHYST_NAM
   return at->x - find->residual / (find->air + find->iron * at->m_slope);
 }
 
-/* Moves an answer along its tangents to x, a short way. */
-static void ANHYST_NAME(slide)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
+/* Moves an answer along its tangents towards a goal, no further than a tangent can be trusted. */
+static void ANHYST_NAME(slide)(const ANHYST_NAME(path) *along, ANHYST_REAL goal,
                                ANHYST_NAME(answer) *at)
 {
   const ANHYST_NAME(anhyst_memory) *from = &along->from;
-  const ANHYST_REAL way = x - at->x;
+  const ANHYST_REAL way =
+      ANHYST_NAME(anhyst_limited)(goal - at->x, -along->long_way, along->long_way);
+  const ANHYST_REAL x = at->x + way;
   at->x = x;
   at->y = ANHYST_NAME(anhyst_limited)(at->y + way * at->y_slope, from->level, R(1.0));
   at->m += way * at->m_slope;
   if (at->p > from->place) {
     at->p = x - along->law->play > from->place ? x - along->law->play : from->place;
   }
+}
+
+/* Where to look first on a path that begins held, up to a known end: there m needs no evaluation
+   and tells on which side the solution lies. The tangent at the start knows nothing of what comes
+   after the end. */
+static ANHYST_REAL ANHYST_NAME(leave_hold)(const ANHYST_NAME(path) *along,
+                                           ANHYST_NAME(search) *find, ANHYST_REAL end,
+                                           ANHYST_REAL tangent)
+{
+  ANHYST_REAL slope;
+  const ANHYST_REAL m =
+      ANHYST_NAME(magnetisation)(along, along->from.level, ANHYST_NAME(curve)(along, end, &slope));
+  ANHYST_REAL first = tangent;
+  find->residual = find->air * end + find->iron * m - find->target;
+  if (find->residual < R(0.0)) {
+    find->low = end;
+    first = ANHYST_NAME(follow_curve)(along, find, end);
+  } else {
+    find->high = end;
+  }
+  return ANHYST_NAME(anhyst_limited)(first, find->low, find->high);
 }
 
 /* Solves from *at, the start of the path, where the residual is negative. Newton's steps inside an
@@ -204,6 +229,9 @@ static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search
                               ANHYST_NAME(answer) *at)
 {
   const ANHYST_REAL reach = along->law->reach;
+  const ANHYST_REAL moves =
+      along->departure > along->from.place ? along->departure : along->from.place;
+  const ANHYST_REAL freed = moves + along->law->play;
   ANHYST_REAL furthest = R(4.0) * reach;
   find->low = at->x;
   find->high = reach;
@@ -212,12 +240,14 @@ static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search
     ANHYST_REAL next = ANHYST_NAME(look)(find, at);
     const ANHYST_REAL way = ANHYST_NAME(anhyst_size)(next - x);
     const int inside = next > find->low && next < find->high;
-    if (way <= reach / R(16384.0) || (inside && way <= R(0.75) * furthest)) {
+    if (i == 0U && freed - x > along->short_way && freed < reach) {
+      next = ANHYST_NAME(leave_hold)(along, find, freed, next);
+    } else if (way <= along->short_way || (inside && way <= R(0.75) * furthest)) {
       next = ANHYST_NAME(anhyst_limited)(next, find->low, find->high);
       furthest = ANHYST_NAME(anhyst_size)(next - x);
     } else {
       furthest = find->high - find->low;
-      next = furthest > reach / R(64.0) ? ANHYST_NAME(follow_curve)(along, find, x) : find->low;
+      next = furthest > along->long_way ? ANHYST_NAME(follow_curve)(along, find, x) : find->low;
       if (!(next > find->low && next < find->high)) {
         next = find->low + R(0.5) * furthest;
       }
@@ -267,6 +297,8 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_full_law) *law,
   along.law = law;
   along.from = *from;
   along.scale = (ANHYST_REAL)law->curve_segments / law->reach;
+  along.short_way = law->reach * R(0.00006103515625);
+  along.long_way = law->reach * R(0.015625);
   const ANHYST_REAL m =
       ANHYST_NAME(magnetisation)(&along, from->level, ANHYST_NAME(curve)(&along, from->x, &slope));
   const ANHYST_REAL of_air = air * from->x;
