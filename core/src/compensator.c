@@ -38,7 +38,7 @@ static anhyst_arms arms_at(const int16_t *words, place at)
 
 /* Root of a q31 that is not negative, q30. Below the knee, 2^(-2k), a straight line: the infinite
    slope of the root would turn the last bit of a demand near zero into a jump of current. Beyond
-   it, relative error below 2e-9 plus half a unit in the last place. */
+   it, relative error below 2e-9 plus a unit in the last place. */
 static int32_t root(int32_t a, int16_t knee)
 {
   if ((a >> (31 - 2 * knee)) == 0) {

@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the parts of the simplified law in fixed point: the table over octaves and its search,
+   the way, the slope. The oracle is the equation z = -ln v + nu*v - nu itself, in double. */
+#include "simplified.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+
+#include "check.h"
+#include "truth.h"
+
+static const double FULL_Q27 = 134217728.0;
+static const double FULL_Q30 = 1073741824.0;
+static const double NUS[] = {0.0, 0.5, 0.9, 0.98};
+enum { NU_COUNT = 4, MOST_ENTRIES = 15 * 64 + 1 };
+static int16_t words[ANHYST_BLOCK_LEAST_WORDS + MOST_ENTRIES];
+
+/* z of 0 < v <= 1, and the v of a z by bisection. */
+static double distance_of(double nu, double v) { return -log(v) + nu * v - nu; }
+
+static double v_of(double nu, double z)
+{
+  double low = 1e-12;
+  double high = 1.0;
+  for (int i = 0; i < 60; i++) {
+    const double middle = sqrt(low * high);
+    if (distance_of(nu, middle) > z) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  return sqrt(low * high);
+}
+
+/* First z of a segment, from what the layout says of the octaves. */
+static double start_of(int octaves, int n, int index)
+{
+  const int octave = index >> n;
+  const double inside = (double)(index - (octave << n)) / (double)(1 << n);
+  const double first = 16.0 / pow(2.0, octaves);
+  return octave == 0 ? inside * first : first * pow(2.0, octave - 1) * (1.0 + inside);
+}
+
+static int prepare(double nu, int octaves, int n)
+{
+  const int segments = (octaves + 1) << n;
+  words[ANHYST_WORD_SIMPLE_OCTAVES] = (int16_t)octaves;
+  words[ANHYST_WORD_SIMPLE_SEGMENTS] = (int16_t)n;
+  words[ANHYST_WORD_SIMPLE_CURVE] = ANHYST_BLOCK_LEAST_WORDS;
+  for (int i = 0; i <= segments; i++) {
+    const double p = 1.0 - v_of(nu, start_of(octaves, n, i));
+    words[ANHYST_BLOCK_LEAST_WORDS + i] = (int16_t)lrint(fmin(p * 32768.0, 32767.0));
+  }
+  return segments;
+}
+
+/* Units in the last place by which p_of leaves the straight line, over the rise of its segment. */
+static double bend(int octaves, int n, int segments, int32_t z)
+{
+  const double place = (double)z / FULL_Q27;
+  int index = 0;
+  while (index < segments - 1 && start_of(octaves, n, index + 1) <= place) {
+    index++;
+  }
+  const double begin = start_of(octaves, n, index);
+  const double share = (place - begin) / (start_of(octaves, n, index + 1) - begin);
+  const double low = words[ANHYST_BLOCK_LEAST_WORDS + index];
+  const double rise = words[ANHYST_BLOCK_LEAST_WORDS + index + 1] - low;
+  const double exact = (low + rise * share) * 32768.0;
+  return fabs((double)p_of(words, z) - exact) / (rise + 1e-6);
+}
+
+static void look_at_table(int octaves, int n, int segments, double *worst, double *lost)
+{
+  uint64_t seed = 3;
+  for (int i = 0; i < 3000; i++) {
+    const int32_t z = (int32_t)(random_bits(&seed) >> (33 + random_bits(&seed) % 24));
+    keep_worst(worst, bend(octaves, n, segments, z));
+    const int32_t p = (int32_t)(random_bits(&seed) % (uint64_t)ANHYST_Q30_ONE);
+    const int32_t top = words[ANHYST_BLOCK_LEAST_WORDS + segments] * 32768;
+    const int32_t back = p_of(words, z_of(words, p));
+    CHECK(back <= p);
+    keep_worst(lost, (double)((p < top ? p : top) - back) / FULL_Q30);
+  }
+}
+
+static void table_and_search_agree(void)
+{
+  double worst = 0.0;
+  double lost = 0.0;
+  for (int octaves = 4; octaves <= 14; octaves++) {
+    for (int n = 2; n <= 6; n += 2) {
+      const int segments = prepare(NUS[(octaves + n) % NU_COUNT], octaves, n);
+      look_at_table(octaves, n, segments, &worst, &lost);
+      CHECK(p_of(words, 0) == 0);
+      CHECK(p_of(words, ANHYST_Q31_MAX) >= 32766 * 32768);
+      CHECK(p_of(words, z_of(words, 0)) == 0);
+    }
+  }
+  CHECK_BELOW("p over z, units in the last place over the rise of a segment", worst, 1.0);
+  CHECK_BELOW("there and back", lost, 1.0 / 16384.0);
+}
+
+static void the_table_is_the_law(void)
+{
+  double worst = 0.0;
+  for (int i = 0; i < NU_COUNT; i++) {
+    (void)prepare(NUS[i], 12, 4);
+    for (int step = 0; step < 5500; step++) {
+      const double z = 1e-6 * pow(1.003, step); /* up to 14 */
+      const double found = (double)p_of(words, (int32_t)lrint(z * FULL_Q27)) / FULL_Q30;
+      keep_worst(&worst, fabs(found - (1.0 - v_of(NUS[i], z))));
+    }
+  }
+  CHECK_BELOW("p over z with 16 segments an octave", worst, 5e-4);
+}
+
+static void ways_are_stretched(void)
+{
+  uint64_t seed = 9;
+  for (int i = 0; i < 200000; i++) {
+    const int32_t way = (int32_t)(random_bits(&seed) >> (33 + random_bits(&seed) % 31));
+    const int16_t weight = (int16_t)(1 + random_bits(&seed) % 32767);
+    const int16_t shift = (int16_t)(random_bits(&seed) % 13);
+    const double exact = (double)way * weight * (double)(1 << shift) / 65536.0;
+    const double found = (double)stretched(way, weight, shift);
+    const int is_short = (double)way * (double)(1 << shift) < 2147483648.0;
+    if (exact >= 2147483647.0) {
+      CHECK(found >= 2147483647.0 - (double)(1 << shift));
+    } else {
+      CHECK(found <= exact && found > exact - (is_short ? 1.0 : (double)(1 << shift)));
+    }
+  }
+}
+
+static void the_slope_is_that_of_the_equation(void)
+{
+  double worst = 0.0;
+  for (int i = 0; i < NU_COUNT; i++) {
+    for (int step = 0; step < 4; step++) {
+      const double rate = 0.25 * pow(5.0, step);
+      const double hold = rate / (1.0 - NUS[i]);
+      const int shift = (int)fmax(ceil(log2(rate / 8.0 / 0.49)), 0.0);
+      const int hold_shift = (int)fmax(ceil(log2(hold / 0.49)), 0.0);
+      words[ANHYST_WORD_SIMPLE_RATE] = (int16_t)lrint(rate / 8.0 / pow(2.0, shift) * 65536.0);
+      words[ANHYST_WORD_SIMPLE_RATE_SHIFT] = (int16_t)shift;
+      words[ANHYST_WORD_SIMPLE_HOLD] = (int16_t)lrint(hold / pow(2.0, hold_shift) * 65536.0);
+      words[ANHYST_WORD_SIMPLE_HOLD_SHIFT] = (int16_t)hold_shift;
+      words[ANHYST_WORD_SIMPLE_REST] = (int16_t)lrint(fmin((1.0 - NUS[i]) * 32768.0, 32767.0));
+      for (int k = -300; k <= 300; k++) {
+        const double p = k / 300.0;
+        const double v = 1.0 - p;
+        const double exact = (p < 0.0 ? hold : rate * v / (1.0 - NUS[i] * v)) * 1024.0;
+        const double found = (double)anhyst_lag_slope(words, (int32_t)lrint(p * FULL_Q30));
+        keep_worst(&worst, (fabs(found - exact) - 2.0) / (exact + 1.0));
+      }
+    }
+  }
+  CHECK_BELOW("slope, relative beyond two units of 1/1024", worst, 2e-3);
+}
+
+int main(void)
+{
+  table_and_search_agree();
+  the_table_is_the_law();
+  ways_are_stretched();
+  the_slope_is_that_of_the_equation();
+  return verdict();
+}

@@ -1,0 +1,171 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the parts of the full law in fixed point: table, fading, and one evaluation of a path,
+   against double and long double precision. */
+#include "full.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+
+#include "check.h"
+#include "truth.h"
+
+enum { MOST_SEGMENTS = 512, BRANCH_SEGMENTS = 10 };
+static const double FULL_Q26 = 67108864.0;
+static const double FULL_Q28 = 268435456.0;
+
+/* A rising table with irregular steps. */
+static void fill(int16_t *entries, int count, uint64_t *seed)
+{
+  const int32_t most = 60000 / count;
+  int32_t level = -30000;
+  for (int i = 0; i <= count; i++) {
+    entries[i] = (int16_t)level;
+    level += (int32_t)(random_bits(seed) % (uint64_t)(most + 1));
+  }
+}
+
+/* Straight between the entries; off by less than the rise of a segment times 2^-28. */
+static void tables_are_straight_between_their_entries(void)
+{
+  static int16_t entries[MOST_SEGMENTS + 1];
+  uint64_t seed = 5;
+  double worst = 0.0;
+  for (uint16_t n = 3; n <= 9; n++) {
+    const int count = 1 << n;
+    const table t = {entries, n};
+    fill(entries, count, &seed);
+    for (int i = 0; i < 50000; i++) {
+      const int32_t u = (int32_t)(random_bits(&seed) % (uint64_t)ONE);
+      const double place = (double)u / FULL_Q28 * count;
+      const int segment = (int)place;
+      const double step = (double)entries[segment + 1] - entries[segment];
+      const double exact = (entries[segment] + step * (place - segment)) * 8192.0;
+      int32_t rise;
+      const double found = (double)value(t, u, &rise);
+      CHECK(rise == entries[segment + 1] - entries[segment]);
+      keep_worst(&worst, fabs(found - exact) / (step + 1e-9));
+      CHECK(found <= exact);
+    }
+    for (int i = 0; i < count; i++) {
+      int32_t rise;
+      CHECK(value(t, i * (ONE >> n), &rise) == entries[i] * 8192);
+    }
+  }
+  CHECK_BELOW("table, units in the last place over the rise of a segment", worst, 1.0);
+}
+
+static void forgetting_is_exponential(void)
+{
+  double worst = 0.0;
+  double relative = 0.0;
+  double fall = 0.0;
+  int32_t before = 0;
+  for (int64_t way = 0; way <= ANHYST_Q31_MAX; way += way < 4096 ? 1 : 1009) {
+    const double octaves = (double)way / FULL_Q26;
+    const double exact = -expm1(-octaves * log(2.0));
+    const int32_t found = forgotten((int32_t)way);
+    keep_worst(&worst, fabs((double)found / FULL_Q28 - exact));
+    if (way > 0 && octaves < 1.0) {
+      keep_worst(&relative, (fabs((double)found - exact * FULL_Q28) - 1.0) / (exact * FULL_Q28));
+    }
+    CHECK(found >= 0 && found <= ONE);
+    keep_worst(&fall, (double)(before - found) / FULL_Q28);
+    before = found;
+  }
+  CHECK_BELOW("1 - 2^-t", worst, 7e-5);
+  CHECK_BELOW("the same below an octave, relative", relative, 1.5e-4);
+  CHECK_BELOW("fall of 1 - 2^-t where an octave ends", fall, 7e-5);
+}
+
+/* The law with tables of 2^9 segments, x reaching to 4 times its shape field. */
+static const double REACH = 4.0;
+static int16_t words[ANHYST_BLOCK_LEAST_WORDS + 3 * (2 * MOST_SEGMENTS + 1)];
+
+static double langevin(double x) { return (double)true_langevin((long double)x); }
+
+static double inverse_langevin(double y) { return (double)true_inverse_langevin((long double)y); }
+
+static double branch_at(double kappa, double x)
+{
+  return (double)true_branch((long double)kappa, (long double)x);
+}
+
+/* The irreversible part after a rise from x0, y0 to x1. */
+static double lagged(double kappa, double x0, double y0, double x1)
+{
+  return (double)true_irreversible((long double)kappa, (long double)x0, (long double)y0,
+                                   (long double)x1);
+}
+
+static int16_t nearest(double x) { return (int16_t)lrint(fmin(x, 32767.0)); }
+
+static void prepare_law(double kappa, double c, double play)
+{
+  const int first = ANHYST_BLOCK_LEAST_WORDS;
+  const int last = first + MOST_SEGMENTS + 1;
+  const double rate = REACH / (kappa * log(2.0)) / 16.0;
+  const int shift = rate < 0.49 ? 0 : (int)ceil(log2(rate / 0.49));
+  words[ANHYST_WORD_FULL_REVERSIBLE] = nearest(c * 32768.0);
+  words[ANHYST_WORD_FULL_PLAY] = nearest(play / REACH * 32768.0);
+  words[ANHYST_WORD_FULL_RATE] = nearest(rate / pow(2.0, shift) * 65536.0);
+  words[ANHYST_WORD_FULL_RATE_SHIFT] = (int16_t)shift;
+  words[ANHYST_WORD_FULL_STEEPNESS] = nearest(REACH / kappa * 256.0);
+  words[ANHYST_WORD_FULL_CURVE_SEGMENTS] = 9;
+  words[ANHYST_WORD_FULL_CURVE] = (int16_t)first;
+  words[ANHYST_WORD_FULL_BRANCH] = (int16_t)last;
+  words[ANHYST_WORD_FULL_INVERSE_SEGMENTS] = 9;
+  words[ANHYST_WORD_FULL_INVERSE] = (int16_t)(last + 2 * MOST_SEGMENTS + 1);
+  for (int i = 0; i <= MOST_SEGMENTS; i++) {
+    const double share = (double)i / (double)MOST_SEGMENTS;
+    words[first + i] = nearest(langevin(share * REACH) * 32768.0);
+    const double field = inverse_langevin(fmin(share, 0.9));
+    words[words[ANHYST_WORD_FULL_INVERSE] + i] = nearest(fmin(field / REACH, 1.0) * 32767.0);
+  }
+  for (int i = 0; i <= 2 * MOST_SEGMENTS; i++) {
+    const double x = REACH * ((double)i / (double)MOST_SEGMENTS - 1.0);
+    words[last + i] = nearest(branch_at(kappa, x) * 32768.0);
+  }
+}
+
+/* Error of y and of m after one straight way from a place on the demagnetised curve. */
+static void walk(double kappa, double c, double *error_y, double *error_m)
+{
+  uint64_t seed = 23;
+  prepare_law(kappa, c, 0.0);
+  for (int i = 0; i < 400; i++) {
+    const double x0 = uniform(&seed, -3.5, 3.5);
+    const double y0 = lagged(kappa, 0.0, 0.0, x0);
+    const double x1 = uniform(&seed, x0, 3.9);
+    path along;
+    answer at;
+    anhyst_memory from;
+    from.a = (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE);
+    from.b = (int32_t)lrint(y0 * ANHYST_Q30_ONE);
+    from.c = from.a;
+    prepare(&along, words, &from);
+    int32_t rise;
+    (void)depart(&along, odd_value(along.curve, along.x, &rise));
+    evaluate(&along, (int32_t)lrint(x1 / REACH * FULL_Q28), &at);
+    const double y1 = lagged(kappa, x0, y0, x1);
+    const double m1 = (1.0 - c) * y1 + c * langevin(x1);
+    keep_worst(error_y, fabs((double)at.y / FULL_Q28 - y1));
+    keep_worst(error_m, fabs((double)at.m / FULL_Q28 - m1));
+  }
+}
+
+static void one_straight_way_is_exact(void)
+{
+  static const double KAPPAS[] = {0.1, 0.5, 1.5, 5.0};
+  double error_y = 0.0;
+  double error_m = 0.0;
+  for (int i = 0; i < 4; i++) {
+    walk(KAPPAS[i], 0.2, &error_y, &error_m);
+  }
+  CHECK_BELOW("irreversible part", error_y, 2e-4);
+  CHECK_BELOW("magnetisation", error_m, 2e-4);
+}
+
+int main(void)
+{
+  tables_are_straight_between_their_entries();
+  forgetting_is_exponential();
+  one_straight_way_is_exact();
+  return verdict();
+}

@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the way from demand to flux and back: root, square, and the quotient of Newton's steps,
+   against double precision. */
+#include "compensator.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+
+#include <stdlib.h>
+
+#include "check.h"
+#include "edges.h"
+#include "truth.h"
+
+static const double FULL_Q31 = 2147483648.0;
+static const double FULL_Q30 = 1073741824.0;
+static const int16_t LOWEST_KNEE = 2;
+static const int16_t HIGHEST_KNEE = 8;
+
+#ifdef TEST_SANITIZED
+static const int32_t STRIDE = 99991;
+#else
+static const int32_t STRIDE = 997;
+#endif
+
+/* Units in the last place by which the root is off, less what its relative error allows. */
+static double excess_of_root(int32_t a, int16_t knee)
+{
+  const double exact = sqrt((double)a / FULL_Q31) * FULL_Q30;
+  return fabs((double)root(a, knee) - exact) - 2e-9 * exact;
+}
+
+static void root_is_the_root_beyond_the_knee(void)
+{
+  double worst = 0.0;
+  for (int16_t knee = LOWEST_KNEE; knee <= HIGHEST_KNEE; knee++) {
+    const int32_t first = (int32_t)1 << (31 - 2 * knee);
+    for (int64_t a = first; a <= ANHYST_Q31_MAX; a += STRIDE) {
+      keep_worst(&worst, excess_of_root((int32_t)a, knee));
+    }
+    for (int i = 0; i < EDGE_COUNT; i++) {
+      if (edge(i) >= first) {
+        keep_worst(&worst, excess_of_root(edge(i), knee));
+      }
+    }
+  }
+  CHECK_BELOW("root, units in the last place beyond 2e-9", worst, 1.0);
+}
+
+static void root_is_a_straight_line_below_the_knee(void)
+{
+  double worst = 0.0;
+  for (int16_t knee = LOWEST_KNEE; knee <= HIGHEST_KNEE; knee++) {
+    const int32_t end = (int32_t)1 << (31 - 2 * knee);
+    for (int32_t a = 0; a < end; a += 1 + end / 100003) {
+      CHECK(root(a, knee) == a * ((int32_t)1 << (knee - 1)));
+      const double flux = (double)root(a, knee) / FULL_Q30;
+      const double share = fabs(flux * flux - (double)a / FULL_Q31) * (double)(1 << (2 * knee));
+      keep_worst(&worst, share);
+    }
+    CHECK(root(end - 1, knee) < (int32_t)1 << (30 - knee));
+    CHECK(abs(root(end, knee) - ((int32_t)1 << (30 - knee))) <= 1);
+  }
+  CHECK_BELOW("output lost below the knee, over 2^(-2k)", worst, 0.25);
+}
+
+static void root_never_falls(void)
+{
+  for (int16_t knee = LOWEST_KNEE; knee <= HIGHEST_KNEE; knee++) {
+    const int32_t end = (int32_t)1 << (31 - 2 * knee);
+    for (int32_t a = end - 3000; a < end + 3000; a++) {
+      CHECK(root(a + 1, knee) >= root(a, knee));
+    }
+    for (int i = 0; i < EDGE_COUNT; i++) {
+      if (edge(i) >= 0 && edge(i) < ANHYST_Q31_MAX) {
+        CHECK(root(edge(i) + 1, knee) >= root(edge(i), knee));
+      }
+    }
+  }
+}
+
+static void square_undoes_the_root(void)
+{
+  double off = 0.0;
+  double back = 0.0;
+  for (int16_t knee = LOWEST_KNEE; knee <= HIGHEST_KNEE; knee++) {
+    for (int64_t a = (int64_t)1 << (30 - knee); a < ANHYST_Q30_ONE; a += STRIDE) {
+      const double part = (double)a / FULL_Q30;
+      keep_worst(&off, fabs((double)square((int32_t)a, knee) / FULL_Q31 - part * part));
+    }
+    for (int64_t a = 0; a <= ANHYST_Q31_MAX; a += STRIDE) {
+      const double returned = (double)square(root((int32_t)a, knee), knee);
+      keep_worst(&back, fabs(returned - (double)a) / FULL_Q31);
+    }
+  }
+  CHECK_BELOW("square", off, 1.0 / 32768.0);
+  CHECK_BELOW("square of the root", back, 1.0 / 32768.0 + 1e-8);
+}
+
+/* Relative error of a quotient beyond a unit in its last place; none where it saturates rightly. */
+static double error_of_quotient(int32_t numerator, int32_t denominator)
+{
+  const double exact = (double)numerator * 65536.0 / (double)denominator;
+  const double found = (double)anhyst_quotient(numerator, denominator);
+  if (exact >= FULL_Q31 * (1.0 - 1.0 / 16384.0) && found >= FULL_Q31 - 1.0) {
+    return 0.0;
+  }
+  return (fabs(found - exact) - 1.0) / exact;
+}
+
+static void quotients_have_fourteen_bits(void)
+{
+  double worst = 0.0;
+  for (int i = 0; i < EDGE_COUNT; i++) {
+    for (int j = 0; j < EDGE_COUNT; j++) {
+      if (edge(i) > 0 && edge(j) > 0) {
+        keep_worst(&worst, error_of_quotient(edge(i), edge(j)));
+      }
+    }
+  }
+  uint64_t seed = 17;
+  for (int i = 0; i < 1000000; i++) {
+    const int32_t a = (int32_t)(random_bits(&seed) >> (33 + random_bits(&seed) % 30));
+    const int32_t b = (int32_t)(random_bits(&seed) >> (33 + random_bits(&seed) % 30));
+    if (a > 0 && b > 0) {
+      keep_worst(&worst, error_of_quotient(a, b));
+    }
+  }
+  CHECK_BELOW("quotient", worst, 1.0 / 16384.0);
+}
+
+int main(void)
+{
+  root_is_the_root_beyond_the_knee();
+  root_is_a_straight_line_below_the_knee();
+  root_never_falls();
+  square_undoes_the_root();
+  quotients_have_fourteen_bits();
+  return verdict();
+}
