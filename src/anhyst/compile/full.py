@@ -21,7 +21,6 @@ from anhyst.compile.block import (
 )
 from anhyst.compile.scheduled import (
     WEIGHT,
-    check_arms,
     nodes,
     pack_arms,
     pack_common,
@@ -133,7 +132,6 @@ class FullTables:
 
 def full_tables(law: Normal, limits: Limits, sizes: Sizes) -> FullTables:
     """Return the tables of a law, as far as currents within their limits lead."""
-    check_arms(law.flux_arm, law.field_arm)
     reach = MARGIN * largest_field(law, limits.current)
     n = sizes.curve_segments
     field = np.linspace(-reach, reach, 2 ** (n + 1) + 1)

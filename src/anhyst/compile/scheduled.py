@@ -91,7 +91,19 @@ def pack_common(
 
 def require_rising(flux_arm: FloatArray, field_arm: FloatArray) -> None:
     """Raise `InputError` where more flux or field would not need more current."""
-    check_arms(flux_arm, field_arm)
+    if np.any(flux_arm < 0.0) or np.any(field_arm <= 0.0):
+        raise InputError(
+            "alpha: the coupling outweighs the gap, so that a part of the current falls as the "
+            "flux rises; a compensator needs a gap at every place (leave out the loops of a "
+            "closed gap, or identify with --gap-map reluctance)"
+        )
+
+
+def pack_arms(
+    pack: Packer, scales: Scales, bias: FloatArray, flux_arm: FloatArray, field_arm: FloatArray
+) -> None:
+    """Put how the current is made up, A for each unit of flux and field, one value a node."""
+    require_rising(flux_arm, field_arm)
     largest = max(np.abs(part).max() for part in (bias, flux_arm, field_arm)) / scales.current
     shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT))))
     if shift > 8:
