@@ -14,7 +14,17 @@ import typer
 from anhyst.cli import app as cli
 from anhyst.errors import InputError, NegativeResult
 
-VERBS = ("inspect", "identify", "predict", "invert", "report", "diff")
+VERBS = (
+    "inspect",
+    "identify",
+    "predict",
+    "invert",
+    "report",
+    "diff",
+    "compile",
+    "verify",
+    "force-control",
+)
 
 
 def anhyst(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -137,3 +147,20 @@ def test_progress_shows_on_a_terminal_only(
         if update:
             update(1.0, 2.0)
     assert capsys.readouterr().out == ""
+
+
+def test_a_fault_of_the_program_is_one_line_and_has_an_exit_code_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(**_: object) -> int:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.delenv("ANHYST_TRACE", raising=False)
+    monkeypatch.setattr(cli, "app", fail)
+    assert cli.main(["inspect"]) == 70
+    said = capsys.readouterr().err
+    assert said.startswith("anhyst: error: ZeroDivisionError: division by zero; ")
+    assert said.count("\n") == 1
+    monkeypatch.setenv("ANHYST_TRACE", "1")
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["inspect"])

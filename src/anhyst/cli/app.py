@@ -14,6 +14,7 @@ import typer
 from anhyst.cli.compile import compile_
 from anhyst.cli.console import one_line, say_error
 from anhyst.cli.diff import diff
+from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
 from anhyst.cli.inspect import inspect
 from anhyst.cli.report import report
@@ -23,6 +24,7 @@ from anhyst.errors import InputError, Interrupted, NegativeResult
 
 BAD_INPUT = 2
 NEGATIVE = 1
+FAULT = 70
 INTERRUPTED = 130
 
 # Typer carries the library it is built on under a private name that has changed.
@@ -43,6 +45,7 @@ for _verb in (inspect, identify, predict, invert, report, diff):
     app.command(no_args_is_help=True)(_verb)
 app.command("compile", no_args_is_help=True)(compile_)
 app.command(no_args_is_help=True)(verify)
+app.command(no_args_is_help=True)(force_control)
 
 
 def _print_version(wanted: bool) -> None:
@@ -80,7 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0 success, 1 negative result, 2 bad input, 130 interrupted.
+        Exit code: 0 success, 1 negative result, 2 bad input, 70 a fault of anhyst itself, 130
+        interrupted.
     """
     kept = ""
     try:
@@ -93,6 +97,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return NEGATIVE
     except Interrupted as stop:
         code, kept = INTERRUPTED, f": {one_line(str(stop))}"
+    except Exception as fault:
+        if "ANHYST_TRACE" in os.environ:
+            raise
+        say_error(
+            f"{type(fault).__name__}: {fault}; this is a fault of anhyst, not of your input: run "
+            "again with ANHYST_TRACE=1 and report what it prints"
+        )
+        return FAULT
     if code == INTERRUPTED:
         print(f"anhyst: interrupted{kept}", file=sys.stderr)
         # Python remembers an interrupt that went through an exec (as dataclasses use while they
