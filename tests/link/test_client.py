@@ -19,6 +19,8 @@ from anhyst.link.frames import (
     Flag,
     Reason,
     Recorder,
+    RecorderDataAnswer,
+    RecorderReadRequest,
     Setting,
     Signal,
     State,
@@ -152,6 +154,8 @@ def test_a_recording_holds_the_ticks_around_its_trigger(
     assert recorder_state(controller) is Recorder.WAITING
     with pytest.raises(InputError, match="recorder is waiting"):
         read_recording(controller)
+    with pytest.raises(Refused, match="not while the recorder is waiting"):
+        controller.request(RecorderReadRequest(0, 1), RecorderDataAnswer)
     begin = controller.demand(2 * TENTH).tick + 1
     board.bus.step(100)
     recording = read_recording(controller)

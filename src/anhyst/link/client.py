@@ -36,6 +36,9 @@ from anhyst.link.frames import (
     Message,
     NakAnswer,
     Reason,
+    Recorder,
+    RecorderReadRequest,
+    RecorderSetupRequest,
     Setting,
     SettingAnswer,
     SettingReadRequest,
@@ -93,7 +96,7 @@ class Refused(InputError):  # noqa: N818 - an answer
             meaning = f"for reason {nak.reason}"
         self.detail = nak.detail
         if self.reason is Reason.STATE:
-            meaning = f"not in the state {State(nak.detail).name.lower()}"
+            meaning = f"not {_state(request, nak.detail)}"
         super().__init__(f"{url}: the controller refused {_words(name)}: {meaning}")
 
 
@@ -484,6 +487,13 @@ def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) ->
     if isinstance(answer, NakAnswer):
         raise Refused(url, request, answer)
     raise InputError(f"{url}: {type(answer).__name__} in answer to {type(request).__name__}")
+
+
+def _state(request: Message, detail: int) -> str:
+    """Say in which state the controller was, or its recorder where that was asked."""
+    if isinstance(request, RecorderReadRequest | RecorderSetupRequest):
+        return f"while the recorder is {Recorder(detail).name.lower()}"
+    return f"in the state {State(detail).name.lower()}"
 
 
 def _words(name: str) -> str:

@@ -69,7 +69,7 @@ class Reason(IntEnum):
     LENGTH = 3  # the payload has the wrong length; detail: the length it had
     # number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none
     OLD = 4
-    STATE = 5  # not in this state; detail: the state
+    STATE = 5  # not in this state; detail: the state (of the recorder, for its requests)
     VALUE = 6  # a value out of its range, or no such setting, command or word
     ORDER = 7  # block data without begin or not at the next offset; detail: the next offset
     CHECKSUM = 8  # the block that arrived is not the one that was announced
