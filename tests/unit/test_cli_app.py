@@ -105,17 +105,6 @@ def test_every_ending_has_its_code_and_line(
     assert captured.out.strip() == ""
 
 
-def test_a_fault_of_the_program_is_not_taken_for_bad_input(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def fail(**_: object) -> None:
-        raise ZeroDivisionError
-
-    monkeypatch.setattr(cli, "app", fail)
-    with pytest.raises(ZeroDivisionError):
-        cli.main([])
-
-
 def test_version_comes_without_loading_what_it_does_not_need() -> None:
     result = anhyst("--version")
     assert result.returncode == 0
