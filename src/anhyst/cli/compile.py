@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from anhyst.cli.console import print_json, show
+from anhyst.cli.console import print_json, show, table
 from anhyst.cli.options import AsJson, ModelPath
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ class IoChoice(StrEnum):
 
     Q15 = "q15"
     Q31 = "q31"
+    F32 = "f32"
 
 
 def compile_(
@@ -46,7 +47,9 @@ def compile_(
     io: Annotated[
         IoChoice,
         typer.Option(
-            metavar="FORMAT", help="Format of demand, gap and current: q15 (16 bits) or q31."
+            metavar="FORMAT",
+            help="Format of demand, gap and current: q15 (16 bits), q31, or f32 (single "
+            "precision throughout).",
         ),
     ] = IoChoice.Q15,
     accuracy: Annotated[
@@ -84,5 +87,23 @@ def _as_dict(compiled: Compiled) -> dict[str, Any]:
 
 
 def _show(compiled: Compiled) -> None:
-    block, request = compiled.plan.block, compiled.plan.request
-    show(f"{compiled.out}: {block.kind}, {request.io}, {block.size} bytes of parameters")
+    from anhyst.compile.budget import percent
+    from anhyst.compile.choices import explain
+    from anhyst.compile.memory import parameters_bytes
+
+    plan, budget = compiled.plan, compiled.budget
+    rows = table(
+        f"accuracy, per cent of {budget.largest:.4g} {budget.unit}", ("part", "worst", "rms")
+    )
+    for part in (*budget.parts, budget.compiled, budget.total):
+        if part.worst is not None and part.rms is not None:
+            worst, rms = (f"{percent(budget, value):.2g}" for value in (part.worst, part.rms))
+            rows.add_row(part.title, worst, rms)
+    lines = [f"{choice.name}: {choice.value} ({choice.reason})" for choice in explain(plan)]
+    size = parameters_bytes(plan.block)
+    show(
+        f"{compiled.out}: {plan.block.kind}, {plan.request.io}, {size} bytes of parameters",
+        rows,
+        *lines,
+        f"{compiled.out / 'DROP_IN.md'} tells how it goes into a project",
+    )

@@ -149,31 +149,35 @@ def _model_fit(plan: Plan) -> Part:
 def _law(plan: Plan, ways: list[Path]) -> list[Part]:
     if plan.block.kind == "full":
         return []
-    off, runs = against_demand(plan.model, plan.builder.finest(), "q31", ways)
+    off, runs = against_demand(plan.model, plan.builder.exact(FINE), "f64", ways)
     part = _part("law", "straight anhysteretic", off, runs)
     return [replace(part, note=f"the simplified law with fine tables; {part.note}")]
 
 
 def _tables(plan: Plan, ways: list[Path]) -> Part:
     builder, sizes = plan.builder, plan.sizes
-    at = snapped(ways, plan.model, plan.block.scales, sizes)
+    at, block = snapped(ways, plan.model, plan.block.scales, sizes), builder.exact(sizes)
     if plan.block.kind == "full":
-        off, runs = against_demand(plan.model, plan.block, "q31", at)
-        part = _part("tables", "tables and iterations", off, runs)
-        return replace(part, note=f"signals of 31 bits, gaps that stand in the tables; {part.note}")
-    fine = builder(replace(FINE, gap_segments=sizes.gap_segments))
-    off = between(plan.model, (plan.block, "q31"), (fine, "q31"), at)
-    note = "chosen against fine tables, signals of 31 bits, gaps that stand in the tables"
-    return Part("tables", "tables and iterations", off.worst, off.rms, note)
+        off, runs = against_demand(plan.model, block, "f64", at)
+        part = _part("tables", "tables", off, runs)
+        note = f"in double precision, at gaps that stand in the tables; {part.note}"
+        return replace(part, note=note)
+    fine = builder.exact(replace(FINE, gap_segments=sizes.gap_segments))
+    off = between(plan.model, (block, "f64"), (fine, "f64"), at)
+    note = "chosen against fine tables, in double precision, at gaps that stand in the tables"
+    return Part("tables", "tables", off.worst, off.rms, note)
 
 
 def _quantisation(plan: Plan, ways: list[Path]) -> Part:
-    title = "quantisation"
-    if plan.request.io == "q31":
-        note = "signals of 31 bits; what is rounded inside is part of the tables"
-        return Part("quantisation", title, None, None, note)
-    off = between(plan.model, (plan.block, "q15"), (plan.block, "q31"), ways)
-    return Part("quantisation", title, off.worst, off.rms, "signals of 15 against 31 bits")
+    same = plan.builder.exact(plan.sizes)
+    off = between(plan.model, (plan.block, plan.request.io), (same, "f64"), ways)
+    note = (
+        f"{plan.request.io} and {plan.sizes.iterations} iterations against double precision, many "
+        "iterations and the same tables"
+    )
+    if plan.block.kind == "euler":
+        note = "Euler's steps and rounding against the closed form in double precision"
+    return Part("quantisation", "quantisation", off.worst, off.rms, note)
 
 
 def _gap(plan: Plan, ways: list[Path]) -> list[Part]:
@@ -185,8 +189,11 @@ def _gap(plan: Plan, ways: list[Path]) -> list[Part]:
         off = interpolation(model, scales, limits, plan.sizes, lifted)
         note = "straight lines between the entries over the gap, everything else exact"
     else:
-        coarse = plan.builder(replace(FINE, gap_segments=plan.sizes.gap_segments))
-        off = between(model, (coarse, "q31"), (plan.builder.finest(), "q31"), ways)
+        coarse, fine = (
+            plan.builder.exact(replace(FINE, gap_segments=n))
+            for n in (plan.sizes.gap_segments, FINE.gap_segments)
+        )
+        off = between(model, (coarse, "f64"), (fine, "f64"), ways)
         note = "chosen entries over the gap against those of the fit, everything else fine"
     return [Part("gap_interpolation", "gap interpolation", off.worst, off.rms, note)]
 

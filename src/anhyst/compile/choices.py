@@ -35,6 +35,9 @@ def explain(plan: Plan) -> list[Choice]:
 
 def _signals(plan: Plan) -> list[Choice]:
     model, scales, io = plan.model, plan.block.scales, plan.request.io
+    if io == "f32":
+        reason = "24 bits of mantissa: nothing has to be scaled"
+        return [Choice("signals", "single precision, SI units", reason)]
     step = STEPS[io]
     rows = [
         ("demand", scales.demand, plan.largest, model.output.unit),

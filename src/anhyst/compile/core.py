@@ -117,7 +117,7 @@ class _Joint:
         if name in self._seen:
             return
         self._seen.add(name)
-        text = _LICENCE.sub("", read_core(name))
+        text = read_core(name)
         if generic := generic_of(text):
             text = with_single(text, read_core(f"{_folder(generic)}/{generic}"))
         for included in _INCLUDE.findall(text):
@@ -126,22 +126,23 @@ class _Joint:
         if name.startswith("include/"):
             self._add_header(name, text)
         else:
-            self.source.append(_section(name, _bare(text)))
+            self.source.append(section(name, bare(text)))
 
     def _add_header(self, name: str, text: str) -> None:
         if not self._linked and _LINKAGE.search(text):
             self.header.append('#ifdef __cplusplus\nextern "C" {\n#endif\n')
             self._linked = True
-        text = _KERNEL.sub(lambda m: m[0] if m[1] == self.kind else "", _bare(text))
-        self.header.append(_section(name, text))
+        text = _KERNEL.sub(lambda m: m[0] if m[1] == self.kind else "", bare(text))
+        self.header.append(section(name, text))
 
 
 def _folder(included: str) -> str:
     return "include" if included.startswith(PUBLIC) else "src"
 
 
-def _bare(text: str) -> str:
-    """Take off what only a file by itself needs: includes, guard, linkage."""
+def bare(text: str) -> str:
+    """Take off what only a file by itself needs: licence, includes, guard, linkage."""
+    text = _LICENCE.sub("", text)
     text = _LINKAGE.sub("", _SYSTEM.sub("", _INCLUDE.sub("", text)))
     # The introduction may stand before the guard.
     guard = re.search(r"^#ifndef (ANHYST_\w+_H)$", text, re.M)
@@ -150,7 +151,8 @@ def _bare(text: str) -> str:
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
 
 
-def _section(name: str, text: str) -> str:
+def section(name: str, text: str) -> str:
+    """Put a text under a line with the name of its file."""
     title = f"/* ---- {Path(name).name} "
     return f"{title}{'-' * (WIDTH - len(title) - 3)} */\n\n{text}"
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from anhyst.compile.budget import Budget, percent
 from anhyst.compile.choices import explain
+from anhyst.compile.memory import parameters_bytes, state_bytes
 from anhyst.compile.plan import Plan
-from anhyst.compile.source import STATE_BYTES
 from anhyst.data.units import Quantity
 
 VERSION = 1
@@ -45,7 +45,10 @@ def manifest(plan: Plan, budget: Budget, sha256: str, version: str) -> dict[str,
             "demand": list(block.limits.demand),
             "current": list(block.limits.current),
         },
-        "memory": {"parameters_bytes": block.size, "state_bytes": STATE_BYTES},
+        "memory": {
+            "parameters_bytes": parameters_bytes(block),
+            "state_bytes": state_bytes(block),
+        },
         "conditioning": _conditioning(plan),
         "accuracy": _accuracy(budget),
         "plan": {choice.name: f"{choice.value}: {choice.reason}" for choice in explain(plan)},

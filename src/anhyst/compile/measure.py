@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal, cast
 
 import numpy as np
 
 from anhyst._core import FixedCompensator
 from anhyst.compile.block import Block, FloatArray, Limits, Scales, Sizes
+from anhyst.compile.floating import RealBlock, RealIo, RealTwin
 from anhyst.compile.full import normal
 from anhyst.compile.paths import Path
 from anhyst.compile.scheduled import flux_unit, nodes
@@ -16,6 +18,9 @@ from anhyst.compile.twin import Twin
 from anhyst.model import ActuatorModel
 
 MU_0 = 4e-7 * np.pi
+
+AnyBlock = Block | RealBlock
+Io = Literal["q15", "q31", "f32", "f64"]
 
 LOSS_EVERY = 4
 """On the path with losses the amplifier gives what was wanted but for one tick in so many."""
@@ -54,14 +59,21 @@ class Deviation:
     path: str
 
 
-def run_twin(model: ActuatorModel, block: Block, io: str, path: Path) -> Run:
+def start(block: AnyBlock, io: Io) -> Twin | RealTwin:
+    """Start the compensator that belongs to a block, demagnetised."""
+    if isinstance(block, RealBlock):
+        return RealTwin(block, cast("RealIo", io))
+    return Twin(block, io)
+
+
+def run_twin(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> Run:
     """Run a compensator along a path, and the exact model with its currents.
 
     Parameters
     ----------
     model : ActuatorModel
         The model.
-    block : Block
+    block : Block or RealBlock
         Parameters of the compensator.
     io : str
         Format of its signals.
@@ -72,32 +84,56 @@ def run_twin(model: ActuatorModel, block: Block, io: str, path: Path) -> Run:
     -------
     Run
     """
-    current = Twin(block, io).run(path.demand, path.gap)
+    current = start(block, io).run(path.demand, path.gap)
     return Run(path, current, exact_output(model, current, path), np.ones(current.size, dtype=bool))
 
 
-def run_with_losses(model: ActuatorModel, block: Block, io: str, path: Path) -> Run:
+def run_with_losses(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> Run:
     """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
-    twin = Twin(block, io)
-    core = FixedCompensator(block.kind, block.words)
-    solve, commit = (
-        (core.solve_q15, core.commit_q15) if io == "q15" else (core.solve_q31, core.commit_q31)
-    )
     size = path.demand.size
-    random = np.random.default_rng(LOSS_SEED + size)
-    low, high = twin.current_codes(block.limits.current).tolist()
-    loss = (0.1 * (high - low) * random.standard_normal(size)).round().astype(int).tolist()
-    demands, gaps = twin.demand_codes(path.demand).tolist(), twin.gap_codes(path.gap, size).tolist()
+    loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
+    twin = start(block, io)
+    if isinstance(twin, Twin):
+        current = _lossy_codes(twin, path, loss) / twin.one * block.scales.current
+    else:
+        current = _lossy_numbers(twin, path, loss)
+    judged = np.arange(size) % LOSS_EVERY != LOSS_EVERY - 1
+    return Run(path, current, exact_output(model, current, path), judged)
+
+
+def _lossy_codes(twin: Twin, path: Path, loss: FloatArray) -> FloatArray:
+    """Return the applied currents as codes; `loss` is in parts of the range of the current."""
+    core = FixedCompensator(twin.block.kind, twin.block.words)
+    solve, commit = (
+        (core.solve_q15, core.commit_q15) if twin.io == "q15" else (core.solve_q31, core.commit_q31)
+    )
+    low, high = twin.current_codes(twin.block.limits.current).tolist()
+    losses = ((high - low) * loss).round().astype(int).tolist()
+    demands = twin.demand_codes(path.demand).tolist()
+    gaps = twin.gap_codes(path.gap, loss.size).tolist()
     codes = []
     for place, (demand, gap) in enumerate(zip(demands, gaps, strict=True)):
         code = solve(demand, gap)
         if place % LOSS_EVERY == LOSS_EVERY - 1:
-            code = min(max(code + loss[place], low), high)
+            code = min(max(code + losses[place], low), high)
         commit(code, gap)
         codes.append(code)
-    current = np.array(codes) / twin.one * block.scales.current
-    judged = np.arange(size) % LOSS_EVERY != LOSS_EVERY - 1
-    return Run(path, current, exact_output(model, current, path), judged)
+    return np.array(codes, dtype=np.float64)
+
+
+def _lossy_numbers(twin: RealTwin, path: Path, loss: FloatArray) -> FloatArray:
+    """Return the applied currents; `loss` is in parts of their range."""
+    low, high = twin.block.limits.current
+    losses = ((high - low) * loss).tolist()
+    gaps = [None] * loss.size if path.gap is None else path.gap.tolist()
+    currents = []
+    for place, (demand, gap) in enumerate(zip(path.demand.tolist(), gaps, strict=True)):
+        current = twin.solve(demand, gap)
+        if place % LOSS_EVERY == LOSS_EVERY - 1:
+            current = min(max(current + losses[place], low), high)
+        twin.commit(current, gap)
+        currents.append(current)
+    return np.array(currents)
 
 
 def exact_output(model: ActuatorModel, current: FloatArray, path: Path) -> FloatArray:
@@ -144,7 +180,7 @@ def resolution(scales: Scales) -> float:
 
 
 def against_demand(
-    model: ActuatorModel, block: Block, io: str, paths: Sequence[Path]
+    model: ActuatorModel, block: AnyBlock, io: Io, paths: Sequence[Path]
 ) -> tuple[Deviation, list[tuple[Run, FloatArray]]]:
     """Run a compensator along all paths, the first of the random ones with losses as well.
 
@@ -165,7 +201,10 @@ def against_demand(
 
 
 def between(
-    model: ActuatorModel, one: tuple[Block, str], other: tuple[Block, str], paths: Sequence[Path]
+    model: ActuatorModel,
+    one: tuple[AnyBlock, Io],
+    other: tuple[AnyBlock, Io],
+    paths: Sequence[Path],
 ) -> Deviation:
     """Compare two compensators: what the exact model makes of their currents."""
 

@@ -15,6 +15,7 @@ from anhyst.compile.page import budget_page
 from anhyst.compile.plan import Plan, Request, make_plan
 from anhyst.compile.source import sources
 from anhyst.compile.vectors import golden_vectors, vectors_csv
+from anhyst.errors import InputError
 from anhyst.model import ActuatorModel
 from anhyst.modelfile import read_model
 from anhyst.version import running_version
@@ -74,7 +75,10 @@ def compile_model(model_path: PathLike, out: PathLike, request: Request) -> Comp
     check_folder(out)
     model = read_model(model_path)
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
-    plan, budget = _planned(model, request, int(sha256[:8], 16))
+    try:
+        plan, budget = _planned(model, request, int(sha256[:8], 16))
+    except InputError as error:
+        raise InputError(f"{model_path}: {error}") from error
     check_accuracy(budget)
     version = running_version()
     files = {

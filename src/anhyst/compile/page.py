@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from anhyst.compile.block import FloatArray
 from anhyst.compile.budget import Budget, Part, percent
 from anhyst.compile.choices import explain
+from anhyst.compile.memory import parameters_bytes
 from anhyst.compile.plan import Plan
 from anhyst.compile.source import render, signal_lines
 
@@ -81,7 +82,7 @@ def budget_page(plan: Plan, budget: Budget, version: str) -> str:
                 for run, error in budget.runs
             ],
             "figure": _figure(budget),
-            "bytes": plan.block.size,
+            "bytes": parameters_bytes(plan.block),
         },
     )
 
@@ -98,7 +99,7 @@ def _row(budget: Budget, part: Part, largest: float) -> dict[str, Any]:
     known = part.worst is not None and part.rms is not None
 
     def share(value: float | None) -> str:
-        return "\N{EN DASH}" if value is None else f"{percent(budget, value):.2g}"
+        return "\N{EN DASH}" if value is None else f"{percent(budget, value):#.2g}"
 
     return {
         "title": part.title,

@@ -43,7 +43,7 @@ def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> 
         value = int(block.words[place])
         if word.axis:
             tables.setdefault(value, []).append(word)
-            text = f"{word.doc}: table from word {value} on"
+            text = f"{word.doc}, table at {value}"
         else:
             text = word.doc + _worth(word, value, block, names)
         lines += _unused(block, end, place)

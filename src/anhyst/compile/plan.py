@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from anhyst.compile.block import Block, Kind, Limits, Scales, Sizes
-from anhyst.compile.scheduled import refuse_uncompilable
+from anhyst.compile.block import Kind, Limits, Scales, Sizes
+from anhyst.compile.full import normal
+from anhyst.compile.measure import AnyBlock, Io
+from anhyst.compile.scheduled import refuse_uncompilable, require_rising
 from anhyst.compile.search import Builder, Found, Search
 from anhyst.compile.start import StartUp, plan_start
 from anhyst.errors import InputError
 from anhyst.model import ActuatorModel
 
-Io = Literal["q15", "q31"]
+GAPS = 65
+"""Places over the gap at which the model is looked at."""
 
 ROUND = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """Full-scale values are one of these times a power of ten."""
@@ -37,7 +39,7 @@ class Request:
     kind : str
         ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks).
     io : str
-        Format of the signals: ``"q15"`` or ``"q31"``.
+        Format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``.
     rate : float
         Ticks a second, 1 to 10^6.
     accuracy : float or None
@@ -83,7 +85,7 @@ class Plan:
         The model, with scales and limits.
     sizes : Sizes
         Of tables and searches.
-    block : Block
+    block : Block or RealBlock
         The parameters.
     start : StartUp
         The start-up sequence.
@@ -96,7 +98,7 @@ class Plan:
     request: Request
     builder: Builder
     sizes: Sizes
-    block: Block
+    block: AnyBlock
     start: StartUp
     found: Found
     allowance: float
@@ -158,13 +160,16 @@ def make_plan(model: ActuatorModel, request: Request, model_hash: int, share: fl
     refuse_uncompilable(model)
     limits = find_limits(model)
     scales = find_scales(model, limits)
+    law = normal(model, np.linspace(scales.gap_low, scales.gap_high, GAPS))
+    require_rising(law.flux_arm, law.field_arm)
     allowance = ACCURACY / 100.0 * largest_output(limits)
     if request.accuracy is not None:
         asked = request.accuracy / 100.0 * largest_output(limits)
         allowance = asked if request.kind == "full" else min(asked, allowance)
     start = plan_start(model, scales, limits, request.rate, allowance)
-    builder = Builder(model, request.kind, scales, limits, start.conditioning, model_hash)
-    found = Search(builder, request.io, share * allowance).run()
+    given = model, request.kind, request.io, scales, limits
+    builder = Builder(*given, start.conditioning, model_hash)
+    found = Search(builder, share * allowance).run()
     block = builder(found.sizes)
     return Plan(request, builder, found.sizes, block, start, found, allowance)
 

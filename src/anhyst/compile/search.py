@@ -12,15 +12,15 @@ import numpy as np
 from anhyst.compile.block import (
     LEAST_WORDS,
     MOST_WORDS,
-    Block,
     Conditioning,
     Kind,
     Limits,
     Scales,
     Sizes,
 )
+from anhyst.compile.floating import RealBlock, RealKind, build_real
 from anhyst.compile.full import build_full
-from anhyst.compile.measure import against_demand, between, interpolation, snapped
+from anhyst.compile.measure import AnyBlock, Io, against_demand, between, interpolation, snapped
 from anhyst.compile.paths import paths
 from anhyst.compile.simplified import ClosedForm, build_euler, build_simplified, fit_closed_form
 from anhyst.model import ActuatorModel
@@ -67,10 +67,11 @@ ITERATION_RANGE = range(3, 13)
 
 @dataclass(frozen=True)
 class Builder:
-    """Makes blocks of one model and kind that differ in their sizes alone."""
+    """Makes blocks of one model, kind and format that differ in their sizes alone."""
 
     model: ActuatorModel
     kind: Kind
+    io: Io
     scales: Scales
     limits: Limits
     conditioning: Conditioning = field(default_factory=Conditioning)
@@ -83,17 +84,28 @@ class Builder:
         at = at if self.model.needs_schedule else at[:1]
         return fit_closed_form(self.model, self.limits, at)
 
-    def __call__(self, sizes: Sizes) -> Block:
+    def __call__(self, sizes: Sizes) -> AnyBlock:
         """Return the block with these sizes."""
+        if self.io == "f32":
+            return self._real(sizes)
         given = (self.model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
         if self.kind == "full":
             return build_full(*given)
         build = build_simplified if self.kind == "simplified" else build_euler
         return build(*given, self.law)
 
-    def finest(self) -> Block:
-        """Return the closest that a block comes to this kind's law itself."""
-        return self(FINE)
+    def exact(self, sizes: Sizes) -> RealBlock:
+        """Return the same tables for double precision, with as many iterations as can matter.
+
+        Euler's form has no tables; it is held against the closed form.
+        """
+        return self._real(replace(sizes, iterations=FINE.iterations))
+
+    def _real(self, sizes: Sizes) -> RealBlock:
+        kind: RealKind = "full" if self.kind == "full" else "simplified"
+        law = None if kind == "full" else self.law
+        given = self.model, kind, self.scales, self.limits, sizes, self.conditioning
+        return build_real(*given, law)
 
 
 @dataclass(frozen=True)
@@ -122,15 +134,12 @@ class Search:
     ----------
     builder : Builder
         Makes the blocks.
-    io : str
-        Format of the signals.
     wanted : float
         Accuracy, in units of the output; of a simplified law, what may come on top of the law.
     """
 
-    def __init__(self, builder: Builder, io: str, wanted: float) -> None:
+    def __init__(self, builder: Builder, wanted: float) -> None:
         self.builder = builder
-        self.io = io
         self.wanted = wanted
         b = builder
         self.paths = paths(b.model, b.scales, b.limits, length=LENGTH)
@@ -170,22 +179,22 @@ class Search:
 
         def worst(iterations: int) -> float:
             block = b(replace(sizes, iterations=iterations))
-            return against_demand(b.model, block, self.io, ways)[0].worst
+            return against_demand(b.model, block, b.io, ways)[0].worst
 
         enough = CONVERGED * worst(FINE.iterations)
         return next((n for n in ITERATION_RANGE if worst(n) <= enough), FINE.iterations)
 
     def _cost(self, sizes: Sizes) -> float:
         """Return what sizes cost; a simplified law must not hide its tables behind itself."""
-        cost = self.excess(sizes, self.io)
+        cost = self.excess(self.builder(sizes), self.builder.io)
         return cost if self.builder.kind == "full" else max(cost, self._alone(sizes))
 
-    def excess(self, sizes: Sizes, io: str) -> float:
+    def excess(self, block: AnyBlock, io: Io) -> float:
         """Return what sizes and format cost on the worst path, beyond what the law is off."""
-        worst = self._worst(self.builder(sizes), io)
+        worst = self._worst(block, io)
         return max(here - law for here, law in zip(worst, self._law, strict=True))
 
-    def _worst(self, block: Block, io: str) -> list[float]:
+    def _worst(self, block: AnyBlock, io: Io) -> list[float]:
         """Worst deviation on each path."""
         runs = against_demand(self.builder.model, block, io, self.paths)[1]
         return [float(np.abs(error).max()) for _, error in runs]
@@ -195,7 +204,7 @@ class Search:
         """What the law of this kind itself is off on each path; 0 for the full one."""
         if self.builder.kind == "full":
             return [0.0] * (len(self.paths) + 1)
-        return self._worst(self.builder.finest(), "q31")
+        return self._worst(self.builder.exact(FINE), "f64")
 
     def _axes(self) -> dict[str, list[tuple[int, float]]]:
         """Measure each axis alone, everything else fine."""
@@ -217,12 +226,13 @@ class Search:
             sizes = [replace(FINE, gap_segments=n) for n in GAP_RANGE]
             given = b.model, b.scales, b.limits
             return [(s.gap_segments, interpolation(*given, s, lifted).worst) for s in sizes]
-        finest = b.finest(), "q31"
+        finest = b.exact(FINE)
         free = LAW_SHARE * max(self._law)
 
         def cost(sizes: Sizes) -> float:
-            moved = between(b.model, (b(sizes), "q31"), finest, self.paths).worst
-            return max(self.excess(sizes, "q31"), moved - free, 0.0)
+            block = b.exact(sizes)
+            moved = between(b.model, (block, "f64"), (finest, "f64"), self.paths).worst
+            return max(self.excess(block, "f64"), moved - free, 0.0)
 
         values = range(LAW_SEGMENTS + 1)
         return [(n, cost(replace(FINE, gap_segments=n))) for n in values]
@@ -230,11 +240,11 @@ class Search:
     def _alone(self, sizes: Sizes) -> float:
         """Return what the tables of the law cost, at gaps that stand in the tables over it."""
         b = self.builder
-        at = snapped(self.paths, b.model, b.scales, sizes)
+        at, block = snapped(self.paths, b.model, b.scales, sizes), b.exact(sizes)
         if b.kind == "full":
-            return against_demand(b.model, b(sizes), "q31", at)[0].worst
-        fine = b(replace(FINE, gap_segments=sizes.gap_segments))
-        return between(b.model, (b(sizes), "q31"), (fine, "q31"), at).worst
+            return against_demand(b.model, block, "f64", at)[0].worst
+        fine = b.exact(replace(FINE, gap_segments=sizes.gap_segments))
+        return between(b.model, (block, "f64"), (fine, "f64"), at).worst
 
     def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[Sizes]:
         """Return sizes that may be good enough, the smallest first; else the most promising."""
@@ -243,7 +253,7 @@ class Search:
         for choice in product(*axes.values()):
             sizes = replace(fine, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
             over_gap, *tables = (cost for _, cost in choice)
-            words = words_of(self.builder.kind, sizes)
+            words = words_of(self.builder.kind, sizes) * (2 if self.builder.io == "f32" else 1)
             if words <= MOST_WORDS:
                 rows.append((words, over_gap + max(tables), sizes))
         promising = [row for row in rows if row[1] <= self.wanted]

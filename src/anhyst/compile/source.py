@@ -11,15 +11,18 @@ from textwrap import fill
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from anhyst.compile.core import join, read_core, section_names
+from anhyst.compile.floating import RealBlock
+from anhyst.compile.memory import parameters_bytes, state_bytes
 from anhyst.compile.parameters import parameters_source
 from anhyst.compile.plan import Plan
+from anhyst.compile.realcore import join_single
+from anhyst.compile.realsource import c_parameters_f32
 from anhyst.compile.words import Names
 from anhyst.data.units import Quantity
 
 PORT = "anhyst_port_cortex_m4.h"
-
-STATE_BYTES = 52
-"""Of ``anhyst_compensator`` where a pointer has 32 bits; 4 less where it has 16."""
+TYPES = {"q15": "int16_t", "q31": "int32_t", "f32": "float"}
+ONES = {"q15": 2**15, "q31": 2**31, "f32": 1}
 
 
 def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
@@ -40,48 +43,52 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
         Content by file name; the same for the same plan.
     """
     model, block, io = plan.model, plan.block, plan.request.io
-    joined = join(block.kind)
+    names = Names(model.output.unit, model.input.unit)
+    real = isinstance(block, RealBlock)
+    joined = join_single(block.kind) if real else join(block.kind)
     common = {
         "kind": block.kind,
         "version": version,
         "model": _in_comment(model.name),
         "sha256": sha256,
         "io": io,
+        "real": real,
         "input": model.input.name.replace("_", " "),
         "output": model.output.name.replace("_", " "),
+        "type": TYPES[io],
+        "one": ONES[io],
     }
     header = common | {
         "system": joined.system,
         "body": joined.header,
-        "header_files": _listed(section_names([joined.header])),
+        "origin": _origin(section_names([joined.header])),
     }
     source = common | {
         "body": joined.source.rstrip("\n"),
-        "source_files": _listed(section_names([joined.source])),
+        "origin": _origin(section_names([joined.source])),
     }
     parameters = common | {
-        "one": 32768 if io == "q15" else 2147483648,
         "signals": signal_lines(plan),
-        "kernel": f"anhyst_kernel_{block.kind}",
+        "kernel": f"anhyst_kernel_{block.kind}{'_f32' if real else ''}",
         "rate": f"{plan.request.rate:.10g}",
-        "defines": _defines(plan),
-        "words": block.words.size,
-        "rows": parameters_source(
-            block, Names(model.output.unit, model.input.unit), model.schedule
-        ),
+        "defines": [] if real else _defines(plan),
     }
-    main = common | {"type": "int16_t" if io == "q15" else "int32_t"}
-    return {
+    if isinstance(block, RealBlock):
+        parameters["structures"] = c_parameters_f32(block, names, model.schedule)
+    else:
+        parameters["rows"] = parameters_source(block, names, model.schedule)
+        parameters["words"] = block.words.size
+    files = {
         "anhyst.h": render("anhyst.h.j2", header),
         "anhyst.c": render("anhyst.c.j2", source),
         "anhyst_parameters.h": render("anhyst_parameters.h.j2", parameters),
         "anhyst_parameters.c": render("anhyst_parameters.c.j2", parameters),
-        PORT: read_core(f"port/{PORT}"),
-        "main.c": render("main.c.j2", main),
-        "DROP_IN.md": render("DROP_IN.md.j2", main | _guide(plan)),
+        "main.c": render("main.c.j2", common),
+        "DROP_IN.md": render("DROP_IN.md.j2", common | _guide(plan)),
         "anhyst.mk": render("anhyst.mk.j2", common),
         "anhyst.cmake": render("anhyst.cmake.j2", common),
     }
+    return files if real else {**files, PORT: read_core(f"port/{PORT}")}
 
 
 def _guide(plan: Plan) -> dict[str, object]:
@@ -91,7 +98,6 @@ def _guide(plan: Plan) -> dict[str, object]:
     rows = [line.partition(" ") for line in signal_lines(plan)]
     return {
         "rate": f"{plan.request.rate:.10g}",
-        "one": 32768 if io == "q15" else 2147483648,
         "bits": 16 if io == "q15" else 32,
         "signals": [(name, text.strip()) for name, _, text in rows],
         "condition": (
@@ -99,8 +105,8 @@ def _guide(plan: Plan) -> dict[str, object]:
             f"{start.seconds:g} s"
         ),
         "remaining": f"{100.0 * start.remaining / plan.largest:.2g}",
-        "words_bytes": plan.block.size,
-        "state_bytes": STATE_BYTES,
+        "parameters_bytes": parameters_bytes(plan.block),
+        "state_bytes": state_bytes(plan.block),
     }
 
 
@@ -121,10 +127,13 @@ def _environment() -> Environment:
     )
 
 
-def _listed(names: tuple[str, ...]) -> str:
-    """Return file names as a phrase inside a comment."""
-    text = f"{', '.join(names[:-1])} and {names[-1]}"
-    return fill(text, 90, subsequent_indent="   ")
+def _origin(names: tuple[str, ...]) -> str:
+    """Say what a file was joined from, as lines of a comment."""
+    text = (
+        f"Joined from {', '.join(names[:-1])} and {names[-1]} of the core. Do not edit: "
+        "compile again."
+    )
+    return fill(text, 97, subsequent_indent="   ")
 
 
 def _in_comment(text: str) -> str:
@@ -135,6 +144,8 @@ def _in_comment(text: str) -> str:
 def signal_lines(plan: Plan) -> list[str]:
     """Say what the codes of each signal mean, a line each."""
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
+    if plan.request.io == "f32":
+        return _real_signals(plan)
     lines = [
         f"demand   1.0 is {_value(scales.demand, model.output)}; taken from "
         f"{_value(limits.demand[0], model.output)} to {_value(limits.demand[1], model.output)}",
@@ -151,14 +162,32 @@ def signal_lines(plan: Plan) -> list[str]:
     return lines
 
 
+def _real_signals(plan: Plan) -> list[str]:
+    model, scales, limits = plan.model, plan.block.scales, plan.block.limits
+    lines = [
+        f"demand   in {model.output.unit}, taken from {limits.demand[0]:.6g} to "
+        f"{limits.demand[1]:.6g}",
+        f"current  in {model.input.unit}, given from {limits.current[0]:.6g} to "
+        f"{limits.current[1]:.6g}",
+    ]
+    if model.schedule is not None and model.needs_schedule:
+        lines.append(
+            f"gap      in {model.schedule.unit}, from {scales.gap_low:.6g} to "
+            f"{scales.gap_high:.6g}; beyond, the nearer of the two counts"
+        )
+    else:
+        lines.append("gap      not used: pass 0")
+    return lines
+
+
 def _value(value: float, quantity: Quantity) -> str:
     if quantity.unit == "m":
         return f"{1e3 * value:.6g} mm"
     return f"{value:.6g} {quantity.unit}"
 
 
-def _defines(plan: Plan) -> list[tuple[str, str, str]]:
-    """Return name, value and meaning of the macros with SI values."""
+def _defines(plan: Plan) -> list[str]:
+    """Return the macros with SI values, a line each."""
     model, scales = plan.model, plan.block.scales
     rows = [
         (f"ANHYST_FULL_SCALE_DEMAND_{_unit(model.output)}", scales.demand, "demand of 1.0"),
@@ -170,7 +199,9 @@ def _defines(plan: Plan) -> list[tuple[str, str, str]]:
             (f"ANHYST_GAP_LOW_{unit}", scales.gap_low, "gap of 0"),
             (f"ANHYST_GAP_HIGH_{unit}", scales.gap_high, "gap of 1.0"),
         ]
-    return [(name, _real(value), doc) for name, value, doc in rows]
+    texts = [(f"#define {name} {_real(value)}", doc) for name, value, doc in rows]
+    end = max(len(text) for text, _ in texts)
+    return [f"{text:<{end}} /* {doc} */" for text, doc in texts]
 
 
 def _real(value: float) -> str:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import FixedCompensator
+from anhyst._core import FixedCompensator, SingleCompensator
+from anhyst.compile.floating import RealBlock
 from anhyst.compile.plan import Plan
 
 COLUMNS = ("demand", "gap", "applied", "current")
 ROWS = 1000
 SEED = 1
 
-CodeArray = NDArray[np.int32]
+Row = tuple[float, float, float, float]
+Step = Callable[[Any, Any], Any]
 
 
-def golden_vectors(plan: Plan, rows: int = ROWS) -> CodeArray:
+def golden_vectors(plan: Plan, rows: int = ROWS) -> list[Row]:
     """Run a compensator over demands of every sort.
 
     Steps of all sizes, full-range jumps, gaps at rest and moving, codes beyond the limits, and
@@ -30,29 +35,37 @@ def golden_vectors(plan: Plan, rows: int = ROWS) -> CodeArray:
 
     Returns
     -------
-    ndarray of int32, shape (rows, 4)
-        Demand, gap and applied current as given, current as answered; as :data:`COLUMNS`.
+    list of tuple
+        Demand, gap and applied current as given, current as answered, as :data:`COLUMNS`: codes,
+        or numbers in SI units.
     """
-    io = plan.request.io
-    core = FixedCompensator(plan.block.kind, plan.block.words)
-    solve, commit = (
-        (core.solve_q15, core.commit_q15) if io == "q15" else (core.solve_q31, core.commit_q31)
-    )
     inputs = _inputs(plan, rows)
     lost = np.random.default_rng(SEED + 1).random(rows)
-    table = np.empty((rows, len(COLUMNS)), dtype=np.int32)
+    solve, commit = _steps(plan)
+    table = []
     for place, (demand, gap) in enumerate(inputs.tolist()):
         current = solve(demand, gap)
-        # Every eighth tick the amplifier gives less than was wanted.
-        applied = int(current * lost[place]) if place % 8 == 7 else current
+        applied = current
+        if place % 8 == 7:  # the amplifier gives less than was wanted
+            applied = type(current)(current * lost[place])
+            applied = float(np.float32(applied)) if isinstance(applied, float) else applied
         commit(applied, gap)
-        table[place] = demand, gap, applied, current
+        table.append((demand, gap, applied, current))
     return table
 
 
-def _inputs(plan: Plan, rows: int) -> CodeArray:
-    """Return demand and gap codes: a slow walk, jumps in it, and some far out of range."""
-    one = 2**15 if plan.request.io == "q15" else 2**31
+def _steps(plan: Plan) -> tuple[Step, Step]:
+    """Return solve and commit of a fresh compensator, in what its interface takes."""
+    block, io = plan.block, plan.request.io
+    if isinstance(block, RealBlock):
+        single = SingleCompensator(block.single)
+        return single.solve, single.commit
+    core = FixedCompensator(block.kind, block.words)
+    return (core.solve_q15, core.commit_q15) if io == "q15" else (core.solve_q31, core.commit_q31)
+
+
+def _inputs(plan: Plan, rows: int) -> NDArray[Any]:
+    """Return demand and gap as the interface takes them: a walk, jumps, some out of range."""
     random = np.random.default_rng(SEED)
     low, high = (end / plan.block.scales.demand for end in plan.block.limits.demand)
     walk = np.cumsum(random.normal(0.0, 0.05, rows) * 10.0 ** random.uniform(-3.0, 0.0, rows))
@@ -63,11 +76,22 @@ def _inputs(plan: Plan, rows: int) -> CodeArray:
     demand[beyond] = random.uniform(-1.0, 1.0, beyond.sum())
     moving = 0.5 - 0.5 * np.cos(np.arange(rows) * 2.0 * np.pi / 250.0)
     gap = np.where(np.arange(rows) % 500 < 250, np.round(moving * 4.0) / 4.0, moving)
+    if plan.request.io == "f32":
+        scales = plan.block.scales
+        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * gap
+        numbers = np.stack([demand * scales.demand, gap], axis=1)
+        return numbers.astype(np.float32).astype(np.float64)
+    one = 2**15 if plan.request.io == "q15" else 2**31
     codes = np.rint(np.stack([demand, gap], axis=1) * one)
     return np.asarray(np.clip(codes, -one, one - 1), dtype=np.int32)
 
 
-def vectors_csv(table: CodeArray) -> str:
+def vectors_csv(table: list[Row]) -> str:
     """Return the vectors as a CSV file."""
-    lines = [",".join(COLUMNS), *(",".join(map(str, row)) for row in table.tolist())]
-    return "\n".join(lines) + "\n"
+    rows = (",".join(_text(value) for value in row) for row in table)
+    return "\n".join([",".join(COLUMNS), *rows]) + "\n"
+
+
+def _text(value: float) -> str:
+    """Return a code, or the shortest number that comes back in single precision."""
+    return str(value) if isinstance(value, int) else str(np.float32(value))

@@ -105,11 +105,11 @@ def _times(factor: float) -> Physical:
 _INT16 = 32767
 
 HEAD = (
-    Word("MAGIC", "unsigned", "magic, two words: marks the start of a block", *MAGIC),
-    Word("LAYOUT", "integer", "layout of the words; the code must know it", LAYOUT, LAYOUT),
-    Word("KIND", "integer", "kind: 1 full, 2 simplified, 3 Euler", 1, 3),
-    Word("LENGTH", "integer", "length of the block, words", 48, 1024),
-    Word("GENERATION", "unsigned", "generation, chosen by whoever sends the block", 0, 65535),
+    Word("MAGIC", "unsigned", "marks the start of a block, two words", *MAGIC),
+    Word("LAYOUT", "integer", "of the words; the code must know it", LAYOUT, LAYOUT),
+    Word("KIND", "integer", "1 full, 2 simplified, 3 Euler", 1, 3),
+    Word("LENGTH", "integer", "of the whole block, words", 48, 1024),
+    Word("GENERATION", "unsigned", "chosen by whoever sends the block", 0, 65535),
     Word("CRC", "unsigned", "CRC-32 of all other words, low half, high half", 0, 65535),
     Word("MODEL", "unsigned", "first 32 bits of the model's hash, low half, high half", 0, 65535),
 )
@@ -132,7 +132,7 @@ COMMON = (
     Word("CURRENT_LOW", "q15", "smallest current", -_INT16, _INT16, _current),
     Word("CURRENT_HIGH", "q15", "largest current", -_INT16, _INT16, _current),
     Word("CURRENT_SHIFT", "integer", "1.0 of the inner current is 2^this of full scale", 0, 8),
-    Word("FLUX_LIMIT", "q14", "largest flux solved for; 1.0 is that of saturated iron", 1, 16384),
+    Word("FLUX_LIMIT", "q14", "largest flux solved for, of that of saturated iron", 1, 16384),
     Word("FLUX_SHIFT", "integer", "flux = root*gain*2^this", 0, 6),
     Word("GAP_SEGMENTS", "integer", "tables over the gap have 2^this segments", 0, 6),
     Word("GAP_GAIN", "weight", "flux at full-scale demand", 1, _INT16, _flux_gain, "gap"),
@@ -160,13 +160,13 @@ FULL = (
     Word(
         "FULL_RATE",
         "weight",
-        "octaves of the past forgotten in a field of 1.0",
+        "octaves forgotten in a field of 1.0",
         1,
         _INT16,
         _shifted("FULL_RATE_SHIFT", 16.0),
     ),
     Word("FULL_RATE_SHIFT", "integer", "exponent of the rate", 0, 12),
-    Word("FULL_STEEPNESS", "q8", "1.0 of field over the pinning; guides the search", 1, _INT16),
+    Word("FULL_STEEPNESS", "q8", "field of 1.0 over the pinning", 1, _INT16),
     Word("FULL_ITERATIONS", "integer", "evaluations of a solve", 2, 16),
     Word("FULL_CURVE_SEGMENTS", "integer", "the curve has 2^this segments", 3, 9),
     Word("FULL_CURVE", "q15", "anhysteretic magnetisation", 0, _INT16, axis="field"),
@@ -182,7 +182,7 @@ FULL = (
     Word(
         "FULL_INVERSE",
         "q15",
-        "field that belongs to an anhysteretic magnetisation",
+        "field of an anhysteretic magnetisation",
         0,
         _INT16,
         axis="magnetisation",
