@@ -182,14 +182,12 @@ static ANHYST_REAL ANHYST_NAME(look)(ANHYST_NAME(search) *find, const ANHYST_NAM
   return at->x - find->residual / (find->air + find->iron * at->m_slope);
 }
 
-/* Moves an answer along its tangents towards a goal, no further than a tangent can be trusted. */
-static void ANHYST_NAME(slide)(const ANHYST_NAME(path) *along, ANHYST_REAL goal,
+/* Moves an answer along its tangents to x, a short way. */
+static void ANHYST_NAME(slide)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
                                ANHYST_NAME(answer) *at)
 {
   const ANHYST_NAME(anhyst_memory) *from = &along->from;
-  const ANHYST_REAL way =
-      ANHYST_NAME(anhyst_limited)(goal - at->x, -along->long_way, along->long_way);
-  const ANHYST_REAL x = at->x + way;
+  const ANHYST_REAL way = x - at->x;
   at->x = x;
   at->y = ANHYST_NAME(anhyst_limited)(at->y + way * at->y_slope, from->level, R(1.0));
   at->m += way * at->m_slope;
