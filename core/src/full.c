@@ -227,13 +227,14 @@ static int32_t look(search *find, const answer *at)
   return at->x - quotient(find->residual, find->air + ((find->iron * at->m_slope) >> 10));
 }
 
-/* Moves an answer along its tangents to x, a short way. */
-static void slide(const path *along, int32_t x, answer *at)
+/* Moves an answer along its tangents towards x, no further than a tangent can be trusted. */
+static void slide(const path *along, int32_t goal, answer *at)
 {
-  const int32_t way = x - at->x;
+  const int32_t way = anhyst_clamp(goal - at->x, -LONG_WAY, LONG_WAY);
+  const int32_t x = at->x + way;
   at->x = x;
   at->y = anhyst_clamp(at->y + anhyst_scale(way, (int16_t)at->y_slope) * 64, along->y, ONE - 1);
-  at->m += anhyst_scale(way, (int16_t)at->m_slope) * 64;
+  at->m = anhyst_clamp(at->m + anhyst_scale(way, (int16_t)at->m_slope) * 64, 1 - ONE, ONE - 1);
   if (at->p > along->p) {
     at->p = x - along->play > along->p ? x - along->play : along->p;
   }
@@ -307,7 +308,7 @@ static void prepare(path *along, const int16_t *words, const anhyst_memory *from
   along->p = anhyst_clamp(from->c >> 2, 1 - ONE, ONE - 1);
 }
 
-/* Solves air*x + iron*m = target from a memory; |target| <= 1, air above 0. */
+/* Solves air*x + iron*m = target from a memory; |target| < 1, air above 0. */
 static void solve(const int16_t *words, const anhyst_memory *from, int16_t air, int16_t iron,
                   int32_t target, answer *at)
 {
@@ -363,11 +364,12 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const 
 {
   const int32_t air_arm = ((int32_t)words[ANHYST_WORD_FULL_AIR] * arms->flux_arm) >> 14;
   const int16_t air = anhyst_sat_q15(arms->field_arm + air_arm);
-  const int32_t target = anhyst_clamp((current >> 2) - (arms->bias >> 2), -ONE, ONE);
+  const int32_t target = anhyst_clamp((current >> 2) - (arms->bias >> 2), 1 - ONE, ONE - 1);
   answer at;
   solve(words, from, air, arms->flux_arm, target, &at);
   remember(&at, to);
-  return at.m * 4 + anhyst_scale(to->a, words[ANHYST_WORD_FULL_AIR]) * 4;
+  return anhyst_add_q31(at.m * 4,
+                        anhyst_shl_q31(anhyst_scale(to->a, words[ANHYST_WORD_FULL_AIR]), 2));
 }
 
 static int full_sound(const int16_t *words)
