@@ -45,6 +45,8 @@ class Proof:
         Functions, as ``file:function``, that the harness replaces by their proved contracts.
     facts : list of (file, text, facts)
         Annotations put before a text of the copy that is read.
+    functions : list of str
+        The functions that Frama-C proves; all if empty.
     control : dict
         ``file``, ``right`` and ``wrong``: the fault that must make the proof fail.
     """
@@ -56,6 +58,7 @@ class Proof:
     defines: list[str]
     contracts: list[str]
     facts: list[list[str]]
+    functions: list[str]
     control: dict[str, str]
 
 
@@ -80,6 +83,7 @@ def read_proofs() -> list[Proof]:
             defines=entry.get("defines", []),
             contracts=entry.get("contracts", []),
             facts=entry.get("facts", []),
+            functions=entry.get("functions", []),
             control=entry["control"],
         )
         for entry in table["proof"]
@@ -139,6 +143,8 @@ def command(proof: Proof, core: Path) -> list[str]:
         return [str(checker()), str(proof.harness), *includes, *defines, *checks, *unwind]
     arguments = " ".join(includes + defines)
     wp = ["-wp", "-wp-rte", "-machdep", "x86_16", "-wp-prover", "z3,cvc4", "-wp-timeout", "10"]
+    if proof.functions:
+        wp += ["-wp-fct", ",".join(proof.functions)]
     return ["frama-c", *wp, "-wp-par", "2", f"-cpp-extra-args={arguments}", str(proof.harness)]
 
 

@@ -1,0 +1,331 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The kernel of the full law, function by function from the leaves to the whole step. PART names
+   the function that is proved; those below it are replaced by what their own proof has shown
+   (contracts in proofs.toml), each of them first showing that it may be called so.
+
+   Where a table is read, the words of the block are any that anhyst_block_check lets through. */
+#ifndef RAW_PRODUCTS
+#define ANHYST_PORT_HEADER "contracts.h"
+#endif
+#include "any.h"
+
+/* The search turns as often as the block says, up to 16 times. In its proof, proofs.toml puts
+   ANY_TURN at the beginning and at the end of a turn: the invariant is shown, everything forgotten
+   but the invariant, and so one turn stands for all. */
+#define INVARIANT                                                                                  \
+  (inside(at->x) && find->low > -ONE && find->low <= at->x && at->x <= find->high &&              \
+   find->high < ONE && furthest >= 0)
+#define ANY_TURN                                                                                   \
+  SHOW(INVARIANT);                                                                                 \
+  at->x = nondet_i32();                                                                            \
+  find->low = nondet_i32();                                                                        \
+  find->high = nondet_i32();                                                                       \
+  find->residual = nondet_i32();                                                                   \
+  furthest = nondet_i32();                                                                         \
+  ASSUME(INVARIANT);
+
+#define inside(a) ((a) > -ONE && (a) < ONE)
+
+#include "full.c"
+
+/* The tables of a path; what stands in for value() tells them by their place. */
+static const int16_t curve_words[1];
+static const int16_t branch_words[1];
+static const int16_t inverse_words[1];
+
+static int32_t steepest(uint16_t n) { return ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U); }
+
+/* The path as prepare() makes it. */
+static path any_prepared(void)
+{
+  path along;
+  along.curve.at = curve_words;
+  along.curve.n = (uint16_t)any_within(3, 9);
+  along.branch.at = branch_words;
+  along.branch.n = (uint16_t)(along.curve.n + 1U);
+  along.inverse.at = inverse_words;
+  along.inverse.n = (uint16_t)any_within(3, 9);
+  along.x = any_within(1 - ONE, ONE - 1);
+  along.y = any_within(1 - ONE, ONE - 1);
+  along.p = any_within(1 - ONE, ONE - 1);
+  along.play = any_within(0, ANHYST_Q15_MAX) * 8192;
+  along.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  along.rate_shift = (uint16_t)any_within(0, 12);
+  along.steepness = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  along.reversible = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  return along;
+}
+
+static int departed(const path *along)
+{
+  return inside(along->departure) && along->departure >= along->p && along->offset > -2 * ONE &&
+         along->offset < 2 * ONE;
+}
+
+/* The path as depart() leaves it. */
+static path any_path(void)
+{
+  path along = any_prepared();
+  along.departure = nondet_i32();
+  along.offset = nondet_i32();
+  along.lead = nondet_i16();
+  ASSUME(departed(&along));
+  return along;
+}
+
+static int is_slope(int32_t slope) { return slope >= 0 && slope <= ANHYST_SLOPE_MAX; }
+
+static int is_answer(const path *along, const answer *at)
+{
+  return inside(at->x) && inside(at->p) && at->p >= along->p && at->y >= along->y && at->y < ONE &&
+         inside(at->m) && is_slope(at->y_slope) && is_slope(at->m_slope);
+}
+
+static answer any_answer(const path *along)
+{
+  const answer at = {nondet_i32(), nondet_i32(), nondet_i32(),
+                     nondet_i32(), nondet_i32(), nondet_i32()};
+  ASSUME(is_answer(along, &at));
+  return at;
+}
+
+/* ---- contracts ---- */
+
+#ifdef VALUE_BY_CONTRACT
+static int32_t value(table t, int32_t u, int32_t *rise)
+{
+  SHOW(u >= 0 && u < ONE);
+  const int32_t least = t.at == branch_words ? -ANHYST_Q15_MAX : 0;
+  const uint16_t n = t.at == branch_words ? (uint16_t)(t.n - 1U) : t.n;
+  *rise = any_within(0, t.at == inverse_words ? ANHYST_Q15_MAX : steepest(n));
+  return any_within(least * 8192, ANHYST_Q15_MAX * 8192);
+}
+#endif
+
+#ifdef SMALL_BY_CONTRACT
+static int32_t forgotten(int32_t way)
+{
+  SHOW(way >= 0);
+  return any_within(0, ONE);
+}
+
+static int32_t slope_of(const path *along, int32_t rise)
+{
+  SHOW(rise >= 0 && rise <= steepest(along->curve.n));
+  return any_within(0, ANHYST_SLOPE_MAX);
+}
+
+static int32_t pulled(const path *along, int32_t above)
+{
+  SHOW(along->steepness > 0 && above >= -2 * ONE && above <= 2 * ONE);
+  return any_within(-262144, 262144);
+}
+
+static int32_t slope_of_m(const path *along, int32_t y_slope, int32_t x_slope)
+{
+  SHOW(along->reversible >= 0 && is_slope(y_slope) && is_slope(x_slope));
+  return any_within(0, ANHYST_SLOPE_MAX);
+}
+
+static int32_t quotient(int32_t n, int32_t d)
+{
+  SHOW(d > 0 && n > -2 * ONE && n < 2 * ONE);
+  return n < 0 ? any_within(1 - 4 * ONE, 0) : any_within(0, 4 * ONE - 1);
+}
+#endif
+
+#ifdef STEPS_BY_CONTRACT
+static void evaluate(const path *along, int32_t x, answer *at)
+{
+  SHOW(inside(x));
+  SHOW(departed(along));
+  *at = any_answer(along);
+  ASSUME(at->x == x);
+}
+
+static int32_t look(search *find, const answer *at)
+{
+  SHOW(find->air > 0 && find->iron >= 0 && inside(find->target));
+  SHOW(inside(at->x) && inside(at->m) && is_slope(at->m_slope));
+  find->residual = any_within(1 - 2 * ONE, 2 * ONE - 1);
+  if (find->residual < 0) {
+    find->low = at->x;
+  } else {
+    find->high = at->x;
+  }
+  return at->x - any_within(1 - 4 * ONE, 4 * ONE - 1);
+}
+
+static int32_t follow_curve(const path *along, int32_t x, int16_t iron, int32_t residual)
+{
+  SHOW(inside(x) && iron >= 0 && residual > -2 * ONE && residual < 2 * ONE);
+  return any_within(1 - ONE, ONE - 1);
+}
+
+static int32_t leave_hold(const path *along, search *find, int32_t end, int32_t tangent)
+{
+  SHOW(inside(end) && inside(find->target) && find->low <= end && end <= find->high);
+  SHOW(find->air > 0 && find->iron >= 0);
+  if (nondet_i16() != 0) {
+    find->low = end;
+  } else {
+    find->high = end;
+  }
+  return any_within(find->low, find->high);
+}
+
+static void slide(const path *along, int32_t x, answer *at)
+{
+  SHOW(inside(x));
+  *at = any_answer(along);
+}
+#endif
+
+#ifdef RISE_BY_CONTRACT
+static void rise(const path *along, search *find, int16_t evaluations, answer *at)
+{
+  SHOW(departed(along) && is_answer(along, at));
+  SHOW(find->air > 0 && find->iron >= 0 && inside(find->target));
+  *at = any_answer(along);
+}
+#endif
+
+/* ---- proofs ---- */
+
+/* Any entry of any table within the block. */
+static void prove_place(void)
+{
+  int16_t words[ANHYST_BLOCK_MOST_WORDS]; /* any */
+  const int32_t n = any_within(3, 10);
+  const int32_t first = any_within(ANHYST_BLOCK_LEAST_WORDS, ANHYST_BLOCK_MOST_WORDS);
+  ASSUME(first + (1 << n) + 1 <= ANHYST_BLOCK_MOST_WORDS);
+  const table t = {words + first, (uint16_t)n};
+  const int32_t u = any_within(0, ONE - 1);
+  const int32_t i = first + (u >> (28 - n));
+  int32_t rise;
+  ASSUME(words[i] >= -ANHYST_Q15_MAX && words[i] <= words[i + 1]);
+  ASSUME(words[i + 1] - words[i] <= ANHYST_Q15_MAX);
+  (void)value(t, u, &rise);
+  SHOW(rise == words[i + 1] - words[i]);
+}
+
+/* Between two entries, as wide apart as they may be; the part of the segment takes any value. */
+static void prove_value(void)
+{
+  const int16_t words[2] = {nondet_i16(), nondet_i16()};
+  ASSUME(words[0] >= -ANHYST_Q15_MAX && words[0] <= words[1]);
+  ASSUME(words[1] - words[0] <= ANHYST_Q15_MAX);
+  const table t = {words, 3};
+  int32_t rise;
+  const int32_t found = value(t, any_within(0, ONE / 8 - 1), &rise);
+  SHOW(found >= words[0] * 8192);
+  SHOW(found <= words[1] * 8192);
+}
+
+static void prove_forgotten(void)
+{
+  const int32_t gone = forgotten(any_within(0, ANHYST_Q31_MAX));
+  SHOW(gone >= 0 && gone <= ONE);
+}
+
+static void prove_slopes(void)
+{
+  const path along = any_path();
+  const int32_t rise = any_within(0, steepest(along.curve.n));
+  SHOW(is_slope(slope_of(&along, rise)));
+  const int32_t pull = pulled(&along, any_within(-2 * ONE, 2 * ONE));
+  SHOW(pull >= -262144 && pull <= 262144);
+}
+
+static void prove_quotient(void)
+{
+  const int32_t n = any_within(1 - 2 * ONE, 2 * ONE - 1);
+  const int32_t found = quotient(n, any_within(1, ANHYST_Q31_MAX));
+  SHOW(n < 0 ? found <= 0 && found > -4 * ONE : found >= 0 && found < 4 * ONE);
+}
+
+static void prove_evaluate(void)
+{
+  const path along = any_path();
+  const int32_t x = any_within(1 - ONE, ONE - 1);
+  answer at;
+  evaluate(&along, x, &at);
+  SHOW(at.x == x);
+  SHOW(is_answer(&along, &at));
+}
+
+static void prove_depart(void)
+{
+  path along = any_prepared();
+  int32_t step;
+  const int32_t slope = depart(&along, odd_value(along.curve, along.x, &step));
+  SHOW(is_slope(slope));
+  SHOW(departed(&along));
+}
+
+static void prove_steps(void)
+{
+  const path along = any_path();
+  answer at = any_answer(&along);
+  search find = {(int16_t)any_within(1, ANHYST_Q15_MAX), (int16_t)any_within(0, ANHYST_Q15_MAX),
+                 any_within(1 - ONE, ONE - 1), nondet_i32(), nondet_i32(), nondet_i32()};
+  const int32_t x = at.x;
+  const int32_t next = look(&find, &at);
+  SHOW(find.residual > -2 * ONE && find.residual < 2 * ONE);
+  SHOW(next - x > -4 * ONE && next - x < 4 * ONE);
+  SHOW(find.residual < 0 ? find.low == x : find.high == x);
+  SHOW(inside(follow_curve(&along, x, find.iron, find.residual)));
+  const int32_t end = any_within(1 - ONE, ONE - 1);
+  const int32_t low = any_within(1 - ONE, end);
+  const int32_t high = any_within(end, ONE - 1);
+  find.low = low;
+  find.high = high;
+  const int32_t first = leave_hold(&along, &find, end, next);
+  SHOW((find.low == end && find.high == high) || (find.low == low && find.high == end));
+  SHOW(first >= find.low && first <= find.high);
+  slide(&along, any_within(1 - ONE, ONE - 1), &at);
+  SHOW(is_answer(&along, &at));
+}
+
+static void prove_rise(void)
+{
+  const path along = any_path();
+  answer at = any_answer(&along);
+  search find = {(int16_t)any_within(1, ANHYST_Q15_MAX), (int16_t)any_within(0, ANHYST_Q15_MAX),
+                 any_within(1 - ONE, ONE - 1), nondet_i32(), nondet_i32(), nondet_i32()};
+  rise(&along, &find, (int16_t)any_within(2, 16), &at);
+  SHOW(is_answer(&along, &at));
+}
+
+static void prove_kernel(void)
+{
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS]; /* any head that is sound; no table is read */
+  const int32_t air = words[ANHYST_WORD_FULL_AIR];
+  const int32_t n = words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
+  const int32_t n_inverse = words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
+  ASSUME(air > 0 && words[ANHYST_WORD_FULL_REVERSIBLE] >= 0 && words[ANHYST_WORD_FULL_PLAY] >= 0);
+  ASSUME(words[ANHYST_WORD_FULL_RATE] > 0 && words[ANHYST_WORD_FULL_STEEPNESS] > 0);
+  ASSUME(anhyst_within(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, 12));
+  ASSUME(anhyst_within(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16));
+  ASSUME(n >= 3 && n <= 9 && n_inverse >= 3 && n_inverse <= 9);
+  const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32()};
+  anhyst_memory to;
+#ifdef FIELD
+  const int32_t flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
+  (void)full_field(words, &from, flux, &to);
+#else
+  const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
+                            (int16_t)any_within(0, ANHYST_Q15_MAX),
+                            (int16_t)any_within(1, ANHYST_Q15_MAX)};
+  (void)full_flux(words, &from, &arms, nondet_i32(), &to);
+#endif
+  SHOW(to.a > -ANHYST_Q30_ONE && to.a < ANHYST_Q30_ONE);
+  SHOW(to.b > -ANHYST_Q30_ONE && to.b < ANHYST_Q30_ONE);
+  SHOW(to.c > -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);
+}
+
+int main(void)
+{
+  PART();
+  return 0;
+}
