@@ -36,7 +36,7 @@ class ConstantRatio:
     def current(self, force: Floats, gap: Floats) -> Floats:
         """Return the current for a force, A, shape (n,)."""
         if self.nodes.size == 1:
-            return force / self.ratio[0]
+            return np.asarray(force / self.ratio[0])
         return np.asarray(force / PchipInterpolator(self.nodes, self.ratio)(gap))
 
 
@@ -117,20 +117,20 @@ def fit_single_valued(loops: LoopSet, force_max: float) -> SingleValued:
     table = []
     for gap, members in groups.items():
         crossings = [_crossings(loop.input, loop.output, levels) for loop in members]
-        low = np.nanmin([least for least, _ in crossings], axis=0)
-        high = np.nanmax([largest for _, largest in crossings], axis=0)
-        if not np.isfinite(low[-1]):
+        low = np.min([least for least, _ in crossings], axis=0)
+        high = np.max([largest for _, largest in crossings], axis=0)
+        known = low <= high
+        if not known[-1]:
             raise InputError(
                 f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
             )
-        known = np.isfinite(low)
         middle = np.interp(levels, levels[known], 0.5 * (low + high)[known])
         table.append(monotone_fit(middle, np.ones(LEVELS)))
     return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))
 
 
 def _crossings(current: Floats, force: Floats, levels: Floats) -> tuple[Floats, Floats]:
-    """Least and largest current at which a record passes each level; NaN where it never does."""
+    """Least and largest current at which a record passes each level; inf and -inf where none."""
     least, largest = np.full(levels.size, np.inf), np.full(levels.size, -np.inf)
     for begin, end in zip(range(force.size - 1), range(1, force.size), strict=True):
         low, high = sorted((force[begin], force[end]))
@@ -141,6 +141,4 @@ def _crossings(current: Floats, force: Floats, levels: Floats) -> tuple[Floats, 
         at = current[begin] + share * (current[end] - current[begin])
         least[met] = np.minimum(least[met], at)
         largest[met] = np.maximum(largest[met], at)
-    never = np.isinf(least)
-    least[never] = largest[never] = np.nan
     return least, largest

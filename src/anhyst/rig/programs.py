@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
-from anhyst.compile.block import Kind, Scales
+from anhyst.compile.block import Block, Kind, Scales
 from anhyst.compile.output import compile_model
 from anhyst.compile.plan import Request
 from anhyst.link.firmware import build
@@ -77,12 +77,15 @@ class Session:
         Demand in force at the ticks of the run, q31.
     first : int
         First tick of the run.
+    demagnetised : bool
+        Whether the controller was told so just before: what was before does not count.
     """
 
     gap: Codes
     drive: Codes
     demand: Codes
     first: int
+    demagnetised: bool
 
 
 def prepare(kind: Kind, model: ActuatorModel, rate: float, board: str, folder: Path) -> Program:
@@ -112,6 +115,7 @@ def prepare(kind: Kind, model: ActuatorModel, rate: float, board: str, folder: P
         folder / "model.toml", folder / "controller", Request(kind, "q31", rate)
     )
     block = compiled.plan.block
+    assert isinstance(block, Block)
     return Program(
         kind=kind,
         model=model,
@@ -143,8 +147,9 @@ def ticks_that_differ(program: Program, session: Session) -> int:
     """
     core = FixedCompensator(program.kind, program.words)
     gaps, drives = session.gap.tolist(), session.drive.tolist()
-    for gap, drive in zip(gaps[: session.first], drives[: session.first], strict=True):
-        core.commit_q31(drive, gap)
+    if not session.demagnetised:
+        for gap, drive in zip(gaps[: session.first], drives[: session.first], strict=True):
+            core.commit_q31(drive, gap)
     differing = 0
     run = zip(session.demand.tolist(), gaps[session.first :], drives[session.first :], strict=True)
     for demand, gap, drive in run:

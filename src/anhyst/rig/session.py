@@ -104,6 +104,7 @@ def run_firmware(
         np.array(plant.drives, dtype=np.int64),
         codes,
         first,
+        demagnetised,
     )
     return bench.recording(last * program.scales.current), session
 

@@ -1,0 +1,94 @@
+"""The verb ``force-control``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from anhyst.cli.console import print_json, progress_bar, show, table
+from anhyst.cli.options import AsJson
+from anhyst.errors import NegativeResult
+
+if TYPE_CHECKING:
+    from anhyst.rig.force_control import ForceControl
+
+
+class BoardChoice(StrEnum):
+    """Boards without hardware."""
+
+    HOST = "host"
+    QEMU = "qemu-mps2"
+
+
+STAGES = {
+    "end": "stroke's end, after the start-up sequence",
+    "end_demagnetised": "stroke's end, from demagnetised",
+    "positions": "row of positions",
+    "moving": "armature moving",
+}
+
+
+def force_control(
+    rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file, such as rig.toml.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
+    board: Annotated[
+        BoardChoice,
+        typer.Option(
+            metavar="BOARD",
+            help="Where the firmware runs: 'host', a process, or 'qemu-mps2', an emulated "
+            "Cortex-M3.",
+        ),
+    ] = BoardChoice.HOST,
+    demand: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="CSV with a demand (t_s, F_N), beside those of the rig file."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Control the force of a solenoid, open loop, with and without compensation.
+
+    Models are identified from the loops of the rig, compiled, built into the firmware and run
+    over its serial link against the virtual solenoid: at the stroke's end, at a row of
+    positions, and with the armature moving. Beside them: the simulated program, a constant ratio
+    of force and current, and the best curve without memory. Recordings, figures.json and the
+    paper's figures 6 to 8 are written.
+
+    Example: anhyst force-control examples/solenoid/rig.toml --out run
+    """
+    from anhyst.rig.force_control import force_control as run
+
+    with progress_bar("force control") as progress:
+        found = run(rig, out, board=board.value, demand=demand, progress=progress)
+    if as_json:
+        print_json(found.figures)
+    else:
+        _show(found)
+    differing = found.figures["ticks_that_differ"]
+    if differing:
+        raise NegativeResult(
+            f"the firmware gave another current than the simulated program at {differing} ticks"
+        )
+
+
+def _show(found: ForceControl) -> None:
+    from anhyst.rig.results import TITLES
+
+    figures = found.figures
+    rows = table(
+        f"worst error of the true force, % of {figures['force_max_N']:g} N", ["", *TITLES.values()]
+    )
+    for stage, title in STAGES.items():
+        worst = figures["summary"][stage]
+        cells = [f"{worst[name]['worst_percent']:.2f}" if name in worst else "" for name in TITLES]
+        rows.add_row(title, *cells)
+    show(
+        rows,
+        f"firmware on {figures['board']} against the simulated program: "
+        f"{figures['ticks_that_differ']} of {figures['firmware_ticks']} ticks differ",
+        f"{found.out}: figures.json, fig6 to fig8, moving (PNG and SVG), one CSV for each trial",
+    )

@@ -1,0 +1,182 @@
+"""The figures of the paper's section III, drawn from what was recorded."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from anhyst.atomic import write_bytes
+from anhyst.report.style import (
+    FAINT,
+    FALLING,
+    MEASURED,
+    RISING,
+    new_figure,
+    styled,
+    write_png,
+)
+from anhyst.rig.hardware import figure_hardware
+from anhyst.rig.results import TITLES
+from anhyst.rig.rigfile import Rig
+from anhyst.rig.trials import Outcome
+
+Floats = NDArray[np.float64]
+
+DEMAND = "#000000"
+SIMPLIFIED = "#009E73"
+SINGLE = "#CC79A7"
+COLOURS: Mapping[str, str] = {
+    "full": RISING,
+    "simplified": SIMPLIFIED,
+    "single": SINGLE,
+    "ratio": FALLING,
+}
+MOST_POINTS = 1500
+"""Points of a curve in a figure at most."""
+
+
+def draw(rig: Rig, folder: Path, figures: Mapping[str, Any], outcomes: Sequence[Outcome]) -> None:
+    """Draw every figure as PNG and SVG.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    folder : Path
+        Where they go: ``fig6`` hardware structure, ``fig7`` constant gap, ``fig8`` row of
+        positions, ``moving`` armature.
+    figures : mapping
+        As in ``figures.json``.
+    outcomes : sequence of Outcome
+        All trials.
+    """
+    stages: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        stages.setdefault(outcome.trial.stage, []).append(outcome)
+    pages = {
+        "fig6": figure_hardware(rig, str(figures["board"])),
+        "fig7": figure_constant_gap(rig, stages["end"]),
+        "fig8": figure_positions(rig, stages["positions"]),
+        "moving": figure_moving(rig, stages["moving"]),
+    }
+    for name, figure in pages.items():
+        write_png(figure, folder / f"{name}.png")
+        _write_svg(figure, folder / f"{name}.svg")
+
+
+@styled
+def _write_svg(figure: Figure, path: Path) -> None:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    write_bytes(path, stream.getvalue())
+
+
+@styled
+def figure_constant_gap(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
+    """Draw forces and errors at the stroke's end, one column a demand (the paper's Fig. 7)."""
+    shown = [outcome for outcome in outcomes if outcome.trial.start == "unknown"]
+    figure = new_figure(5.6, width=4.8 * len(shown))
+    axes = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=(3, 2))
+    for (above, below), outcome in zip(axes.T, shown, strict=True):
+        _forces(above, rig, outcome)
+        _deviations(below, rig, outcome, ("full", "simplified", "single"))
+        above.set_title(f"{outcome.trial.demand.name}, {_place(outcome)}")
+        below.set_xlabel("time (s)")
+    axes[0, 0].set_ylabel("force (N)")
+    axes[1, 0].set_ylabel("true force - demand (N)")
+    _legend(figure, axes[0, 0])
+    return figure
+
+
+@styled
+def figure_positions(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
+    """Draw the same at a row of positions, one row a demand (the paper's Fig. 8)."""
+    names = list(dict.fromkeys(outcome.trial.demand.name for outcome in outcomes))
+    columns = max(sum(o.trial.demand.name == name for o in outcomes) for name in names)
+    figure = new_figure(2.6 * len(names) + 0.6, width=max(9.6, 1.9 * columns))
+    axes = figure.subplots(len(names), columns, squeeze=False, sharey=True, sharex="row")
+    for row, name in zip(axes, names, strict=True):
+        members = [outcome for outcome in outcomes if outcome.trial.demand.name == name]
+        for ax, outcome in zip(row, members, strict=True):
+            _forces(ax, rig, outcome)
+            worst = _worst(rig, outcome, "full")
+            ax.set_title(f"{_place(outcome)}\n{name}: {worst:.1f} %")
+            ax.set_xlabel("time (s)")
+        row[0].set_ylabel("force (N)")
+    _legend(figure, axes[0, 0])
+    return figure
+
+
+@styled
+def figure_moving(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
+    """Draw forces, errors and position with the armature moving, one column a demand."""
+    figure = new_figure(6.4, width=4.8 * len(outcomes))
+    axes = figure.subplots(3, len(outcomes), squeeze=False, sharex="col", height_ratios=(3, 2, 1.2))
+    for (above, middle, below), outcome in zip(axes.T, outcomes, strict=True):
+        _forces(above, rig, outcome)
+        _deviations(middle, rig, outcome, ("full", "simplified", "single"))
+        recording = outcome.recordings["full"]
+        time, gap = _curve(rig, outcome, 1e3 * recording.gap)
+        below.plot(time, gap, color=MEASURED, lw=1.0)
+        above.set_title(f"{outcome.trial.demand.name}, armature moving")
+        below.set_xlabel("time (s)")
+    for ax, text in zip(
+        axes[:, 0], ("force (N)", "true force - demand (N)", "gap (mm)"), strict=True
+    ):
+        ax.set_ylabel(text)
+    _legend(figure, axes[0, 0])
+    return figure
+
+
+def _forces(ax: Axes, rig: Rig, outcome: Outcome) -> None:
+    """Demand, measured with compensation, simulated program, and the constant ratio."""
+    curves = (
+        ("constant ratio", outcome.recordings["ratio"].read_force, FALLING, 0.9, "-"),
+        ("measured, full", outcome.recordings["full"].read_force, RISING, 1.4, "-"),
+        ("simulated program, full", outcome.simulated["full"], FAINT, 0.9, "-"),
+        ("demand", outcome.trial.demand.force, DEMAND, 0.9, (0, (4, 3))),
+    )
+    for label, force, colour, width, dashes in curves:
+        ax.plot(*_curve(rig, outcome, force), color=colour, lw=width, ls=dashes, label=label)
+
+
+def _deviations(ax: Axes, rig: Rig, outcome: Outcome, names: Sequence[str]) -> None:
+    for name in names:
+        deviation = outcome.recordings[name].force - outcome.trial.demand.force
+        deviation[: outcome.trial.demand.lead_in] = np.nan
+        time, shown = _curve(rig, outcome, deviation)
+        worst = _worst(rig, outcome, name)
+        label = f"{TITLES[name]}: worst {worst:.2f} %"
+        ax.plot(time, shown, color=COLOURS[name], lw=1.0, label=label)
+    ax.legend(loc="upper right", fontsize=7.5)
+    ax.margins(y=0.25)
+
+
+def _worst(rig: Rig, outcome: Outcome, name: str) -> float:
+    deviation = outcome.recordings[name].force - outcome.trial.demand.force
+    largest = np.abs(deviation[outcome.trial.demand.lead_in :]).max()
+    return float(100.0 * largest / rig.settings.force_control.force_max_N)
+
+
+def _curve(rig: Rig, outcome: Outcome, values: Floats) -> tuple[Floats, Floats]:
+    """Time and values, no more of them than a figure can show."""
+    every = max(1, values.size // MOST_POINTS)
+    time = np.asarray((np.arange(values.size) - outcome.trial.demand.lead_in) * rig.dt, np.float64)
+    return time[::every], values[::every]
+
+
+def _place(outcome: Outcome) -> str:
+    position = outcome.trial.position
+    return "" if position is None else f"gap {1e3 * position:.2f} mm"
+
+
+def _legend(figure: Figure, ax: Axes) -> None:
+    handles, labels = ax.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
