@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.verify import TargetResult, verify
+from anhyst.verify.firmware import FirmwareRun, compare_runs
 from anhyst.verify.result import Verification
 
 from .conftest import Compile
@@ -107,3 +108,22 @@ def test_msp430_gives_the_bits_of_the_host(compiled: Compile) -> None:
     (result,) = agrees(verify(compiled("simplified", "q31"), "msp430", target_steps=300)).results
     plausible(result)
     assert result.unit == "cycles"
+
+
+@pytest.mark.skipif(shutil.which("qemu-system-arm") is None, reason="apt install qemu-system-arm")
+def test_the_whole_firmware_gives_the_currents_of_the_host(compiled: Compile) -> None:
+    (result,) = agrees(verify(compiled("full", "q15"), "cortex-m3-qemu", target_steps=300)).results
+    assert result.build == "firmware"
+    assert result.steps == 300
+
+
+def test_a_firmware_that_drives_another_current_is_found() -> None:
+    answer = {"tick": 1, "drive": 5}
+    right = FirmwareRun([1, 2, 3], [answer])
+    assert compare_runs(right, right) is None
+    wrong = compare_runs(right, FirmwareRun([1, 2, 4], [answer]))
+    assert wrong is not None
+    assert wrong.text() == "tick 2: drive is 4, not 3"
+    wrong = compare_runs(right, FirmwareRun([1, 2, 3], [{"tick": 1, "drive": 6}]))
+    assert wrong is not None
+    assert wrong.text() == "answer to demand 0: drive is 6, not 5"

@@ -25,7 +25,7 @@ def verify(
             "--on",
             metavar="TARGETS",
             help="Where to run, separated by commas: host, cortex-m0plus, cortex-m3, cortex-m4, "
-            "cortex-m7, avr, msp430.",
+            "cortex-m7, avr, msp430, cortex-m3-qemu (a whole firmware).",
         ),
     ] = "host,cortex-m4",
     as_json: AsJson = False,

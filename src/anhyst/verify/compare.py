@@ -22,6 +22,13 @@ from anhyst.verify.vectors import GoldenVectors
 from anhyst.verify.workshop import Program
 
 STACK_STEPS = 500
+PARTS = {
+    "start": "start",
+    "vectors": "golden vector",
+    "random": "random step",
+    "firmware": "tick",
+    "status": "answer to demand",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +38,8 @@ class Difference:
     Parameters
     ----------
     part : str
-        ``start``, ``vectors`` (golden vectors) or ``random`` (steps of the generator).
+        ``start``, ``vectors`` (golden vectors), ``random`` (steps of the generator), ``firmware``
+        (ticks of a whole firmware) or ``status`` (its answers).
     step : int
         Of that part, from 0.
     quantity : str
@@ -48,8 +56,9 @@ class Difference:
 
     def text(self) -> str:
         """Tell it in one line."""
-        part = {"start": "start", "vectors": "golden vector", "random": "random step"}[self.part]
-        return f"{part} {self.step}: {self.quantity} is {self.found}, not {self.expected}"
+        return (
+            f"{PARTS[self.part]} {self.step}: {self.quantity} is {self.found}, not {self.expected}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,33 +119,21 @@ def _stride(steps: int) -> int:
     return max(1, -(-steps // CHECKPOINTS))
 
 
-def compare_with_vectors(outcome: Outcome, vectors: GoldenVectors) -> Difference | None:
-    """Hold answers against the golden vectors of the bundle."""
-    places = [RECORD.index(name) for name in vectors.outputs]
-    found = outcome.vectors[:, places]
-    wanted = np.stack(list(vectors.outputs.values()), axis=1) if places else found
-    wrong = np.argwhere(found != wanted)
-    if not len(wrong):
-        return None
-    row, place = (int(index) for index in wrong[0])
-    return Difference(
-        "vectors",
-        row,
-        list(vectors.outputs)[place],
-        _signed(wanted[row, place]),
-        _signed(found[row, place]),
-    )
-
-
-def compare_with_host(
-    programs: tuple[Program, Program], outcomes: tuple[Outcome, Outcome], steps: int, seed: int
+def compare(
+    programs: tuple[Program, Program],
+    outcomes: tuple[Outcome, Outcome],
+    vectors: GoldenVectors,
+    steps: int,
+    seed: int,
 ) -> Difference | None:
-    """Hold a target against the host.
+    """Hold a target against the host and the golden vectors.
 
     Parameters
     ----------
     programs, outcomes : tuple
         Of the host and of the target.
+    vectors : GoldenVectors
+        What both were given.
     steps, seed : int
         What both were run with.
 
@@ -151,11 +148,25 @@ def compare_with_host(
         if wanted != found:
             quantity = "hash of the conditioning sequence" if name == "hash" else name
             return Difference("start", 0, quantity, wanted, found)
+    if (difference := _against_file(target, vectors)) is not None:
+        return difference
     if (wrong := _first_wrong(host.vectors, target.vectors)) is not None:
         return _difference("vectors", 0, wrong, host.vectors, target.vectors)
     if host.random.hash == target.random.hash:
         return None
     return _locate(programs, (host.random, target.random), steps, seed)
+
+
+def _against_file(outcome: Outcome, vectors: GoldenVectors) -> Difference | None:
+    places = [RECORD.index(name) for name in vectors.outputs]
+    found = outcome.vectors[:, places]
+    wanted = np.stack(list(vectors.outputs.values()), axis=1)
+    wrong = _first_wrong(wanted, found)
+    if wrong is None:
+        return None
+    row, place = wrong
+    name = list(vectors.outputs)[place]
+    return Difference("vectors", row, name, _signed(wanted[wrong]), _signed(found[wrong]))
 
 
 def _locate(

@@ -10,6 +10,7 @@ from pathlib import Path
 from anhyst.errors import InputError
 from anhyst.verify.cortexm import CortexProgram, build_counter
 from anhyst.verify.elf import read_image
+from anhyst.verify.firmware import TARGET as FIRMWARE
 from anhyst.verify.msp430 import Msp430Program
 from anhyst.verify.process import ProcessProgram
 from anhyst.verify.protocol import BOX_BYTES, REQUEST_BYTES, WINDOW_OFFSET
@@ -226,9 +227,10 @@ def parse_targets(names: str) -> list[str]:
         A name is unknown, or there is none.
     """
     wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
+    known = (*TARGETS, FIRMWARE)
     if not wanted:
-        raise InputError(f"--on: no target; known are {', '.join(TARGETS)}")
+        raise InputError(f"--on: no target; known are {', '.join(known)}")
     for name in wanted:
-        if name not in TARGETS:
-            raise InputError(f"--on: unknown target {name}; known are {', '.join(TARGETS)}")
+        if name not in known:
+            raise InputError(f"--on: unknown target {name}; known are {', '.join(known)}")
     return wanted

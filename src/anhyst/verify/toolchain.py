@@ -12,7 +12,6 @@ from pathlib import Path
 
 from anhyst.errors import InputError, NegativeResult
 
-EXTRA = "pip install 'anhyst[verify]'"
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
 THUMB = ("-target", "thumb-freestanding-eabi")
 FREESTANDING = (
@@ -47,8 +46,8 @@ def find_program(name: str, package: str, wanted_by: str) -> str:
     return place
 
 
-def need_modules(names: Sequence[str], wanted_by: str) -> None:
-    """Check that Python packages of the extra ``verify`` are there.
+def need_modules(names: Sequence[str], wanted_by: str, extra: str = "verify") -> None:
+    """Check that Python packages of an extra are there.
 
     Raises
     ------
@@ -57,7 +56,9 @@ def need_modules(names: Sequence[str], wanted_by: str) -> None:
     """
     for name in names:
         if importlib.util.find_spec(name) is None:
-            raise InputError(f"target {wanted_by}: {name} is not installed: {EXTRA}")
+            raise InputError(
+                f"target {wanted_by}: {name} is not installed: pip install 'anhyst[{extra}]'"
+            )
 
 
 def zig_cc(wanted_by: str) -> list[str]:

@@ -13,10 +13,12 @@ from pathlib import Path
 
 from anhyst.errors import InputError, NegativeResult
 from anhyst.verify.bundle import VECTORS, Bundle, read_bundle
-from anhyst.verify.compare import Outcome, compare_with_host, compare_with_vectors, run
+from anhyst.verify.compare import Outcome, compare, run
 from anhyst.verify.cortexm import CortexProgram
 from anhyst.verify.elf import measure_sizes
 from anhyst.verify.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
+from anhyst.verify.firmware import TARGET as FIRMWARE
+from anhyst.verify.firmware import check_tools, verify_firmware
 from anhyst.verify.protocol import SECTIONS, Reply
 from anhyst.verify.result import Cost, TargetResult, Verification
 from anhyst.verify.stackdepth import stack_below
@@ -75,9 +77,14 @@ def verify(
     with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
         workshop = Workshop.set_up(bundle, Path(scratch))
         job = _Job(workshop, vectors, host_steps, target_steps, seed)
-        orders = [(name, order) for name in names for order in TARGETS[name](workshop)]
-        results = job.run_all(names, orders, progress)
-        estimates = _estimates(job) if any(name in CORTEX for name in names) else ()
+        alone = [name for name in names if name in TARGETS]
+        orders = [(name, order) for name in alone for order in TARGETS[name](workshop)]
+        if FIRMWARE in names:
+            check_tools()
+        results = job.run_all(alone, orders, progress)
+        if FIRMWARE in names:
+            results.append(verify_firmware(bundle, Path(scratch), target_steps, seed))
+        estimates = _estimates(job) if SOURCE in names else ()
     return Verification(
         str(folder), bundle.kind, bundle.io, bundle.rate, seed, tuple(results), estimates
     )
@@ -132,9 +139,10 @@ class _Job:
         head = (target, variant.name, variant.processor, variant.compiler)
         try:
             outcome = run(variant.program, self.vectors, steps, self.seed)
-            difference = compare_with_vectors(outcome, self.vectors) or compare_with_host(
+            difference = compare(
                 (self._reference.program, variant.program),
                 (self._answers[steps], outcome),
+                self.vectors,
                 steps,
                 self.seed,
             )
