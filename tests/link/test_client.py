@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from anhyst.link.frames import (
 )
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, recorder_state, start_recording
+from anhyst.link.status import Status
 
 from .conftest import RATE
 from .plant import NOISE, NoisyPlant
@@ -186,14 +188,23 @@ def test_heartbeats_in_the_background_keep_the_link_alive(
     board: Running, controller: ForceController
 ) -> None:
     run(board, controller)
-    controller.write_setting(Setting.HEARTBEAT_TICKS, 1000)
+    beats: list[Status] = []
+    ask = controller.status
+
+    def counted() -> Status:
+        beats.append(ask())
+        return beats[-1]
+
+    controller.status = counted  # type: ignore[method-assign]
     with controller.heartbeats(0.001):
-        for _ in range(20):
-            seen = board.bus.tick
-            board.bus.step(100)
-            controller.status()
-            assert board.bus.tick == seen + 100
+        for _ in range(10):
+            board.bus.step(RATE // 10 - 100)
+            seen = len(beats)
+            while len(beats) < seen + 2:  # the second one began after these ticks
+                time.sleep(0.001)
     assert board.bus.fault is Fault.NONE
+    board.bus.step(RATE // 10 + 1)
+    assert board.bus.state is State.FAULT
 
 
 def test_waiting_for_a_state_tells_of_a_fault(board: Running, controller: ForceController) -> None:
