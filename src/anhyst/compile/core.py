@@ -35,6 +35,10 @@ _LINKAGE = re.compile(
     r'^#ifdef __cplusplus\n(?:extern "C" \{|\})\n#endif\n',
     re.M,
 )
+_INLINE = re.compile(
+    r"(?:/\*(?:[^*]|\*(?!/))*\*/\n)?static inline [^\n;{]*?\b(\w+)\([^;{]*\)\n\{\n.*?^\}\n\n?",
+    re.M | re.S,
+)
 _KERNEL = re.compile(r"^extern const anhyst_kernel(?:_f32)? anhyst_kernel_(\w+?)(?:_f32)?;\n", re.M)
 
 
@@ -96,9 +100,23 @@ def join(kind: Kind, *, single: bool = False) -> Joined:
     joint = _Joint(kind)
     for name in (SINGLE if single else SOURCES)[kind]:
         joint.add(f"src/{name}")
-    return Joined(
-        "\n".join(joint.header), "\n".join(joint.source), tuple(sorted(joint.system, key=str))
-    )
+    source = _without_unused("\n".join(joint.source))
+    return Joined("\n".join(joint.header), source, tuple(sorted(joint.system, key=str)))
+
+
+def _without_unused(source: str) -> str:
+    """Leave out the inline functions that nothing calls: compilers warn of them in a source."""
+    while True:
+        unused = next(
+            (found for found in _INLINE.finditer(source) if _mentions(source, found[1]) == 1), None
+        )
+        if unused is None:
+            return source
+        source = source[: unused.start()] + source[unused.end() :]
+
+
+def _mentions(source: str, name: str) -> int:
+    return len(re.findall(rf"\b{name}\b", source))
 
 
 @dataclass
