@@ -180,6 +180,8 @@ def test_demands_stream_in_order(board: Running, controller: ForceController) ->
     board.bus.step()
     assert controller.status().codes.demand == forces[-1]
     assert controller.status().codes.lost_frames == 0
+    with pytest.raises(InputError, match="does not fit q31"):
+        list(controller.stream([0, 1 << 31]))
     with pytest.raises(InputError, match="choose 1 to 32"):
         list(controller.stream(forces, window=33))
 

@@ -28,7 +28,6 @@ from anhyst.link.frames import (
     BlockWordsAnswer,
     Command,
     CommandRequest,
-    DemandRequest,
     Fault,
     HeartbeatRequest,
     HelloRequest,
@@ -47,6 +46,7 @@ from anhyst.link.frames import (
     StatusAnswer,
 )
 from anhyst.link.status import Status
+from anhyst.link.streaming import demand_request, stream
 from anhyst.link.transport import BAUD, Port
 from anhyst.link.wire import Frame, Receiver, encode
 
@@ -185,7 +185,7 @@ class ForceController:
         InputError
             The controller is silent, or the demand does not fit 32 bits.
         """
-        return self._status(_demand(force))
+        return self._status(demand_request(force))
 
     def stream(self, forces: Iterable[int], window: int = 24) -> Iterator[Status]:
         """Send many demands, several of them on their way at a time.
@@ -210,8 +210,6 @@ class ForceController:
         InputError
             The controller is silent.
         """
-        from anhyst.link.streaming import stream
-
         with self._lock:
             yield from stream(self, forces, window)
 
@@ -466,12 +464,6 @@ def _signed(word: int) -> int:
 
 def _checksum(words: Sequence[int]) -> int:
     return zlib.crc32(np.asarray(words, dtype="<i2").tobytes())
-
-
-def _demand(force: int) -> DemandRequest:
-    if not -(1 << 31) <= force < 1 << 31:
-        raise InputError(f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1")
-    return DemandRequest(int(force))
 
 
 def _belongs(answer: Message, request: Message) -> bool:

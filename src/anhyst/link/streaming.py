@@ -36,6 +36,19 @@ class _Sent:
     status: Status | None = None
 
 
+def demand_request(force: int) -> DemandRequest:
+    """Return a demand, q31 of the full-scale force.
+
+    Raises
+    ------
+    InputError
+        It does not fit 32 bits.
+    """
+    if not -(1 << 31) <= force < 1 << 31:
+        raise InputError(f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1")
+    return DemandRequest(int(force))
+
+
 def stream(controller: ForceController, forces: Iterable[int], window: int) -> Iterator[Status]:
     """Send demands; see :meth:`anhyst.link.client.ForceController.stream`."""
     if not 1 <= window <= WINDOW_MOST:
@@ -65,7 +78,7 @@ class _Flow:
 
     def _number(self, force: int) -> _Sent:
         sequence = self.controller.next_sequence()
-        return _Sent(force, sequence, encode(DemandRequest(int(force)), sequence))
+        return _Sent(force, sequence, encode(demand_request(force), sequence))
 
     def _write(self, demands: Iterable[_Sent]) -> None:
         self.controller.send(b"".join(demand.wire for demand in demands))
@@ -84,9 +97,10 @@ class _Flow:
         first = self.waiting[0]
         if first.status is not None:
             return
-        overtaken = first.times == 1 and any(demand.status for demand in self.waiting)
-        if overtaken or time.monotonic() >= self._end:
-            self._repeat(first)
+        if time.monotonic() >= self._end:
+            self._repeat([demand for demand in self.waiting if demand.status is None])
+        elif first.times == 1 and any(demand.status for demand in self.waiting):
+            self._repeat([first])  # newer ones were answered: this one was lost
 
     def _take(self, demand: _Sent, frame: Frame) -> bool:
         """Keep an answer; False where the demands from this one on were sent anew."""
@@ -99,12 +113,13 @@ class _Flow:
             return False
         raise InputError(f"{self.controller.url}: {answer} in answer to a demand")
 
-    def _repeat(self, demand: _Sent) -> None:
-        if demand.times >= self.controller.attempts:
+    def _repeat(self, demands: list[_Sent]) -> None:
+        if demands[0].times >= self.controller.attempts:
             raise self.controller.silent()
-        demand.times += 1
-        self.controller.repeated += 1
-        self._write([demand])
+        for demand in demands:
+            demand.times += 1
+        self.controller.repeated += len(demands)
+        self._write(demands)
 
     def _begin_again(self, first: _Sent) -> None:
         """Send a demand and all after it under new numbers: newer ones had overtaken it."""
