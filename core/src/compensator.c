@@ -21,9 +21,9 @@ static place gap_place(const int16_t *words, int32_t gap)
 }
 
 /* The entry of a table there, rounded; the word of the block names the table. */
-static int16_t over_gap(place at, int16_t table)
+static int16_t over_gap(place at, int16_t first)
 {
-  const int16_t *entry = at.words + table;
+  const int16_t *entry = at.words + first;
   return (int16_t)(entry[0] + ((((int32_t)entry[1] - entry[0]) * at.part + 0x4000) >> 15));
 }
 
