@@ -1,0 +1,289 @@
+"""What a wrong idea of the iron's past costs: the paper's claim about its simplified model.
+
+"The simplified model is more stable and has no initial-value problem." A compensator is started
+with the memory of one past, the iron with another; both then meet the same demand. Counted are the
+samples until the force stays within 1 % of the largest one of what the same compensator reaches
+when it starts with the right memory. ``python benchmarks/initial_state.py`` prints the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.compile.block import Block, Conditioning, Kind, Limits, Scales, Sizes
+from anhyst.compile.full import build_full
+from anhyst.compile.simplified import build_euler, build_simplified, fit_closed_form
+from anhyst.compile.twin import Twin
+from anhyst.data import LoopSet
+from anhyst.identify import identify
+from anhyst.laws.equation import MU_0
+from anhyst.laws.explicit import ExplicitForm
+from anhyst.model import ActuatorModel
+from rows import ROOT, Row
+
+Array = NDArray[np.float64]
+
+KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
+SAMPLES = 200
+"""Of a cycle of the demand."""
+
+CYCLES = 12
+
+NEAR = (0.01, 0.002)
+"""Of the largest force: as good as rightly started, and as good as the arithmetic."""
+
+PASTS: tuple[tuple[float, ...], ...] = (
+    (0.0,),
+    (1.0, 0.0),
+    (-1.0, 0.0),
+    (0.5, 0.0),
+    (-0.5, 0.0),
+    (1.0, -0.3, 0.0),
+    (2.0, 0.0),
+    (-2.0, 0.0),
+    (1.0, 0.5),
+    (0.5,),
+    (1.0, 0.2, 0.5),
+)
+"""Turning points of the current over its largest. The last three end under current, as when a
+controller is reset while it works."""
+
+DEMANDS = {"5-95 %": (0.05, 0.95), "30-70 %": (0.30, 0.70), "45-55 %": (0.45, 0.55)}
+"""Turning points of the triangles, over the largest force."""
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A model at one gap, with its compensators.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The iron, in double precision.
+    gap : float
+        Where everything happens, m.
+    current, force : float
+        Largest ones, A and N.
+    blocks : dict
+        A parameter block for each kind.
+    """
+
+    model: ActuatorModel
+    gap: float
+    current: float
+    force: float
+    blocks: dict[Kind, Block]
+
+    def record(self, past: Sequence[float]) -> Array:
+        """Currents of a past, sample by sample."""
+        corners = [0.0, *(part * self.current for part in past)]
+        ways = [np.linspace(a, b, 101)[1:] for a, b in pairwise(corners)]
+        return np.concatenate([[0.0], *ways])
+
+    def memory(self, kind: Kind, currents: Array) -> NDArray[np.int32]:
+        """Memory of a compensator that saw these currents."""
+        twin = Twin(self.blocks[kind])
+        for current in currents.tolist():
+            twin.commit(current, self.gap)
+        return twin.memory
+
+    def force_after(self, past: Array, currents: Array) -> Array:
+        """Force of the iron with that past under these currents, N."""
+        record = np.concatenate([past, currents])
+        answer = self.model.predict(record, np.full(record.size, self.gap), history="demagnetised")
+        return answer.output[past.size :]
+
+
+def actuator_of(
+    model: ActuatorModel, gaps: tuple[float, float], gap: float, current: float
+) -> Actuator:
+    """Compile a model in every form, for triangles of a force that every gap can give."""
+    both = np.array([0.0, current])
+    top, force = (
+        float(model.predict(both, np.full(2, at), history="demagnetised").output[-1])
+        for at in (gaps[0], gap)
+    )
+    force *= 0.98  # what lies beyond is within reach of no compensator
+    # Twice the current, so that pasts beyond the working range are within the numbers.
+    scales = Scales(1.2 * top, 2.1 * current, *gaps)
+    limits = Limits((0.0, top), (-0.2 * current, current))
+    start = Conditioning(cycles=2, ramp_ticks=SAMPLES)
+    wide = Limits(limits.demand, (-2.0 * current, 2.0 * current))
+    law = fit_closed_form(model, limits, np.linspace(*gaps, 5))
+    sizes = Sizes(iterations=8, octave_segments=4, curve_segments=8)
+    blocks: dict[Kind, Block] = {
+        "full": build_full(model, scales, wide, sizes, start),
+        "simplified": build_simplified(model, scales, wide, sizes, start, law=law),
+        "euler": build_euler(model, scales, wide, sizes, start, law=law),
+    }
+    return Actuator(model, gap, current, force, blocks)
+
+
+def triangles(low: float, high: float) -> Array:
+    """Return the demand over the largest force."""
+    phase = np.arange(SAMPLES * CYCLES) % SAMPLES / SAMPLES
+    return np.asarray(low + (high - low) * (1.0 - np.abs(2.0 * phase - 1.0)))
+
+
+def conditioning(actuator: Actuator, cycles: int) -> Array:
+    """Triangles over the whole range of the current, as a controller runs them at start-up."""
+    corners = [-0.2 * actuator.current, actuator.current] * cycles + [0.0]
+    ways = [np.linspace(a, b, SAMPLES + 1)[1:] for a, b in pairwise(corners)]
+    return np.concatenate(ways)
+
+
+def samples_until_near(off: Array, near: float) -> int:
+    """Return the number of samples before `off` stays within `near` for good."""
+    beyond = np.flatnonzero(np.abs(off) > near)
+    return int(beyond[-1]) + 1 if beyond.size else 0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What wrong starts of one compensator cost under one demand.
+
+    Parameters
+    ----------
+    samples : ndarray of int, shape (p, 2)
+        For every pair of pasts: samples until the force is near that of the right start, for both
+        meanings of near.
+    largest : float
+        Largest deviation from the right start, over the largest force.
+    settled : float
+        Largest error of the rightly started force against the demand in the last cycle, over the
+        largest force.
+    """
+
+    samples: NDArray[np.int64]
+    largest: float
+    settled: float
+
+
+def strangers(kind: Kind) -> list[NDArray[np.int32]]:
+    """Return memories drawn at random: what a controller may find in its cells."""
+    bound = int(0.9 * 2**30)
+    drawn = np.random.default_rng(1).integers(-bound, bound, (len(PASTS), 3))
+    drawn[:, 2] = drawn[:, 0] if kind == "full" else 0
+    return list(drawn.astype(np.int32))
+
+
+def study(
+    actuator: Actuator,
+    kind: Kind,
+    demand: Array,
+    prelude: Array | None = None,
+    at_random: bool = False,
+) -> Outcome:
+    """Start a compensator with every past, on an iron with every other one.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        What is driven.
+    kind : str
+        Which compensator.
+    demand : ndarray, shape (n,)
+        Over the largest force.
+    prelude : ndarray, optional
+        Currents that are applied and committed first, whatever is believed: the conditioning.
+    at_random : bool, optional
+        Start with the memories of `strangers` instead of those of other pasts.
+
+    Returns
+    -------
+    Outcome
+        Over all pairs.
+    """
+    wanted = demand * actuator.force
+    before = np.empty(0) if prelude is None else prelude
+
+    def run(memory: NDArray[np.int32]) -> Array:
+        twin = Twin(actuator.blocks[kind])
+        twin.start_from(memory)
+        for current in before.tolist():
+            twin.commit(current, actuator.gap)
+        return twin.run(wanted, actuator.gap)
+
+    own = [run(actuator.memory(kind, actuator.record(past))) for past in PASTS]
+    wrong = [run(memory) for memory in strangers(kind)] if at_random else own
+    records = [np.concatenate([actuator.record(past), before]) for past in PASTS]
+    right = [actuator.force_after(*pair) for pair in zip(records, own, strict=True)]
+    samples, largest = [], 0.0
+    for believed, true in permutations(range(len(PASTS)), 2):
+        force = actuator.force_after(records[true], wrong[believed])
+        off = (force - right[true]) / actuator.force
+        samples.append([samples_until_near(off, near) for near in NEAR])
+        largest = max(largest, float(np.abs(off).max()))
+    last = [np.abs(force - wanted)[-SAMPLES:].max() / actuator.force for force in right]
+    return Outcome(np.array(samples), largest, float(max(last)))
+
+
+def explicit_error(actuator: Actuator, samples: int) -> float:
+    """Largest force error in the fourth cycle of the full law integrated as in the paper.
+
+    Euler's explicit step of eqs. 13 to 15, one a sample, in double precision, right start, the
+    triangle of 5 to 95 % in `samples` a cycle; over the largest force.
+    """
+    circuit = actuator.model.circuit(np.array([actuator.gap]), np.zeros(1))
+    iron = actuator.model.parameters_at(actuator.gap)
+    law = ExplicitForm(iron["M_s"], iron["a"], iron["k"], iron["c"], iron["alpha"])
+    phase = np.arange(4 * samples) / samples
+    wanted = (0.05 + 0.9 * (1.0 - np.abs(2.0 * (phase % 1.0) - 1.0))) * actuator.force
+    flux_density = circuit.flux_density(wanted)[0]
+    with np.errstate(all="ignore"):
+        field = law.inverse(np.concatenate([[0.0], flux_density]), "euler")[1:]
+        drive = circuit.drive(field + circuit.rho[0] * flux_density / MU_0)
+    drive = np.nan_to_num(np.clip(drive, -10.0 * actuator.current, 10.0 * actuator.current))
+    force = actuator.force_after(np.zeros(1), drive)
+    return float(np.abs(force - wanted)[-samples:].max() / actuator.force)
+
+
+def bundled() -> Actuator:
+    """Identify the bundled electromagnet from its loops."""
+    loops = LoopSet.from_csv(ROOT / "examples" / "electromagnet" / "loops.csv")
+    model = identify(loops).model
+    gaps = (float(model.nodes[0]), float(model.nodes[-1]))
+    current = max(float(np.max(loop.input)) for loop in loops.loops)
+    return actuator_of(model, gaps, 0.45e-3, current)
+
+
+def describe(outcome: Outcome) -> str:
+    """Return how far and how long force is wrong."""
+    near, nearer = outcome.samples.T
+    return (
+        f"up to {100 * outcome.largest:.2g} % of F_max away; within {100 * NEAR[0]:g} % after "
+        f"{np.median(near):.0f} samples (median), {near.max()} (most, {near.max() / SAMPLES:.2f} "
+        f"cycles); within {100 * NEAR[1]:g} % after {nearer.max() / SAMPLES:.2f} cycles"
+    )
+
+
+def rows(make: Callable[[], Actuator] = bundled) -> list[Row]:
+    """All lines about wrong starts."""
+    actuator = make()
+    lines = []
+    for (name, (low, high)), kind in product(DEMANDS.items(), KINDS):
+        demand = triangles(low, high)
+        plain = study(actuator, kind, demand)
+        lost = study(actuator, kind, demand, at_random=True)
+        ready = study(actuator, kind, demand, conditioning(actuator, 1), at_random=True)
+        text = (
+            f"another past: {describe(plain)}. Memory at random: {describe(lost)}. After one cycle "
+            f"of conditioning: up to {100 * ready.largest:.2g} %. Rightly started and settled: "
+            f"{100 * plain.settled:.2f} % from the demand"
+        )
+        lines.append(Row(f"wrong start, {kind}, triangle {name}", "reported", text, None))
+    errors = {samples: explicit_error(actuator, samples) for samples in (2000, 200, 50, 20, 10)}
+    text = ", ".join(f"{n} samples {100 * error:.2f} %" for n, error in errors.items())
+    what = "full law by the paper's explicit Euler steps, settled force error by samples a cycle"
+    lines.append(Row(what, "reported", text, None))
+    return lines
+
+
+if __name__ == "__main__":
+    for row in rows():
+        print(f"{row.what}\n    {row.measured}")

@@ -1,0 +1,118 @@
+"""A wrong idea of the iron's past: how long it costs force, in the full law and the simplified one.
+
+The paper claims that the simplified model has no initial-value problem. In small loops it has one,
+as the full law has; both forget it by themselves. ``benchmarks/initial_state.py`` counts the same
+on a fitted model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from actuators import CURRENTS, GAPS, WIDE, magnet
+from anhyst.compile.block import Kind
+
+if TYPE_CHECKING:
+    from initial_state import Actuator, Outcome
+
+BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
+KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
+
+
+class Bench:
+    """The benchmark's own functions, on the hand-made magnet; each study is run once."""
+
+    def __init__(self) -> None:
+        import initial_state
+
+        self.module = initial_state
+        gaps = (GAPS[0], GAPS[-1])
+        self.actuator: Actuator = initial_state.actuator_of(magnet(), gaps, WIDE, CURRENTS[1])
+        self._done: dict[tuple[Kind, float, bool, bool], Outcome] = {}
+
+    def outcome(
+        self,
+        kind: Kind,
+        low: float,
+        high: float,
+        conditioned: bool = False,
+        at_random: bool = False,
+    ) -> Outcome:
+        key = (kind, low, conditioned, at_random)
+        if key not in self._done:
+            prelude = self.module.conditioning(self.actuator, 1) if conditioned else None
+            demand = self.module.triangles(low, high)[: 6 * self.module.SAMPLES]
+            self._done[key] = self.module.study(self.actuator, kind, demand, prelude, at_random)
+        return self._done[key]
+
+    def cycles(self, outcome: Outcome) -> float:
+        """Most cycles until every wrong start is within 1 % of the largest force."""
+        return float(outcome.samples[:, 0].max()) / self.module.SAMPLES
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(BENCHMARKS))
+        yield Bench()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("low", "high"), [(0.05, 0.95), (0.3, 0.7)])
+def test_a_wrong_start_is_forgotten_within_a_cycle(
+    bench: Bench, kind: Kind, low: float, high: float
+) -> None:
+    assert bench.cycles(bench.outcome(kind, low, high)) <= 1.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_small_loops_take_longer_to_forget(bench: Bench, kind: Kind) -> None:
+    small = bench.cycles(bench.outcome(kind, 0.45, 0.55))
+    assert small >= bench.cycles(bench.outcome(kind, 0.05, 0.95))
+    assert small < 5.0
+
+
+def test_a_memory_at_random_costs_the_full_law_more(bench: Bench) -> None:
+    """The one bounded state of the simplified law bounds what it can do wrong."""
+    full, simple = (
+        bench.outcome(kind, 0.3, 0.7, at_random=True) for kind in ("full", "simplified")
+    )
+    assert full.largest > 2.0 * simple.largest
+    assert bench.cycles(full) > bench.cycles(simple)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("low", "high"), [(0.05, 0.95), (0.3, 0.7), (0.45, 0.55)])
+def test_after_conditioning_nothing_is_left_of_a_wrong_start(
+    bench: Bench, kind: Kind, low: float, high: float
+) -> None:
+    for at_random in (False, True):
+        outcome = bench.outcome(kind, low, high, conditioned=True, at_random=at_random)
+        assert outcome.largest < bench.module.NEAR[1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_law_has_an_initial_value_where_loops_are_not_full(bench: Bench, kind: Kind) -> None:
+    outcome = bench.outcome(kind, 0.3, 0.7)
+    assert outcome.largest > 3.0 * bench.module.NEAR[0]
+    assert bench.cycles(outcome) > 0.0
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.05, 0.95), (0.3, 0.7), (0.45, 0.55)])
+def test_the_simplified_law_forgets_no_later_than_the_full_one(
+    bench: Bench, low: float, high: float
+) -> None:
+    """What is true of the claim: here it forgets sooner, elsewhere as soon."""
+    full, simple = (bench.outcome(kind, low, high) for kind in ("full", "simplified"))
+    assert bench.cycles(simple) <= bench.cycles(full)
+
+
+def test_only_the_full_law_then_meets_the_demand(bench: Bench) -> None:
+    full = bench.outcome("full", 0.05, 0.95)
+    simple = bench.outcome("simplified", 0.05, 0.95)
+    assert full.settled < 0.002
+    assert simple.settled > 3.0 * full.settled
