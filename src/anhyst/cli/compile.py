@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from anhyst.cli.console import print_json, show, table
+from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson, ModelPath
 
 if TYPE_CHECKING:
@@ -76,6 +76,8 @@ def compile_(
 
     request = Request(kind.value, io.value, rate, accuracy)
     compiled = compile_model(model, out, request)
+    if text := compiled.warning:
+        warn(text)
     if as_json:
         print_json(_as_dict(compiled))
     else:

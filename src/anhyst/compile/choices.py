@@ -113,8 +113,8 @@ def _iterations(plan: Plan) -> Choice:
     return Choice(
         "iterations",
         f"{plan.sizes.iterations} in {what}",
-        "the fewest that keep the accuracy, full-range jumps and lost currents included; "
-        "the number is fixed, so is the time",
+        "one more than the fewest that are as good as many, full-range jumps and lost currents "
+        "included; the number is fixed, so is the time",
     )
 
 

@@ -12,7 +12,7 @@ from anhyst.compile.budget import Budget, as_dict, check_accuracy, keeps_allowan
 from anhyst.compile.folder import check_folder, json_text, write_folder
 from anhyst.compile.manifest import manifest
 from anhyst.compile.page import budget_page
-from anhyst.compile.plan import Plan, Request, make_plan
+from anhyst.compile.plan import ACCURACY, Plan, Request, make_plan
 from anhyst.compile.source import sources
 from anhyst.compile.vectors import golden_vectors, vectors_csv
 from anhyst.errors import InputError
@@ -47,6 +47,16 @@ class Compiled:
     budget: Budget
     manifest: dict[str, Any]
     files: tuple[str, ...]
+
+    @property
+    def warning(self) -> str:
+        """What a user should know, in one sentence; mostly nothing."""
+        if keeps_allowance(self.plan, self.budget):
+            return ""
+        return (
+            f"formats and tables cost more than the {ACCURACY:g} % of the largest output that is "
+            f"usual: 2 KiB of tables hold no more; {self.out / 'budget.html'} tells how much"
+        )
 
 
 def compile_model(model_path: PathLike, out: PathLike, request: Request) -> Compiled:
@@ -97,6 +107,7 @@ def _planned(model: ActuatorModel, request: Request, model_hash: int) -> tuple[P
     for share in SHARES:
         plan = make_plan(model, request, model_hash, share)
         budget = measure_budget(plan)
-        if keeps_allowance(plan, budget):
+        at_its_end = plan.found.reached > share * plan.allowance
+        if at_its_end or keeps_allowance(plan, budget):
             break
     return plan, budget

@@ -15,7 +15,6 @@ from anhyst.compile.floating import RealBlock
 from anhyst.compile.memory import parameters_bytes, state_bytes
 from anhyst.compile.parameters import parameters_source
 from anhyst.compile.plan import Plan
-from anhyst.compile.realcore import join_single
 from anhyst.compile.realsource import c_parameters_f32
 from anhyst.compile.words import Names
 from anhyst.data.units import Quantity
@@ -45,7 +44,7 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
     model, block, io = plan.model, plan.block, plan.request.io
     names = Names(model.output.unit, model.input.unit)
     real = isinstance(block, RealBlock)
-    joined = join_single(block.kind) if real else join(block.kind)
+    joined = join(block.kind, single=real)
     common = {
         "kind": block.kind,
         "version": version,
@@ -100,6 +99,8 @@ def _guide(plan: Plan) -> dict[str, object]:
         "rate": f"{plan.request.rate:.10g}",
         "bits": 16 if io == "q15" else 32,
         "signals": [(name, text.strip()) for name, _, text in rows],
+        "scale_name": f"ANHYST_FULL_SCALE_DEMAND_{_unit(plan.model.output)}",
+        "unit": plan.model.output.unit,
         "condition": (
             f"{cycles} triangle{'s' * (cycles > 1)} of current between its limits, "
             f"{start.seconds:g} s"
