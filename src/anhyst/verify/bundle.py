@@ -17,7 +17,7 @@ MANIFEST = "manifest.json"
 SOURCES = ("anhyst.h", "anhyst.c", "anhyst_parameters.h", "anhyst_parameters.c")
 VECTORS = "vectors.csv"
 PORT_HEADER = "anhyst_port_cortex_m4.h"
-FORMATS = {"q15": "15", "q31": "31"}
+FORMATS = {"q15": "15", "q31": "31", "f32": "32"}
 AGAIN = "run 'anhyst compile' again"
 
 

@@ -29,6 +29,8 @@ RECORD = (
     "memory a",
     "memory b",
     "memory c",
+    "memory d",
+    "memory e",
     "pidd2",
     "pidd2 integral",
     "pidd2 velocity",

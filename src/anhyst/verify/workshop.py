@@ -17,6 +17,8 @@ from anhyst.verify.toolchain import Build
 HARNESS = Path(__file__).resolve().parent / "harness"
 WITHOUT_LIBRARY = ("cortex_m", "msp430")
 SECTIONS_APART = ("-ffunction-sections", "-fdata-sections")
+ONE_ROUNDING_EACH = "-ffp-contract=off"
+"""A product and a sum are rounded each: otherwise two targets cannot have the same bits."""
 
 
 class Program(Protocol):
@@ -103,7 +105,7 @@ class Workshop:
             tuple(place / name for name in names),
             (place,),
             {"HARNESS_IO": FORMATS[self.bundle.io]},
-            (*SECTIONS_APART, *flags),
+            (*SECTIONS_APART, ONE_ROUNDING_EACH, *flags),
         )
 
 

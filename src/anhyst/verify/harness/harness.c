@@ -6,25 +6,8 @@
    of int. */
 #include "harness.h"
 
-#include "anhyst.h"
-#include "anhyst_parameters.h"
 #include "anhyst/pidd2.h"
-
-#if HARNESS_IO == 15
-typedef int16_t signal;
-#define SOLVE anhyst_compensator_solve_q15
-#define COMMIT anhyst_compensator_commit_q15
-#define OUTPUT anhyst_compensator_output_q15
-#define CONDITIONING anhyst_conditioning_q15
-#elif HARNESS_IO == 31
-typedef int32_t signal;
-#define SOLVE anhyst_compensator_solve_q31
-#define COMMIT anhyst_compensator_commit_q31
-#define OUTPUT anhyst_compensator_output_q31
-#define CONDITIONING anhyst_conditioning_q31
-#else
-#error "HARNESS_IO is 15 or 31: the format of the signals"
-#endif
+#include "signals.h"
 
 #define PHASE_STEPS 128U
 #define Q30_ONE ((int32_t)1073741824)
@@ -44,11 +27,12 @@ typedef struct {
 } generator;
 
 typedef struct {
-  int32_t demand, gap, applied, applied_gap; /* q31 */
+  signal demand, gap, applied, applied_gap;
   uint32_t how;
+  int32_t reference, position, load; /* of the position controller, q31 */
 } input;
 
-static anhyst_compensator compensator;
+static compensator_state compensator;
 static generator inputs;
 
 /* Gains of the size a levitated mass at some 10 kHz has; with inputs over the full range every
@@ -146,9 +130,11 @@ static int32_t next_gap(int32_t gap)
 static void choose_applied(input *in)
 {
   const uint32_t kind = draw() % 16;
+  const int32_t applied = kind < 13 ? as_signed(draw()) : double_q30(draw_q30(4));
   in->how = kind < 11 ? HARNESS_AS_SOLVED : HARNESS_AS_GIVEN;
-  in->applied = kind < 13 ? as_signed(draw()) : double_q30(draw_q30(4));
-  in->applied_gap = kind == 15 ? double_q30(within(draw_q30(0), 0, Q30_ONE)) : in->gap;
+  in->applied = current_of(applied);
+  in->applied_gap = kind == 15 ? gap_of(double_q30(within(draw_q30(0), 0, Q30_ONE))) : in->gap;
+  in->load = applied / 8;
 }
 
 static void next_input(uint32_t step, input *in)
@@ -160,21 +146,12 @@ static void next_input(uint32_t step, input *in)
   }
   inputs.demand = within(next_demand(inputs.demand), -Q30_ONE, Q30_ONE);
   inputs.gap = within(next_gap(inputs.gap), inputs.gaps == 2 ? -Q30_ONE / 16 : 0, Q30_ONE);
-  in->demand = double_q30(inputs.demand);
-  in->gap = double_q30(inputs.gap);
+  in->demand = demand_of(double_q30(inputs.demand));
+  in->gap = gap_of(double_q30(inputs.gap));
+  in->reference = inputs.demand;
+  in->position = inputs.gap;
   choose_applied(in);
 }
-
-static signal to_signal(int32_t a)
-{
-#if HARNESS_IO == 15
-  return (int16_t)(a >> 16);
-#else
-  return a;
-#endif
-}
-
-static uint32_t from_signal(signal a) { return (uint32_t)(int32_t)a; }
 
 static void fold(uint32_t word)
 {
@@ -205,10 +182,10 @@ static uint32_t control(const input *in, uint32_t *record)
 {
   anhyst_pidd2_candidate_q31 candidate;
   harness_clock_start();
-  const int32_t output = anhyst_pidd2_solve_q31(&gains, &controller, in->demand / 2, in->gap / 2,
-                                                in->applied / 8, &candidate);
+  const int32_t output = anhyst_pidd2_solve_q31(&gains, &controller, in->reference, in->position,
+                                                in->load, &candidate);
   const uint32_t solve = harness_clock_stop();
-  const int32_t applied = in->how == HARNESS_AS_SOLVED ? output : in->applied;
+  const int32_t applied = in->how == HARNESS_AS_SOLVED ? output : in->load;
   harness_clock_start();
   anhyst_pidd2_commit_q31(&gains, &controller, &candidate, applied);
   const uint32_t elapsed = solve + harness_clock_stop();
@@ -222,29 +199,27 @@ static uint32_t control(const input *in, uint32_t *record)
 /* Solve and commit. Returns what the clock counted, its own share included. */
 static uint32_t compensate(const input *in, uint32_t *record)
 {
-  const signal demand = to_signal(in->demand);
-  const signal gap = to_signal(in->gap);
   harness_clock_start();
-  const signal current = SOLVE(&compensator, demand, gap);
+  const signal current = SOLVE(&compensator, in->demand, in->gap);
   const uint32_t solve = harness_clock_stop();
-  record[HARNESS_CURRENT] = from_signal(current);
+  record[HARNESS_CURRENT] = word_of(current);
   record[HARNESS_FLAGS] = compensator.flags;
-  record[HARNESS_FLUX] = (uint32_t)compensator.flux;
+  record[HARNESS_FLUX] = INNER_WORD(compensator.flux);
 
   const int as_solved = in->how == HARNESS_AS_SOLVED;
-  const signal applied = as_solved ? current : to_signal(in->applied);
-  const signal applied_gap = as_solved ? gap : to_signal(in->applied_gap);
+  const signal applied = as_solved ? current : in->applied;
+  const signal applied_gap = as_solved ? in->gap : in->applied_gap;
   harness_clock_start();
   COMMIT(&compensator, applied, applied_gap);
   const uint32_t commit = harness_clock_stop();
 
   measured(HARNESS_SOLVE, solve);
   measured(as_solved ? HARNESS_COMMIT_SOLVED : HARNESS_COMMIT_OTHER, commit);
-  record[HARNESS_DEMAND] = from_signal(demand);
-  record[HARNESS_GAP] = from_signal(gap);
+  record[HARNESS_DEMAND] = word_of(in->demand);
+  record[HARNESS_GAP] = word_of(in->gap);
   record[HARNESS_HOW] = in->how;
-  record[HARNESS_APPLIED] = from_signal(applied);
-  record[HARNESS_APPLIED_GAP] = from_signal(applied_gap);
+  record[HARNESS_APPLIED] = word_of(applied);
+  record[HARNESS_APPLIED_GAP] = word_of(applied_gap);
   return solve + commit;
 }
 
@@ -260,11 +235,9 @@ static void run_step(const input *in)
   }
   const uint32_t elapsed = control(in, record) + compensate(in, record);
   measured(HARNESS_TICK, elapsed);
-  record[HARNESS_OUTPUT] = from_signal(OUTPUT(&compensator));
-  record[HARNESS_FLUX_APPLIED] = (uint32_t)compensator.flux_applied;
-  record[HARNESS_MEMORY_A] = (uint32_t)compensator.memory.a;
-  record[HARNESS_MEMORY_B] = (uint32_t)compensator.memory.b;
-  record[HARNESS_MEMORY_C] = (uint32_t)compensator.memory.c;
+  record[HARNESS_OUTPUT] = word_of(OUTPUT(&compensator));
+  record[HARNESS_FLUX_APPLIED] = INNER_WORD(compensator.flux_applied);
+  record_memory(&compensator, record);
   for (uint16_t i = 0; i < HARNESS_RECORD_WORDS; i++) {
     fold(record[i]);
     if (step >= harness_box.window_first && place < HARNESS_WINDOW) {
@@ -288,7 +261,7 @@ static void start(void)
   harness_box.state_bytes = sizeof compensator;
   harness_box.control_bytes = sizeof controller;
   anhyst_pidd2_start_q31(&gains, &controller, 0, 0, 0, 0);
-  harness_box.words = ANHYST_PARAMETERS_WORDS;
+  harness_box.words = PARAMETERS_WORDS;
   harness_box.stack_bytes = 0;
   harness_box.step = 0;
   harness_box.hash = 2166136261U;
@@ -298,9 +271,7 @@ static void start(void)
   inputs.target = Q30_ONE;
   inputs.demands = 0;
   inputs.gaps = 0;
-  const anhyst_status status = anhyst_compensator_init(&compensator, &ANHYST_KERNEL,
-                                                       anhyst_parameters, ANHYST_PARAMETERS_WORDS);
-  harness_box.status = (uint32_t)(int32_t)status;
+  harness_box.status = (uint32_t)(int32_t)take_parameters(&compensator);
   for (uint16_t i = 0; i < 4; i++) {
     harness_clock_start();
     measured(HARNESS_EMPTY, harness_clock_stop());
@@ -310,11 +281,11 @@ static void start(void)
 /* The start-up sequence is part of what is compared: its length, and 64 of its currents. */
 static void fold_conditioning(void)
 {
-  const int32_t length = anhyst_conditioning_length(&compensator);
+  const int32_t length = CONDITIONING_LENGTH(&compensator);
   const int32_t stride = length / 63 + 1;
   fold((uint32_t)length);
   for (int32_t i = 0; i < 64; i++) {
-    fold(from_signal(CONDITIONING(&compensator, i * stride)));
+    fold(word_of(CONDITIONING(&compensator, i * stride)));
   }
 }
 
@@ -332,10 +303,9 @@ static uint32_t stack_of(const input *in)
   for (uintptr_t at = low; at < top; at++) {
     *(volatile unsigned char *)at = PAINT;
   }
-  const signal current = SOLVE(&compensator, to_signal(in->demand), to_signal(in->gap));
+  const signal current = SOLVE(&compensator, in->demand, in->gap);
   const int as_solved = in->how == HARNESS_AS_SOLVED;
-  COMMIT(&compensator, as_solved ? current : to_signal(in->applied),
-         to_signal(as_solved ? in->gap : in->applied_gap));
+  COMMIT(&compensator, as_solved ? current : in->applied, as_solved ? in->gap : in->applied_gap);
   uintptr_t deepest = low;
   while (deepest < top && *(volatile unsigned char *)deepest == PAINT) {
     deepest++;
@@ -378,18 +348,14 @@ static void run_vectors(void)
   harness_box.window_first = harness_box.step;
   for (uint32_t i = 0; i < steps_to_run() && i < HARNESS_WINDOW; i++) {
     volatile uint32_t *row = harness_box.window[i];
-    in.demand = as_signed(row[HARNESS_DEMAND]);
-    in.gap = as_signed(row[HARNESS_GAP]);
+    in.demand = signal_of(row[HARNESS_DEMAND]);
+    in.gap = signal_of(row[HARNESS_GAP]);
     in.how = row[HARNESS_HOW];
-    in.applied = as_signed(row[HARNESS_APPLIED]);
-    in.applied_gap = as_signed(row[HARNESS_APPLIED_GAP]);
-#if HARNESS_IO == 15
-    /* Vectors are in the format of the signals; the generator's inputs are wider. */
-    in.demand *= 65536;
-    in.gap *= 65536;
-    in.applied *= 65536;
-    in.applied_gap *= 65536;
-#endif
+    in.applied = signal_of(row[HARNESS_APPLIED]);
+    in.applied_gap = signal_of(row[HARNESS_APPLIED_GAP]);
+    in.reference = 0;
+    in.position = 0;
+    in.load = 0;
     run_step(&in);
   }
 }
