@@ -356,6 +356,15 @@ def page_fields(entry: Entry) -> str:
     return ", ".join(names) or "none"
 
 
+def page_values(title: str, entry: Entry, shift: bool) -> list[str]:
+    """Return the table of an enum, or of flags."""
+    lines = ["", f"| number | {title} | meaning |", "| --- | --- | --- |"]
+    for number, value in enumerate(entry["values"]):
+        code = 1 << number if shift else number
+        lines.append(f"| {code} | `{value['name']}` | {value['doc'] or '-'} |")
+    return lines
+
+
 def page(table: Entry) -> str:
     """Return the tables of docs/firmware.md."""
     lines = ["| type | request | payload | answer | meaning |", "| --- | --- | --- | --- | --- |"]
@@ -376,12 +385,12 @@ def page(table: Entry) -> str:
         start = s["default"] if s["low"] <= s["default"] <= s["high"] else start
         run = "yes" if s["run"] else "no"
         lines.append(f"| `{s['name']}` | {s['low']} | {s['high']} | {start} | {run} | {s['doc']} |")
-    wanted = {"fault": "reason of a fault", "reason": "reason of a NAK"}
+    titles = {"command": "command", "fault": "reason of a fault", "reason": "reason of a NAK"}
     for entry in table["enum"]:
-        if entry["name"] in wanted:
-            lines += ["", f"| number | {wanted[entry['name']]} | meaning |", "| --- | --- | --- |"]
-            for number, value in enumerate(entry["values"]):
-                lines.append(f"| {number} | `{value['name']}` | {value['doc'] or '-'} |")
+        if entry["name"] in titles:
+            lines += page_values(titles[entry["name"]], entry, shift=False)
+    for entry in table["flags"]:
+        lines += page_values("bit of the flags", entry, shift=True)
     return "\n".join(lines)
 
 

@@ -261,14 +261,17 @@ static void on_recorder_query(app *a, const uint8_t *p, answer *to)
   say_recorder(a, to);
 }
 
-/* A recording that is done is not touched by the control task: no lock. */
+/* A recording that is done is not touched by the control task: its values need no lock. */
 static void on_recorder_read(app *a, const uint8_t *p, answer *to)
 {
   const uint16_t most = (LINK_PAYLOAD_MOST - LINK_SIZE_RECORDER_DATA) / 4;
   link_recorder_read read;
   link_get_recorder_read(&read, p);
-  if (a->recorder.state != LINK_RECORDER_DONE) {
-    say_nak(to, LINK_TYPE_RECORDER_READ, LINK_REASON_STATE, a->recorder.state);
+  port_lock();
+  const uint16_t state = a->recorder.state;
+  port_unlock();
+  if (state != LINK_RECORDER_DONE) {
+    say_nak(to, LINK_TYPE_RECORDER_READ, LINK_REASON_STATE, state);
     return;
   }
   const link_recorder_data data = {read.offset};

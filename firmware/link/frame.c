@@ -33,7 +33,8 @@ static uint16_t cobs_decode(uint8_t *bytes, uint16_t count)
 /* Makes a frame of decoded bytes: 1 where length and checksum agree. */
 static int parse(const uint8_t *bytes, uint16_t count, link_frame *frame)
 {
-  if (count < LINK_HEAD + LINK_CHECK || count != LINK_HEAD + LINK_CHECK + bytes[3]) {
+  const uint16_t around = LINK_HEAD + LINK_CHECK;
+  if (count < around || count - around != bytes[3]) {
     return 0;
   }
   const uint16_t covered = (uint16_t)(count - LINK_CHECK);

@@ -144,7 +144,7 @@ enum {
   LINK_REASON_LENGTH = 3,
   /* number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none */
   LINK_REASON_OLD = 4,
-  /* not in this state; detail: the state */
+  /* not in this state; detail: the state (of the recorder, for its requests) */
   LINK_REASON_STATE = 5,
   /* a value out of its range, or no such setting, command or word */
   LINK_REASON_VALUE = 6,

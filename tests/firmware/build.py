@@ -25,16 +25,19 @@ def tool(*names: str) -> str:
     for name in names:
         if found := shutil.which(name, path=path):
             return found
-    pytest.skip(f"{names[0]} is not installed: apt install {names[0]}")
+    package = {"avr-gcc": "gcc-avr avr-libc"}.get(names[0], names[0])
+    pytest.skip(f"{names[0]} is not installed: apt install {package}")
 
 
 def compile_c(
     compiler: str, sources: Sequence[Path], out: Path, *options: str
 ) -> subprocess.CompletedProcess[str]:
-    """Compile and link; warnings are errors."""
+    """Compile and link; warnings are errors. With -c, out is the folder of the objects."""
     include = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
-    command = [compiler, "-std=c99", "-O1", *WARNINGS, *options, *include]
-    command += [*map(str, sources), "-o", str(out), "-lm"]
+    command = [compiler, "-std=c99", "-O1", *WARNINGS, *options, *include, *map(str, sources)]
+    if "-c" in options:
+        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=out)
+    command += ["-o", str(out), "-lm"]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

@@ -22,9 +22,11 @@ def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     options = SANITIZERS if sanitized else []
     if not can(compiler, folder, *options):
         pytest.skip(f"{compiler} has no sanitizers here: apt install libclang-rt-dev")
+    done = compile_c(compiler, [*BENCH, *FIRMWARE], folder, "-c", *options)
+    assert done.returncode == 0, done.stderr
+    objects = sorted(folder.glob("*.o"))
     for name in PROGRAMS:
-        sources = [HERE / f"{name}.c", *BENCH, *FIRMWARE]
-        done = compile_c(compiler, sources, folder / name, *options)
+        done = compile_c(compiler, [HERE / f"{name}.c", *objects], folder / name, *options)
         assert done.returncode == 0, done.stderr
     return folder
 
@@ -46,10 +48,9 @@ def test_firmware_has_no_heap_no_globals_and_knows_the_port_alone(tmp_path: Path
     defined: set[str] = set()
     wanted: set[str] = set()
     writable: set[str] = set()
-    for source in FIRMWARE:
-        compiled = tmp_path / f"{source.stem}.o"
-        done = compile_c(compiler, [source], compiled, "-c")
-        assert done.returncode == 0, done.stderr
+    done = compile_c(compiler, FIRMWARE, tmp_path, "-c")
+    assert done.returncode == 0, done.stderr
+    for compiled in tmp_path.glob("*.o"):
         listing = subprocess.run([tool("nm"), compiled], capture_output=True, text=True, check=True)
         for line in listing.stdout.splitlines():
             *_, kind, name = line.split()

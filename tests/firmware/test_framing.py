@@ -152,7 +152,7 @@ def test_python_and_c_agree_on_sizes(tmp_path: Path) -> None:
         )
     source = tmp_path / "sizes.c"
     source.write_text('#include "link/frames.h"\n' + "\n".join(lines) + "\n", encoding="utf-8")
-    done = compile_c(tool("cc", "gcc"), [source], tmp_path / "sizes.o", "-c")
+    done = compile_c(tool("cc", "gcc"), [source], tmp_path, "-c")
     assert done.returncode == 0, done.stderr
 
 

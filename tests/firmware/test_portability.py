@@ -1,0 +1,58 @@
+"""The firmware on other processors: no reliance on the width of int; the memory that is stated."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from .build import FIRMWARE, HERE, ROOT, tool
+
+INCLUDE = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
+PARTS = {
+    "state of the controller": "sizeof(app_control)",
+    "what it knows of its sensors": "sizeof(app_sensors)",
+    "settings": "LINK_SETTING_COUNT * sizeof(int32_t)",
+    "link: frame": "sizeof(app_session)",
+    "recorder": "sizeof(app_recorder)",
+    "two places for parameter blocks": "sizeof(app_download)",
+}
+
+
+def test_sixteen_bit_int_is_enough(tmp_path: Path) -> None:
+    # Warnings tell where a constant or a shift would not fit. avr-gcc 5 warns of conversions that
+    # are none, so that -Wconversion is left to the other compilers.
+    command = [tool("avr-gcc"), "-mmcu=atmega1284p", "-std=c99", "-Os", "-Wall", "-Wextra"]
+    command += ["-Werror", *INCLUDE, "-c", *map(str, FIRMWARE)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def cortex_m4(source: Path, out: Path) -> None:
+    """Compile for a Cortex-M4."""
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabi"]
+    command += ["-mcpu=cortex_m4", "-ffreestanding", "-std=c99", "-Os", *INCLUDE]
+    done = subprocess.run(
+        [*command, "-c", str(source), "-o", str(out)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_page_states_the_memory_that_is_used(tmp_path: Path) -> None:
+    from elftools.elf.elffile import ELFFile
+    from elftools.elf.sections import SymbolTableSection
+
+    page = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
+    stated = dict(re.findall(r"^\| ([^|]+) \| (\d+) \|$", page.partition("## Memory")[2], re.M))
+    lines = [f"char part_{i}[{size}];" for i, size in enumerate(PARTS.values())]
+    source = tmp_path / "parts.c"
+    source.write_text('#include "app/app.h"\n' + "\n".join(lines) + "\n", encoding="utf-8")
+    cortex_m4(source, tmp_path / "parts.o")
+    with (tmp_path / "parts.o").open("rb") as file:
+        symbols = ELFFile(file).get_section_by_name(".symtab")
+        assert isinstance(symbols, SymbolTableSection)
+        sizes = {symbol.name: symbol["st_size"] for symbol in symbols.iter_symbols()}
+    for number, name in enumerate(PARTS):
+        (figure,) = [int(value) for key, value in stated.items() if key.startswith(name)]
+        assert sizes[f"part_{number}"] == figure, name
