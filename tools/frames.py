@@ -62,13 +62,20 @@ def c_number(value: int) -> str:
     return "INT32_MIN" if value == -(2**31) else f"INT32_C({value})"
 
 
+def c_line(code: str, doc: str) -> list[str]:
+    """Return an indented line with its comment, behind it where it fits, else above."""
+    if not doc:
+        return [f"  {code}"]
+    if len(f"  {code} /* {doc} */") <= 100:
+        return [f"  {code} /* {doc} */"]
+    return [c_comment(doc, "  "), f"  {code}"]
+
+
 def c_enum(prefix: str, entry: Entry, values: list[int]) -> str:
     """Return an enum whose constants are prefix_NAME."""
     lines = [c_comment(entry["doc"]), "enum {"]
     for item, value in zip(entry["values"], values, strict=True):
-        if item.get("doc"):
-            lines.append(c_comment(item["doc"], "  "))
-        lines.append(f"  {prefix}_{item['name'].upper()} = {value},")
+        lines += c_line(f"{prefix}_{item['name'].upper()} = {value},", item.get("doc", ""))
     lines.append(f"  {prefix}_COUNT = {len(values)}")
     return "\n".join([*lines, "};"])
 
@@ -77,9 +84,7 @@ def c_struct(name: str, entry: Entry) -> str:
     """Return the struct of a frame's or record's fixed fields."""
     lines = [c_comment(entry["doc"]), "typedef struct {"]
     for field in entry["fields"]:
-        if field["doc"]:
-            lines.append(c_comment(field["doc"], "  "))
-        lines.append(f"  {C_TYPES[field['type']]} {field['name']};")
+        lines += c_line(f"{C_TYPES[field['type']]} {field['name']};", field["doc"])
     return "\n".join([*lines, f"}} {name};"])
 
 

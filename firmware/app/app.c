@@ -49,6 +49,11 @@ void app_tick(app *a)
 {
   port_sample sample;
   port_sense(&sample);
+  if ((sample.status & PORT_NO_SAMPLE) != 0U) {
+    sample.gap = PORT_RESERVED;
+    sample.force = PORT_RESERVED;
+    sample.current = PORT_RESERVED;
+  }
   const int32_t drive = app_control_tick(&a->control, &a->sensors, a->board, a->settings, &sample);
   port_drive(drive, a->control.state + 256U * a->control.fault);
   record(a, &sample);

@@ -70,13 +70,11 @@ static uint32_t follow_tick(app_control *control, const app_limits *limits, uint
 }
 
 /* The reason of a fault that this sample would be, or none. All sensors are judged, so that each
-   follows its own noise; the first that is wrong is told. */
+   follows its own noise; the first that is wrong is told. Without a sample all values are
+   PORT_RESERVED. */
 static uint16_t judge(const app_control *control, app_sensors *sensors, const app_limits *limits,
                       const port_sample *sample, uint32_t ticks)
 {
-  if ((sample->status & PORT_NO_SAMPLE) != 0U) {
-    return LINK_FAULT_SENSOR_FAILED;
-  }
   const int32_t least = limits->stuck_current;
   const int32_t drive = control->drive;
   const uint16_t gap =
@@ -85,6 +83,9 @@ static uint16_t judge(const app_control *control, app_sensors *sensors, const ap
       app_sensor_judge(&sensors->force, &limits->force, least, sample->force, ticks, drive);
   const uint16_t current =
       app_sensor_judge(&sensors->current, &limits->current, least, sample->current, ticks, drive);
+  if ((sample->status & PORT_NO_SAMPLE) != 0U) {
+    return LINK_FAULT_SENSOR_FAILED;
+  }
   if (gap != APP_SENSOR_FINE) {
     return (uint16_t)(LINK_FAULT_GAP_RESERVED - APP_SENSOR_RESERVED + gap);
   }
@@ -266,7 +267,7 @@ static uint16_t obstacle(const app_control *control, uint16_t command)
 
 uint16_t app_control_command(app_control *control, app_sensors *sensors, uint16_t command)
 {
-  const anhyst_memory demagnetised = {0, 0, 0};
+  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
   const uint16_t reason = obstacle(control, command);
   if (reason != LINK_REASON_NONE) {
     return reason;

@@ -45,7 +45,8 @@ typedef struct {
 void app_control_start(app_control *control, app_sensors *sensors, const app_board *board);
 
 /* One tick: judges the sample, moves the state, and returns the current to drive, q31.
-   settings: the values of the settings, each within its range. */
+   sample: without values (PORT_NO_SAMPLE) all three are PORT_RESERVED. settings: the values of the
+   settings, each within its range. */
 int32_t app_control_tick(app_control *control, app_sensors *sensors, const app_board *board,
                          const int32_t *settings, const port_sample *sample);
 

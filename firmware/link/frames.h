@@ -13,18 +13,13 @@
 
 /* Types of frames. */
 enum {
-  /* Opens a session: the sequence starts anew with this frame. */
-  LINK_TYPE_HELLO = 1,
-  /* Asks for the status. */
-  LINK_TYPE_HEARTBEAT = 2,
+  LINK_TYPE_HELLO = 1, /* Opens a session: the sequence starts anew with this frame. */
+  LINK_TYPE_HEARTBEAT = 2, /* Asks for the status. */
   /* The demanded force, in force from the next tick. Without effect outside run. */
   LINK_TYPE_DEMAND = 3,
-  /* Changes the state. Detail of the answer: the state entered. */
-  LINK_TYPE_COMMAND = 4,
-  /* Asks for a setting. */
-  LINK_TYPE_SETTING_READ = 5,
-  /* Sets a setting, in force from the next tick. */
-  LINK_TYPE_SETTING_WRITE = 6,
+  LINK_TYPE_COMMAND = 4, /* Changes the state. Detail of the answer: the state entered. */
+  LINK_TYPE_SETTING_READ = 5, /* Asks for a setting. */
+  LINK_TYPE_SETTING_WRITE = 6, /* Sets a setting, in force from the next tick. */
   /* Announces a parameter block; what had arrived of another is forgotten. */
   LINK_TYPE_BLOCK_BEGIN = 7,
   /* The next words of the block. Detail of the answer: the next offset. */
@@ -32,28 +27,18 @@ enum {
   /* Checks the block and puts it in force between two ticks. On any error the old one stays. Detail
      of the answer: the generation in force. */
   LINK_TYPE_BLOCK_SWAP = 9,
-  /* Asks for words of the block in force. */
-  LINK_TYPE_BLOCK_READ = 10,
+  LINK_TYPE_BLOCK_READ = 10, /* Asks for words of the block in force. */
   /* Sets the recorder up and starts it; what it held is forgotten. Mask 0 switches it off. */
   LINK_TYPE_RECORDER_SETUP = 11,
-  /* Asks what the recorder does. */
-  LINK_TYPE_RECORDER_QUERY = 12,
-  /* Asks for recorded numbers; only when the recorder is done. */
-  LINK_TYPE_RECORDER_READ = 13,
-  /* Who the controller is. */
-  LINK_TYPE_INFO = 129,
-  /* What the controller did in the tick that its head names. */
-  LINK_TYPE_STATUS = 130,
-  /* Done. */
-  LINK_TYPE_ACK = 131,
-  /* Not done, and nothing changed. */
-  LINK_TYPE_NAK = 132,
-  /* The value of a setting. */
-  LINK_TYPE_SETTING = 133,
-  /* Words of the block in force. */
-  LINK_TYPE_BLOCK_WORDS = 134,
-  /* What the recorder does. */
-  LINK_TYPE_RECORDER_INFO = 135,
+  LINK_TYPE_RECORDER_QUERY = 12, /* Asks what the recorder does. */
+  LINK_TYPE_RECORDER_READ = 13, /* Asks for recorded numbers; only when the recorder is done. */
+  LINK_TYPE_INFO = 129, /* Who the controller is. */
+  LINK_TYPE_STATUS = 130, /* What the controller did in the tick that its head names. */
+  LINK_TYPE_ACK = 131, /* Done. */
+  LINK_TYPE_NAK = 132, /* Not done, and nothing changed. */
+  LINK_TYPE_SETTING = 133, /* The value of a setting. */
+  LINK_TYPE_BLOCK_WORDS = 134, /* Words of the block in force. */
+  LINK_TYPE_RECORDER_INFO = 135, /* What the recorder does. */
   /* Recorded numbers, record by record, in a record signal by signal. */
   LINK_TYPE_RECORDER_DATA = 136,
   LINK_TYPE_COUNT = 21
@@ -61,138 +46,92 @@ enum {
 
 /* State of the controller. */
 enum {
-  /* power on, before the first tick */
-  LINK_STATE_INIT = 0,
-  /* sensors watched for a while, no current */
-  LINK_STATE_SELFTEST = 1,
-  /* no current, or conditioning (flag) */
-  LINK_STATE_IDLE = 2,
-  /* the memory of the iron is taken as known, no current */
-  LINK_STATE_READY = 3,
-  /* the current follows the demand */
-  LINK_STATE_RUN = 4,
-  /* current ramped to zero, reason latched */
-  LINK_STATE_FAULT = 5,
+  LINK_STATE_INIT = 0, /* power on, before the first tick */
+  LINK_STATE_SELFTEST = 1, /* sensors watched for a while, no current */
+  LINK_STATE_IDLE = 2, /* no current, or conditioning (flag) */
+  LINK_STATE_READY = 3, /* the memory of the iron is taken as known, no current */
+  LINK_STATE_RUN = 4, /* the current follows the demand */
+  LINK_STATE_FAULT = 5, /* current ramped to zero, reason latched */
   LINK_STATE_COUNT = 6
 };
 
 /* Why the controller went to the state fault; the first reason is kept. */
 enum {
   LINK_FAULT_NONE = 0,
-  /* the parameter block built in is not sound */
-  LINK_FAULT_BLOCK = 1,
-  /* no valid frame for heartbeat_ticks while current may flow */
-  LINK_FAULT_LINK_LOST = 2,
-  /* more ticks missed in a row than the board allows */
-  LINK_FAULT_MISSED_TICK = 3,
-  /* the port had no sample: the sensors did not answer */
-  LINK_FAULT_SENSOR_FAILED = 4,
-  /* the gap's sensor sent its error code */
-  LINK_FAULT_GAP_RESERVED = 5,
-  /* gap out of its plausible range */
-  LINK_FAULT_GAP_RANGE = 6,
-  /* gap changed faster than it can */
-  LINK_FAULT_GAP_SLEW = 7,
-  /* gap showed no noise although the current moved */
-  LINK_FAULT_GAP_STUCK = 8,
-  /* the force sensor sent its error code */
-  LINK_FAULT_FORCE_RESERVED = 9,
-  /* force out of its plausible range */
-  LINK_FAULT_FORCE_RANGE = 10,
-  /* force changed faster than it can */
-  LINK_FAULT_FORCE_SLEW = 11,
-  /* force did not change although the current moved */
-  LINK_FAULT_FORCE_STUCK = 12,
-  /* the current's sensor sent its error code */
-  LINK_FAULT_CURRENT_RESERVED = 13,
-  /* current out of its plausible range */
-  LINK_FAULT_CURRENT_RANGE = 14,
-  /* current changed faster than it can */
-  LINK_FAULT_CURRENT_SLEW = 15,
-  /* the measured current did not change although it should have */
-  LINK_FAULT_CURRENT_STUCK = 16,
+  LINK_FAULT_BLOCK = 1, /* the parameter block built in is not sound */
+  LINK_FAULT_LINK_LOST = 2, /* no valid frame for heartbeat_ticks while current may flow */
+  LINK_FAULT_MISSED_TICK = 3, /* more ticks missed in a row than the board allows */
+  LINK_FAULT_SENSOR_FAILED = 4, /* the port had no sample: the sensors did not answer */
+  LINK_FAULT_GAP_RESERVED = 5, /* the gap's sensor sent its error code */
+  LINK_FAULT_GAP_RANGE = 6, /* gap out of its plausible range */
+  LINK_FAULT_GAP_SLEW = 7, /* gap changed faster than it can */
+  LINK_FAULT_GAP_STUCK = 8, /* gap showed no noise although the current moved */
+  LINK_FAULT_FORCE_RESERVED = 9, /* the force sensor sent its error code */
+  LINK_FAULT_FORCE_RANGE = 10, /* force out of its plausible range */
+  LINK_FAULT_FORCE_SLEW = 11, /* force changed faster than it can */
+  LINK_FAULT_FORCE_STUCK = 12, /* force did not change although the current moved */
+  LINK_FAULT_CURRENT_RESERVED = 13, /* the current's sensor sent its error code */
+  LINK_FAULT_CURRENT_RANGE = 14, /* current out of its plausible range */
+  LINK_FAULT_CURRENT_SLEW = 15, /* current changed faster than it can */
+  LINK_FAULT_CURRENT_STUCK = 16, /* the measured current did not change although it should have */
   LINK_FAULT_COUNT = 17
 };
 
 /* What a command asks for. */
 enum {
-  /* ready, run or conditioning to idle */
-  LINK_COMMAND_IDLE = 0,
+  LINK_COMMAND_IDLE = 0, /* ready, run or conditioning to idle */
   /* idle to idle with the conditioning sequence, then by itself to ready */
   LINK_COMMAND_CONDITION = 1,
-  /* idle to ready: the memory is taken as it stands */
-  LINK_COMMAND_ARM = 2,
-  /* ready to run, demand zero */
-  LINK_COMMAND_RUN = 3,
-  /* run to ready */
-  LINK_COMMAND_STOP = 4,
-  /* fault to selftest, once the current is zero */
-  LINK_COMMAND_CLEAR = 5,
-  /* in idle: the memory is set to that of demagnetised iron */
-  LINK_COMMAND_DEMAGNETISED = 6,
+  LINK_COMMAND_ARM = 2, /* idle to ready: the memory is taken as it stands */
+  LINK_COMMAND_RUN = 3, /* ready to run, demand zero */
+  LINK_COMMAND_STOP = 4, /* run to ready */
+  LINK_COMMAND_CLEAR = 5, /* fault to selftest, once the current is zero */
+  LINK_COMMAND_DEMAGNETISED = 6, /* in idle: the memory is set to that of demagnetised iron */
   LINK_COMMAND_COUNT = 7
 };
 
 /* Why a request was not done (NAK). */
 enum {
   LINK_REASON_NONE = 0,
-  /* another protocol version; detail: the controller's */
-  LINK_REASON_VERSION = 1,
-  /* no such request */
-  LINK_REASON_TYPE = 2,
-  /* the payload has the wrong length; detail: the length it had */
-  LINK_REASON_LENGTH = 3,
+  LINK_REASON_VERSION = 1, /* another protocol version; detail: the controller's */
+  LINK_REASON_TYPE = 2, /* no such request */
+  LINK_REASON_LENGTH = 3, /* the payload has the wrong length; detail: the length it had */
   /* number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none */
   LINK_REASON_OLD = 4,
   /* not in this state; detail: the state (of the recorder, for its requests) */
   LINK_REASON_STATE = 5,
-  /* a value out of its range, or no such setting, command or word */
-  LINK_REASON_VALUE = 6,
+  LINK_REASON_VALUE = 6, /* a value out of its range, or no such setting, command or word */
   /* block data without begin or not at the next offset; detail: the next offset */
   LINK_REASON_ORDER = 7,
-  /* the block that arrived is not the one that was announced */
-  LINK_REASON_CHECKSUM = 8,
-  /* the block is not sound, or of another kind or layout */
-  LINK_REASON_BLOCK = 9,
-  /* the block has another generation; detail: its own */
-  LINK_REASON_GENERATION = 10,
+  LINK_REASON_CHECKSUM = 8, /* the block that arrived is not the one that was announced */
+  LINK_REASON_BLOCK = 9, /* the block is not sound, or of another kind or layout */
+  LINK_REASON_GENERATION = 10, /* the block has another generation; detail: its own */
   LINK_REASON_COUNT = 11
 };
 
 /* When the recorder starts. */
 enum {
-  /* at the next tick */
-  LINK_TRIGGER_NOW = 0,
-  /* the signal reaches the level from below */
-  LINK_TRIGGER_RISING = 1,
-  /* the signal reaches the level from above */
-  LINK_TRIGGER_FALLING = 2,
+  LINK_TRIGGER_NOW = 0, /* at the next tick */
+  LINK_TRIGGER_RISING = 1, /* the signal reaches the level from below */
+  LINK_TRIGGER_FALLING = 2, /* the signal reaches the level from above */
   LINK_TRIGGER_COUNT = 3
 };
 
 /* What the recorder does. */
 enum {
-  /* not set up */
-  LINK_RECORDER_OFF = 0,
-  /* fills the time before the trigger and waits for it */
-  LINK_RECORDER_WAITING = 1,
-  /* triggered */
-  LINK_RECORDER_RECORDING = 2,
-  /* full, can be read */
-  LINK_RECORDER_DONE = 3,
+  LINK_RECORDER_OFF = 0, /* not set up */
+  LINK_RECORDER_WAITING = 1, /* fills the time before the trigger and waits for it */
+  LINK_RECORDER_RECORDING = 2, /* triggered */
+  LINK_RECORDER_DONE = 3, /* full, can be read */
   LINK_RECORDER_COUNT = 4
 };
 
 /* Settings. */
 enum {
-  /* ticks without a valid frame until the link counts as lost */
-  LINK_SETTING_HEARTBEAT_TICKS = 0,
-  /* largest change of the demand in a tick, q31 */
-  LINK_SETTING_DEMAND_SLEW = 1,
-  /* 1: the compensator; 0: a constant force-current ratio */
-  LINK_SETTING_COMPENSATION = 2,
-  /* the constant ratio, q30: current for each unit of demand */
-  LINK_SETTING_RATIO = 3,
+  LINK_SETTING_HEARTBEAT_TICKS = 0, /* ticks without a valid frame until the link counts as lost */
+  LINK_SETTING_DEMAND_SLEW = 1, /* largest change of the demand in a tick, q31 */
+  LINK_SETTING_COMPENSATION = 2, /* 1: the compensator; 0: a constant force-current ratio */
+  LINK_SETTING_RATIO = 3, /* the constant ratio, q30: current for each unit of demand */
   /* what the memory follows. 0: the current driven; 1: the current measured */
   LINK_SETTING_FOLLOW = 4,
   LINK_SETTING_COUNT = 5
@@ -200,24 +139,15 @@ enum {
 
 /* What can be recorded. */
 enum {
-  /* demand in force, q31 of the full-scale force */
-  LINK_SIGNAL_DEMAND = 0,
-  /* measured force, q30 */
-  LINK_SIGNAL_FORCE = 1,
-  /* measured gap, q30 */
-  LINK_SIGNAL_GAP = 2,
-  /* measured current, q30 */
-  LINK_SIGNAL_CURRENT = 3,
-  /* current driven, q31 of the full-scale current */
-  LINK_SIGNAL_DRIVE = 4,
-  /* flux of the model after the commit, q30 */
-  LINK_SIGNAL_FLUX = 5,
-  /* force that the model expects after the commit, q31 */
-  LINK_SIGNAL_EXPECTED = 6,
-  /* state, as a number */
-  LINK_SIGNAL_STATE = 7,
-  /* flags, as in status */
-  LINK_SIGNAL_FLAGS = 8,
+  LINK_SIGNAL_DEMAND = 0, /* demand in force, q31 of the full-scale force */
+  LINK_SIGNAL_FORCE = 1, /* measured force, q30 */
+  LINK_SIGNAL_GAP = 2, /* measured gap, q30 */
+  LINK_SIGNAL_CURRENT = 3, /* measured current, q30 */
+  LINK_SIGNAL_DRIVE = 4, /* current driven, q31 of the full-scale current */
+  LINK_SIGNAL_FLUX = 5, /* flux of the model after the commit, q30 */
+  LINK_SIGNAL_EXPECTED = 6, /* force that the model expects after the commit, q31 */
+  LINK_SIGNAL_STATE = 7, /* state, as a number */
+  LINK_SIGNAL_FLAGS = 8, /* flags, as in status */
   LINK_SIGNAL_COUNT = 9
 };
 
@@ -225,18 +155,12 @@ enum {
 enum {
   /* by the parameter block or the residual force, as of the last tick */
   LINK_FLAG_DEMAND_LIMITED = 1,
-  /* by the parameter block or the board */
-  LINK_FLAG_CURRENT_LIMITED = 2,
-  /* by the parameter block */
-  LINK_FLAG_FLUX_LIMITED = 4,
-  /* the demand in force is still on its way */
-  LINK_FLAG_DEMAND_SLEWING = 8,
-  /* the conditioning sequence runs */
-  LINK_FLAG_CONDITIONING = 16,
-  /* the memory of the iron is taken as known */
-  LINK_FLAG_KNOWN = 32,
-  /* the current driven is zero */
-  LINK_FLAG_CURRENT_ZERO = 64,
+  LINK_FLAG_CURRENT_LIMITED = 2, /* by the parameter block or the board */
+  LINK_FLAG_FLUX_LIMITED = 4, /* by the parameter block */
+  LINK_FLAG_DEMAND_SLEWING = 8, /* the demand in force is still on its way */
+  LINK_FLAG_CONDITIONING = 16, /* the conditioning sequence runs */
+  LINK_FLAG_KNOWN = 32, /* the memory of the iron is taken as known */
+  LINK_FLAG_CURRENT_ZERO = 64, /* the current driven is zero */
   /* an implausible sample was replaced by the last plausible one */
   LINK_FLAG_SAMPLE_DOUBTFUL = 128,
   LINK_FLAG_COUNT = 8
@@ -253,8 +177,7 @@ enum {
 #define LINK_SIZE_HELLO 2
 /* Opens a session: the sequence starts anew with this frame. */
 typedef struct {
-  /* protocol version of the PC */
-  uint16_t version;
+  uint16_t version; /* protocol version of the PC */
 } link_hello;
 static inline void link_get_hello(link_hello *m, const uint8_t *p)
 {
@@ -266,8 +189,7 @@ static inline void link_get_hello(link_hello *m, const uint8_t *p)
 #define LINK_SIZE_DEMAND 4
 /* The demanded force, in force from the next tick. Without effect outside run. */
 typedef struct {
-  /* q31 of the full-scale force */
-  int32_t force;
+  int32_t force; /* q31 of the full-scale force */
 } link_demand;
 static inline void link_get_demand(link_demand *m, const uint8_t *p)
 {
@@ -277,8 +199,7 @@ static inline void link_get_demand(link_demand *m, const uint8_t *p)
 #define LINK_SIZE_COMMAND 2
 /* Changes the state. Detail of the answer: the state entered. */
 typedef struct {
-  /* one of command */
-  uint16_t command;
+  uint16_t command; /* one of command */
 } link_command;
 static inline void link_get_command(link_command *m, const uint8_t *p)
 {
@@ -288,8 +209,7 @@ static inline void link_get_command(link_command *m, const uint8_t *p)
 #define LINK_SIZE_SETTING_READ 2
 /* Asks for a setting. */
 typedef struct {
-  /* one of setting */
-  uint16_t setting;
+  uint16_t setting; /* one of setting */
 } link_setting_read;
 static inline void link_get_setting_read(link_setting_read *m, const uint8_t *p)
 {
@@ -299,8 +219,7 @@ static inline void link_get_setting_read(link_setting_read *m, const uint8_t *p)
 #define LINK_SIZE_SETTING_WRITE 6
 /* Sets a setting, in force from the next tick. */
 typedef struct {
-  /* one of setting */
-  uint16_t setting;
+  uint16_t setting; /* one of setting */
   int32_t value;
 } link_setting_write;
 static inline void link_get_setting_write(link_setting_write *m, const uint8_t *p)
@@ -312,12 +231,9 @@ static inline void link_get_setting_write(link_setting_write *m, const uint8_t *
 #define LINK_SIZE_BLOCK_BEGIN 8
 /* Announces a parameter block; what had arrived of another is forgotten. */
 typedef struct {
-  /* length of the block */
-  uint16_t words;
-  /* of the block */
-  uint16_t generation;
-  /* CRC-32 of all its words, low byte first */
-  uint32_t checksum;
+  uint16_t words; /* length of the block */
+  uint16_t generation; /* of the block */
+  uint32_t checksum; /* CRC-32 of all its words, low byte first */
 } link_block_begin;
 static inline void link_get_block_begin(link_block_begin *m, const uint8_t *p)
 {
@@ -329,8 +245,7 @@ static inline void link_get_block_begin(link_block_begin *m, const uint8_t *p)
 #define LINK_SIZE_BLOCK_DATA 2
 /* The next words of the block. Detail of the answer: the next offset. */
 typedef struct {
-  /* of the first of these words in the block */
-  uint16_t offset;
+  uint16_t offset; /* of the first of these words in the block */
 } link_block_data;
 static inline void link_get_block_data(link_block_data *m, const uint8_t *p)
 {
@@ -341,8 +256,7 @@ static inline void link_get_block_data(link_block_data *m, const uint8_t *p)
 /* Checks the block and puts it in force between two ticks. On any error the old one stays. Detail
    of the answer: the generation in force. */
 typedef struct {
-  /* of the block */
-  uint16_t generation;
+  uint16_t generation; /* of the block */
 } link_block_swap;
 static inline void link_get_block_swap(link_block_swap *m, const uint8_t *p)
 {
@@ -352,10 +266,8 @@ static inline void link_get_block_swap(link_block_swap *m, const uint8_t *p)
 #define LINK_SIZE_BLOCK_READ 4
 /* Asks for words of the block in force. */
 typedef struct {
-  /* first word wanted */
-  uint16_t offset;
-  /* number of words, 1..118 */
-  uint16_t words;
+  uint16_t offset; /* first word wanted */
+  uint16_t words; /* number of words, 1..118 */
 } link_block_read;
 static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 {
@@ -366,20 +278,13 @@ static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 #define LINK_SIZE_RECORDER_SETUP 16
 /* Sets the recorder up and starts it; what it held is forgotten. Mask 0 switches it off. */
 typedef struct {
-  /* signals to record: bit n is signal n */
-  uint16_t mask;
-  /* signal that triggers */
-  uint16_t signal;
-  /* one of trigger */
-  uint16_t trigger;
-  /* records every n-th tick, 1..65535 */
-  uint16_t decimation;
-  /* records wanted from before the trigger */
-  uint16_t before;
-  /* records wanted altogether; 0: as many as fit */
-  uint16_t records;
-  /* of the trigger */
-  int32_t level;
+  uint16_t mask; /* signals to record: bit n is signal n */
+  uint16_t signal; /* signal that triggers */
+  uint16_t trigger; /* one of trigger */
+  uint16_t decimation; /* records every n-th tick, 1..65535 */
+  uint16_t before; /* records wanted from before the trigger */
+  uint16_t records; /* records wanted altogether; 0: as many as fit */
+  int32_t level; /* of the trigger */
 } link_recorder_setup;
 static inline void link_get_recorder_setup(link_recorder_setup *m, const uint8_t *p)
 {
@@ -397,10 +302,8 @@ static inline void link_get_recorder_setup(link_recorder_setup *m, const uint8_t
 #define LINK_SIZE_RECORDER_READ 6
 /* Asks for recorded numbers; only when the recorder is done. */
 typedef struct {
-  /* number of the first value wanted */
-  uint32_t offset;
-  /* how many, 1..58 */
-  uint16_t values;
+  uint32_t offset; /* number of the first value wanted */
+  uint16_t values; /* how many, 1..58 */
 } link_recorder_read;
 static inline void link_get_recorder_read(link_recorder_read *m, const uint8_t *p)
 {
@@ -411,26 +314,16 @@ static inline void link_get_recorder_read(link_recorder_read *m, const uint8_t *
 #define LINK_SIZE_INFO 24
 /* Who the controller is. */
 typedef struct {
-  /* protocol version */
-  uint16_t version;
-  /* version of the firmware: 256*major + minor */
-  uint16_t firmware;
-  /* kind of compensator (ANHYST_KIND_...) */
-  uint16_t kind;
-  /* layout of the parameter blocks */
-  uint16_t layout;
-  /* of the block in force */
-  uint16_t generation;
-  /* most words of a parameter block */
-  uint16_t capacity;
-  /* values that the recorder holds */
-  uint16_t recorder;
-  /* ms from full current to zero in the safe state */
-  uint16_t ramp;
-  /* first 32 bits of the hash of the model of the block */
-  uint32_t model;
-  /* ticks a second */
-  uint32_t rate;
+  uint16_t version; /* protocol version */
+  uint16_t firmware; /* version of the firmware: 256*major + minor */
+  uint16_t kind; /* kind of compensator (ANHYST_KIND_...) */
+  uint16_t layout; /* layout of the parameter blocks */
+  uint16_t generation; /* of the block in force */
+  uint16_t capacity; /* most words of a parameter block */
+  uint16_t recorder; /* values that the recorder holds */
+  uint16_t ramp; /* ms from full current to zero in the safe state */
+  uint32_t model; /* first 32 bits of the hash of the model of the block */
+  uint32_t rate; /* ticks a second */
 } link_info;
 static inline void link_put_info(uint8_t *p, const link_info *m)
 {
@@ -449,30 +342,18 @@ static inline void link_put_info(uint8_t *p, const link_info *m)
 #define LINK_SIZE_STATUS 32
 /* What the controller did in the tick that its head names. */
 typedef struct {
-  /* one of state */
-  uint8_t state;
-  /* one of fault: the latched reason */
-  uint8_t fault;
-  /* bits of flag */
-  uint16_t flags;
-  /* demand in force, q31 */
-  int32_t demand;
-  /* measured, q30 */
-  int32_t force;
-  /* measured, q30 */
-  int32_t gap;
-  /* measured, q30 */
-  int32_t current;
-  /* current driven, q31 */
-  int32_t drive;
-  /* of the block in force */
-  uint16_t generation;
-  /* frames thrown away, modulo 65536 */
-  uint16_t bad_frames;
-  /* sequence numbers left out, modulo 65536 */
-  uint16_t lost_frames;
-  /* since power on, modulo 65536 */
-  uint16_t missed_ticks;
+  uint8_t state; /* one of state */
+  uint8_t fault; /* one of fault: the latched reason */
+  uint16_t flags; /* bits of flag */
+  int32_t demand; /* demand in force, q31 */
+  int32_t force; /* measured, q30 */
+  int32_t gap; /* measured, q30 */
+  int32_t current; /* measured, q30 */
+  int32_t drive; /* current driven, q31 */
+  uint16_t generation; /* of the block in force */
+  uint16_t bad_frames; /* frames thrown away, modulo 65536 */
+  uint16_t lost_frames; /* sequence numbers left out, modulo 65536 */
+  uint16_t missed_ticks; /* since power on, modulo 65536 */
 } link_status;
 static inline void link_put_status(uint8_t *p, const link_status *m)
 {
@@ -493,10 +374,8 @@ static inline void link_put_status(uint8_t *p, const link_status *m)
 #define LINK_SIZE_ACK 4
 /* Done. */
 typedef struct {
-  /* type of the request */
-  uint16_t request;
-  /* see the request */
-  uint16_t detail;
+  uint16_t request; /* type of the request */
+  uint16_t detail; /* see the request */
 } link_ack;
 static inline void link_put_ack(uint8_t *p, const link_ack *m)
 {
@@ -507,12 +386,9 @@ static inline void link_put_ack(uint8_t *p, const link_ack *m)
 #define LINK_SIZE_NAK 6
 /* Not done, and nothing changed. */
 typedef struct {
-  /* type of the request */
-  uint16_t request;
-  /* one of reason */
-  uint16_t reason;
-  /* see the reason */
-  uint16_t detail;
+  uint16_t request; /* type of the request */
+  uint16_t reason; /* one of reason */
+  uint16_t detail; /* see the reason */
 } link_nak;
 static inline void link_put_nak(uint8_t *p, const link_nak *m)
 {
@@ -524,8 +400,7 @@ static inline void link_put_nak(uint8_t *p, const link_nak *m)
 #define LINK_SIZE_SETTING 6
 /* The value of a setting. */
 typedef struct {
-  /* one of setting */
-  uint16_t setting;
+  uint16_t setting; /* one of setting */
   int32_t value;
 } link_setting;
 static inline void link_put_setting(uint8_t *p, const link_setting *m)
@@ -537,8 +412,7 @@ static inline void link_put_setting(uint8_t *p, const link_setting *m)
 #define LINK_SIZE_BLOCK_WORDS 2
 /* Words of the block in force. */
 typedef struct {
-  /* of the first of these words */
-  uint16_t offset;
+  uint16_t offset; /* of the first of these words */
 } link_block_words;
 static inline void link_put_block_words(uint8_t *p, const link_block_words *m)
 {
@@ -548,18 +422,12 @@ static inline void link_put_block_words(uint8_t *p, const link_block_words *m)
 #define LINK_SIZE_RECORDER_INFO 14
 /* What the recorder does. */
 typedef struct {
-  /* one of recorder */
-  uint16_t recorder;
-  /* signals recorded, in the order of their numbers */
-  uint16_t mask;
-  /* records there are, or will be */
-  uint16_t records;
-  /* number of the record at the trigger, once it is done */
-  uint16_t before;
-  /* of the record at the trigger, once it is done */
-  uint32_t tick;
-  /* ticks from record to record */
-  uint16_t decimation;
+  uint16_t recorder; /* one of recorder */
+  uint16_t mask; /* signals recorded, in the order of their numbers */
+  uint16_t records; /* records there are, or will be */
+  uint16_t before; /* number of the record at the trigger, once it is done */
+  uint32_t tick; /* of the record at the trigger, once it is done */
+  uint16_t decimation; /* ticks from record to record */
 } link_recorder_info;
 static inline void link_put_recorder_info(uint8_t *p, const link_recorder_info *m)
 {
@@ -574,8 +442,7 @@ static inline void link_put_recorder_info(uint8_t *p, const link_recorder_info *
 #define LINK_SIZE_RECORDER_DATA 4
 /* Recorded numbers, record by record, in a record signal by signal. */
 typedef struct {
-  /* number of the first of these values */
-  uint32_t offset;
+  uint32_t offset; /* number of the first of these values */
 } link_recorder_data;
 static inline void link_put_recorder_data(uint8_t *p, const link_recorder_data *m)
 {
@@ -585,16 +452,11 @@ static inline void link_put_recorder_data(uint8_t *p, const link_recorder_data *
 #define LINK_SIZE_PLANT_SAMPLE 24
 /* Plant to controller: what the sensors show at the beginning of a tick. */
 typedef struct {
-  /* counts from 1 */
-  uint32_t tick;
-  /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
-  int32_t gap;
-  /* q30 of the full-scale force */
-  int32_t force;
-  /* q30 of the full-scale current */
-  int32_t current;
-  /* 0, or 1: there are no values (PORT_NO_SAMPLE) */
-  uint32_t status;
+  uint32_t tick; /* counts from 1 */
+  int32_t gap; /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
+  int32_t force; /* q30 of the full-scale force */
+  int32_t current; /* q30 of the full-scale current */
+  uint32_t status; /* 0, or 1: there are no values (PORT_NO_SAMPLE) */
 } link_plant_sample;
 /* Whether the record is sound; fills it either way. */
 static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
@@ -611,12 +473,9 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
 #define LINK_SIZE_PLANT_DRIVE 16
 /* Controller to plant: what is to flow from the beginning of the next tick on. */
 typedef struct {
-  /* of the sample from which this was computed */
-  uint32_t tick;
-  /* q31 of the full-scale current */
-  int32_t drive;
-  /* state + 256*fault */
-  uint32_t state;
+  uint32_t tick; /* of the sample from which this was computed */
+  int32_t drive; /* q31 of the full-scale current */
+  uint32_t state; /* state + 256*fault */
 } link_plant_drive;
 static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
 {

@@ -209,6 +209,18 @@ static void no_sample_at_all_is_a_fault(void)
   falls_safely(LINK_FAULT_SENSOR_FAILED);
 }
 
+static void a_change_while_there_was_no_sample_is_judged_by_its_time(void)
+{
+  bench_start();
+  bench_run();
+  bench.sample.status = PORT_NO_SAMPLE;
+  bench_ticks(2);
+  bench.sample.status = 0;
+  bench.sample.gap += PORT_ONE / 100 * 2; /* in three ticks; one allows PORT_ONE/100 */
+  bench_ticks(1);
+  CHECK(control()->state == LINK_STATE_RUN && control()->doubtful == 0);
+}
+
 static void two_doubtful_samples_are_bridged_by_the_last_plausible_one(void)
 {
   bench_start();
@@ -460,6 +472,7 @@ int main(void)
   conditioning_is_ended_by_idle_and_then_nothing_is_known();
   each_sensor_fault_has_its_reason();
   no_sample_at_all_is_a_fault();
+  a_change_while_there_was_no_sample_is_judged_by_its_time();
   two_doubtful_samples_are_bridged_by_the_last_plausible_one();
   a_fast_but_possible_change_is_no_fault();
   a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves();
