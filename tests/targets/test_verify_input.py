@@ -51,6 +51,7 @@ def test_an_unknown_target(compiled: Compile, capsys: pytest.CaptureFixture[str]
     assert "cortex-m5" in said
     assert "cortex-m4" in said
     assert "no target" in refused(capsys, compiled("full", "q31"), "--on", " , ")
+    assert "is not for f32" in refused(capsys, compiled("full", "f32"), "--on", "avr")
 
 
 @pytest.mark.parametrize(
@@ -120,12 +121,12 @@ def test_a_file_that_was_changed_or_is_missing(
     ("text", "expected"),
     [
         ("demand,gap\n1,2\n", "column 'current' is missing"),
-        ("demand,gap,current\n1,2,x\n", "not an integer"),
+        ("demand,gap,current\n1,2,x\n", "not an integer of 32 bits"),
         ("demand,gap,current\n1,2\n", "not an integer"),
-        ("demand,gap,current\n1,2,99999999999\n", "beyond 32 bits"),
+        ("demand,gap,current\n1,2,99999999999\n", "not an integer of 32 bits"),
     ],
 )
-def test_golden_vectors_that_cannot_be_read(
+def test_golden_codes_that_cannot_be_read(
     copied: Path, capsys: pytest.CaptureFixture[str], text: str, expected: str
 ) -> None:
     (copied / "vectors.csv").write_text(text, encoding="utf-8")

@@ -10,7 +10,8 @@ from typing import Any
 FLASH = 0x08000000
 """Where the code of a Cortex-M stands, as in ``harness/cortex_m.ld``."""
 
-OURS = ("anhyst.c", "anhyst_parameters.c", "anhyst_pidd2.c")
+PARAMETERS = "anhyst_parameters.c"
+OURS = ("anhyst.c", PARAMETERS, "anhyst_pidd2.c")
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +116,7 @@ class Sizes:
     tables : int
         Constants of ``anhyst.c``.
     parameters : int
-        The parameter block.
+        The parameter block; in floating point the structure and its tables.
     variables : int
         Variables of ``anhyst.c`` and of the parameters: 0, as all state is the caller's.
     """
@@ -147,7 +148,7 @@ def measure_sizes(image: Image, constants_in_data: bool) -> Sizes:
                 code += symbol.size
         elif symbol.kind == "STT_OBJECT" and ours:
             constant = symbol.section.startswith(".data" if constants_in_data else ".rodata")
-            if symbol.name == "anhyst_parameters":
+            if symbol.name == "anhyst_parameters" or symbol.source == PARAMETERS:
                 parameters += symbol.size
             elif constant:
                 tables += symbol.size

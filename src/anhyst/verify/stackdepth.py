@@ -112,12 +112,9 @@ def _value(operand: str) -> int:
 
 
 def _pushed(name: str, operands: str) -> int:
-    if name == "push":
-        registers = 0
-        for part in operands.strip("{}").split(","):
-            first, _, last = part.strip().partition("-")
-            registers += int(last[1:]) - int(first[1:]) + 1 if last else 1
-        return registers * WORD
+    if name in {"push", "vpush"}:
+        size = 2 * WORD if operands.startswith("{d") else WORD
+        return size * sum(_registers(part) for part in operands.strip("{}").split(","))
     if name in {"sub", "subw"} and operands.startswith("sp,"):
         number = _NUMBER.search(operands)
         return int(number[1], 0) if number else 0
@@ -125,3 +122,8 @@ def _pushed(name: str, operands: str) -> int:
         number = _NUMBER.search(operands)
         return -int(number[1], 0) if number else 0
     return 0
+
+
+def _registers(part: str) -> int:
+    first, _, last = part.strip().partition("-")
+    return int(last[1:]) - int(first[1:]) + 1 if last else 1

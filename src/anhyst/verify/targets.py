@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from anhyst.errors import InputError
+from anhyst.verify.bundle import PORT_HEADER, Bundle
 from anhyst.verify.cortexm import CortexProgram, build_counter
 from anhyst.verify.elf import read_image
 from anhyst.verify.firmware import TARGET as FIRMWARE
@@ -29,6 +31,7 @@ Maker = Callable[[Workshop], list["Order"]]
 Order = Callable[[], Variant]
 """A build that has not been made yet."""
 
+PORT_DEFINE = {"ANHYST_PORT_HEADER": f'"{PORT_HEADER}"'}
 OPTIMISATIONS = ("-O0", "-O2", "-O3")
 SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 HOST_COMPILERS = {"gcc": "gcc", "clang": "clang"}
@@ -37,13 +40,35 @@ AVR_CPU = "atmega1284p"
 AVR_DATA = 0x800000
 SIMAVR_HEADERS = Path("/usr/include/simavr")
 
+NUMBERS_NEED = "compile with --io q15 or q31 for it"
+
+
+@dataclass(frozen=True, slots=True)
+class Cortex:
+    """A processor: as the compiler and the emulator call it, and what it may have beyond others.
+
+    Parameters
+    ----------
+    cpu, model : str
+        Names of compiler and emulator.
+    float_unit : str
+        What the compiler is told to use floating-point instructions; empty without.
+    has_port : bool
+        Whether it has the instructions of the port header.
+    """
+
+    cpu: str
+    model: str
+    float_unit: str = ""
+    has_port: bool = False
+
+
 CORTEX = {
-    "cortex-m0plus": ("cortex_m0plus", "UC_CPU_ARM_CORTEX_M0"),
-    "cortex-m3": ("cortex_m3", "UC_CPU_ARM_CORTEX_M3"),
-    "cortex-m4": ("cortex_m4", "UC_CPU_ARM_CORTEX_M4"),
-    "cortex-m7": ("cortex_m7", "UC_CPU_ARM_CORTEX_M7"),
+    "cortex-m0plus": Cortex("cortex_m0plus", "UC_CPU_ARM_CORTEX_M0"),
+    "cortex-m3": Cortex("cortex_m3", "UC_CPU_ARM_CORTEX_M3"),
+    "cortex-m4": Cortex("cortex_m4", "UC_CPU_ARM_CORTEX_M4", "+vfp4d16sp", has_port=True),
+    "cortex-m7": Cortex("cortex_m7", "UC_CPU_ARM_CORTEX_M7", "+fp_armv8d16sp", has_port=True),
 }
-WITH_PORT = ("cortex-m4", "cortex-m7")
 
 
 def reference(workshop: Workshop) -> Variant:
@@ -84,7 +109,9 @@ def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, .
 
 
 def cortex_m(name: str, workshop: Workshop) -> list[Order]:
-    """Return the builds for a Cortex-M: portable, and with its own instructions where it has some.
+    """Return the builds for a Cortex-M: without and with its own instructions, if it has some.
+
+    In fixed point those are the port header's, in floating point those of its floating-point unit.
 
     Raises
     ------
@@ -93,10 +120,13 @@ def cortex_m(name: str, workshop: Workshop) -> list[Order]:
     """
     need_modules(["ziglang", "unicorn", "elftools", "capstone"], name)
     counter = build_counter(HARNESS, workshop.folder, name)
-    builds: list[tuple[str, dict[str, str]]] = [("portable", {})]
-    if name in WITH_PORT and workshop.bundle.has_port:
-        builds.append(("port header", {"ANHYST_PORT_HEADER": '"anhyst_port_cortex_m4.h"'}))
-    return [partial(_cortex, name, workshop, counter, title, more) for title, more in builds]
+    floating = workshop.bundle.io == "f32"
+    builds = [("soft float" if floating else "portable", "")]
+    if floating and CORTEX[name].float_unit:
+        builds.append(("hard float", CORTEX[name].float_unit))
+    elif CORTEX[name].has_port and workshop.bundle.has_port:
+        builds.append(("port header", ""))
+    return [partial(_cortex, name, workshop, counter, *build) for build in builds]
 
 
 def _cortex(
@@ -104,15 +134,16 @@ def _cortex(
     workshop: Workshop,
     counter: Path,
     title: str,
-    defines: Mapping[str, str],
+    float_unit: str,
 ) -> Variant:
-    cpu, model = CORTEX[name]
-    plain = workshop.build("cortex_m", "-O2", "-Wl,--gc-sections")
-    build = Build(plain.sources, plain.include, {**plain.defines, **defines}, plain.flags)
+    cpu = CORTEX[name].cpu + float_unit
+    build = workshop.build("cortex_m", "-O2", "-Wl,--gc-sections")
+    if title == "port header":
+        build = replace(build, defines={**build.defines, **PORT_DEFINE})
     path = workshop.folder / f"{name}-{title.replace(' ', '-')}.elf"
     warnings = compile_cortex_m(cpu, build, HARNESS / "cortex_m.ld", path)
     image = read_image(path)
-    program = CortexProgram(name, model, image, counter)
+    program = CortexProgram(name, CORTEX[name].model, image, counter)
     return Variant(name, title, program, "instructions", cpu, "zig cc -O2", warnings, image)
 
 
@@ -218,13 +249,24 @@ TARGETS: Mapping[str, Maker] = {
 }
 
 
-def parse_targets(names: str) -> list[str]:
+FLOATING = ("host", *CORTEX)
+"""Where single precision is compared."""
+
+
+def parse_targets(names: str, bundle: Bundle) -> list[str]:
     """Read a list such as ``host,cortex-m4``.
+
+    Parameters
+    ----------
+    names : str
+        Separated by commas.
+    bundle : Bundle
+        What is to run on them.
 
     Raises
     ------
     InputError
-        A name is unknown, or there is none.
+        A name is unknown, or there is none, or the bundle is not for that target.
     """
     wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = (*TARGETS, FIRMWARE)
@@ -233,4 +275,6 @@ def parse_targets(names: str) -> list[str]:
     for name in wanted:
         if name not in known:
             raise InputError(f"--on: unknown target {name}; known are {', '.join(known)}")
+        if bundle.io == "f32" and name not in FLOATING:
+            raise InputError(f"--on: {name} is not for f32; {NUMBERS_NEED}")
     return wanted

@@ -13,7 +13,6 @@ from pathlib import Path
 from anhyst.errors import InputError, NegativeResult
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
-THUMB = ("-target", "thumb-freestanding-eabi")
 FREESTANDING = (
     "-ffreestanding",
     "-nostdlib",
@@ -144,7 +143,7 @@ def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) 
     Parameters
     ----------
     cpu : str
-        As the compiler calls it: ``cortex_m4``.
+        As the compiler calls it: ``cortex_m4``; with a floating-point unit ``cortex_m4+...``.
     build : Build
         What, and how; the entry is in the linker script.
     linker_script : Path
@@ -164,9 +163,19 @@ def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) 
     NegativeResult
         The compiler refuses the sources.
     """
-    name = cpu.replace("_", "-")
-    compiler = [*zig_cc(name), *THUMB, f"-mcpu={cpu}", *FREESTANDING, "-T", str(linker_script)]
-    return compile_c([*compiler, "-Wl,--entry=reset"], build, output, name)
+    name, _, float_unit = cpu.replace("_", "-").partition("+")
+    compiler = [
+        *zig_cc(name),
+        "-target",
+        "thumb-freestanding-eabihf" if float_unit else "thumb-freestanding-eabi",
+        f"-mcpu={cpu}",
+        *FREESTANDING,
+        "-rtlib=compiler-rt",
+        "-T",
+        str(linker_script),
+        "-Wl,--entry=reset",
+    ]
+    return compile_c(compiler, build, output, name)
 
 
 def run_tool(command: Sequence[str], wanted_by: str) -> str:

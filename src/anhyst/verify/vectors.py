@@ -41,17 +41,23 @@ class GoldenVectors:
     outputs: Mapping[str, Words]
 
 
-def read_vectors(path: Path) -> GoldenVectors:
+def read_vectors(path: Path, floating: bool) -> GoldenVectors:
     """Read ``vectors.csv``.
 
     Columns ``demand``, ``gap`` and ``current`` are needed; ``applied`` and ``applied_gap`` stand
-    for the solved current and the same gap where they are missing. All are codes in the format of
-    the signals.
+    for the solved current and the same gap where they are missing.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    floating : bool
+        Whether cells are numbers in single precision, not codes.
 
     Raises
     ------
     InputError
-        A column is missing, or a cell is not an integer of 32 bits.
+        A column is missing, or a cell is not an integer of 32 bits, or not a number.
     """
     with path.open(encoding="utf-8", newline="") as stream:
         lines = csv.reader(row for row in stream if not row.startswith("#"))
@@ -61,14 +67,12 @@ def read_vectors(path: Path) -> GoldenVectors:
         if name not in names:
             raise InputError(f"{path}: column '{name}' is missing; run 'anhyst compile' again")
     try:
-        table = np.array(rows, dtype=np.int64).reshape(len(rows), len(names))
-    except ValueError:
-        raise InputError(f"{path}: a cell is not an integer; run 'anhyst compile' again") from None
-    if np.any(np.abs(table) > 1 << 31):
-        raise InputError(f"{path}: a number is beyond 32 bits; run 'anhyst compile' again")
-    columns = {
-        name: (table[:, place] & 0xFFFFFFFF).astype(np.uint32) for place, name in enumerate(names)
-    }
+        words = _words_of_numbers(rows) if floating else _words_of_codes(rows)
+        words = words.reshape(len(rows), len(names))
+    except (ValueError, OverflowError) as error:
+        what = "a number of 32 bits" if floating else "an integer of 32 bits"
+        raise InputError(f"{path}: a cell is not {what}; run 'anhyst compile' again") from error
+    columns = {name: words[:, place] for place, name in enumerate(names)}
     inputs = np.empty((len(rows), len(INPUTS)), dtype=np.uint32)
     inputs[:, 0] = columns["demand"]
     inputs[:, 1] = columns["gap"]
@@ -77,3 +81,14 @@ def read_vectors(path: Path) -> GoldenVectors:
     inputs[:, 4] = columns.get("applied_gap", columns["gap"])
     outputs = {OUTPUTS[name]: columns[name] for name in names if name in OUTPUTS}
     return GoldenVectors(inputs, outputs)
+
+
+def _words_of_codes(rows: list[list[str]]) -> Words:
+    codes = np.array(rows, dtype=np.int64)
+    if np.any(np.abs(codes) > 1 << 31):
+        raise OverflowError
+    return (codes & 0xFFFFFFFF).astype(np.uint32)
+
+
+def _words_of_numbers(rows: list[list[str]]) -> Words:
+    return np.array(rows, dtype=np.float64).astype(np.float32).view(np.uint32)

@@ -68,12 +68,12 @@ def verify(
         The folder is not what compile wrote, a target is unknown, its tools are not installed, or
         a number is out of range.
     """
-    names = parse_targets(on)
     for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
         if not 1 <= number < 1 << 32:
             raise InputError(f"{name}: {number} is not within 1 .. 2^32 - 1")
     bundle = read_bundle(folder)
-    vectors = read_vectors(folder / VECTORS)
+    names = parse_targets(on, bundle)
+    vectors = read_vectors(folder / VECTORS, bundle.io == "f32")
     with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
         workshop = Workshop.set_up(bundle, Path(scratch))
         job = _Job(workshop, vectors, host_steps, target_steps, seed)

@@ -117,13 +117,17 @@ def _add_control(place: Path, bundle: Bundle) -> None:
     """Put the position controller where the harness looks for it.
 
     A joined header holds what the core's has in several; one without the controller gets the
-    core's, so that a whole tick is measured.
+    core's, so that a whole tick is measured. The controller is in fixed point always.
     """
     headers = place / "anhyst"
     headers.mkdir()
-    for name in ("fixed.h", "status.h", "pidd2.h"):
+    for name in ("port.h", "fixed.h", "status.h", "pidd2.h"):
         (headers / name).write_text(JOINED, encoding="ascii")
+    missing = [] if bundle.has_control else ["pidd2.h"]
+    if bundle.io == "f32":
+        missing += ["port.h", "fixed.h"]
+    core = core_folder()
+    for name in missing:
+        shutil.copyfile(core / "include" / "anhyst" / name, headers / name)
     if not bundle.has_control:
-        core = core_folder()
-        shutil.copyfile(core / "include" / "anhyst" / "pidd2.h", headers / "pidd2.h")
         shutil.copyfile(core / "src" / "pidd2.c", place / CONTROL_SOURCE)
