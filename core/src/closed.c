@@ -15,7 +15,7 @@ int anhyst_closed_sound(const int16_t *words)
 
 static anhyst_memory mirrored(const anhyst_memory *memory)
 {
-  const anhyst_memory other = {-memory->a, -memory->b, -memory->c};
+  const anhyst_memory other = {-memory->a, -memory->b, -memory->c, 0, 0};
   return other;
 }
 
@@ -44,8 +44,8 @@ static void reach(const int16_t *words, const anhyst_memory *start, const anhyst
   int32_t flux = start->a;
   *to = *start;
   for (int16_t i = words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
-    const int32_t missing =
-        target - anhyst_scale(flux, arms->flux_arm) - anhyst_scale(to->b, arms->field_arm);
+    const int32_t missing = anhyst_sub_q31(target, anhyst_scale(flux, arms->flux_arm) +
+                                                       anhyst_scale(to->b, arms->field_arm));
     const int32_t slope =
         arms->flux_arm + anhyst_scale(anhyst_lag_slope(words, to->b) * 64, arms->field_arm);
     if (missing <= 0 || slope <= 0) {

@@ -98,7 +98,7 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
 anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,
                                       const int16_t *words, uint16_t capacity)
 {
-  const anhyst_memory demagnetised = {0, 0, 0};
+  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
   const anhyst_status status = anhyst_block_check(kernel, words, capacity);
   if (status != ANHYST_OK) {
     return status;

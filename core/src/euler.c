@@ -23,6 +23,8 @@ static void advance(const int16_t *words, const anhyst_memory *from, int32_t way
     u = anhyst_clamp(u, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   }
   to->a = from->a;
+  to->d = 0;
+  to->e = 0;
   to->b = u;
   to->c = 0;
 }

@@ -26,6 +26,9 @@
 /* A step too short to matter, about what the tables leave unsure: 6e-5. */
 #define SHORT_WAY (ONE / 16384)
 
+/* A residual that is nothing but rounding: the iron stays where it is. */
+#define STILL 32
+
 /* A table over 0..1, ready for use. */
 typedef struct {
   const int16_t *at;
@@ -37,13 +40,15 @@ typedef struct {
   table curve;
   table branch;
   table inverse;
-  int32_t x; /* where it starts */
+  int32_t x; /* where it goes on */
   int32_t y;
   int32_t p;
+  int32_t turn;      /* where the play turned into this direction ... */
+  int32_t level;     /* ... and what y was there */
   int32_t play;      /* half-width */
-  int32_t departure; /* of the irreversible part */
-  int32_t offset;    /* y0 - A(departure) */
-  int16_t lead;      /* weight: (A(departure) - y0)/4 */
+  int32_t departure; /* of the irreversible part, from there */
+  int32_t offset;    /* level - A(departure) */
+  int16_t lead;      /* weight: (A(departure) - level)/4 */
   int16_t rate;
   uint16_t rate_shift;
   int16_t steepness;
@@ -149,25 +154,26 @@ static void evaluate(const path *along, int32_t x, answer *at)
   at->m_slope = slope_of_m(along, at->y_slope, slope_of(along, rise));
 }
 
-/* Finds where the irreversible part departs and what it has to forget; dy/dp at the start. */
+/* Finds where the irreversible part departs and what it has to forget; dy/dp where it goes on. */
 static int32_t depart(path *along, int32_t anhysteretic)
 {
   int32_t rise;
-  int32_t slope = 0;
+  if (along->turn >= along->p) { /* the play moved the other way, or not yet: it turns here */
+    along->turn = along->p;
+    along->level = along->y;
+  }
+  /* Held until the anhysteretic has crossed y. Where that is exactly hardly matters, since y leaves
+     with slope zero. */
+  const int32_t crossing = odd_value(along->inverse, along->level, &rise);
+  along->departure = crossing > along->turn ? crossing : along->turn;
+  along->offset = along->level - branch(along, along->departure, &rise);
+  along->lead = anhyst_sat_q15((0x2000 - along->offset) >> 14);
+  if (along->p < along->departure || along->x - along->p < along->play) {
+    return 0;
+  }
   const int32_t pull =
       along->p == along->x ? anhysteretic : odd_value(along->curve, along->p, &rise);
-  along->departure = along->p;
-  if (pull < along->y) {
-    /* Held until the anhysteretic has crossed y. Where that is exactly hardly matters, since y
-       leaves with slope zero. */
-    const int32_t crossing = odd_value(along->inverse, along->y, &rise);
-    along->departure = crossing > along->p ? crossing : along->p;
-  } else if (along->x - along->p >= along->play) {
-    slope = anhyst_clamp(pulled(along, pull - along->y), 0, ANHYST_SLOPE_MAX);
-  }
-  along->offset = along->y - branch(along, along->departure, &rise);
-  along->lead = anhyst_sat_q15((0x2000 - along->offset) >> 14);
-  return slope;
+  return anhyst_clamp(pulled(along, pull - along->y), 0, ANHYST_SLOPE_MAX);
 }
 
 /* n*65536/d for d > 0, to 8 bits or better, which is plenty for a step; at most 4 (q28). */
@@ -306,56 +312,70 @@ static void prepare(path *along, const int16_t *words, const anhyst_memory *from
   along->x = anhyst_clamp(from->a >> 2, 1 - ONE, ONE - 1);
   along->y = anhyst_clamp(from->b >> 2, 1 - ONE, ONE - 1);
   along->p = anhyst_clamp(from->c >> 2, 1 - ONE, ONE - 1);
+  along->turn = anhyst_clamp(from->d >> 2, 1 - ONE, ONE - 1);
+  along->level = anhyst_clamp(from->e >> 2, 1 - ONE, ONE - 1);
 }
 
-/* Solves air*x + iron*m = target from a memory; |target| < 1, air above 0. */
-static void solve(const int16_t *words, const anhyst_memory *from, int16_t air, int16_t iron,
-                  int32_t target, answer *at)
+static void mirror(path *along)
+{
+  along->x = -along->x;
+  along->y = -along->y;
+  along->p = -along->p;
+  along->turn = -along->turn;
+  along->level = -along->level;
+}
+
+/* What was found on a path, in the direction it really had; where the play has not moved, it has
+   not turned either. */
+static void remember(const path *along, const anhyst_memory *from, int falling, const answer *at,
+                     anhyst_memory *to)
+{
+  const int32_t sign = falling ? -4 : 4;
+  const int moved = at->p != along->p;
+  to->a = at->x * sign;
+  to->b = at->y * sign;
+  to->c = at->p * sign;
+  to->d = moved ? along->turn * sign : from->d;
+  to->e = moved ? along->level * sign : from->e;
+}
+
+/* Solves air*x + iron*m = target from a memory; |target| < 1, air above 0. Returns m. */
+static int32_t solve(const int16_t *words, const anhyst_memory *from, int16_t air, int16_t iron,
+                     int32_t target, anhyst_memory *to)
 {
   path along;
   search find;
+  answer at;
   int32_t step;
   prepare(&along, words, from);
   int32_t anhysteretic = odd_value(along.curve, along.x, &step);
   const int32_t m = magnetisation(&along, along.y, anhysteretic);
-  const int falling = anhyst_scale(along.x, air) + anhyst_scale(m, iron) > target;
+  const int32_t residual = anhyst_scale(along.x, air) + anhyst_scale(m, iron) - target;
+  const int falling = residual > 0;
   if (falling) {
-    along.x = -along.x;
-    along.y = -along.y;
-    along.p = -along.p;
+    mirror(&along);
     anhysteretic = -anhysteretic;
   }
-  at->x = along.x;
-  at->y = along.y;
-  at->p = along.p;
-  at->m = falling ? -m : m;
-  at->y_slope = depart(&along, anhysteretic);
-  at->m_slope = slope_of_m(&along, at->y_slope, slope_of(&along, step));
-  find.air = air;
-  find.iron = iron;
-  find.target = falling ? -target : target;
-  rise(&along, &find, words[ANHYST_WORD_FULL_ITERATIONS], at);
-  if (falling) {
-    at->x = -at->x;
-    at->y = -at->y;
-    at->p = -at->p;
-    at->m = -at->m;
+  at.x = along.x;
+  at.y = along.y;
+  at.p = along.p;
+  at.m = falling ? -m : m;
+  if (residual > STILL || residual < -STILL) {
+    at.y_slope = depart(&along, anhysteretic);
+    at.m_slope = slope_of_m(&along, at.y_slope, slope_of(&along, step));
+    find.air = air;
+    find.iron = iron;
+    find.target = falling ? -target : target;
+    rise(&along, &find, words[ANHYST_WORD_FULL_ITERATIONS], &at);
   }
-}
-
-static void remember(const answer *at, anhyst_memory *to)
-{
-  to->a = at->x * 4;
-  to->b = at->y * 4;
-  to->c = at->p * 4;
+  remember(&along, from, falling, &at, to);
+  return falling ? -at.m : at.m;
 }
 
 static int32_t full_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
                           anhyst_memory *to)
 {
-  answer at;
-  solve(words, from, words[ANHYST_WORD_FULL_AIR], 16384, flux >> 4, &at);
-  remember(&at, to);
+  (void)solve(words, from, words[ANHYST_WORD_FULL_AIR], 16384, flux >> 4, to);
   return to->a;
 }
 
@@ -365,11 +385,8 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const 
   const int32_t air_arm = ((int32_t)words[ANHYST_WORD_FULL_AIR] * arms->flux_arm) >> 14;
   const int16_t air = anhyst_sat_q15(arms->field_arm + air_arm);
   const int32_t target = anhyst_clamp((current >> 2) - (arms->bias >> 2), 1 - ONE, ONE - 1);
-  answer at;
-  solve(words, from, air, arms->flux_arm, target, &at);
-  remember(&at, to);
-  return anhyst_add_q31(at.m * 4,
-                        anhyst_shl_q31(anhyst_scale(to->a, words[ANHYST_WORD_FULL_AIR]), 2));
+  const int32_t m = solve(words, from, air, arms->flux_arm, target, to);
+  return anhyst_add_q31(m * 4, anhyst_shl_q31(anhyst_scale(to->a, words[ANHYST_WORD_FULL_AIR]), 2));
 }
 
 static int full_sound(const int16_t *words)

@@ -81,6 +81,8 @@ static void advance(const int16_t *words, const anhyst_memory *from, int32_t way
       stretched(way, words[ANHYST_WORD_SIMPLE_RATE], words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
   int32_t z = 0;
   to->a = from->a;
+  to->d = 0;
+  to->e = 0;
   to->c = 0;
   if (from->b < 0) {
     const int32_t held =

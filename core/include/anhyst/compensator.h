@@ -25,13 +25,17 @@ extern "C" {
 #endif
 
 /* What the iron remembers, all q30 within -1..1 unless the kernel says otherwise. Zero is the
-   demagnetised state. full: field, irreversible magnetisation, play. simplified: flux, bounded
-   state u, and distance z from where u was zero (q27 within -16..16, signed as the direction;
-   zero: unknown or held). euler: flux, bounded state, not used. */
+   demagnetised state. full: field, irreversible magnetisation, play; and play and magnetisation
+   where the play last turned, from which all is computed as long as the direction stays, so that
+   steps far below a unit in the last place add up to nothing but themselves. simplified: flux,
+   bounded state u, and distance z from where u was zero (q27 within -16..16, signed as the
+   direction; zero: unknown or held). euler: flux, bounded state. */
 typedef struct {
   int32_t a;
   int32_t b;
   int32_t c;
+  int32_t d;
+  int32_t e;
 } anhyst_memory;
 
 /* How the current is made up at the gap of this tick. */

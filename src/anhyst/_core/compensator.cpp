@@ -39,8 +39,8 @@ public:
   Compensator(const std::string &kind, const Words &words)
       : words_(words.data(), words.data() + words.shape(0))
   {
-    const anhyst_status status = anhyst_compensator_init(
-        &state_, to_kernel(kind), words_.data(), static_cast<uint16_t>(words_.size()));
+    const anhyst_status status = anhyst_compensator_init(&state_, to_kernel(kind), words_.data(),
+                                                         static_cast<uint16_t>(words_.size()));
     if (status != ANHYST_OK) {
       throw std::invalid_argument("the parameter block is not sound");
     }
@@ -92,7 +92,7 @@ public:
     if (anhyst_abs_q31(a) > ANHYST_Q30_ONE || anhyst_abs_q31(b) > ANHYST_Q30_ONE) {
       throw std::invalid_argument("a memory lies within -1..1 (q30)");
     }
-    state_.memory = {a, b, c};
+    state_.memory = {a, b, c, c, b}; /* what was before is not known: the play turns here */
     state_.solved = 0;
   }
 
@@ -105,8 +105,8 @@ public:
     for (size_t i = 0; i < demand.shape(0); i++) {
       const int32_t at = gap.data()[i];
       if (q15) {
-        const int16_t current = solve_q15(static_cast<int16_t>(demand.data()[i]),
-                                          static_cast<int16_t>(at));
+        const int16_t current =
+            solve_q15(static_cast<int16_t>(demand.data()[i]), static_cast<int16_t>(at));
         commit_q15(current, static_cast<int16_t>(at));
         out.data()[i] = current;
       } else {
