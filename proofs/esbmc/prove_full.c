@@ -13,7 +13,7 @@
    ANY_TURN at the beginning and at the end of a turn: the invariant is shown, everything forgotten
    but the invariant, and so one turn stands for all. */
 #define INVARIANT                                                                                  \
-  (inside(at->x) && find->low > -ONE && find->low <= at->x && at->x <= find->high &&              \
+  (inside(at->x) && find->low > -ONE && find->low <= at->x && at->x <= find->high &&               \
    find->high < ONE && furthest >= 0)
 #define ANY_TURN                                                                                   \
   SHOW(INVARIANT);                                                                                 \
@@ -209,19 +209,6 @@ static void prove_place(void)
   SHOW(rise == words[i + 1] - words[i]);
 }
 
-/* Between two entries, as wide apart as they may be; the part of the segment takes any value. */
-static void prove_value(void)
-{
-  const int16_t words[2] = {nondet_i16(), nondet_i16()};
-  ASSUME(words[0] >= -ANHYST_Q15_MAX && words[0] <= words[1]);
-  ASSUME(words[1] - words[0] <= ANHYST_Q15_MAX);
-  const table t = {words, 3};
-  int32_t rise;
-  const int32_t found = value(t, any_within(0, ONE / 8 - 1), &rise);
-  SHOW(found >= words[0] * 8192);
-  SHOW(found <= words[1] * 8192);
-}
-
 static void prove_forgotten(void)
 {
   const int32_t gone = forgotten(any_within(0, ANHYST_Q31_MAX));
@@ -267,8 +254,12 @@ static void prove_steps(void)
 {
   const path along = any_path();
   answer at = any_answer(&along);
-  search find = {(int16_t)any_within(1, ANHYST_Q15_MAX), (int16_t)any_within(0, ANHYST_Q15_MAX),
-                 any_within(1 - ONE, ONE - 1), nondet_i32(), nondet_i32(), nondet_i32()};
+  search find = {(int16_t)any_within(1, ANHYST_Q15_MAX),
+                 (int16_t)any_within(0, ANHYST_Q15_MAX),
+                 any_within(1 - ONE, ONE - 1),
+                 nondet_i32(),
+                 nondet_i32(),
+                 nondet_i32()};
   const int32_t x = at.x;
   const int32_t next = look(&find, &at);
   SHOW(find.residual > -2 * ONE && find.residual < 2 * ONE);
@@ -291,8 +282,12 @@ static void prove_rise(void)
 {
   const path along = any_path();
   answer at = any_answer(&along);
-  search find = {(int16_t)any_within(1, ANHYST_Q15_MAX), (int16_t)any_within(0, ANHYST_Q15_MAX),
-                 any_within(1 - ONE, ONE - 1), nondet_i32(), nondet_i32(), nondet_i32()};
+  search find = {(int16_t)any_within(1, ANHYST_Q15_MAX),
+                 (int16_t)any_within(0, ANHYST_Q15_MAX),
+                 any_within(1 - ONE, ONE - 1),
+                 nondet_i32(),
+                 nondet_i32(),
+                 nondet_i32()};
   rise(&along, &find, (int16_t)any_within(2, 16), &at);
   SHOW(is_answer(&along, &at));
 }

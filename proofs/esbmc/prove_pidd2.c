@@ -13,8 +13,9 @@ static anhyst_factor any_factor(void)
 static anhyst_pidd2_gains_q31 any_gains(void)
 {
   const anhyst_pidd2_gains_q31 gains = {
-      any_factor(), any_factor(), any_factor(), any_factor(), any_factor(), any_factor(),
-      any_factor(), any_factor(), nondet_i16(), 0,            nondet_i32(), nondet_i32()};
+      any_factor(), any_factor(), any_factor(), any_factor(), any_factor(),
+      any_factor(), any_factor(), any_factor(), nondet_i16(), 0,
+      nondet_i32(), nondet_i32()};
   ASSUME(anhyst_pidd2_check_q31(&gains) == ANHYST_OK);
   return gains;
 }
@@ -37,8 +38,8 @@ int main(void)
   show_invariant(&state);
 #else
   anhyst_pidd2_candidate_q31 candidate;
-  const int32_t output = anhyst_pidd2_solve_q31(&gains, &state, nondet_i32(), nondet_i32(),
-                                                nondet_i32(), &candidate);
+  const int32_t output =
+      anhyst_pidd2_solve_q31(&gains, &state, nondet_i32(), nondet_i32(), nondet_i32(), &candidate);
   SHOW(output >= gains.low && output <= gains.high);
   show_invariant(&candidate.next);
   anhyst_pidd2_commit_q31(&gains, &state, &candidate, nondet_i32());
