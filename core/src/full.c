@@ -100,7 +100,7 @@ static int32_t pulled(const path *along, int32_t above)
 }
 
 /* 1 - 2^(-t) for a way of t octaves, q26 in, q28 out. Below one octave a cubic for (1 - 2^-f)/f,
-   whole octaves by shifting; error below 4e-5, relative to t where t is small. */
+   whole octaves by shifting; error below 7e-5, and below 1.5e-4 of the result. */
 static int32_t forgotten(int32_t way)
 {
   const uint16_t whole = (uint16_t)(way >> 26) & 31U; /* way is not negative */

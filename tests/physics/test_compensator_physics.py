@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,12 +17,14 @@ from actuators import (
     largest_force,
     magnet,
     nested,
+    ranges,
     reversals,
     ring,
 )
-from anhyst.compile.block import Limits, Scales
+from anhyst.compile.block import Limits, Scales, Sizes
 from anhyst.compile.full import build_full
 from anhyst.compile.twin import Twin
+from anhyst.errors import InputError
 from anhyst.model import GapMap
 
 RESIDUAL = 0.5
@@ -138,3 +141,52 @@ def test_below_the_residual_force_the_current_takes_the_flux_away() -> None:
     assert abs(answer.flux_density[-1]) < 0.005 * answer.flux_density[0]
     assert answer.output[-1] == pytest.approx(RESIDUAL, abs=1e-3)
     assert twin.output == pytest.approx(RESIDUAL, abs=0.1)
+
+
+IRONS = [(a, k, c) for a in (150.0, 1000.0) for k in (0.1, 0.75, 3.0) for c in (0.0, 0.3, 0.8)]
+
+
+@pytest.mark.parametrize(("a", "kappa", "c"), IRONS)
+def test_every_kind_of_iron_is_inverted(a: float, kappa: float, c: float) -> None:
+    """Soft and hard, also one without a reversible part, whose force does not answer at a turn."""
+    changed = dict(magnet().parameters) | {"a": a, "k": kappa * a, "c": c}
+    model = replace(magnet(), parameters=changed)
+    both = np.array([0.0, 1.2])
+    low, high = (
+        float(model.predict(both, np.full(2, gap), history="demagnetised").output[-1])
+        for gap in (GAPS[-1], GAPS[0])
+    )
+    scales = Scales(1.2 * high, 1.4, GAPS[0], GAPS[-1])
+    block = build_full(model, scales, Limits((0.0, high), (-1.3, 1.3)), Sizes(iterations=10))
+    first = RESIDUAL + 0.05 * (low - RESIDUAL)
+    wanted = np.concatenate(
+        [reversals(first, 0.95 * low, 60, 1), np.tile([0.95 * low, first], 60), jumps(low)[400:800]]
+    )
+    wanted = np.maximum(wanted, first)
+    at = gap_of("anywhere", wanted.size)
+    drive = Twin(block).run(wanted, at)
+    force = model.predict(drive, at, history="demagnetised").output
+    assert np.abs(force - wanted).max() < PROMISED * high
+
+
+def test_a_current_too_strong_for_the_tables_is_refused() -> None:
+    changed = dict(magnet().parameters) | {"a": 20.0, "k": 20.0}
+    scales, limits = ranges("reluctance")
+    with pytest.raises(InputError, match="narrow the current"):
+        build_full(replace(magnet(), parameters=changed), scales, limits)
+
+
+def test_the_strongest_current_that_is_taken_gives_a_sound_block() -> None:
+    changed = dict(magnet().parameters) | {"k": 200.0, "a": 50.0}
+    model = replace(magnet(), parameters=changed)
+    scales, limits = ranges("reluctance")
+    taken = 0
+    for current in np.geomspace(0.5, CURRENTS[1], 12).tolist():
+        narrowed = Limits(limits.demand, (-0.4, current))
+        try:
+            block = build_full(model, scales, narrowed)
+        except InputError:
+            continue
+        Twin(block)
+        taken += 1
+    assert 0 < taken < 12

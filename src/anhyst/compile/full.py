@@ -26,10 +26,15 @@ from anhyst.compile.scheduled import (
     pack_common,
     refuse_uncompilable,
 )
+from anhyst.errors import InputError
 from anhyst.model import ActuatorModel
 
 MARGIN = 1.02
 """Tables reach a little further than any current within its limits drives the field."""
+
+
+FURTHEST = 95.0
+"""Largest field over the shape field: the curve rises by a third of it, a slope of 32 at most."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +138,11 @@ class FullTables:
 def full_tables(law: Normal, limits: Limits, sizes: Sizes) -> FullTables:
     """Return the tables of a law, as far as currents within their limits lead."""
     reach = MARGIN * largest_field(law, limits.current)
+    if reach > FURTHEST:
+        raise InputError(
+            f"current: its limits drive the iron to {reach:.0f} times its shape field a, beyond "
+            f"{FURTHEST:.0f} the tables are too steep for 16 bits; narrow the current"
+        )
     n = sizes.curve_segments
     field = np.linspace(-reach, reach, 2 ** (n + 1) + 1)
     rising = field[2**n :]
