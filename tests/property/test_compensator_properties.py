@@ -20,6 +20,7 @@ WORDS = st.one_of(
     st.integers(-32768, 32767).map(lambda word: word * 65536),
 )
 STEPS = st.lists(st.tuples(st.booleans(), WORDS, WORDS, WORDS), min_size=1, max_size=60)
+TURNS = st.tuples(st.integers(-ONE, ONE), st.integers(-ONE, ONE))
 KINDS = st.sampled_from(["full", "simplified", "euler"])
 PLAYS = st.sampled_from([0.0, 40.0])
 
@@ -29,11 +30,13 @@ def block_of(kind: Kind, play: float) -> Block:
 
 
 def check_memory(block: Block, core: FixedCompensator) -> None:
-    a, b, c = core.memory.tolist()
+    a, b, c, d, e = core.memory.tolist()
     assert abs(a) <= ONE
     assert abs(b) <= ONE
     if block.kind == "full":
         assert abs(c) <= ONE
+        assert abs(d) <= ONE
+        assert abs(e) <= ONE
         assert abs(a - c) <= block.word("FULL_PLAY") * 2**15 + ONE / 1024
     else:
         assert abs(c) <= 16 * 2**27
@@ -59,7 +62,7 @@ def test_any_words_leave_a_memory_within_its_bounds(
 
 
 @settings(max_examples=100, deadline=None)
-@given(KINDS, PLAYS, STEPS, WORDS, st.integers(-(2**30), 2**30), st.integers(-ONE, ONE))
+@given(KINDS, PLAYS, STEPS, WORDS, st.integers(-(2**30), 2**30), st.integers(-ONE, ONE), TURNS)
 def test_any_memory_leads_back_into_bounds(
     kind: Kind,
     play: float,
@@ -67,6 +70,7 @@ def test_any_memory_leads_back_into_bounds(
     field: int,
     level: int,
     rest: int,
+    turn: tuple[int, int],
 ) -> None:
     """Also from a memory that no path of the law leads to."""
     block = block_of(kind, play)
@@ -74,7 +78,7 @@ def test_any_memory_leads_back_into_bounds(
     width = block.word("FULL_PLAY") * 2**15 if kind == "full" else 0
     place = field // 2
     third = min(max(place + rest % (2 * width + 1) - width, -ONE), ONE) if kind == "full" else 0
-    core.set_memory(place, level, third)
+    core.set_memory(np.array([place, level, third, *turn], dtype=np.int32))
     for as_solved, demand, gap, other in steps:
         current = core.solve_q31(demand, gap)
         core.commit_q31(current if as_solved else other, gap)

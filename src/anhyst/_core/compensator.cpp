@@ -2,6 +2,7 @@
 // The fixed-point compensator in Python: the very functions that run on a controller.
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <vector>
 
 #include "anhyst/compensator.h"
@@ -81,18 +82,24 @@ public:
 
   OutQ memory() const
   {
-    OutQ out = make_words(3);
-    out.data()[0] = state_.memory.a;
-    out.data()[1] = state_.memory.b;
-    out.data()[2] = state_.memory.c;
+    const anhyst_memory &m = state_.memory;
+    const int32_t words[5] = {m.a, m.b, m.c, m.d, m.e};
+    OutQ out = make_words(5);
+    std::copy(words, words + 5, out.data());
     return out;
   }
-  void set_memory(int32_t a, int32_t b, int32_t c)
+  // Three words: what was before is not known, the play turns here.
+  void set_memory(const InQ &words)
   {
-    if (anhyst_abs_q31(a) > ANHYST_Q30_ONE || anhyst_abs_q31(b) > ANHYST_Q30_ONE) {
+    const size_t n = words.shape(0);
+    if (n != 3 && n != 5) {
+      throw std::invalid_argument("a memory has five words, or three without the last turn");
+    }
+    const int32_t *w = words.data();
+    if (anhyst_abs_q31(w[0]) > ANHYST_Q30_ONE || anhyst_abs_q31(w[1]) > ANHYST_Q30_ONE) {
       throw std::invalid_argument("a memory lies within -1..1 (q30)");
     }
-    state_.memory = {a, b, c, c, b}; /* what was before is not known: the play turns here */
+    state_.memory = {w[0], w[1], w[2], n == 5 ? w[3] : w[2], n == 5 ? w[4] : w[1]};
     state_.solved = 0;
   }
 
@@ -140,7 +147,7 @@ void bind_compensator(nb::module_ &m)
       .def_prop_ro("flags", &Compensator::flags)
       .def("swap", &Compensator::swap, "words"_a.noconvert())
       .def_prop_ro("memory", &Compensator::memory, nb::rv_policy::move)
-      .def("set_memory", &Compensator::set_memory, "a"_a, "b"_a, "c"_a)
+      .def("set_memory", &Compensator::set_memory, "words"_a.noconvert())
       .def("run", &Compensator::run, "demand"_a.noconvert(), "gap"_a.noconvert(), "q15"_a)
       .def("conditioning_length", &Compensator::conditioning_length)
       .def("conditioning_q15", &Compensator::conditioning_q15, "tick"_a);

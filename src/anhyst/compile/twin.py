@@ -83,9 +83,8 @@ class Twin:
         return self._core.memory
 
     def start_from(self, memory: ArrayLike) -> None:
-        """Set what the iron remembers."""
-        a, b, c = (int(word) for word in np.asarray(memory))
-        self._core.set_memory(a, b, c)
+        """Set what the iron remembers; three words where the last turn is not known."""
+        self._core.set_memory(np.array(memory, dtype=np.int32))
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Solve and commit sample by sample.
