@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.cli.app import main
+from anhyst.compile.folder import check_folder
 from anhyst.errors import InputError
 from anhyst.verify import verify
 
@@ -44,6 +45,15 @@ def test_the_command_writes_both_files_and_prints_json(
     table = capsys.readouterr().out
     assert "cortex-m4 (port header)" in table
     assert "identical" in table
+
+
+def test_a_verified_folder_may_be_compiled_again(copied: Path) -> None:
+    (copied / "verify.json").write_text("{}", encoding="utf-8")
+    (copied / "verify.md").write_text("old", encoding="utf-8")
+    check_folder(copied)
+    (copied / "notes.md").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match="has not written"):
+        check_folder(copied)
 
 
 def test_an_unknown_target(compiled: Compile, capsys: pytest.CaptureFixture[str]) -> None:

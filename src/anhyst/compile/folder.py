@@ -14,6 +14,8 @@ from anhyst.errors import InputError
 
 MANIFEST = "manifest.json"
 FORMAT = "anhyst-compiled"
+REPORTS = ("verify.json", "verify.md")
+"""What ``anhyst verify`` adds; it goes with the C that it is about."""
 
 
 def json_text(content: Mapping[str, object]) -> str:
@@ -44,10 +46,10 @@ def check_folder(out: PathLike) -> None:
 
 
 def _is_ours(folder: Path) -> bool:
-    """Whether every file there is in the manifest there; other tools may add folders."""
+    """Whether every file there is in the manifest there, or a report on the C that stood there."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        ours = {MANIFEST, *manifest["files"]}
+        ours = {MANIFEST, *REPORTS, *manifest["files"]}
         return manifest["product"] == FORMAT and all(p.name in ours for p in folder.iterdir())
     except (OSError, ValueError, KeyError, TypeError):
         return False

@@ -103,7 +103,7 @@ def run(program: Program, vectors: GoldenVectors, steps: int, seed: int) -> Outc
             *(Request(VECTORS, steps=len(batch), rows=batch) for batch in batches),
             Request(START, seed=seed),
             Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps)),
-            Request(STACK, steps=STACK_STEPS),
+            Request(STACK, steps=min(steps, STACK_STEPS)),
         ]
     )
     answers = [
