@@ -123,13 +123,16 @@ def build_real(
     refuse_uncompilable(model)
     sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
+    offset = None
     if kind == "full":
         numbers, arms, tables = _full(model, limits, at, sizes)
     else:
         law = law or fit_closed_form(model, limits, at, sizes)
         numbers, arms, tables = _simplified(law, at, sizes)
+        offset = law.offset_over(at)
     require_rising(*arms[1:])
-    rows = (flux_gain(model, scales, at), model.over_schedule("out_0", at), *arms)
+    offset = model.over_schedule("out_0", at) if offset is None else offset
+    rows = (flux_gain(model, scales, at), offset, *arms)
     common = _common(model, scales, limits, sizes, conditioning)
     gaps = np.ascontiguousarray(np.column_stack(rows))
     return RealBlock(kind, scales, limits, common | numbers, gaps, tables)
@@ -186,10 +189,7 @@ def _simplified(law: ClosedForm, at: FloatArray, sizes: Sizes) -> Law:
         "octaves": sizes.octaves,
         "segments": 2**sizes.octave_segments,
     }
-    bias, flux_arm, lag_arm = (
-        np.interp(at, law.at, part) for part in (law.bias, law.flux_arm, law.lag_arm)
-    )
-    return numbers, (bias, flux_arm, lag_arm), {"curve": curve(law.nu, distances(sizes))}
+    return numbers, law.over(at), {"curve": curve(law.nu, distances(sizes))}
 
 
 class RealTwin:

@@ -64,8 +64,9 @@ def pack_common(
     limits: Limits,
     sizes: Sizes,
     conditioning: Conditioning,
+    offset: FloatArray | None = None,
 ) -> None:
-    """Put limits, start-up, and the way from demand to flux."""
+    """Put limits, start-up, and the way from demand to flux; `offset` instead of the model's."""
     at = nodes(model, scales, sizes)
     pack.set("POWER", model.power)
     pack.set("ROOT_KNEE", sizes.root_knee)
@@ -86,7 +87,8 @@ def pack_common(
     pack.set("FLUX_SHIFT", shift)
     pack.set("FLUX_LIMIT", 16384)
     pack.table("GAP_GAIN", gain / 2.0**shift, WEIGHT, least=1)
-    pack.table("GAP_OFFSET", model.over_schedule("out_0", at) / scales.demand, 32768.0)
+    offset = model.over_schedule("out_0", at) if offset is None else offset
+    pack.table("GAP_OFFSET", offset / scales.demand, 32768.0)
 
 
 def require_rising(flux_arm: FloatArray, field_arm: FloatArray) -> None:

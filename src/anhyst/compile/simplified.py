@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 from scipy.special import lambertw
 
 from anhyst._core import FixedCompensator
@@ -50,6 +50,13 @@ SAMPLES = 160
 CYCLES = 3
 """Of each demand from the demagnetised state; the last one is fitted."""
 
+STEEPEST = 2000.0
+"""Slope after a reversal, rate/(1 - nu), that fits the format with a little to spare."""
+
+THRIFT = 0.01
+"""An offset as low as can be must pay by so much of the worst error: where it hardly matters, it
+shall not jump from gap to gap."""
+
 WORST_CASE_ROUNDS = 6
 """Of reweighting from the least squares towards the least worst error."""
 
@@ -70,6 +77,9 @@ class ClosedForm:
         In units of the input.
     worst, mean : float
         What is left against the full model over the fitted demands, in units of the output.
+    offset : ndarray, shape (g,), or None
+        Output at zero flux there; None: that of the model. Below it, the root of the demand bends
+        less, and so straightens what a straight anhysteretic curve cannot follow near saturation.
     """
 
     rate: float
@@ -80,12 +90,25 @@ class ClosedForm:
     lag_arm: FloatArray
     worst: float
     mean: float
+    offset: FloatArray | None = None
+
+    def over(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return bias, flux arm and lag arm at other places, straight in between."""
+        bias, flux_arm, lag_arm = (
+            np.interp(at, self.at, part) for part in (self.bias, self.flux_arm, self.lag_arm)
+        )
+        return bias, flux_arm, lag_arm
+
+    def offset_over(self, at: FloatArray) -> FloatArray | None:
+        """Return the offset at other places; None: that of the model."""
+        return None if self.offset is None else np.interp(at, self.at, self.offset)
 
 
 @dataclass(frozen=True)
 class _Task:
     """Demands at one gap as flux, the current the full model gives, and newtons for an ampere."""
 
+    demand: FloatArray
     flux: FloatArray
     current: FloatArray
     weight: FloatArray
@@ -115,8 +138,21 @@ def _tasks(model: ActuatorModel, at: float, limits: Limits) -> list[_Task]:
         arm = np.ptp(answer.drive[last]) / np.ptp(flux[last])
         power = model.power
         weight = power * float(circuit.c_out[0]) * unit**power * flux[last] ** (power - 1) / arm
-        tasks.append(_Task(flux, answer.drive, weight, last))
+        tasks.append(_Task(demand, flux, answer.drive, weight, last))
     return tasks
+
+
+def _with_offset(model: ActuatorModel, at: float, tasks: list[_Task], offset: float) -> list[_Task]:
+    """Return the same demands with the flux that another offset makes of them."""
+    unit = flux_unit(model)
+    scale = float(model.over_schedule("c_out", np.array([at]))[0]) * unit**2
+    changed = []
+    for task in tasks:
+        flux = np.sqrt(np.maximum(task.demand - offset, 0.0) / scale)
+        arm = np.ptp(task.current[task.last]) / np.ptp(flux[task.last])
+        weight = 2.0 * scale * flux[task.last] / arm
+        changed.append(_Task(task.demand, flux, task.current, weight, task.last))
+    return changed
 
 
 def curve(nu: float, z: FloatArray) -> FloatArray:
@@ -203,8 +239,36 @@ def _arms(tasks: list[_Task], lags: list[FloatArray]) -> tuple[FloatArray, Float
     return best, design @ best - target
 
 
+def _straighten(
+    model: ActuatorModel,
+    at: float,
+    tasks: list[_Task],
+    law: tuple[float, float],
+    room: float,
+    sizes: Sizes,
+) -> tuple[float, list[_Task]]:
+    """Find the offset at one gap that leaves the least error, and the demands with it."""
+    own = float(model.over_schedule("out_0", np.array([at]))[0])
+
+    def cost(lower: float) -> float:
+        tried = _with_offset(model, at, tasks, own - lower)
+        lags = _lags(*law, [task.flux for task in tried], sizes)
+        error = _arms(tried, lags)[1]
+        return float(np.mean(error**4) ** 0.25 * (1.0 + THRIFT * lower / room))
+
+    found = minimize_scalar(
+        cost, bounds=(0.0, room), method="bounded", options={"xatol": 0.03 * room, "maxiter": 12}
+    )
+    lower = float(found.x) if found.fun < cost(0.0) else 0.0
+    return own - lower, _with_offset(model, at, tasks, own - lower)
+
+
 def fit_closed_form(
-    model: ActuatorModel, limits: Limits, at: FloatArray, sizes: Sizes | None = None
+    model: ActuatorModel,
+    limits: Limits,
+    at: FloatArray,
+    sizes: Sizes | None = None,
+    room: float = 0.0,
 ) -> ClosedForm:
     """Fit the simplified law to a model over its working range, in force.
 
@@ -218,6 +282,9 @@ def fit_closed_form(
         Scheduling variable at which arms are wanted, SI.
     sizes : Sizes, optional
         How fine the table of the closed form is.
+    room : float, optional
+        So far above its largest demand the format reaches, in units of the output: as far may the
+        offset of a force be lowered. Without room it is that of the model.
 
     Returns
     -------
@@ -233,33 +300,50 @@ def fit_closed_form(
     sizes = sizes or Sizes()
     places = np.unique(at)
     groups = [_tasks(model, float(place), limits) for place in places]
-    fluxes = [task.flux for tasks in groups for task in tasks]
-    each = len(LOOPS)
-
-    def fitted(rate: float, nu: float) -> list[tuple[FloatArray, FloatArray]]:
-        lags = _lags(rate, nu, fluxes, sizes)
-        return [_arms(tasks, lags[i * each : (i + 1) * each]) for i, tasks in enumerate(groups)]
-
-    def cost(point: FloatArray) -> float:
-        rate, nu = float(np.exp(point[0])), float(1.0 / (1.0 + np.exp(-point[1])))
-        if not (0.2 < rate < 200.0 and nu < 0.98):
-            return 1e9
-        return float(sum(np.sum(error**4) for _, error in fitted(rate, nu)) ** 0.25)
-
-    starts = [(np.log(rate), logit) for rate in (2.0, 8.0, 30.0) for logit in (0.0, 2.0)]
-    start = min(starts, key=lambda point: cost(np.array(point)))
-    found = minimize(
-        cost, start, method="Nelder-Mead", options={"xatol": 1e-2, "fatol": 1e-4, "maxfev": 80}
-    )
-    rate, nu = float(np.exp(found.x[0])), float(1.0 / (1.0 + np.exp(-found.x[1])))
-    results = fitted(rate, nu)
+    rate, nu = _search(groups, sizes)
+    offset: FloatArray | None = None
+    if room > 0.0 and model.power == 2:
+        straight = [
+            _straighten(model, float(place), tasks, (rate, nu), room, sizes)
+            for place, tasks in zip(places, groups, strict=True)
+        ]
+        offset = np.array([one for one, _ in straight])
+        groups = [tasks for _, tasks in straight]
+        rate, nu = _search(groups, sizes)
+    results = _fitted(groups, rate, nu, sizes)
     arms = np.array([arm for arm, _ in results])
     errors = np.abs(np.concatenate([error for _, error in results]))
     if np.any(arms[:, 2] <= 0.0):
         raise InputError("the model has no hysteresis a simplified law could follow; use full")
     bias, flux_arm, lag_arm = arms.T
     worst, mean = float(errors.max()), float(errors.mean())
-    return ClosedForm(rate, nu, places, bias, flux_arm, lag_arm, worst, mean)
+    return ClosedForm(rate, nu, places, bias, flux_arm, lag_arm, worst, mean, offset)
+
+
+def _fitted(
+    groups: list[list[_Task]], rate: float, nu: float, sizes: Sizes
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the best arms at each gap, and the errors they leave."""
+    lags = _lags(rate, nu, [task.flux for tasks in groups for task in tasks], sizes)
+    each = len(LOOPS)
+    return [_arms(tasks, lags[i * each : (i + 1) * each]) for i, tasks in enumerate(groups)]
+
+
+def _search(groups: list[list[_Task]], sizes: Sizes) -> tuple[float, float]:
+    """Find the rate and nu that are best for all gaps."""
+
+    def cost(point: FloatArray) -> float:
+        rate, nu = float(np.exp(point[0])), float(1.0 / (1.0 + np.exp(-point[1])))
+        if not (0.2 < rate < 200.0 and nu < 0.98 and rate / (1.0 - nu) < STEEPEST):
+            return 1e9
+        return float(sum(np.sum(e**4) for _, e in _fitted(groups, rate, nu, sizes)) ** 0.25)
+
+    starts = [(np.log(rate), logit) for rate in (2.0, 8.0, 30.0) for logit in (0.0, 2.0)]
+    start = min(starts, key=lambda point: cost(np.array(point)))
+    found = minimize(
+        cost, start, method="Nelder-Mead", options={"xatol": 1e-2, "fatol": 1e-4, "maxfev": 80}
+    )
+    return float(np.exp(found.x[0])), float(1.0 / (1.0 + np.exp(-found.x[1])))
 
 
 def build_simplified(
@@ -306,11 +390,7 @@ def _build(
     at = nodes(model, scales, sizes)
     law = law or fit_closed_form(model, limits, at, sizes)
     pack = Packer(kind, model_hash)
-    pack_common(pack, model, scales, limits, sizes, conditioning)
-    pack_arms(
-        pack,
-        scales,
-        *(np.interp(at, law.at, part) for part in (law.bias, law.flux_arm, law.lag_arm)),
-    )
+    pack_common(pack, model, scales, limits, sizes, conditioning, law.offset_over(at))
+    pack_arms(pack, scales, *law.over(at))
     _pack_law(pack, law.rate, law.nu, sizes)
     return pack.close(scales, limits)

@@ -24,9 +24,6 @@ EVALUATIONS = 70
 SAFE = 5.0
 """The play against creep is at least so many standard deviations of the noise of the field."""
 
-MARGIN = 1.05
-"""A program is compiled for so much of the largest force."""
-
 _SAMPLES = 6000
 """Samples of the loops on which the polish runs at most."""
 
@@ -71,8 +68,8 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
     One position gives a model of this gap alone; several give one of the map ``circuit``, under
     which the armature may move. The pinning, the reversible fraction and the play are then
     polished: the worst deviation counts, and noise of the position sensor must not wear the memory
-    away (the play spans it). The valid range ends a little above the largest force of the rig, so
-    that a program is compiled for what is used.
+    away (the play spans it). The valid range ends at the largest force of the rig, so that a
+    program is compiled for what is used.
 
     Parameters
     ----------
@@ -88,7 +85,7 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
     several = len(loops.by_schedule()) > 1
     found = identify(loops, gap_map="circuit" if several else "auto").model
     polished = _polish(found, loops, _least_play(found, rig))
-    force = MARGIN * rig.settings.force_control.force_max_N
+    force = rig.settings.force_control.force_max_N
     valid = polished.valid
     assert valid is not None
     return replace(polished, valid=replace(valid, output=(0.0, min(force, valid.output[1]))))
