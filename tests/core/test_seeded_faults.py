@@ -81,6 +81,48 @@ FAULTS = [
         "if (a <= 0x20000000) {",
         "test_fixed_q31",
     ),
+    Fault(
+        "root a step short",
+        "src/compensator.c",
+        "  r = (r + (full >> 1) / r) >> 1;\n  r = (r + (full >> 1) / r) >> 1;\n",
+        "  r = (r + (full >> 1) / r) >> 1;\n",
+        "test_fixed_root",
+    ),
+    Fault(
+        "knee half as high",
+        "src/compensator.c",
+        "if ((a >> (31 - 2 * knee)) == 0) {",
+        "if ((a >> (30 - 2 * knee)) == 0) {",
+        "test_fixed_root",
+    ),
+    Fault(
+        "an octave forgotten twice",
+        "src/full.c",
+        "(uint16_t)(way >> 26) & 31U;",
+        "(uint16_t)(way >> 25) & 31U;",
+        "test_fixed_full",
+    ),
+    Fault(
+        "reversible part too small",
+        "src/full.c",
+        "anhyst_scale(anhysteretic - y, along->reversible) * 2;",
+        "anhyst_scale(anhysteretic - y, along->reversible);",
+        "test_fixed_full",
+    ),
+    Fault(
+        "an octave too low",
+        "src/simplified.c",
+        "index = (int32_t)((uint32_t)(top - bits + 1U) << n);",
+        "index = (int32_t)((uint32_t)(top - bits) << n);",
+        "test_fixed_closed",
+    ),
+    Fault(
+        "slope cut off at 32",
+        "src/closed.h",
+        "return slope > ANHYST_LAG_SLOPE_MAX ? ANHYST_LAG_SLOPE_MAX : slope;",
+        "return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;",
+        "test_fixed_closed",
+    ),
 ]
 
 
@@ -89,7 +131,9 @@ def passes(core: Path, test: str, folder: Path) -> bool:
     program = folder / test
     # Strict flags are for the sources as they are; a fault may leave a variable unused.
     command = [tool("cc", "gcc"), "-std=c99", "-O2", "-DTEST_SANITIZED", f"-I{core / 'include'}"]
+    command.append(f"-I{core / 'src'}")
     sources = [str(HERE / f"{test}.c"), str(HERE / "truth.c")]
+    sources += [str(core / "src" / name) for name in ("block.c", "closed.c")]
     subprocess.run([*command, *sources, "-lm", "-o", str(program)], check=True)
     done = subprocess.run([program], capture_output=True, check=False, timeout=60)
     assert done.returncode in {0, 1}, "the test crashed instead of answering"
