@@ -18,12 +18,12 @@ from tests.core.test_c_core import tool
 
 from actuators import GAPS, magnet, ring
 from anhyst.cli.app import main
-from anhyst.compile.block import KINDS, WORDS
+from anhyst.compile.block import KINDS, WORDS, Block
 from anhyst.compile.core import SOURCES, join
 from anhyst.compile.measure import against_demand, run_with_losses, start
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.compile.paths import paths
-from anhyst.compile.plan import Plan, Request, full_scale
+from anhyst.compile.plan import Request, full_scale
 from anhyst.compile.words import BODY, FULL, HEAD, HEAD_PLACES
 from anhyst.errors import InputError, NegativeResult
 from anhyst.model import ActuatorModel
@@ -169,6 +169,15 @@ def test_manifest_tells_what_the_folder_is(compiled: Compiled) -> None:
     assert manifest["accuracy"]["worst_percent"] > 0.0
     assert manifest["conditioning"]["remaining_percent"] < 0.1
     assert all(manifest["plan"].values())
+    words = {word["name"]: word for word in manifest["parameters"]}
+    if isinstance(plan.block, Block):
+        assert set(words) == {word.name for word in BODY[plan.block.kind]}
+        high = words["CURRENT_HIGH"]
+        value = plan.block.words[high["first"]] / 32768.0 * high["scale"]
+        assert value == pytest.approx(plan.block.limits.current[1], abs=2.0**-15 * high["scale"])
+        assert (words["GAP_BIAS"]["entries"] - 1).bit_count() == 1
+    else:
+        assert not words
 
 
 def test_budget_names_every_part(compiled: Compiled) -> None:
@@ -227,6 +236,7 @@ def test_parameters_in_c_are_the_block(folder: Path) -> None:
     text = (compiled.out / "anhyst_parameters.c").read_text()
     rows = text[text.index("= {") :]
     words = [int(word) for word in re.findall(r"-?\d+", re.sub(r"/\*.*?\*/", "", rows, flags=re.S))]
+    assert isinstance(compiled.plan.block, Block)
     assert words == compiled.plan.block.words.tolist()
 
 
@@ -251,7 +261,7 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path) -> None:
     header = (full(folder).out / "anhyst.h").read_text()
     body = re.search(r"typedef struct \{([^}]*)\} anhyst_compensator;", header)
     assert body is not None
-    sizes = {"int32_t": 4, "uint16_t": 2, "anhyst_memory": 12}
+    sizes = {"int32_t": 4, "uint16_t": 2, "anhyst_memory": 20}
     total = 0
     for line in re.findall(r"^  (?:const )?(\w+) (\*?)\w+;", body[1], re.M):
         total += 4 if line[1] else sizes[line[0]]
@@ -277,8 +287,8 @@ def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
     rough = compile_model(
         folder / "magnet.toml", tmp_path / "rough", Request("full", "q15", 1e4, accuracy=2.0)
     )
-    fine: Plan = full(folder).plan
-    assert rough.manifest["memory"]["parameters_bytes"] < fine.block.words.size * 2
+    fine = full(folder).manifest["memory"]["parameters_bytes"]
+    assert rough.manifest["memory"]["parameters_bytes"] < fine
     assert rough.manifest["accuracy"]["worst_percent"] <= 2.0
 
 

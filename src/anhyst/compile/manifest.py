@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
+from anhyst.compile.block import Block
 from anhyst.compile.budget import Budget, percent
 from anhyst.compile.choices import explain
+from anhyst.compile.floating import RealBlock
 from anhyst.compile.memory import parameters_bytes, state_bytes
 from anhyst.compile.plan import Plan
+from anhyst.compile.words import BODY, Names, Unit
 from anhyst.data.units import Quantity
 
 VERSION = 1
@@ -49,10 +53,32 @@ def manifest(plan: Plan, budget: Budget, sha256: str, version: str) -> dict[str,
             "parameters_bytes": parameters_bytes(block),
             "state_bytes": state_bytes(block),
         },
+        "parameters": [] if isinstance(block, RealBlock) else list(_words(plan, block)),
         "conditioning": _conditioning(plan),
         "accuracy": _accuracy(budget),
         "plan": {choice.name: f"{choice.value}: {choice.reason}" for choice in explain(plan)},
     }
+
+
+def _words(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
+    """Describe every word behind the head, as the comments of the C do."""
+    names = Names(plan.model.output.unit, plan.model.input.unit)
+    for word in BODY[block.kind]:
+        unit = word.physical(block, names) if word.physical else Unit()
+        place = word.place(block.kind)
+        first, entries = block.tables.get(word.name, (place, 1))
+        yield {
+            "name": word.name,
+            "word": place,
+            "first": first,
+            "entries": entries,
+            "format": word.format,
+            "low": word.low,
+            "high": word.high,
+            "scale": unit.scale,
+            "unit": unit.name,
+            "doc": word.doc,
+        }
 
 
 def _conditioning(plan: Plan) -> dict[str, Any]:

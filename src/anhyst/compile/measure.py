@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
 from anhyst.compile.block import Block, FloatArray, Limits, Scales, Sizes
@@ -47,7 +48,7 @@ class Run:
     path: Path
     current: FloatArray
     output: FloatArray
-    judged: FloatArray
+    judged: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
