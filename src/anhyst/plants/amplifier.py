@@ -12,7 +12,8 @@ class Amplifier:
 
     A reference written at tick n is put out at tick n + 1 and followed from there as by a
     first-order low-pass, no faster than the supply voltage allows. What the stage controls is the
-    current as its shunt reads it: an error of the shunt's zero is an error of the current.
+    current as its shunt reads it: an error of the shunt's zero is an error of the current. Less than
+    the low end of its range it cannot drive.
 
     Parameters
     ----------
@@ -58,7 +59,8 @@ class Amplifier:
         float
             Current at the end of this tick, A, driven by the reference before.
         """
-        gap = self._reference - self.shunt_offset - self.current
-        self.current += min(max(self._share * gap, -self._most), self._most)
+        missing = self._reference - self.shunt_offset - self.current
+        change = min(max(self._share * missing, -self._most), self._most)
+        self.current = max(self.current + change, self.converter.low)
         self._reference = self.converter(reference)
         return self.current

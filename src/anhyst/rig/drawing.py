@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from anhyst.atomic import write_bytes
 from anhyst.report.style import (
-    FAINT,
     FALLING,
     MEASURED,
     RISING,
@@ -32,6 +31,7 @@ Floats = NDArray[np.float64]
 DEMAND = "#000000"
 SIMPLIFIED = "#009E73"
 SINGLE = "#CC79A7"
+SIMULATED = "#F0E442"
 COLOURS: Mapping[str, str] = {
     "full": RISING,
     "simplified": SIMPLIFIED,
@@ -82,7 +82,7 @@ def _write_svg(figure: Figure, path: Path) -> None:
 def figure_constant_gap(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
     """Draw forces and errors at the stroke's end, one column a demand (the paper's Fig. 7)."""
     shown = [outcome for outcome in outcomes if outcome.trial.start == "unknown"]
-    figure = new_figure(5.6, width=4.8 * len(shown))
+    figure = new_figure(6.0, width=4.8 * len(shown))
     axes = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=(3, 2))
     for (above, below), outcome in zip(axes.T, shown, strict=True):
         _forces(above, rig, outcome)
@@ -91,7 +91,7 @@ def figure_constant_gap(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
         below.set_xlabel("time (s)")
     axes[0, 0].set_ylabel("force (N)")
     axes[1, 0].set_ylabel("true force - demand (N)")
-    _legend(figure, axes[0, 0])
+    _legend(figure, axes[0, 0], axes[1, 0])
     return figure
 
 
@@ -117,7 +117,7 @@ def figure_positions(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
 @styled
 def figure_moving(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
     """Draw forces, errors and position with the armature moving, one column a demand."""
-    figure = new_figure(6.4, width=4.8 * len(outcomes))
+    figure = new_figure(7.0, width=4.8 * len(outcomes))
     axes = figure.subplots(3, len(outcomes), squeeze=False, sharex="col", height_ratios=(3, 2, 1.2))
     for (above, middle, below), outcome in zip(axes.T, outcomes, strict=True):
         _forces(above, rig, outcome)
@@ -131,7 +131,7 @@ def figure_moving(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
         axes[:, 0], ("force (N)", "true force - demand (N)", "gap (mm)"), strict=True
     ):
         ax.set_ylabel(text)
-    _legend(figure, axes[0, 0])
+    _legend(figure, axes[0, 0], axes[1, 0])
     return figure
 
 
@@ -140,7 +140,7 @@ def _forces(ax: Axes, rig: Rig, outcome: Outcome) -> None:
     curves = (
         ("constant ratio", outcome.recordings["ratio"].read_force, FALLING, 0.9, "-"),
         ("measured, full", outcome.recordings["full"].read_force, RISING, 1.4, "-"),
-        ("simulated program, full", outcome.simulated["full"], FAINT, 0.9, "-"),
+        ("simulated program, full", outcome.simulated["full"], SIMULATED, 0.8, "-"),
         ("demand", outcome.trial.demand.force, DEMAND, 0.9, (0, (4, 3))),
     )
     for label, force, colour, width, dashes in curves:
@@ -148,15 +148,14 @@ def _forces(ax: Axes, rig: Rig, outcome: Outcome) -> None:
 
 
 def _deviations(ax: Axes, rig: Rig, outcome: Outcome, names: Sequence[str]) -> None:
+    told = []
     for name in names:
         deviation = outcome.recordings[name].force - outcome.trial.demand.force
         deviation[: outcome.trial.demand.lead_in] = np.nan
-        time, shown = _curve(rig, outcome, deviation)
-        worst = _worst(rig, outcome, name)
-        label = f"{TITLES[name]}: worst {worst:.2f} %"
-        ax.plot(time, shown, color=COLOURS[name], lw=1.0, label=label)
-    ax.legend(loc="upper right", fontsize=7.5)
-    ax.margins(y=0.25)
+        label = f"error, {TITLES[name]}"
+        ax.plot(*_curve(rig, outcome, deviation), color=COLOURS[name], lw=1.0, label=label)
+        told.append(f"{TITLES[name]} {_worst(rig, outcome, name):.2f} %")
+    ax.set_title(f"worst: {', '.join(told)}", fontsize=8.0, weight="normal")
 
 
 def _worst(rig: Rig, outcome: Outcome, name: str) -> float:
@@ -177,6 +176,10 @@ def _place(outcome: Outcome) -> str:
     return "" if position is None else f"gap {1e3 * position:.2f} mm"
 
 
-def _legend(figure: Figure, ax: Axes) -> None:
-    handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+def _legend(figure: Figure, *axes: Axes) -> None:
+    handles, labels = [], []
+    for ax in axes:
+        more = ax.get_legend_handles_labels()
+        handles += more[0]
+        labels += more[1]
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)

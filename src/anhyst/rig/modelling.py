@@ -24,6 +24,10 @@ EVALUATIONS = 70
 SAFE = 5.0
 """The play against creep is at least so many standard deviations of the noise of the field."""
 
+PLAUSIBLE = 0.82
+"""The start-up sequence pulls with the largest measured force; boards take a quarter above full
+scale for plausible."""
+
 _SAMPLES = 6000
 """Samples of the loops on which the polish runs at most."""
 
@@ -69,7 +73,7 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
     which the armature may move. The pinning, the reversible fraction and the play are then
     polished: the worst deviation counts, and noise of the position sensor must not wear the memory
     away (the play spans it). The valid range ends at the largest force of the rig, so that a
-    program is compiled for what is used.
+    program is compiled for what is used, or at :data:`PLAUSIBLE` of the largest measured one.
 
     Parameters
     ----------
@@ -85,10 +89,10 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
     several = len(loops.by_schedule()) > 1
     found = identify(loops, gap_map="circuit" if several else "auto").model
     polished = _polish(found, loops, _least_play(found, rig))
-    force = rig.settings.force_control.force_max_N
     valid = polished.valid
     assert valid is not None
-    return replace(polished, valid=replace(valid, output=(0.0, min(force, valid.output[1]))))
+    most = max(rig.settings.force_control.force_max_N, PLAUSIBLE * valid.output[1])
+    return replace(polished, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
 
 
 def _least_play(model: ActuatorModel, rig: Rig) -> float:
@@ -113,6 +117,7 @@ def _polish(model: ActuatorModel, loops: LoopSet, least_play: float) -> Actuator
     """Move pinning, reversible fraction and play to the least high power of the deviation."""
     records = _thinned(loops)
     k, c = float(model.parameters["k"]), float(model.parameters["c"])  # type: ignore[arg-type]
+    c = min(max(c, 0.01), 0.99)
     odds = math.log(c / (1.0 - c))
 
     def changed(at: Floats) -> ActuatorModel:

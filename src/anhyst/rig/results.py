@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.rig.rigfile import Rig
-from anhyst.rig.trials import Outcome, Stage
+from anhyst.rig.trials import Outcome
 
 Floats = NDArray[np.float64]
 
@@ -149,8 +149,3 @@ def figures(rig: Rig, outcomes: Sequence[Outcome], board: str) -> dict[str, Any]
             for outcome, found in scores
         ],
     }
-
-
-def worst_of(figures: Mapping[str, Any], stage: Stage, controller: str) -> float:
-    """Return the worst error of a controller in a stage, per cent of the largest force."""
-    return float(figures["summary"][stage][controller]["worst_percent"])
