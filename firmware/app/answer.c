@@ -104,9 +104,7 @@ static void on_demand(app *a, const uint8_t *p, answer *to)
   link_demand demand;
   link_get_demand(&demand, p);
   port_lock();
-  if (a->control.state == LINK_STATE_RUN) {
-    a->control.target = demand.force;
-  }
+  a->control.target = demand.force; /* `run` begins with zero, whatever came before */
   port_unlock();
   say_status(a, to);
 }

@@ -33,11 +33,13 @@ anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *wor
 anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,
                                       const int16_t *words, uint16_t capacity)
 {
-  const anhyst_compensator fresh = {kernel, words, {0, 0, 0}, {0, 0, 0}, 0, 0, 0, 0, 0, 0};
+  const anhyst_compensator fresh = {0};
   if (anhyst_block_check(kernel, words, capacity) != ANHYST_OK) {
     return ANHYST_BAD_PARAMETER;
   }
   *c = fresh;
+  c->kernel = kernel;
+  c->words = words;
   return ANHYST_OK;
 }
 

@@ -312,6 +312,8 @@ static void a_lost_link_ends_conditioning(void)
   (void)bench_command(LINK_COMMAND_CONDITION);
   bench_ticks(101);
   CHECK(control()->state == LINK_STATE_FAULT && control()->fault == LINK_FAULT_LINK_LOST);
+  bench_ticks(20);
+  CHECK(bench.drive == 0);
 }
 
 static void any_valid_frame_holds_the_link(void)
