@@ -139,6 +139,8 @@ static void walk(double kappa, double c, double *error_y, double *error_m)
     from.a = (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE);
     from.b = (int32_t)lrint(y0 * ANHYST_Q30_ONE);
     from.c = from.a;
+    from.d = from.a;
+    from.e = from.b;
     prepare(&along, words, &from);
     int32_t rise;
     (void)depart(&along, odd_value(along.curve, along.x, &rise));

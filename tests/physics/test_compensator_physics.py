@@ -74,6 +74,18 @@ def test_full_gives_the_demanded_force(
     assert np.abs(force - wanted).max() < PROMISED * largest
 
 
+@pytest.mark.parametrize(("gap_map", "play"), MAGNETS)
+def test_a_demand_too_slow_for_single_codes_loses_nothing(gap_map: GapMap, play: float) -> None:
+    """A hundred thousand steps up, each a fraction of a code of 16 bits, and down again."""
+    high = largest_force(gap_map, play)
+    up = np.linspace(0.1 * high, 0.5 * high, 100_000)
+    wanted = np.concatenate([nested(high), up, up[::-1]])
+    drive = Twin(compiled("full", gap_map, play)).run(wanted, WIDE)
+    at = np.full(wanted.size, WIDE)
+    force = magnet(gap_map, play).predict(drive, at, history="demagnetised").output
+    assert np.abs(force - wanted).max() < PROMISED * largest_force(gap_map, play, GAPS[0])
+
+
 @pytest.mark.parametrize("play", [0.0, 4.0])
 def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
     model = ring(play)
