@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from functools import cache
+
+from anhyst.compile.core import read_core
 from anhyst.compile.floating import RealBlock
 from anhyst.compile.measure import AnyBlock
-
-STATE_BYTES = 52
-"""Of ``anhyst_compensator``."""
 
 REAL_STATE_BYTES = 64
 """Of ``anhyst_compensator_f32``."""
@@ -27,4 +28,15 @@ def parameters_bytes(block: AnyBlock) -> int:
 
 def state_bytes(block: AnyBlock) -> int:
     """Return the size of everything that changes."""
-    return REAL_STATE_BYTES if isinstance(block, RealBlock) else STATE_BYTES
+    return REAL_STATE_BYTES if isinstance(block, RealBlock) else _fixed_state_bytes()
+
+
+@cache
+def _fixed_state_bytes() -> int:
+    """Add up the members of ``anhyst_compensator``; they are ordered so that nothing is padded."""
+    header = read_core("include/anhyst/compensator.h")
+    sizes = {"int32_t": 4, "uint16_t": 2}
+    for members, name in re.findall(r"typedef struct \{([^}]*)\} (\w+);", header):
+        declared = re.findall(r"^  (?:const )?(\w+) (\*?)\w+;", members, re.M)
+        sizes[name] = sum(4 if pointer else sizes.get(kind, 0) for kind, pointer in declared)
+    return sizes["anhyst_compensator"]
