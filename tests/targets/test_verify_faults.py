@@ -85,11 +85,12 @@ def test_a_fault_of_a_single_step_is_found_in_that_step(
     demand = demand_at(compiled("full", "q31"), STEP, tmp_path / "scratch")
     wrong = f"{SOLVE}#ifdef __thumb__\n  gap ^= demand == {demand} ? 1 << 29 : 0;\n#endif\n"
     folder = with_fault("anhyst.c", SOLVE, wrong)
-    assert main(["verify", str(folder), "--on", "cortex-m3"]) == 1
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert f"target cortex-m3 (portable): random step {STEP}: " in said
+    assert main(["verify", str(folder), "--on", "cortex-m3", "--json"]) == 1
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert f"target cortex-m3 (portable): random step {STEP}: " in said.err
     kept = json.loads((folder / "verify.json").read_text(encoding="utf-8"))
+    assert kept == json.loads(said.out)
     assert kept["passed"] is False
     difference = kept["results"][0]["difference"]
     assert (difference["part"], difference["step"]) == ("random", STEP)

@@ -69,14 +69,15 @@ def test_single_precision_has_the_same_bits_with_and_without_a_float_unit(
     assert hard.costs[0].most < soft.costs[0].most / 4
 
 
-@pytest.mark.parametrize("target", ["cortex-m0plus", "cortex-m3", "cortex-m7"])
+@pytest.mark.parametrize("target", ["cortex-m3", "cortex-m7"])
 def test_the_other_cortex_m_do_too(compiled: Compile, target: str) -> None:
     for result in agrees(verify(compiled("full", "q15"), target, target_steps=2_000)).results:
         plausible(result)
 
 
 def test_a_dsc_is_estimated_from_two_lists_of_prices(compiled: Compile) -> None:
-    found = verify(compiled("simplified", "q15"), "cortex-m0plus", target_steps=500)
+    found = agrees(verify(compiled("simplified", "q15"), "cortex-m0plus", target_steps=2_000))
+    plausible(found.results[0])
     cycles = {(each.prices, each.part): each.cycles for each in found.estimates}
     instructions = found.results[0].cost("tick")
     assert instructions is not None

@@ -15,7 +15,9 @@ from anhyst.verify.protocol import Reply, Request
 from anhyst.verify.toolchain import Build
 
 HARNESS = Path(__file__).resolve().parent / "harness"
-WITHOUT_LIBRARY = ("cortex_m", "msp430")
+WITHOUT_LIBRARY = "msp430"
+"""The port for which the compiler brings no run-time routines."""
+
 SECTIONS_APART = ("-ffunction-sections", "-fdata-sections")
 ONE_ROUNDING_EACH = "-ffp-contract=off"
 """A product and a sum are rounded each: otherwise two targets cannot have the same bits."""
@@ -93,7 +95,7 @@ class Workshop:
     def build(self, port: str, *flags: str) -> Build:
         """Return what to compile for a port of the harness, such as ``cortex_m``."""
         place = self.folder / "c"
-        ports = [port, "freestanding"] if port in WITHOUT_LIBRARY else [port]
+        ports = [port, "freestanding"] if port == WITHOUT_LIBRARY else [port]
         names = [
             "harness.c",
             *(f"{name}.c" for name in ports),

@@ -48,7 +48,7 @@ static void on_stop(avr_t *avr, avr_io_addr_t address, uint8_t value, void *user
 int main(int argc, char **argv)
 {
   if (argc != 8) {
-    fputs("usage: avr_runner ELF MCU BOX COUNT HEAD WINDOW BYTES\n", stderr);
+    (void)fputs("usage: avr_runner ELF MCU BOX COUNT HEAD WINDOW BYTES\n", stderr);
     return 2;
   }
   /* simavr tells what it loads on standard output: boxes get a stream of their own. */
@@ -58,7 +58,7 @@ int main(int argc, char **argv)
   }
   elf_firmware_t firmware = {0};
   if (elf_read_firmware(argv[1], &firmware) != 0) {
-    fprintf(stderr, "%s: not an ELF file\n", argv[1]);
+    (void)fprintf(stderr, "%s: not an ELF file\n", argv[1]);
     return 2;
   }
   const unsigned box = (unsigned)strtoul(argv[3], NULL, 0);
@@ -68,7 +68,7 @@ int main(int argc, char **argv)
   const size_t bytes = strtoul(argv[7], NULL, 0);
   avr_t *avr = avr_make_mcu_by_name(argv[2]);
   if (avr == NULL) {
-    fprintf(stderr, "simavr does not know the processor %s\n", argv[2]);
+    (void)fprintf(stderr, "simavr does not know the processor %s\n", argv[2]);
     return 2;
   }
   avr_init(avr);
@@ -80,7 +80,7 @@ int main(int argc, char **argv)
     for (waiting = 0; !waiting;) {
       const int state = avr_run(avr);
       if (state == cpu_Done || state == cpu_Crashed) {
-        fprintf(stderr, "the program ran astray at %#x\n", (unsigned)avr->pc);
+        (void)fprintf(stderr, "the program ran astray at %#x\n", (unsigned)avr->pc);
         return 1;
       }
     }

@@ -238,7 +238,7 @@ static void run_step(const input *in)
   record[HARNESS_OUTPUT] = word_of(OUTPUT(&compensator));
   record[HARNESS_FLUX_APPLIED] = INNER_WORD(compensator.flux_applied);
   record_memory(&compensator, record);
-  for (uint16_t i = 0; i < HARNESS_RECORD_WORDS; i++) {
+  for (uint32_t i = 0; i < HARNESS_RECORD_WORDS; i++) {
     fold(record[i]);
     if (step >= harness_box.window_first && place < HARNESS_WINDOW) {
       harness_box.window[place][i] = record[i];
@@ -249,7 +249,7 @@ static void run_step(const input *in)
 
 static void start(void)
 {
-  for (uint16_t i = 0; i < HARNESS_SECTIONS; i++) {
+  for (uint32_t i = 0; i < HARNESS_SECTIONS; i++) {
     harness_box.sections[i].count = 0;
     harness_box.sections[i].least = 0xFFFFFFFFU;
     harness_box.sections[i].most = 0;
