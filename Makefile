@@ -1,6 +1,7 @@
 # Each target prepares .venv first where that is needed; nothing is installed outside this folder.
 #   make demo    run the bundled example, results in demo/
 #   make test    all tests                      make check   format, lint, types, C analysis
+#   make prove   proofs of the fixed-point C
 #   make bench   the table of figures           make format  lay out Python and C sources
 #   make build   compile the core anew          make clean   remove what make made, .venv too
 #   make fuzz    ten million inputs to the firmware; RUNS=n for another number
@@ -13,7 +14,7 @@ C_SOURCES := $(shell find core firmware tests/core tests/firmware -name '*.c' -o
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake \
 	$(shell find core src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test check bench build format clean fuzz \
+.PHONY: demo test check prove bench build format clean fuzz \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
 demo: build
@@ -21,6 +22,9 @@ demo: build
 
 test: build
 	@$(BIN)/python -m pytest
+
+prove: build
+	@$(BIN)/python tools/prove.py
 
 bench: build .venv/.stamp-bench
 	@$(BIN)/python benchmarks/run.py

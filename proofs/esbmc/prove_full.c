@@ -48,6 +48,8 @@ static path any_prepared(void)
   along.x = any_within(1 - ONE, ONE - 1);
   along.y = any_within(1 - ONE, ONE - 1);
   along.p = any_within(1 - ONE, ONE - 1);
+  along.turn = any_within(1 - ONE, ONE - 1);
+  along.level = any_within(1 - ONE, ONE - 1);
   along.play = any_within(0, ANHYST_Q15_MAX) * 8192;
   along.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
   along.rate_shift = (uint16_t)any_within(0, 12);
@@ -58,8 +60,7 @@ static path any_prepared(void)
 
 static int departed(const path *along)
 {
-  return inside(along->departure) && along->departure >= along->p && along->offset > -2 * ONE &&
-         along->offset < 2 * ONE;
+  return inside(along->departure) && along->offset > -2 * ONE && along->offset < 2 * ONE;
 }
 
 /* The path as depart() leaves it. */
@@ -303,7 +304,7 @@ static void prove_kernel(void)
   ASSUME(anhyst_within(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, 12));
   ASSUME(anhyst_within(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16));
   ASSUME(n >= 3 && n <= 9 && n_inverse >= 3 && n_inverse <= 9);
-  const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32()};
+  const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   anhyst_memory to;
 #ifdef FIELD
   const int32_t flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);

@@ -1,0 +1,122 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Everything around the kernels: a whole tick of the compensator for any sound head of a block, any
+   demand, gap and applied current, and any kernel that answers within its contract. */
+#define ANHYST_PORT_HEADER "contracts.h"
+#include "any.h"
+
+#include "compensator.c"
+
+/* Words that name a table, so that what stands in for over_gap() knows what it may hold. */
+enum { GAIN = 101, OFFSET, BIAS, FLUX_ARM, FIELD_ARM };
+
+static void any_head(int16_t *words)
+{
+  ASSUME(words[ANHYST_WORD_POWER] >= 1 && words[ANHYST_WORD_POWER] <= 2);
+  ASSUME(words[ANHYST_WORD_DEMAND_LOW] <= words[ANHYST_WORD_DEMAND_HIGH]);
+  ASSUME(words[ANHYST_WORD_CURRENT_LOW] <= words[ANHYST_WORD_CURRENT_HIGH]);
+  ASSUME(words[ANHYST_WORD_CURRENT_SHIFT] >= 0 && words[ANHYST_WORD_CURRENT_SHIFT] <= 8);
+  ASSUME(words[ANHYST_WORD_FLUX_LIMIT] >= 1 && words[ANHYST_WORD_FLUX_LIMIT] <= 16384);
+  ASSUME(words[ANHYST_WORD_FLUX_SHIFT] >= 0 && words[ANHYST_WORD_FLUX_SHIFT] <= 6);
+  ASSUME(words[ANHYST_WORD_GAP_SEGMENTS] >= 0 && words[ANHYST_WORD_GAP_SEGMENTS] <= 6);
+  ASSUME(words[ANHYST_WORD_CONDITION_CYCLES] >= 0 && words[ANHYST_WORD_CONDITION_CYCLES] <= 64);
+  ASSUME(words[ANHYST_WORD_CONDITION_TICKS] >= 2);
+  ASSUME(words[ANHYST_WORD_ROOT_KNEE] >= 2 && words[ANHYST_WORD_ROOT_KNEE] <= 8);
+  words[ANHYST_WORD_GAP_GAIN] = GAIN;
+  words[ANHYST_WORD_GAP_OFFSET] = OFFSET;
+  words[ANHYST_WORD_GAP_BIAS] = BIAS;
+  words[ANHYST_WORD_GAP_FLUX_ARM] = FLUX_ARM;
+  words[ANHYST_WORD_GAP_FIELD_ARM] = FIELD_ARM;
+}
+
+static int32_t any_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
+                         anhyst_memory *to)
+{
+  SHOW(flux >= -ANHYST_Q30_ONE && flux <= ANHYST_Q30_ONE);
+  return any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+}
+
+static int32_t any_flux(const int16_t *words, const anhyst_memory *from, const anhyst_arms *arms,
+                        int32_t current, anhyst_memory *to)
+{
+  SHOW(arms->flux_arm >= 0 && arms->field_arm > 0);
+  SHOW(arms->bias >= -ANHYST_Q30_ONE / 2 && arms->bias <= ANHYST_Q30_ONE / 2);
+  return nondet_i32();
+}
+
+static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 0};
+
+/* ---- contracts ---- */
+
+#ifdef LEAVES_BY_CONTRACT
+static int16_t over_gap(place at, int16_t first)
+{
+  if (first == GAIN || first == FIELD_ARM) {
+    return (int16_t)any_within(1, ANHYST_Q15_MAX);
+  }
+  return (int16_t)any_within(first == FLUX_ARM ? 0 : -ANHYST_Q15_MAX, ANHYST_Q15_MAX);
+}
+
+static int32_t root(int32_t a, int16_t knee)
+{
+  SHOW(a >= 0 && knee >= 2 && knee <= 8);
+  return any_within(0, ANHYST_Q30_ONE);
+}
+
+static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
+{
+  SHOW(numerator > 0 && denominator > 0);
+  return any_within(0, ANHYST_Q31_MAX);
+}
+#endif
+
+/* ---- proofs ---- */
+
+static void prove_tick(void)
+{
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS + 80];
+  anhyst_compensator c;
+  any_head(words);
+  c.kernel = &any_kernel;
+  c.words = words;
+  (void)anhyst_compensator_solve_q31(&c, nondet_i32(), nondet_i32());
+  anhyst_compensator_commit_q31(&c, nondet_i32(), nondet_i32());
+}
+
+static void prove_output(void)
+{
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS + 80];
+  anhyst_compensator c;
+  any_head(words);
+  c.words = words;
+  (void)anhyst_compensator_output_q31(&c);
+  (void)anhyst_conditioning_q15(&c, nondet_i32());
+}
+
+static void prove_root(void)
+{
+  const int32_t found = root(any_within(0, ANHYST_Q31_MAX), (int16_t)any_within(2, 8));
+  SHOW(found >= 0 && found <= ANHYST_Q30_ONE);
+}
+
+/* Any gap, any table over the gap within the block. */
+static void prove_over_gap(void)
+{
+  int16_t words[ANHYST_BLOCK_MOST_WORDS]; /* any */
+  ASSUME(words[ANHYST_WORD_GAP_SEGMENTS] >= 0 && words[ANHYST_WORD_GAP_SEGMENTS] <= 6);
+  const int32_t segments = 1 << words[ANHYST_WORD_GAP_SEGMENTS];
+  const int16_t first = (int16_t)any_within(ANHYST_BLOCK_LEAST_WORDS, ANHYST_BLOCK_MOST_WORDS);
+  ASSUME(first + segments + 1 <= ANHYST_BLOCK_MOST_WORDS);
+  const place at = gap_place(words, nondet_i32());
+  SHOW(at.part >= 0 && at.part <= 32767);
+  const int32_t segment = (int32_t)(at.words - words);
+  SHOW(segment >= 0 && segment < segments);
+  const int32_t change = (int32_t)words[first + segment + 1] - words[first + segment];
+  ASSUME(change >= -ANHYST_Q15_MAX && change <= ANHYST_Q15_MAX);
+  (void)over_gap(at, first);
+}
+
+int main(void)
+{
+  PART();
+  return 0;
+}
