@@ -39,6 +39,12 @@ _INLINE = re.compile(
     r"(?:/\*(?:[^*]|\*(?!/))*\*/\n)?static inline [^\n;{]*?\b(\w+)\([^;{]*\)\n\{\n.*?^\}\n\n?",
     re.M | re.S,
 )
+_ELSEWHERE = (
+    (re.compile(r"\(see\s+core/port/\)"), "(one\n   lies beside this file)"),
+    (re.compile(r"\(proved, see docs/proofs\.md\)"), "(proved)"),
+)
+"""Places in the source tree, told as they look from outside."""
+
 _KERNEL = re.compile(r"^extern const anhyst_kernel(?:_f32)? anhyst_kernel_(\w+?)(?:_f32)?;\n", re.M)
 
 
@@ -150,6 +156,8 @@ class _Joint:
         if not self._linked and _LINKAGE.search(text):
             self.header.append('#ifdef __cplusplus\nextern "C" {\n#endif\n')
             self._linked = True
+        for place, told in _ELSEWHERE:
+            text = place.sub(told, text)
         text = _KERNEL.sub(lambda m: m[0] if m[1] == self.kind else "", bare(text))
         self.header.append(section(name, text))
 
