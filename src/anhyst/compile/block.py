@@ -110,7 +110,7 @@ class Sizes:
     gap_segments: int = 4
     curve_segments: int = 7
     inverse_segments: int = 6
-    iterations: int = 4
+    iterations: int = 6
     octaves: int = 12
     octave_segments: int = 3
     substeps: int = 1
