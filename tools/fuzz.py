@@ -15,7 +15,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 from anhyst.compile.output import compile_model
@@ -107,7 +106,6 @@ def fuzz(runs: int, seed: int, folder: Path) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     write_model(small_magnet(), folder / "model.toml")
     programs = {kind: build(kind, folder, clang) for kind in KINDS}
-    started = time.monotonic()
     share = runs // len(KINDS)
     running = {kind: begin(kind, programs[kind], share, seed) for kind in KINDS}
     broken = 0
@@ -115,14 +113,13 @@ def fuzz(runs: int, seed: int, folder: Path) -> int:
         code = process.wait()
         log = programs[kind].with_suffix(".log").read_text(encoding="utf-8", errors="replace")
         edges = re.findall(r"cov: (\d+)", log)
-        print(
-            f"{kind}: {share} inputs in {time.monotonic() - started:.0f} s, "
-            f"{edges[-1] if edges else 0} edges reached, "
-            f"{'nothing found' if code == 0 else 'BROKEN'}"
-        )
-        if code != 0:
+        done = re.findall(r"^Done (\d+) runs in (\d+) second", log, re.MULTILINE)
+        if code == 0 and done:
+            inputs, seconds = done[-1]
+            print(f"{kind}: {inputs} inputs in {seconds} s, {edges[-1]} edges reached, no fault")
+        else:
             broken += 1
-            print(log[-3000:])
+            print(f"{kind}: broken\n{log[-3000:]}")
     return 1 if broken else 0
 
 
