@@ -98,28 +98,21 @@ def force_control(
     _make(folder)
     trials = list(plan_trials(rig, demands))
     told = _Steps(progress, total=8.0 + len(trials))
+    loops = read_loops(rig)
+    end = loops_at(loops, rig.settings.force_control.end_m)
+    force_max = rig.settings.force_control.force_max_N
+    ratio = fit_ratio(end, force_max)
+    curves = {
+        "end": (ratio, None, fit_single_valued(end, force_max)),
+        "stroke": (ratio, fit_ratio(loops, force_max), fit_single_valued(loops, force_max)),
+    }
     with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
-        loops = read_loops(rig)
-        end = loops_at(loops, rig.settings.force_control.end_m)
-        models = dict(
-            zip(("end", "stroke"), pool.map(find_model, (rig, rig), (end, loops)), strict=True)
-        )
+        models = dict(zip(curves, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
         told.step(4.0)
         programs = _programs(pool, rig, models, board, folder)
         told.step(4.0)
-        force_max = rig.settings.force_control.force_max_N
-        ratio = fit_ratio(end, force_max)
         controllers = {
-            "end": Controllers(
-                programs["end"], ratio, None, fit_single_valued(end, force_max), board
-            ),
-            "stroke": Controllers(
-                programs["stroke"],
-                ratio,
-                fit_ratio(loops, force_max),
-                fit_single_valued(loops, force_max),
-                board,
-            ),
+            scope: Controllers(programs[scope], *curves[scope], board) for scope in curves
         }
         pending = [
             pool.submit(run_trial, rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials

@@ -1,0 +1,179 @@
+"""Force control from end to end: loops, models, firmware over its link, figures."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.cli.app import main
+from anhyst.rig.bench import Bench
+from anhyst.rig.demand import with_lead_in
+from anhyst.rig.force_control import ForceControl, force_control
+from anhyst.rig.programs import ticks_that_differ
+from anhyst.rig.session import run_firmware
+from anhyst.rig.trials import Trial
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
+GAPS = ("0.00100", "0.00160", "0.00280")
+TRIAL = """
+[[force_control.demand]]
+name = "wide"
+low = 0.05
+high = 0.95
+period_s = 0.8
+cycles = 1
+
+[force_control.moving]
+low_m = 1.0e-3
+high_m = 2.8e-3
+period_s = 1.6
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bundled rig with three gaps, one position and one short demand."""
+    folder = tmp_path_factory.mktemp("rig")
+    for name in ("solenoid.toml", "loops.toml"):
+        shutil.copy(EXAMPLE / name, folder)
+    lines = (EXAMPLE / "loops.csv").read_text().splitlines()
+    kept = [line for line in lines if line[0] in "#t" or line.split(",")[3] in GAPS]
+    (folder / "loops.csv").write_text("\n".join(kept) + "\n")
+    text = (EXAMPLE / "rig.toml").read_text()
+    text = text[: text.index("[[force_control.demand]]")] + TRIAL
+    place = text.index("positions_m")
+    text = text[:place] + "positions_m = [1.3e-3]" + text[text.index("\n", place) :]
+    (folder / "rig.toml").write_text(text.replace("rate_Hz = 1000.0", "rate_Hz = 500.0"))
+    return folder / "rig.toml"
+
+
+@pytest.fixture(scope="module")
+def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> ForceControl:
+    demand = small.parent / "demand.csv"
+    demand.write_text("t_s,F_N\n0,0\n0.2,30\n0.3,30\n0.5,8\n")
+    return force_control(small, tmp_path_factory.mktemp("out") / "run", demand=demand)
+
+
+def test_the_firmware_does_what_the_simulated_program_does(run: ForceControl) -> None:
+    assert run.figures["ticks_that_differ"] == 0
+    assert run.figures["firmware_ticks"] > 5_000
+    for outcome in run.outcomes:
+        for kind in ("full", "simplified"):
+            expected, demand = outcome.simulated[kind], outcome.trial.demand
+            off = (expected - demand.force)[demand.lead_in :]
+            assert np.abs(off).max() < (0.4 if kind == "full" else 2.5)
+
+
+def test_a_hysteresis_model_beats_the_best_curve_without_memory(run: ForceControl) -> None:
+    summary = run.figures["summary"]
+    assert set(summary) == {"end", "end_demagnetised", "positions", "moving"}
+    # At a measured gap, and between gaps that lie far apart here.
+    for stage, most in (("end", 0.4), ("positions", 0.7)):
+        assert summary[stage]["full"]["of_single"] < most
+        assert summary[stage]["simplified"]["of_single"] < 0.85
+        assert summary[stage]["ratio"]["of_single"] > 2.0
+    assert summary["end"]["full"]["of_single"] < summary["end"]["simplified"]["of_single"]
+
+
+def test_figures_tell_truth_and_noise_apart(run: ForceControl) -> None:
+    written = json.loads((run.out / "figures.json").read_text())
+    assert written == json.loads(json.dumps(run.figures))
+    for trial, outcome in zip(written["trials"], run.outcomes, strict=True):
+        counts = slice(outcome.trial.demand.lead_in, None)
+        for name, one in trial["controllers"].items():
+            recording = outcome.recordings[name]
+            error = (recording.force - outcome.trial.demand.force)[counts]
+            assert one["true"]["worst_N"] == pytest.approx(np.abs(error).max())
+            assert one["true"]["worst_percent"] == pytest.approx(np.abs(error).max() / 0.4)
+            assert one["true"]["rms_N"] == pytest.approx(np.sqrt(np.mean(error**2)))
+            read = (recording.read_force - outcome.trial.demand.force)[counts]
+            assert one["read"]["mean_N"] == pytest.approx(np.abs(read).mean())
+            assert one["read"]["worst_N"] != one["true"]["worst_N"]
+
+
+def test_everything_is_written(run: ForceControl) -> None:
+    for name in ("fig6", "fig7", "fig8", "moving"):
+        assert (run.out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in (run.out / f"{name}.svg").read_text()
+    for scope in ("end", "stroke"):
+        assert (run.out / scope / "full" / "controller" / "manifest.json").is_file()
+    table = np.genfromtxt(run.out / "positions_1.30mm_wide.csv", delimiter=",", names=True)
+    outcome = next(one for one in run.outcomes if one.trial.name == "positions_1.30mm_wide")
+    assert table["F_full_N"] == pytest.approx(outcome.recordings["full"].force, abs=1e-5)
+    assert table["t_s"][outcome.trial.demand.lead_in] == 0.0
+    assert {one.trial.demand.name for one in run.outcomes} == {"wide", "file"}
+
+
+def test_a_single_other_code_is_found(run: ForceControl, small: Path) -> None:
+    from anhyst.compile.block import Block
+    from anhyst.compile.plan import Request, make_plan
+    from anhyst.modelfile import read_model
+    from anhyst.rig.programs import Program
+    from anhyst.rig.rigfile import read_rig
+
+    rig, folder = read_rig(small), run.out / "end" / "full"
+    model = read_model(folder / "model.toml")
+    sha = json.loads((folder / "controller" / "manifest.json").read_text())["model"]["sha256"]
+    plan = make_plan(model, Request("full", "q31", 500.0), int(sha[:8], 16))
+    block = plan.block
+    assert isinstance(block, Block)
+    program = Program(
+        "full", model, block.words, block.scales, block.limits.current, 1, folder / "firmware"
+    )
+    demand = with_lead_in("short", np.linspace(0.0, 30.0, 60), 500.0)
+    trial = Trial("end", demand, 1.0e-3, "demagnetised", 0)
+    _, session = run_firmware(
+        program, Bench(rig, trial.gap(rig), [9], unknown_past=False), demand, "host", True
+    )
+    assert ticks_that_differ(program, session) == 0
+    drive = session.drive.copy()
+    drive[session.first + 30] += 1
+    assert ticks_that_differ(program, replace(session, drive=drive)) == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("end_m = 1.0e-3", "end_m = 1.1e-3", "force_control.end_m: no loops at 0.0011 m"),
+        ("force_max_N = 40.0", "force_max_N = 48.4", "do not reach 48.4 N; lower force_max_N"),
+        ('loops = "loops.csv"', 'loops = "none.csv"', "none.csv"),
+        ("noise_N", "noise_n", "force_sensor.noise_n: is unknown; did you mean noise_N?"),
+    ],
+)
+def test_a_wrong_rig_is_one_line_and_exit_code_2(
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, told: str
+) -> None:
+    for name in ("solenoid.toml", "loops.csv", "loops.toml"):
+        shutil.copy(small.parent / name, tmp_path)
+    text = small.read_text()
+    assert old in text
+    rig = tmp_path / "rig.toml"
+    rig.write_text(text.replace(old, new, 1))
+    assert main(["force-control", str(rig), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("anhyst: error: ")
+    assert error.count("\n") == 1
+    assert told in error
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("t_s,F_N\n0,0\n1,41\n", "sample 1: 41 N is beyond 0 to 40 N"),
+        ("t_s,F_N\n0,0\n200,10\n", "lasts 200 s; give a demand of up to 120 s"),
+        ("t_s,I_A\n0,0\n1,1\n", "has no column of force"),
+    ],
+)
+def test_a_wrong_demand_is_refused(
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, told: str
+) -> None:
+    demand = tmp_path / "demand.csv"
+    demand.write_text(text)
+    arguments = ["force-control", str(small), "--out", str(tmp_path / "out")]
+    assert main([*arguments, "--demand", str(demand)]) == 2
+    assert told in capsys.readouterr().err

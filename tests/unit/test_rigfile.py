@@ -1,0 +1,112 @@
+"""Rig files: read whole, and told by line and key where something is wrong with them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from anhyst.errors import InputError
+from anhyst.rig.rigfile import RigTable, SolenoidFile, read_rig
+from anhyst.rig.tomlfile import TomlFileError
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / "examples" / "solenoid"
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    for name in ("rig.toml", "solenoid.toml"):
+        shutil.copy(EXAMPLE / name, tmp_path)
+    return tmp_path / "rig.toml"
+
+
+def line_of(path: Path, key: str) -> int:
+    lines = path.read_text().splitlines()
+    return next(number for number, line in enumerate(lines, 1) if line.startswith(key))
+
+
+def change(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize("folder", [EXAMPLE, EXAMPLE / "drawn"])
+def test_the_bundled_rigs_are_read(folder: Path) -> None:
+    rig = read_rig(folder / "rig.toml")
+    assert rig.dt == 1.0 / rig.settings.rate_Hz
+    assert rig.loops == folder / "loops.csv"
+    assert rig.magnet.solenoid().step(1.0, 1e-3) > 30.0
+
+
+def test_an_unknown_key_is_told_with_its_line_and_the_nearest_known_one(rig: Path) -> None:
+    line = line_of(rig, "slew_A_per_s")
+    change(rig, "slew_A_per_s", "slew_A_per_ms")
+    with pytest.raises(TomlFileError) as caught:
+        read_rig(rig)
+    text = str(caught.value)
+    assert text.startswith(f"{rig}:{line}: amplifier.slew_A_per_ms: is unknown")
+    assert "did you mean slew_A_per_s?" in text
+    assert "amplifier.slew_A_per_s (line" in text  # and that one is missing
+
+
+def test_a_key_inside_a_list_of_tables_is_told_too(rig: Path) -> None:
+    change(rig, 'name = "inner"\nlow = 0.30', 'name = "inner"\nlov = 0.30')
+    with pytest.raises(TomlFileError, match=r"demand\[2\]\.lov: is unknown; did you mean low\?"):
+        read_rig(rig)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('format = "anhyst-rig"', 'format = "rig"', "format: must be 'anhyst-rig'"),
+        ("rate_Hz = 1000.0", "rate_Hz = 3.0", "rate_Hz: must be greater than or equal to 100"),
+        ("dac_bits = 12", "dac_bits = 12.5", "amplifier.dac_bits: must be a valid integer"),
+        ("noise_N = 0.06", "noise_N = -0.06", "force_sensor.noise_N: must be greater than"),
+        ("low = 0.05", "low = 0.96", r"demand\[1\]: low must be below high; correct them"),
+        ("positions_m = [1.0e-3", 'positions_m = ["1 mm"', r"positions_m\[1\]: must be a valid"),
+        ("seed = 7", "seed = nan", "seed: must be a valid integer"),
+        ('name = "inner"', 'name = "wide open"', r"demand\[2\]\.name: string should match"),
+    ],
+)
+def test_a_wrong_value_is_told(rig: Path, old: str, new: str, told: str) -> None:
+    change(rig, old, new)
+    with pytest.raises(TomlFileError, match=told):
+        read_rig(rig)
+
+
+def test_a_missing_file_names_itself(rig: Path) -> None:
+    (rig.parent / "solenoid.toml").unlink()
+    with pytest.raises(InputError, match=r"solenoid\.toml: no such file"):
+        read_rig(rig)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_rig(rig.parent)
+
+
+def test_what_is_no_toml_is_told(rig: Path) -> None:
+    rig.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="is no UTF-8 text"):
+        read_rig(rig)
+    rig.write_text("format = ")
+    with pytest.raises(InputError, match="damaged TOML"):
+        read_rig(rig)
+
+
+def keys(table: type[BaseModel]) -> Iterator[str]:
+    for name, field in table.model_fields.items():
+        yield name
+        annotation: Any = field.annotation
+        for inner in (annotation, *getattr(annotation, "__args__", ())):
+            if isinstance(inner, type) and issubclass(inner, BaseModel):
+                yield from keys(inner)
+
+
+def test_every_key_is_described() -> None:
+    text = (ROOT / "docs" / "force-control.md").read_text()
+    for name in {*keys(RigTable), *keys(SolenoidFile)}:
+        assert f"`{name}`" in text, f"{name} is not described in docs/force-control.md"
