@@ -13,7 +13,7 @@ from anhyst.verify.result import Verification
 
 from .conftest import Compile
 
-KINDS = [("full", "q15"), ("simplified", "q31")]
+KINDS = [("full", "q31"), ("simplified", "q15")]
 PARTS = ["solve", "commit, solved", "commit, other", "pidd2", "tick"]
 
 
@@ -71,7 +71,7 @@ def test_single_precision_has_the_same_bits_with_and_without_a_float_unit(
 
 @pytest.mark.parametrize("target", ["cortex-m3", "cortex-m7"])
 def test_the_other_cortex_m_do_too(compiled: Compile, target: str) -> None:
-    for result in agrees(verify(compiled("full", "q15"), target, target_steps=2_000)).results:
+    for result in agrees(verify(compiled("full", "q31"), target, target_steps=2_000)).results:
         plausible(result)
 
 
@@ -119,14 +119,14 @@ def test_avr_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -
 
 @pytest.mark.skipif(shutil.which("mspdebug") is None, reason="apt install mspdebug")
 def test_msp430_gives_the_bits_of_the_host(compiled: Compile) -> None:
-    (result,) = agrees(verify(compiled("simplified", "q31"), "msp430", target_steps=300)).results
+    (result,) = agrees(verify(compiled("simplified", "q15"), "msp430", target_steps=300)).results
     plausible(result)
     assert result.unit == "cycles"
 
 
 @pytest.mark.skipif(shutil.which("qemu-system-arm") is None, reason="apt install qemu-system-arm")
 def test_the_whole_firmware_gives_the_currents_of_the_host(compiled: Compile) -> None:
-    (result,) = agrees(verify(compiled("full", "q15"), "cortex-m3-qemu", target_steps=300)).results
+    (result,) = agrees(verify(compiled("full", "q31"), "cortex-m3-qemu", target_steps=300)).results
     assert result.build == "firmware"
     assert result.steps == 300
 
