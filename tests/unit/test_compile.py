@@ -231,6 +231,28 @@ def test_generated_c_is_formatted_as_the_core_is(folder: Path) -> None:
         assert max(len(line) for line in text.splitlines()) <= 100
 
 
+def test_fragments_for_make_and_cmake_build_the_example(folder: Path, tmp_path: Path) -> None:
+    out = full(folder).out
+    vectors = (out / "vectors.csv").read_text()
+    (tmp_path / "Makefile").write_text(
+        f"include {out}/anhyst.mk\n"
+        f"example: $(ANHYST_SOURCES) {out}/main.c\n\t$(CC) $(ANHYST_CPPFLAGS) $^ -o $@\n"
+    )
+    subprocess.run([tool("make"), "-s", "-C", str(tmp_path), "example"], check=True)
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.20)\nproject(example LANGUAGES C)\n"
+        f"include({out}/anhyst.cmake)\nadd_executable(example {out}/main.c)\n"
+        "target_link_libraries(example anhyst)\n"
+    )
+    build = tmp_path / "build"
+    cmake = [tool("cmake"), "-S", str(tmp_path), "-B", str(build)]
+    subprocess.run(cmake, check=True, capture_output=True)
+    subprocess.run([tool("cmake"), "--build", str(build)], check=True, capture_output=True)
+    for program in (tmp_path / "example", build / "example"):
+        done = subprocess.run([program], input=vectors, capture_output=True, text=True, check=True)
+        assert "0 differ" in done.stdout
+
+
 def test_parameters_in_c_are_the_block(folder: Path) -> None:
     compiled = full(folder)
     text = (compiled.out / "anhyst_parameters.c").read_text()

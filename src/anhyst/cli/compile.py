@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from anhyst.cli.console import print_json, show, table, warn
+from anhyst.cli.console import print_json, progress_bar, show, table, warn
 from anhyst.cli.options import AsJson, ModelPath
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ class KindChoice(StrEnum):
 
     FULL = "full"
     SIMPLIFIED = "simplified"
+    EULER = "euler"  # the paper's integration, as a baseline
 
 
 class IoChoice(StrEnum):
@@ -56,14 +57,14 @@ def compile_(
         float | None,
         typer.Option(
             metavar="PERCENT",
-            help="Largest deviation from the model, per cent of the largest output. [default: 0.2 "
+            help="Largest deviation from the model, per cent of the largest output. [default: 0.1 "
             "for number formats and tables; a simplified law's own deviation comes on top]",
             show_default=False,
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compile a model into fixed-point C for a controller.
+    """Compile a model into C for a controller, in fixed point or single precision.
 
     The folder holds one header, one source and the parameters of the compensator (wanted output
     in, current out), an example, fragments for make and CMake, golden vectors, an accuracy budget
@@ -75,7 +76,8 @@ def compile_(
     from anhyst.compile.plan import Request
 
     request = Request(kind.value, io.value, rate, accuracy)
-    compiled = compile_model(model, out, request)
+    with progress_bar("choosing tables and measuring"):
+        compiled = compile_model(model, out, request)
     if text := compiled.warning:
         warn(text)
     if as_json:
