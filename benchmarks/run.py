@@ -67,6 +67,7 @@ def bundled_example() -> list[Row]:
 def main() -> None:
     """Measure everything and print the table."""
     import compiled
+    import force
     import initial_state
     import serial_link
     import speed
@@ -74,6 +75,7 @@ def main() -> None:
     console = Console()
     rows = [*speed.rows(), *bundled_example(), *compiled.rows(), *serial_link.rows()]
     rows += initial_state.rows()
+    rows += force.rows()
     folder = measurements()
     if folder is None:
         console.print("real measurements are not here: set ANHYST_DATA to their folder")
