@@ -11,12 +11,16 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
+from anhyst.compile.block import Block
+from anhyst.compile.plan import Request, make_plan
+from anhyst.link.firmware import build
+from anhyst.modelfile import read_model
 from anhyst.rig.bench import Bench
 from anhyst.rig.demand import with_lead_in
 from anhyst.rig.force_control import ForceControl, force_control
-from anhyst.rig.programs import ticks_that_differ
+from anhyst.rig.programs import Program, Session, ticks_that_differ
+from anhyst.rig.rigfile import read_rig
 from anhyst.rig.session import run_firmware
-from anhyst.rig.trials import Trial
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 GAPS = ("0.00100", "0.00160", "0.00280")
@@ -109,31 +113,44 @@ def test_everything_is_written(run: ForceControl) -> None:
     assert {one.trial.demand.name for one in run.outcomes} == {"wide", "file"}
 
 
-def test_a_single_other_code_is_found(run: ForceControl, small: Path) -> None:
-    from anhyst.compile.block import Block
-    from anhyst.compile.plan import Request, make_plan
-    from anhyst.modelfile import read_model
-    from anhyst.rig.programs import Program
-    from anhyst.rig.rigfile import read_rig
-
-    rig, folder = read_rig(small), run.out / "end" / "full"
+def program_of(run: ForceControl, firmware: Path) -> Program:
+    """The program of the stroke's end again, from what was written."""
+    folder = run.out / "end" / "full"
     model = read_model(folder / "model.toml")
     sha = json.loads((folder / "controller" / "manifest.json").read_text())["model"]["sha256"]
-    plan = make_plan(model, Request("full", "q31", 500.0), int(sha[:8], 16))
-    block = plan.block
+    block = make_plan(model, Request("full", "q31", 500.0), int(sha[:8], 16)).block
     assert isinstance(block, Block)
-    program = Program(
-        "full", model, block.words, block.scales, block.limits.current, 1, folder / "firmware"
-    )
+    return Program("full", model, block.words, block.scales, block.limits.current, 1, firmware)
+
+
+def short_session(small: Path, program: Program, board: str) -> Session:
     demand = with_lead_in("short", np.linspace(0.0, 30.0, 60), 500.0)
-    trial = Trial("end", demand, 1.0e-3, "demagnetised", 0)
-    _, session = run_firmware(
-        program, Bench(rig, trial.gap(rig), [9], unknown_past=False), demand, "host", True
-    )
+    rig = read_rig(small)
+    gap = np.full(demand.force.size, 1.0e-3)
+    bench = Bench(rig, gap, [9], unknown_past=False)
+    return run_firmware(program, bench, demand, board, True)[1]
+
+
+def test_a_single_other_code_is_found(run: ForceControl, small: Path) -> None:
+    program = program_of(run, run.out / "end" / "full" / "firmware")
+    session = short_session(small, program, "host")
     assert ticks_that_differ(program, session) == 0
     drive = session.drive.copy()
     drive[session.first + 30] += 1
     assert ticks_that_differ(program, replace(session, drive=drive)) == 1
+    demand = session.demand.copy()
+    demand[70] += 1 << 20
+    assert ticks_that_differ(program, replace(session, demand=demand)) > 0
+
+
+def test_an_emulated_controller_does_the_same(
+    run: ForceControl, small: Path, tmp_path: Path
+) -> None:
+    if shutil.which("qemu-system-arm") is None:
+        pytest.skip("qemu-system-arm is not installed: apt install qemu-system-arm")
+    controller = run.out / "end" / "full" / "controller"
+    program = program_of(run, build("qemu-mps2", controller, tmp_path / "firmware"))
+    assert ticks_that_differ(program, short_session(small, program, "qemu-mps2")) == 0
 
 
 @pytest.mark.parametrize(

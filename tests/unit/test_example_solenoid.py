@@ -1,0 +1,92 @@
+"""The bundled solenoid is what its README says."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from anhyst.rig.rigfile import Rig, read_rig
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
+CURRENT_MAX = 1.2
+LEVELS = np.linspace(0.05, 0.95, 181)
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_solenoid_loops", FOLDER / "make_loops.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return read_rig(FOLDER / "rig.toml")
+
+
+def table() -> list[list[str]]:
+    text = (FOLDER / "README.md").read_text()
+    rows = re.findall(r"^\| \d\.\d\d mm.*$", text, re.M)
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+
+
+def test_the_data_are_what_the_script_makes(example: ModuleType) -> None:
+    for name, text in example.files().items():
+        assert (FOLDER / name).read_text() == text, f"{name}: run make_loops.py again"
+
+
+def test_the_first_version_has_its_data_too(example: ModuleType) -> None:
+    rig = read_rig(FOLDER / "drawn" / "rig.toml")
+    made = example.rows(rig, rig.magnet.solenoid())
+    kept = (FOLDER / "drawn" / "loops.csv").read_text().splitlines()[4:]
+    for row, line in zip(range(300), kept, strict=False):
+        assert next(made) == line, f"row {row}"
+
+
+def test_the_table_of_positions(rig: Rig) -> None:
+    rows = table()
+    assert [float(row[0].split()[0]) for row in rows] == [
+        round(1e3 * gap, 2) for gap in rig.settings.force_control.positions_m
+    ]
+    measured = {round(1e3 * gap, 2) for gap in rig.magnet.measurement["gaps_m"]}
+    turns, length = rig.magnet.circuit.turns, rig.magnet.iron.length_m
+    for place, force, left, width, density, share, where in rows:
+        gap = float(place.split()[0])
+        solenoid = rig.magnet.solenoid()
+        current = np.linspace(0.0, CURRENT_MAX, 201)
+        for turn in (CURRENT_MAX, 0.0) * 3:
+            rest = solenoid.step(turn, 1e-3 * gap)
+        rising = np.array([solenoid.step(one, 1e-3 * gap) for one in current])
+        assert f"{rising[-1]:.1f} N" == force
+        assert f"{rest:.2f} N" == left
+        assert f"{solenoid.flux / rig.magnet.iron.area_m2:.2f} T" == density
+        used = solenoid.iron.field * length / (turns * CURRENT_MAX)
+        assert f"{100.0 * used:.0f} %" == share
+        falling = np.array([solenoid.step(one, 1e-3 * gap) for one in current[::-1]])[::-1]
+        level = LEVELS * rising[-1]
+        opening = np.interp(level, rising, current) - np.interp(level, falling, current)
+        percent = 100.0 * opening / CURRENT_MAX
+        told = [float(number) for number in re.findall(r"[\d.]+(?= %)", width)]
+        assert percent.max() == pytest.approx(told[0], abs=0.06)
+        assert percent.mean() == pytest.approx(told[1], abs=0.06)
+        assert percent.max() >= 4.0
+        assert rising[-1] >= rig.settings.force_control.force_max_N
+        assert (where == "`loops.csv`") == (gap in measured)
+
+
+def test_the_thresholds_of_the_cells(rig: Rig) -> None:
+    thresholds = rig.magnet.iron.steel().thresholds
+    text = (FOLDER / "README.md").read_text()
+    low, high = map(float, re.findall(r"thresholds between (\d+) and (\d+) A/m", text)[0])
+    assert thresholds[1] == pytest.approx(low, rel=0.05)
+    assert thresholds[-1] == pytest.approx(high, rel=0.05)
