@@ -14,11 +14,9 @@ from anhyst.compile.block import Block, FloatArray, Limits, Scales, Sizes
 from anhyst.compile.floating import RealBlock, RealIo, RealTwin
 from anhyst.compile.full import normal
 from anhyst.compile.paths import Path
-from anhyst.compile.scheduled import flux_unit, nodes
+from anhyst.compile.scheduled import MU_0, flux_unit, nodes
 from anhyst.compile.twin import Twin
 from anhyst.model import ActuatorModel
-
-MU_0 = 4e-7 * np.pi
 
 AnyBlock = Block | RealBlock
 Io = Literal["q15", "q31", "f32", "f64"]

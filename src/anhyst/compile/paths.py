@@ -126,13 +126,22 @@ def paths(
         Each starts demagnetised. Always the same.
     """
     reach = find_reach(model, scales, limits)
+    found = []
+    for name, (title, part, place) in _shapes(model.needs_schedule, seed, 1500 * length).items():
+        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * place
+        said = title if model.needs_schedule else title.removesuffix(", gap at rest")
+        demand = reach.demand(part, gap, lifted)
+        found.append(Path(name, said, demand, gap if model.needs_schedule else None))
+    return found
+
+
+def _shapes(moves: bool, seed: int, size: int) -> dict[str, tuple[str, FloatArray, FloatArray]]:
+    """Return title, demand and gap of each path, both 0..1."""
     random = np.random.default_rng(seed)
-    size = 1500 * length
-    moves = model.needs_schedule
     shapes = {
         "nested": (
             "nested loops, gap at rest",
-            np.tile(_nested(), length),
+            np.resize(_nested(), size),
             _at_rest(random, size, 250),
         ),
         "reversals": (
@@ -157,13 +166,7 @@ def paths(
             _jumps(random, size),
             _jumps(random, size),
         )
-    found = []
-    for name, (title, part, place) in shapes.items():
-        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * place
-        said = title if moves else title.removesuffix(", gap at rest")
-        demand = reach.demand(part, gap, lifted)
-        found.append(Path(name, said, demand, gap if moves else None))
-    return found
+    return shapes
 
 
 def _nested() -> FloatArray:

@@ -42,7 +42,6 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
         Content by file name; the same for the same plan.
     """
     model, block, io = plan.model, plan.block, plan.request.io
-    names = Names(model.output.unit, model.input.unit)
     real = isinstance(block, RealBlock)
     joined = join(block.kind, single=real)
     common = {
@@ -66,17 +65,7 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
         "body": joined.source.rstrip("\n"),
         "origin": _origin(section_names([joined.source])),
     }
-    parameters = common | {
-        "signals": signal_lines(plan),
-        "kernel": f"anhyst_kernel_{block.kind}{'_f32' if real else ''}",
-        "rate": f"{plan.request.rate:.10g}",
-        "defines": [] if real else _defines(plan),
-    }
-    if isinstance(block, RealBlock):
-        parameters["structures"] = c_parameters_f32(block, names, model.schedule)
-    else:
-        parameters["rows"] = parameters_source(block, names, model.schedule)
-        parameters["words"] = block.words.size
+    parameters = common | _parameters(plan)
     files = {
         "anhyst.h": render("anhyst.h.j2", header),
         "anhyst.c": render("anhyst.c.j2", source),
@@ -88,6 +77,24 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
         "anhyst.cmake": render("anhyst.cmake.j2", common),
     }
     return files if real else {**files, PORT: read_core(f"port/{PORT}")}
+
+
+def _parameters(plan: Plan) -> dict[str, object]:
+    """Return what the files of the parameters tell beside what all files do."""
+    model, block = plan.model, plan.block
+    names = Names(model.output.unit, model.input.unit)
+    told: dict[str, object] = {
+        "signals": signal_lines(plan),
+        "rate": f"{plan.request.rate:.10g}",
+    }
+    if isinstance(block, RealBlock):
+        return told | {"structures": c_parameters_f32(block, names, model.schedule)}
+    return told | {
+        "kernel": f"anhyst_kernel_{block.kind}",
+        "defines": _defines(plan),
+        "rows": parameters_source(block, names, model.schedule),
+        "words": block.words.size,
+    }
 
 
 def _guide(plan: Plan) -> dict[str, object]:
