@@ -231,7 +231,8 @@ def _arms(tasks: list[_Task], lags: list[FloatArray]) -> tuple[FloatArray, Float
     best: FloatArray = np.zeros(3)
     least = np.inf
     for _ in range(WORST_CASE_ROUNDS):
-        arms = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
+        found = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)
+        arms = np.asarray(found[0], dtype=np.float64)
         error = np.abs(design @ arms - target)
         if error.max() < least:
             best, least = arms, float(error.max())
