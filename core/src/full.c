@@ -325,18 +325,20 @@ static void mirror(path *along)
   along->level = -along->level;
 }
 
+/* A number of a path as the memory keeps it: q30, in the direction it really had. */
+static int32_t outward(int32_t a, int falling) { return (falling ? -a : a) * 4; }
+
 /* What was found on a path, in the direction it really had; where the play has not moved, it has
    not turned either. */
 static void remember(const path *along, const anhyst_memory *from, int falling, const answer *at,
                      anhyst_memory *to)
 {
-  const int32_t sign = falling ? -4 : 4;
   const int moved = at->p != along->p;
-  to->a = at->x * sign;
-  to->b = at->y * sign;
-  to->c = at->p * sign;
-  to->d = moved ? along->turn * sign : from->d;
-  to->e = moved ? along->level * sign : from->e;
+  to->a = outward(at->x, falling);
+  to->b = outward(at->y, falling);
+  to->c = outward(at->p, falling);
+  to->d = moved ? outward(along->turn, falling) : from->d;
+  to->e = moved ? outward(along->level, falling) : from->e;
 }
 
 /* Solves air*x + iron*m = target from a memory; |target| < 1, air above 0. Returns m. */
@@ -394,7 +396,7 @@ static int full_sound(const int16_t *words)
   const int16_t n = words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
   const int16_t n_inverse = words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
   /* Slopes of the tables stay within ANHYST_SLOPE_MAX. */
-  const int16_t steepest = (int16_t)(ANHYST_Q15_MAX >> (n > 5 ? n - 5 : 0));
+  const int16_t steepest = (int16_t)(ANHYST_Q15_MAX >> (n > 5 && n <= 9 ? n - 5 : 0));
   return words[ANHYST_WORD_FULL_AIR] > 0 && words[ANHYST_WORD_FULL_REVERSIBLE] >= 0 &&
          words[ANHYST_WORD_FULL_PLAY] >= 0 && words[ANHYST_WORD_FULL_RATE] > 0 &&
          anhyst_within(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, 12) &&
