@@ -81,6 +81,22 @@ def test_a_tool_that_is_not_installed(
     assert f"apt install {package}" in said
 
 
+def test_sanitizers_that_are_not_installed(
+    compiled: Compile, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    compiler = tmp_path / "gcc"
+    compiler.write_text(
+        '#!/bin/sh\ncase "$*" in *fsanitize*) echo "ld: error: cannot find -lasan" >&2; exit 1;;'
+        ' esac\nexec cc "$@"\n',
+        encoding="ascii",
+    )
+    compiler.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    monkeypatch.setattr("anhyst.verify.targets.HOST_COMPILERS", {"gcc": "gcc"})
+    with pytest.raises(InputError, match="sanitizers of gcc are not installed: apt install"):
+        verify(compiled("full", "q31"), "host", host_steps=10)
+
+
 def test_a_python_package_that_is_not_installed(
     compiled: Compile, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from anhyst.errors import InputError
+from anhyst.errors import InputError, NegativeResult
 from anhyst.verify.bundle import PORT_HEADER, Bundle
 from anhyst.verify.cortexm import CortexProgram, build_counter
 from anhyst.verify.elf import read_image
@@ -34,6 +34,7 @@ Order = Callable[[], Variant]
 PORT_DEFINE = {"ANHYST_PORT_HEADER": f'"{PORT_HEADER}"'}
 OPTIMISATIONS = ("-O0", "-O2", "-O3")
 SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+SANITIZER_LIBRARIES = ("libclang_rt", "libasan", "libubsan", "-lasan", "-lubsan")
 HOST_COMPILERS = {"gcc": "gcc", "clang": "clang"}
 
 AVR_CPU = "atmega1284p"
@@ -103,7 +104,15 @@ def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, .
     title = f"{name} sanitizers" if sanitized else f"{name} {flags[0]}"
     program = workshop.folder / f"host-{title.replace(' ', '-')}"
     label = f"host ({title})"
-    warnings = compile_c(command, workshop.build("host", *flags), program, label)
+    try:
+        warnings = compile_c(command, workshop.build("host", *flags), program, label)
+    except NegativeResult as error:
+        if sanitized and any(part in str(error) for part in SANITIZER_LIBRARIES):
+            raise InputError(
+                f"target host: the sanitizers of {name} are not installed: "
+                f"apt install {'libclang-rt-dev' if name == 'clang' else 'libgcc-12-dev'}"
+            ) from None
+        raise
     process = ProcessProgram(label, (str(program),))
     return Variant("host", title, process, "", "this machine", name, warnings)
 
