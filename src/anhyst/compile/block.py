@@ -208,7 +208,11 @@ class Packer:
         words = np.rint(np.asarray(values) * one).astype(np.int64)
         words = np.maximum(words, least)
         if np.abs(words).max() > 32767 or (words.size > 1 and np.abs(np.diff(words)).max() > 32767):
-            raise InputError(f"table {name.lower()}: an entry does not fit into 16 bits")
+            largest = float(np.abs(values).max())
+            raise InputError(
+                f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end at "
+                f"{32767 / one:.3g}; narrow the model's [valid], or correct its parameters"
+            )
         self._tables[name] = words
 
     def close(self, scales: Scales, limits: Limits, generation: int = 0) -> Block:

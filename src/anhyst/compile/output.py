@@ -12,10 +12,10 @@ from anhyst.compile.budget import Budget, as_dict, check_accuracy, keeps_allowan
 from anhyst.compile.folder import check_folder, json_text, write_folder
 from anhyst.compile.manifest import manifest
 from anhyst.compile.page import budget_page
-from anhyst.compile.plan import ACCURACY, Plan, Request, make_plan
+from anhyst.compile.plan import ACCURACY, Plan, Request, make_plan, not_computed
 from anhyst.compile.source import sources
 from anhyst.compile.vectors import golden_vectors, vectors_csv
-from anhyst.errors import InputError
+from anhyst.errors import InputError, NegativeResult
 from anhyst.model import ActuatorModel
 from anhyst.modelfile import read_model
 from anhyst.version import running_version
@@ -89,6 +89,8 @@ def compile_model(model_path: PathLike, out: PathLike, request: Request) -> Comp
         plan, budget = _planned(model, request, int(sha256[:8], 16))
     except InputError as error:
         raise InputError(f"{model_path}: {error}") from error
+    except NegativeResult as error:
+        raise InputError(f"{model_path}: {not_computed(error)}") from error
     check_accuracy(budget)
     version = running_version()
     files = {

@@ -9,10 +9,10 @@ import numpy as np
 from anhyst.compile.block import Kind, Limits, Scales, Sizes
 from anhyst.compile.full import normal
 from anhyst.compile.measure import AnyBlock, Io
-from anhyst.compile.scheduled import refuse_uncompilable, require_rising
+from anhyst.compile.scheduled import flux_gain, flux_shift, refuse_uncompilable, require_rising
 from anhyst.compile.search import Builder, Found, Search
 from anhyst.compile.start import StartUp, plan_start
-from anhyst.errors import InputError
+from anhyst.errors import InputError, NegativeResult
 from anhyst.model import ActuatorModel
 
 GAPS = 65
@@ -160,18 +160,31 @@ def make_plan(model: ActuatorModel, request: Request, model_hash: int, share: fl
     refuse_uncompilable(model)
     limits = find_limits(model)
     scales = find_scales(model, limits)
-    law = normal(model, np.linspace(scales.gap_low, scales.gap_high, GAPS))
+    at = np.linspace(scales.gap_low, scales.gap_high, GAPS)
+    law = normal(model, at)
     require_rising(law.flux_arm, law.field_arm)
+    flux_shift(flux_gain(model, scales, at))
     allowance = ACCURACY / 100.0 * largest_output(limits)
     if request.accuracy is not None:
         asked = request.accuracy / 100.0 * largest_output(limits)
         allowance = asked if request.kind == "full" else min(asked, allowance)
-    start = plan_start(model, scales, limits, request.rate, allowance)
+    try:
+        start = plan_start(model, scales, limits, request.rate, allowance)
+    except InputError as error:
+        raise not_computed(error) from error
     given = model, request.kind, request.io, scales, limits
     builder = Builder(*given, start.conditioning, model_hash)
     found = Search(builder, share * allowance).run()
     block = builder(found.sizes)
     return Plan(request, builder, found.sizes, block, start, found, allowance)
+
+
+def not_computed(error: InputError | NegativeResult) -> InputError:
+    """Return the error of a model whose law ends within its own limits; `error` tells where."""
+    return InputError(
+        f"[valid]: the law cannot be computed within these limits ({error}); narrow them, or "
+        "correct the parameters"
+    )
 
 
 def find_limits(model: ActuatorModel) -> Limits:
@@ -180,7 +193,7 @@ def find_limits(model: ActuatorModel) -> Limits:
     Raises
     ------
     InputError
-        The model does not say.
+        The model does not say, or leaves no room between them.
     """
     if model.valid is None:
         raise InputError(
@@ -189,7 +202,18 @@ def find_limits(model: ActuatorModel) -> Limits:
         )
     low, high = model.valid.output
     # A force is the square of the flux: what the sensor read below zero was noise.
-    return Limits((max(low, 0.0) if model.power == 2 else low, high), model.valid.input)
+    limits = Limits((max(low, 0.0) if model.power == 2 else low, high), model.valid.input)
+    over = model.valid.schedule
+    ranges = [("output", limits.demand), ("input", limits.current)]
+    if model.needs_schedule:
+        ranges.append(("schedule", over or (0.0, 0.0)))
+    for name, (low, high) in ranges:
+        if not low < high:
+            raise InputError(
+                f"[valid]: the range of the {name}, {low:g} to {high:g}, has no room for a "
+                "compensator; give its ends"
+            )
+    return limits
 
 
 def find_scales(model: ActuatorModel, limits: Limits) -> Scales:

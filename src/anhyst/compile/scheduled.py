@@ -19,6 +19,7 @@ from anhyst.model import OPERATOR, ActuatorModel
 MU_0 = 4e-7 * np.pi
 WEIGHT = 65536.0
 LARGEST_WEIGHT = 32767 / WEIGHT
+MOST_FLUX_SHIFT = 6
 
 
 def refuse_uncompilable(model: ActuatorModel) -> None:
@@ -51,6 +52,22 @@ def flux_unit(model: ActuatorModel) -> float:
     return MU_0 * first["M_s"] * (1.0 - first["alpha"])
 
 
+def flux_shift(gain: FloatArray) -> int:
+    """Return by how many bits gains of the flux are shifted to fit into their table.
+
+    Raises
+    ------
+    InputError
+        The full-scale demand is so far beyond saturation that no table holds it.
+    """
+    if not gain.max() <= LARGEST_WEIGHT * 2.0**MOST_FLUX_SHIFT:
+        raise InputError(
+            "flux: the full-scale demand is far beyond saturation; narrow the output in the "
+            "model's [valid], or correct its parameters"
+        )
+    return max(0, int(np.ceil(np.log2(gain.max() / LARGEST_WEIGHT))))
+
+
 def flux_gain(model: ActuatorModel, scales: Scales, at: FloatArray) -> FloatArray:
     """Return the flux of a full-scale output at each node, in units of :func:`flux_unit`."""
     full = scales.demand / model.over_schedule("c_out", at)
@@ -81,9 +98,7 @@ def pack_common(
     pack.set("CONDITION_TICKS", conditioning.ramp_ticks)
     pack.set("GAP_SEGMENTS", sizes.gap_segments if model.needs_schedule else 0)
     gain = flux_gain(model, scales, at)
-    shift = max(0, int(np.ceil(np.log2(gain.max() / LARGEST_WEIGHT))))
-    if shift > 6:
-        raise InputError("flux: the full-scale demand is far beyond saturation; narrow the demand")
+    shift = flux_shift(gain)
     pack.set("FLUX_SHIFT", shift)
     pack.set("FLUX_LIMIT", 16384)
     pack.table("GAP_GAIN", gain / 2.0**shift, WEIGHT, least=1)
@@ -95,9 +110,9 @@ def require_rising(flux_arm: FloatArray, field_arm: FloatArray) -> None:
     """Raise `InputError` where more flux or field would not need more current."""
     if np.any(flux_arm < 0.0) or np.any(field_arm <= 0.0):
         raise InputError(
-            "alpha: the coupling outweighs the gap, so that a part of the current falls as the "
-            "flux rises; a compensator needs a gap at every place (leave out the loops of a "
-            "closed gap, or identify with --gap-map reluctance)"
+            "alpha: the coupling outweighs the gap (rho is below alpha/(1-alpha)), so that a part "
+            "of the current falls as the flux rises; leave out the loops of the smallest gaps, or "
+            "identify with --gap-map reluctance if it was another map"
         )
 
 
@@ -109,7 +124,10 @@ def pack_arms(
     largest = max(np.abs(part).max() for part in (bias, flux_arm, field_arm)) / scales.current
     shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT))))
     if shift > 8:
-        raise InputError("current: the full-scale current is far too small for this actuator")
+        raise InputError(
+            "current: the full-scale current is far too small for this actuator; widen the input "
+            "in the model's [valid], or narrow the gap there"
+        )
     unit = scales.current * 2.0**shift
     pack.set("CURRENT_SHIFT", shift)
     pack.table("GAP_BIAS", bias / unit, WEIGHT)

@@ -1,0 +1,167 @@
+"""What ``compile`` says to a model, an option or a place that will not do; nothing is written."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from .command import as_ordinary_user, contents, quick, refused
+from .records import model
+
+GOOD = model()
+COMPILE = ("compile", "model.toml", "--rate", "1e4", "--out", "c")
+
+
+def edited(**values: str) -> str:
+    """Return the good model with some values replaced, whatever they were."""
+    text = GOOD
+    for key, value in values.items():
+        text, count = re.subn(rf"(?m)^({key} =) [^#\n]*", rf"\1 {value} ", text)
+        assert count == 1, key
+    return text
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "model.toml").write_text(GOOD)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        pytest.param({"law": '"jiles-atherton-1986"'}, "law 'jiles-atherton-1986' cannot be "
+                     "compiled: its step has no closed form; identify with --law effective-field",
+                     id="law of 1986"),
+        pytest.param({"gamma_A_s_per_m_T": "1.0"}, "gamma: eddy currents cannot be compiled; "
+                     "identify with gamma = 0", id="eddy currents"),
+        pytest.param({"gap_map": '"free"', "k_A_per_m": "[300.0, 310.0]"}, "gap map 'free' cannot "
+                     "be compiled: the iron itself would change with the gap; identify with",
+                     id="free map"),
+        pytest.param({"alpha": "0.05"}, "alpha: the coupling outweighs the gap (rho is below "
+                     "alpha/(1-alpha)), so that a part of the current falls as the flux rises; "
+                     "leave out the loops of the smallest gaps", id="coupling beyond the gap"),
+        pytest.param({"F_N": "[0.0, 5e5]"}, "flux: the full-scale demand is far beyond saturation; "
+                     "narrow the output in the model's [valid]", id="demand beyond saturation"),
+        pytest.param({"F_N": "[0.0, 1e300]"}, "flux: the full-scale demand is far beyond",
+                     id="demand beyond any float of C"),
+        pytest.param({"M_s_A_per_m": "1e-300"}, "flux: the full-scale demand is far beyond",
+                     id="iron without magnetisation"),
+        pytest.param({"F_N": "[0.0, 0.0]"}, "[valid]: the range of the output, 0 to 0, has no room "
+                     "for a compensator; give its ends", id="no room for a demand"),
+        pytest.param({"F_N": "[-5.0, -1.0]"}, "[valid]: the range of the output, 0 to -1, has no",
+                     id="demand below zero"),
+        pytest.param({"I_A": "[0.0, 0.0]"}, "[valid]: the range of the input, 0 to 0, has no room",
+                     id="no room for a current"),
+        pytest.param({"gap_m": "[3e-4, 3e-4]"}, "[valid]: the range of the schedule, 0.0003 to "
+                     "0.0003, has no room", id="no room for the gap"),
+        pytest.param({"I_A": "[0.0, 1e300]"}, "[valid]: the law cannot be computed within these "
+                     "limits (drive: sample 1 (1.66667e+298) the effective field leaves",
+                     id="current beyond the tables"),
+        pytest.param({"rho": "[1e9, 1e9]"}, "[valid]: the law cannot be computed within these "
+                     "limits (drive: sample 1482 (0) the equation of the law did not converge)",
+                     id="no convergence"),
+    ],
+)  # fmt: skip
+def test_a_model_that_cannot_be_compiled(folder: Path, values: dict[str, str], said: str) -> None:
+    (folder / "model.toml").write_text(edited(**values))
+    assert refused(*COMPILE, cwd=folder).startswith(f"model.toml: {said}")
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        pytest.param({"F_0_N": "5000.0"}, "table gap_offset: 8.33 does not fit into its 16 bits, "
+                     "which end at 1; narrow the model's [valid], or correct its parameters",
+                     id="offset"),
+        pytest.param({"rho": "[0.004, 4e5]"}, "current: the full-scale current is far too small "
+                     "for this actuator; widen the input in the model's [valid]", id="arm"),
+        pytest.param({"I_0_A": "-3.0"}, "current: its limits drive the iron to 101 times its shape "
+                     "field a, beyond 95 the tables are too steep for 16 bits; narrow the current",
+                     id="field"),
+    ],
+)  # fmt: skip
+def test_a_table_that_would_overflow(folder: Path, values: dict[str, str], said: str) -> None:
+    (folder / "model.toml").write_text(edited(**values))
+    said_ = refused(*COMPILE, "--accuracy", "5", cwd=folder)
+    assert said_.startswith(f"model.toml: {said}")
+
+
+def test_a_damaged_model_is_told_with_line_and_key(folder: Path) -> None:
+    text = edited(k_A_per_m='"300"')
+    line = next(n for n, row in enumerate(text.split("\n"), 1) if row.startswith("k_A_per_m"))
+    (folder / "model.toml").write_text(text)
+    said = refused(*COMPILE, cwd=folder)
+    assert said.startswith(f"model.toml:{line}: parameters.k_A_per_m: must be a finite number")
+    (folder / "model.toml").write_text(GOOD[:900])
+    assert refused(*COMPILE, cwd=folder).startswith("model.toml:")
+    (folder / "model.toml").unlink()
+    assert refused(*COMPILE, cwd=folder) == "model.toml: no such file; check the path"
+
+
+def test_a_model_without_limits(folder: Path) -> None:
+    (folder / "model.toml").write_text(GOOD.split("# Smallest and largest")[0])
+    said = refused(*COMPILE, cwd=folder)
+    assert said.startswith("model.toml: the model does not say where it holds: without [valid]")
+
+
+@pytest.mark.parametrize(
+    ("options", "culprit", "advice"),
+    [
+        (
+            ("--kind", "simplified", "--accuracy", "0.1"),
+            "straight anhysteretic",
+            "compile with --kind full",
+        ),
+        (("--accuracy", "0.001", "--io", "q31"), "tables", "2 KiB of tables hold no more"),
+    ],
+)
+def test_an_accuracy_out_of_reach_names_its_cause(
+    folder: Path, options: tuple[str, ...], culprit: str, advice: str
+) -> None:
+    before = contents(folder)
+    result = quick(*COMPILE, *options, cwd=folder)
+    assert result.returncode == 1, result
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1
+    said = rf"% was asked for; the largest part is {culprit}.*: {advice}, or ask for [0-9.]+ %"
+    assert re.search(said, result.stderr), result.stderr
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--rate", "0"), "--rate"),
+        (("--rate", "nan"), "--rate"),
+        (("--rate", "1e9"), "--rate: is 1e+09 Hz; give 1 to 1000000"),
+        (("--accuracy", "nan"), "--accuracy: is nan %; give 0.001 to 50"),
+        (("--accuracy", "-1"), "--accuracy: is -1 %; give 0.001 to 50"),
+        (("--kind", "square"), "'square' is not one of 'full', 'simplified'"),
+        (("--io", "q7"), "'q7' is not one of 'q15', 'q31', 'f32'"),
+    ],
+)
+def test_options_out_of_range(folder: Path, options: tuple[str, ...], said: str) -> None:
+    assert said in refused(*COMPILE, *options, cwd=folder)
+
+
+def test_a_place_that_is_not_ours(folder: Path) -> None:
+    (folder / "mine").mkdir()
+    (folder / "mine" / "notes.txt").write_text("mine")
+
+    def said(out: str) -> str:
+        return refused(*COMPILE[:-1], out, cwd=folder)
+
+    assert said("model.toml") == "model.toml: is a file; name a folder"
+    assert "holds files that anhyst compile has not written; name another" in said("mine")
+    assert "no such folder; create it first" in said("no/where")
+
+
+def test_a_place_that_may_not_be_written(folder: Path) -> None:
+    (folder / "locked").mkdir()
+    (folder / "locked").chmod(0o555)
+    given = (*COMPILE[:-1], "locked/c")
+    said = refused(*given, cwd=folder, preexec_fn=as_ordinary_user())
+    assert "cannot be written; name another folder" in said
