@@ -11,9 +11,9 @@ class Amplifier:
     """A current-controlled power stage behind a digital-analogue converter.
 
     A reference written at tick n is put out at tick n + 1 and followed from there as by a
-    first-order low-pass, no faster than the supply voltage allows. What the stage controls is the
-    current as its shunt reads it: an error of the shunt's zero is an error of the current. Less than
-    the low end of its range it cannot drive.
+    first-order low-pass, no faster than the supply voltage allows, never below the low end of its
+    range. What the stage controls is the current as its shunt reads it: an error of the shunt's
+    zero is an error of the current.
 
     Parameters
     ----------

@@ -132,6 +132,7 @@ class Solenoid:
         self.geometry = geometry
         self.flux = 0.0
         """Flux in the iron after the last step, Wb; times the turns it is the flux linkage."""
+        self._slope = 0.0
         self.force = 0.0
         """Pull after the last step, N."""
 
@@ -153,24 +154,27 @@ class Solenoid:
             Pull, N.
         """
         place = self._gap(gap)
-        field = self._field(self.geometry.turns * current, place)
-        self.flux = self.geometry.iron_area * self.iron.flux_density(field)[0]
+        field, density = self._field(self.geometry.turns * current, place)
+        self.flux = self.geometry.iron_area * density
         self.iron.commit(field)
         self.force = place.force(place.mmf(self.flux)[0])
         return self.force
 
-    def _field(self, mmf: float, place: _Gap) -> float:
-        """Field in the iron that uses up the ampere-turns.
+    def _field(self, mmf: float, place: _Gap) -> tuple[float, float]:
+        """Field in the iron that uses up the ampere-turns, and the flux density there.
 
         What is left over falls at least as fast as ``iron_length*field``, so its root is bracketed;
-        Newton inside the bracket.
+        Newton inside the bracket. Where the field stands nothing moves yet: the way from there is
+        begun with the slope that the last way ended with.
         """
         area, length = self.geometry.iron_area, self.geometry.iron_length
         slide = self.geometry.slide_reluctance
         field = self.iron.field
         low, high = -math.inf, math.inf
+        least = self._slope
         for _ in range(_ITERATIONS):
             density, slope = self.iron.flux_density(field)
+            slope, least = max(slope, least), 0.0
             outside, d_outside = place.mmf(area * density)
             left = mmf - length * field - slide * area * density - outside
             if abs(left) <= _TOLERANCE:
@@ -183,7 +187,8 @@ class Solenoid:
             field += left / (length + (slide + d_outside) * area * slope)
             if not low < field < high:
                 field = 0.5 * (low + high)
-        return field
+            self._slope = slope
+        return field, density
 
     def _gap(self, gap: float) -> _Gap:
         shape = self.geometry
