@@ -105,7 +105,10 @@ def install() -> str:
     if not all(map(shutil.which, programs)):
         apt = ["apt-get", "install", "--yes", "--no-install-recommends", *PACKAGES]
         if shutil.which("apt-get") and os.geteuid() == 0:
-            quiet = {"stdout": subprocess.DEVNULL, "env": os.environ | {"DEBIAN_FRONTEND": "noninteractive"}}
+            quiet = {
+                "stdout": subprocess.DEVNULL,
+                "env": os.environ | {"DEBIAN_FRONTEND": "noninteractive"},
+            }
             subprocess.run(["apt-get", "update"], check=False, **quiet)
             subprocess.run(apt, check=False, **quiet)
         if not all(map(shutil.which, programs)):

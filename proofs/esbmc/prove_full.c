@@ -191,6 +191,20 @@ static void rise(const path *along, search *find, int16_t evaluations, answer *a
 }
 #endif
 
+#ifdef REMEMBER_BY_CONTRACT
+static void remember(const path *along, const anhyst_memory *from, int falling, const answer *at,
+                     anhyst_memory *to)
+{
+  SHOW(inside(at->x) && inside(at->y) && inside(at->p));
+  SHOW(inside(along->turn) && inside(along->level));
+  to->a = any_within(4 - ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
+  to->b = any_within(4 - ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
+  to->c = any_within(4 - ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
+  to->d = nondet_i32();
+  to->e = nondet_i32();
+}
+#endif
+
 /* ---- proofs ---- */
 
 /* Any entry of any table within the block. */
@@ -291,6 +305,18 @@ static void prove_rise(void)
                  nondet_i32()};
   rise(&along, &find, (int16_t)any_within(2, 16), &at);
   SHOW(is_answer(&along, &at));
+}
+
+static void prove_remember(void)
+{
+  const path along = any_path();
+  const answer at = any_answer(&along);
+  const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  anhyst_memory to;
+  remember(&along, &from, nondet_i16() != 0, &at, &to);
+  SHOW(to.a > -ANHYST_Q30_ONE && to.a < ANHYST_Q30_ONE);
+  SHOW(to.b > -ANHYST_Q30_ONE && to.b < ANHYST_Q30_ONE);
+  SHOW(to.c > -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);
 }
 
 static void prove_kernel(void)
