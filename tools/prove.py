@@ -34,7 +34,8 @@ class Proof:
     Parameters
     ----------
     name, tool : str
-        The tool is ``esbmc`` or ``frama-c``.
+        The tool is ``esbmc``, ``frama-c``, or ``every``: the harness is compiled and run, tries
+        every number, and stops at undefined behaviour.
     harness : Path
         The file that the tool reads.
     unwind : int
@@ -140,6 +141,11 @@ def command(proof: Proof, core: Path) -> list[str]:
     folders = [core / "include", core / "src", proof.harness.parent]
     includes = [f"-I{folder}" for folder in folders]
     defines = [f"-D{macro}" for macro in proof.defines]
+    if proof.tool == "every":
+        trap = "-fsanitize=undefined -fsanitize-undefined-trap-on-error"
+        program, block = core.parent / "every", core / "src" / "block.c"
+        build = f"cc -std=c99 -O2 {trap} {' '.join(includes)} {proof.harness} {block} -o {program}"
+        return ["sh", "-c", f"{build} || exit 2; {program} && echo every number || echo not all"]
     if proof.tool == "esbmc":
         checks = ["--overflow-check", "--ub-shift-check", "--z3", "--std", "c99"]
         unwind = ["--unwind", str(proof.unwind)]
@@ -157,6 +163,9 @@ def verdict_of(tool: str, output: str) -> str:
         if "VERIFICATION SUCCESSFUL" in output:
             return PROVED
         return REFUTED if "VERIFICATION FAILED" in output else "no answer"
+    if tool == "every":
+        answers = {"every number": PROVED, "not all": REFUTED}
+        return next((v for text, v in answers.items() if text in output), "no answer")
     goals = re.search(r"Proved goals:\s+(\d+) / (\d+)", output)
     if not goals or "User Error" in output:
         return "no answer"

@@ -92,12 +92,6 @@ static void prove_output(void)
   (void)anhyst_conditioning_q15(&c, nondet_i32());
 }
 
-static void prove_root(void)
-{
-  const int32_t found = root(any_within(0, ANHYST_Q31_MAX), (int16_t)any_within(2, 8));
-  SHOW(found >= 0 && found <= ANHYST_Q30_ONE);
-}
-
 /* Any gap, any table over the gap within the block. */
 static void prove_over_gap(void)
 {

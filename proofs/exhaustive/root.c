@@ -1,0 +1,15 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The root of the compensator, for every number there is: its divisions are too much for a solver.
+   Compiled so that undefined behaviour stops the program. Only numbers from 2^29 on are tried:
+   smaller ones are first shifted up to one of these. */
+#include "compensator.c"
+
+int main(void)
+{
+  uint32_t wrong = 0;
+  for (uint32_t a = 0x20000000; a <= 0x7FFFFFFF; a++) {
+    const int32_t found = root((int32_t)a, 8);
+    wrong += found < 0 || found > ANHYST_Q30_ONE;
+  }
+  return wrong == 0 ? 0 : 1;
+}
