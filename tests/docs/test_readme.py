@@ -36,7 +36,17 @@ def test_options_of_the_readme_exist() -> None:
     for line in block("Command line").splitlines():
         verb, rest = re.split(r"\s+", line.split("anhyst ", 1)[1], maxsplit=1)
         shown.setdefault(verb, set()).update(re.findall(r"--[a-z-]+", rest.split("#")[0]))
-    assert set(shown) == {"inspect", "identify", "predict", "invert", "report", "diff"}
+    assert set(shown) == {
+        "inspect",
+        "identify",
+        "predict",
+        "invert",
+        "report",
+        "diff",
+        "compile",
+        "verify",
+        "force-control",
+    }
     for verb, options in shown.items():
         found = subprocess.run(
             [sys.executable, "-m", "anhyst.cli.app", verb, "--help"],
