@@ -21,7 +21,8 @@ def listed() -> dict[str, int]:
 
 def test_deviations_are_those_listed() -> None:
     cppcheck = Path(sys.executable).parent / "cppcheck"
-    command = [str(cppcheck), "--addon=misra", "--enable=style", "--quiet", "--std=c99"]
+    command = [str(cppcheck), "--addon=misra", "--enable=style", "--quiet", "--std=c99", "-j2"]
+    command += ["-D__STDC__=1"]  # one configuration: the portable one, without a port header
     command += [f"-I{ROOT / 'core' / folder}" for folder in ("include", "src")]
     sources = [str(ROOT / "core" / "src" / f"{name}.c") for name in FILES]
     done = subprocess.run(
