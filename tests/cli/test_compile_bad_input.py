@@ -42,7 +42,8 @@ def folder(tmp_path: Path) -> Path:
                      id="free map"),
         pytest.param({"alpha": "0.05"}, "alpha: the coupling outweighs the gap (rho is below "
                      "alpha/(1-alpha)), so that a part of the current falls as the flux rises; "
-                     "leave out the loops of the smallest gaps", id="coupling beyond the gap"),
+                     "a closed core cannot be compiled: leave out the loops",
+                     id="coupling beyond the gap"),
         pytest.param({"F_N": "[0.0, 5e5]"}, "flux: the full-scale demand is far beyond saturation; "
                      "narrow the output in the model's [valid]", id="demand beyond saturation"),
         pytest.param({"F_N": "[0.0, 1e300]"}, "flux: the full-scale demand is far beyond",

@@ -80,7 +80,7 @@ def _axis(plan: Plan, axis: str, name: str, what: str) -> Choice:
     reason = f"{what} cost {_percent(plan, tried[chosen])}"
     if chosen - 1 in tried:
         reason += f"; with {2 ** (chosen - 1)} it would be {_percent(plan, tried[chosen - 1])}"
-    return Choice(name, f"{2**chosen} segments", reason)
+    return Choice(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
 
 
 def _closed_form(plan: Plan) -> list[Choice]:

@@ -111,8 +111,9 @@ def require_rising(flux_arm: FloatArray, field_arm: FloatArray) -> None:
     if np.any(flux_arm < 0.0) or np.any(field_arm <= 0.0):
         raise InputError(
             "alpha: the coupling outweighs the gap (rho is below alpha/(1-alpha)), so that a part "
-            "of the current falls as the flux rises; leave out the loops of the smallest gaps, or "
-            "identify with --gap-map reluctance if it was another map"
+            "of the current falls as the flux rises; a closed core cannot be compiled: leave out "
+            "the loops of the smallest gaps, or identify with --gap-map reluctance if it was "
+            "another map"
         )
 
 
