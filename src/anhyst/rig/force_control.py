@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,9 +25,10 @@ from anhyst.rig.modelling import find_model, loops_at, read_loops
 from anhyst.rig.programs import Program, prepare
 from anhyst.rig.results import figures
 from anhyst.rig.rigfile import Rig, read_rig
-from anhyst.rig.trials import Controllers, Outcome, Stage, plan_trials, run_trial
+from anhyst.rig.trials import Controllers, Outcome, Stage, Trial, plan_trials, run_trial
 
 Progress = Callable[[float, float], None]
+T = TypeVar("T")
 
 KINDS: tuple[Kind, ...] = ("full", "simplified")
 
@@ -114,16 +115,23 @@ def force_control(
         controllers = {
             scope: Controllers(programs[scope], *curves[scope], board) for scope in curves
         }
-        pending = [
-            pool.submit(run_trial, rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials
-        ]
-        outcomes = []
-        for one in pending:
-            outcomes.append(one.result())
-            told.step(1.0)
+        outcomes = list(told.each(_run(pool, rig, trials, controllers)))
     found = figures(rig, outcomes, board)
     _write(rig, folder, found, outcomes)
     return ForceControl(folder, found, tuple(outcomes))
+
+
+def _run(
+    pool: ProcessPoolExecutor,
+    rig: Rig,
+    trials: Sequence[Trial],
+    controllers: Mapping[str, Controllers],
+) -> Iterator[Outcome]:
+    """Run all trials at once, and give their outcomes in order."""
+    pending = [
+        pool.submit(run_trial, rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials
+    ]
+    return (one.result() for one in pending)
 
 
 class _Steps:
@@ -138,6 +146,11 @@ class _Steps:
         self._done += done
         if self._progress is not None:
             self._progress(self._done, self._total)
+
+    def each(self, items: Iterable[T]) -> Iterator[T]:
+        for item in items:
+            self.step(1.0)
+            yield item
 
 
 def _make(folder: Path) -> None:
