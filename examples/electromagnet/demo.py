@@ -174,12 +174,13 @@ def compiled_and_verified(model: Path, folder: Path) -> str:
     """Turn a model into C and run that on an emulated Cortex-M4; tell what came out."""
     compiled = compile_model(model, folder, Request("full", "q15", rate=20e3, accuracy=0.2))
     found = verify(folder, "cortex-m4")
-    worst = 100.0 * compiled.budget.compiled.worst / compiled.budget.largest
+    worst = compiled.manifest["accuracy"]["worst_percent"]
+    size = compiled.manifest["memory"]["parameters_bytes"]
     portable = found.results[0].cost("solve")
     assert portable is not None
     verdict = "bit for bit as on the PC" if found.passed else "NOT as on the PC"
     return (
-        f"fixed-point C: within {worst:.2f} % of the model, {compiled.plan.block.size} bytes of "
+        f"fixed-point C: within {worst:.2f} % of the model, {size} bytes of "
         f"parameters, {portable.most} instructions at most on a Cortex-M4, {verdict}: {folder}/"
     )
 

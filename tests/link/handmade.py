@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from actuators import compiled
+from tests.actuators import compiled
+
 from anhyst.compile.block import Kind
 from anhyst.compile.core import SOURCES, core_folder
 

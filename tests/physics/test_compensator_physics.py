@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from actuators import (
+from tests.actuators import (
     CURRENTS,
     GAPS,
     WIDE,
@@ -21,6 +20,7 @@ from actuators import (
     reversals,
     ring,
 )
+
 from anhyst.compile.block import Limits, Scales, Sizes
 from anhyst.compile.full import build_full
 from anhyst.compile.twin import Twin

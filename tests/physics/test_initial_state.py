@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.actuators import CURRENTS, GAPS, WIDE, magnet
 
-from actuators import CURRENTS, GAPS, WIDE, magnet
 from anhyst.compile.block import Kind
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.actuators import WIDE, compiled, largest_force, magnet
 
-from actuators import WIDE, compiled, largest_force, magnet
 from anhyst.compile.block import Kind
 from anhyst.compile.twin import Twin
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.actuators import GAPS, compiled, largest_force, magnet, ring
 
-from actuators import GAPS, compiled, largest_force, magnet, ring
 from anhyst._core import FixedCompensator
 from anhyst.compile.block import Block, Kind, Limits, Scales
 from anhyst.compile.full import build_full

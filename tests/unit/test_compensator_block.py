@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.actuators import compiled
 
-from actuators import compiled
 from anhyst._core import FixedCompensator
 from anhyst.compile import block as layout
 from anhyst.compile.block import WORDS, Block, Kind

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from actuators import (
+from tests.actuators import (
     CURRENTS,
     GAPS,
     WIDE,
@@ -17,6 +16,7 @@ from actuators import (
     ranges,
     reversals,
 )
+
 from anhyst._core import FixedCompensator
 from anhyst.compile.block import Block, Conditioning, Kind, Scales, Sizes
 from anhyst.compile.full import build_full

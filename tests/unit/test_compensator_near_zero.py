@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.actuators import SIZES, WIDE, compiled, magnet
 
-from actuators import SIZES, WIDE, compiled, magnet
 from anhyst._core import FixedCompensator
 from anhyst.compile.block import Kind, Sizes
 from anhyst.compile.twin import Twin

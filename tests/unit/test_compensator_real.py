@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from actuators import (
+from tests.actuators import (
     CURRENTS,
     GAPS,
     WIDE,
@@ -25,6 +24,7 @@ from actuators import (
     reversals,
     ring,
 )
+
 from anhyst._core import Compensator, Parameters
 from anhyst.compile.block import Limits, Scales, Sizes
 from anhyst.compile.core import join

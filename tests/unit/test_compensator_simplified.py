@@ -10,8 +10,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from tests.actuators import FloatArray, reversals, ring
 
-from actuators import FloatArray, reversals, ring
 from anhyst.compile.block import Block, Kind, Limits, Scales, Sizes
 from anhyst.compile.simplified import ClosedForm, build_euler, build_simplified
 from anhyst.compile.twin import Twin

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.actuators import GAPS, magnet, ring
 from tests.core.test_c_core import tool
 
-from actuators import GAPS, magnet, ring
 from anhyst.cli.app import main
 from anhyst.compile.block import KINDS, WORDS, Block
 from anhyst.compile.core import SOURCES, join
