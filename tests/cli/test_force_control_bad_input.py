@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from .command import quick, refused
+from .command import ENVIRONMENT, refused
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 RUN = ("force-control", "rig.toml", "--out", "run")
@@ -84,14 +84,33 @@ def test_a_board_or_a_place_that_is_none(folder: Path) -> None:
     assert "'moon' is not one of 'host', 'qemu-mps2'" in refused(
         *RUN, "--board", "moon", cwd=folder
     )
+    for name in ("loops.csv", "loops.toml"):
+        shutil.copy(EXAMPLE / name, folder)
     said = refused(*RUN[:-1], "solenoid.toml", cwd=folder)
     assert said.startswith("solenoid.toml: cannot be made: File exists; name a folder")
 
 
-def test_loops_that_are_missing_leave_an_empty_folder_at_most(folder: Path) -> None:
-    result = quick(*RUN, cwd=folder)
-    assert result.returncode == 2, result
-    assert result.stderr == "anhyst: error: loops.csv: no such file; check the path\n"
-    assert not any(
-        p for p in folder.rglob("*") if p.name not in {"rig.toml", "solenoid.toml", "run"}
-    )
+def test_loops_that_will_not_do(folder: Path) -> None:
+    assert refused(*RUN, cwd=folder) == "loops.csv: no such file; check the path"
+    for name in ("loops.csv", "loops.toml"):
+        shutil.copy(EXAMPLE / name, folder)
+    text = (EXAMPLE / "rig.toml").read_text()
+    (folder / "rig.toml").write_text(text.replace("force_max_N = 40.0", "force_max_N = 60.0"))
+    said = refused(*RUN, cwd=folder)
+    assert said == "loops: at gap 0.001 m they do not reach 60 N; lower force_max_N"
+    (folder / "rig.toml").write_text(text.replace("end_m = 1.0e-3", "end_m = 3.0e-3"))
+    said = refused(*RUN, cwd=folder)
+    assert said.startswith("rig.toml: force_control.end_m: no loops at 0.003 m; there are some at")
+
+
+@pytest.mark.parametrize(
+    ("board", "package"), [("host", "gcc libc6-dev"), ("qemu-mps2", "qemu-system-arm")]
+)
+def test_a_tool_that_is_not_installed_names_its_package(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, board: str, package: str
+) -> None:
+    (folder / "empty").mkdir()
+    monkeypatch.setitem(ENVIRONMENT, "PATH", str(folder / "empty"))
+    said = refused(*RUN, "--board", board, cwd=folder, preexec_fn=None)
+    assert said.startswith(f"board {board}: ")
+    assert said.endswith(f"is not installed: apt install {package}")

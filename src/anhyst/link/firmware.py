@@ -93,6 +93,17 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
     return target
 
 
+def check_compiler(board: str) -> None:
+    """Check that the compiler for a board is there.
+
+    Raises
+    ------
+    InputError
+        It is not installed.
+    """
+    _compiler(board)
+
+
 def firmware_folder() -> Path:
     """Return the folder with the sources of the firmware.
 

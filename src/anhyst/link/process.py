@@ -92,9 +92,7 @@ def run_qemu(program: Path, plant: Plant) -> Iterator[Running]:
     InputError
         QEMU is not installed or does not start.
     """
-    qemu = shutil.which(_QEMU)
-    if qemu is None:
-        raise InputError(f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}")
+    qemu = find_qemu()
     listener = socket.create_server(("127.0.0.1", 0))
     url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
     ours, theirs = socket.socketpair()
@@ -104,6 +102,20 @@ def run_qemu(program: Path, plant: Plant) -> Iterator[Running]:
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
     with ours, _started(command, [listener, theirs]):
         yield Running(url, PlantBus(plant, ours))
+
+
+def find_qemu() -> str:
+    """Return the path of QEMU.
+
+    Raises
+    ------
+    InputError
+        It is not installed.
+    """
+    place = shutil.which(_QEMU)
+    if place is None:
+        raise InputError(f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}")
+    return place
 
 
 def _serial(name: str, where: str) -> list[str]:

@@ -17,6 +17,8 @@ from anhyst.compile.folder import json_text
 from anhyst.data.files import write_csv
 from anhyst.data.table import read_columns
 from anhyst.errors import InputError
+from anhyst.link.firmware import check_compiler
+from anhyst.link.process import find_qemu
 from anhyst.model import ActuatorModel
 from anhyst.rig.baselines import fit_ratio, fit_single_valued
 from anhyst.rig.demand import Demand, triangle, with_lead_in
@@ -95,8 +97,7 @@ def force_control(
     """
     rig = read_rig(rig_path)
     demands = _demands(rig, demand)
-    folder = Path(out)
-    _make(folder)
+    _check_tools(board)
     trials = list(plan_trials(rig, demands))
     told = _Steps(progress, total=8.0 + len(trials))
     loops = read_loops(rig)
@@ -107,6 +108,8 @@ def force_control(
         "end": (ratio, None, fit_single_valued(end, force_max)),
         "stroke": (ratio, fit_ratio(loops, force_max), fit_single_valued(loops, force_max)),
     }
+    folder = Path(out)
+    _make(folder)
     with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
         models = dict(zip(curves, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
         told.step(4.0)
@@ -151,6 +154,13 @@ class _Steps:
         for item in items:
             self.step(1.0)
             yield item
+
+
+def _check_tools(board: str) -> None:
+    """Miss a tool before the work, not after it."""
+    check_compiler(board)
+    if board == "qemu-mps2":
+        find_qemu()
 
 
 def _make(folder: Path) -> None:
