@@ -90,6 +90,22 @@ def test_a_table_that_would_overflow(folder: Path, values: dict[str, str], said:
     assert said_.startswith(f"model.toml: {said}")
 
 
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        pytest.param({"F_0_N": "499.0"}, "[valid]: demands within these limits do not move the "
+                     "flux", id="nothing above the offset"),
+        pytest.param({"c": "1.0"}, "the model has no hysteresis that a simplified law could "
+                     "follow; compile with --kind full", id="no hysteresis"),
+    ],
+)  # fmt: skip
+def test_a_model_that_no_simplified_law_follows(
+    folder: Path, values: dict[str, str], said: str
+) -> None:
+    (folder / "model.toml").write_text(edited(**values))
+    assert refused(*COMPILE, "--kind", "simplified", cwd=folder).startswith(f"model.toml: {said}")
+
+
 def test_a_damaged_model_is_told_with_line_and_key(folder: Path) -> None:
     text = edited(k_A_per_m='"300"')
     line = next(n for n, row in enumerate(text.split("\n"), 1) if row.startswith("k_A_per_m"))

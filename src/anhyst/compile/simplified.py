@@ -301,6 +301,11 @@ def fit_closed_form(
     sizes = sizes or Sizes()
     places = np.unique(at)
     groups = [_tasks(model, float(place), limits) for place in places]
+    if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
+        raise InputError(
+            "[valid]: demands within these limits do not move the flux, so there is nothing a "
+            "simplified law could be fitted to; correct them, or compile with --kind full"
+        )
     rate, nu = _search(groups, sizes)
     offset: FloatArray | None = None
     if room > 0.0 and model.power == 2:
@@ -315,7 +320,10 @@ def fit_closed_form(
     arms = np.array([arm for arm, _ in results])
     errors = np.abs(np.concatenate([error for _, error in results]))
     if np.any(arms[:, 2] <= 0.0):
-        raise InputError("the model has no hysteresis a simplified law could follow; use full")
+        raise InputError(
+            "the model has no hysteresis that a simplified law could follow; compile with "
+            "--kind full"
+        )
     bias, flux_arm, lag_arm = arms.T
     worst, mean = float(errors.max()), float(errors.mean())
     return ClosedForm(rate, nu, places, bias, flux_arm, lag_arm, worst, mean, offset)
