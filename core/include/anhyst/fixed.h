@@ -94,9 +94,9 @@ static inline int32_t anhyst_clamp(int32_t a, int32_t low, int32_t high)
   return a > high ? high : a;
 }
 
-/* a times the weight b, floor(a*b/65536), in the format of a. Cannot overflow: |result| <= |a|/2.
-   Error below one unit in the last place. The workhorse: two 16-bit products, or one instruction
-   (SMULWB) where the port has it. */
+/* a times the weight b, floor(a*b/65536), in the format of a. Cannot overflow: |result| <= (|a| +
+   1)/2. Error below one unit in the last place. The workhorse: two 16-bit products, or one
+   instruction (SMULWB) where the port has it. */
 static inline int32_t anhyst_scale(int32_t a, int16_t b)
 {
 #ifdef ANHYST_PORT_SCALE
