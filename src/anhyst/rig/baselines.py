@@ -124,7 +124,7 @@ def fit_single_valued(loops: LoopSet, force_max: float) -> SingleValued:
             raise InputError(
                 f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
             )
-        middle = np.interp(levels, levels[known], 0.5 * (low + high)[known])
+        middle = np.interp(levels, levels[known], 0.5 * (low[known] + high[known]))
         table.append(monotone_fit(middle, np.ones(LEVELS)))
     return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))
 
