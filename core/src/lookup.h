@@ -6,7 +6,6 @@
 #include "anhyst/fixed.h"
 
 /* Slopes are counted in 1/1024. */
-#define ANHYST_SLOPE_ONE 1024
 #define ANHYST_SLOPE_MAX 32767
 
 /* Where a number falls in a table of equal segments. */
@@ -14,18 +13,6 @@ typedef struct {
   const int16_t *at; /* lower end of the segment */
   int32_t part;      /* of the segment, 0..32768 */
 } anhyst_spot;
-
-/* The place of u, q30 within 0..1, in a table of 2^n segments, n <= 15. */
-static inline anhyst_spot anhyst_spot_of(const int16_t *table, uint16_t n, int32_t u)
-{
-  const uint16_t below = (uint16_t)(30U - n);
-  const int32_t last = ((int32_t)1 << n) - 1;
-  const int32_t index = (u >> below) > last ? last : u >> below;
-  anhyst_spot spot;
-  spot.at = table + index;
-  spot.part = (u - (int32_t)((uint32_t)index << below)) >> (15U - n);
-  return spot;
-}
 
 /* The value there: q15 in, q30 out, exact between the entries but for its last place. */
 static inline int32_t anhyst_value_at(anhyst_spot spot)

@@ -7,8 +7,7 @@ import os
 import select
 import socket
 from contextlib import suppress
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from anhyst.errors import InputError
 
@@ -50,17 +49,6 @@ class Port:
         self._fd = _descriptor(self._serial)
         if url.startswith("socket://") and self._fd is not None:
             _send_at_once(self._fd)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Let go of the port."""
