@@ -124,9 +124,7 @@ NB_MODULE(_native, m)
 {
   // Caches of the package hold irons until the process ends; that is no leak to warn of.
   nb::set_leak_warnings(false);
-  m.doc() = "The anhyst C core in double precision.";
-  /* Objects kept at module level or in a cache outlive the interpreter: no leak worth a page. */
-  nb::set_leak_warnings(false);
+  m.doc() = "The anhyst C core.";
   nb::class_<Iron>(m, "Iron")
       .def(nb::init<double, double, double, double, double, double, const std::string &,
                     const std::string &>(),
