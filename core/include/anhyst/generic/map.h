@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+/* A table of equal segments; constant. Never falls along the force. */
+typedef struct {
+  const ANHYST_REAL *entries; /* gap_segments + 1 rows, one a gap, of force_segments + 1 entries */
+  uint16_t force_segments;    /* 1..4096 */
+  uint16_t gap_segments;      /* 1..64 */
+  ANHYST_REAL force_high;     /* force of the last column, > 0; the first stands for 0 */
+  ANHYST_REAL gap_low;        /* gap of the first row */
+  ANHYST_REAL gap_high;       /* and of the last, above it */
+  ANHYST_REAL low;            /* limits of the value */
+  ANHYST_REAL high;
+} ANHYST_NAME(anhyst_map);
+
+/* The functions are those of map.h; a signal that is not a number counts as its lowest value. */
+
+anhyst_status ANHYST_NAME(anhyst_map_check)(const ANHYST_NAME(anhyst_map) *map);
+
+ANHYST_REAL ANHYST_NAME(anhyst_map_value)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL force,
+                                          ANHYST_REAL gap);
+
+ANHYST_REAL ANHYST_NAME(anhyst_map_force)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL value,
+                                          ANHYST_REAL gap);
