@@ -1,0 +1,97 @@
+"""Gains of the position controller from mass, bandwidth and damping.
+
+Behind a compensator that keeps its word the magnet is a force, and what is left of the bearing is
+a mass: ``m p'' = u + load``. With the controller's ``u = K_p (r - p) + I - K_d p' - K_dd p''`` and
+``I' = K_i (r - p)`` its poles are the roots of::
+
+    (m + K_dd) s^3 + K_d s^2 + K_p s + K_i = (m + K_dd) (s + w) (s^2 + 2 z w s + w^2)
+
+All three lie at the distance w from the origin, so one number sets how fast the loop is, and a
+second one, z, how well its pair is damped; with z = 1 all are real and equal. The set point should
+be weighted lightly in the proportional part: K_p r puts zeros into the reference's response that
+overshoot whatever the poles are.
+
+``K_dd`` is a mass that the controller pretends: loads accelerate ``m + K_dd``, so the same poles
+resist loads the better by that ratio, for more noise and less margin against delay. It is zero
+unless asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from anhyst.errors import InputError
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of a PIDD2 in SI units, named as in :class:`anhyst.control.Pidd2`.
+
+    Parameters
+    ----------
+    K_p : float
+        N/m.
+    K_i : float
+        N/(m s).
+    K_d : float
+        N s/m.
+    K_dd : float
+        N s^2/m.
+    """
+
+    K_p: float
+    K_i: float
+    K_d: float
+    K_dd: float
+
+
+def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 0.0) -> Gains:
+    """Place the poles of a mass under PIDD2.
+
+    Parameters
+    ----------
+    mass : float
+        What moves, kg, > 0.
+    bandwidth : float
+        Distance of all three poles from the origin, Hz, > 0.
+    damping : float
+        Of the pair of poles, > 0; 1 for three equal real ones.
+    virtual_mass : float, optional
+        Added to the mass by the second derivative, kg; above ``-mass``.
+
+    Returns
+    -------
+    Gains
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> gains = design(mass=2.0, bandwidth=120.0, damping=1.0)
+    >>> f"{gains.K_p:.4g} N/m, {gains.K_i:.4g} N/(m s), {gains.K_d:.4g} N s/m"
+    '3.411e+06 N/m, 8.573e+08 N/(m s), 4524 N s/m'
+    """
+    for name, value, unit in (
+        ("mass", mass, " kg"),
+        ("bandwidth", bandwidth, " Hz"),
+        ("damping", damping, ""),
+    ):
+        if not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{name}: {value}{unit} is not above zero")
+    if not (math.isfinite(virtual_mass) and mass + virtual_mass > 0.0):
+        raise InputError(
+            f"virtual_mass: {virtual_mass} kg leaves nothing of a mass of {mass} kg; "
+            "give a number above minus the mass"
+        )
+    w = 2.0 * math.pi * bandwidth
+    total = mass + virtual_mass
+    return Gains(
+        K_p=total * w**2 * (1.0 + 2.0 * damping),
+        K_i=total * w**3,
+        K_d=total * w * (1.0 + 2.0 * damping),
+        K_dd=virtual_mass,
+    )
