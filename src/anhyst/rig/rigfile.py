@@ -27,11 +27,9 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Bits = Annotated[int, Field(ge=4, le=24)]
 
 
-class IronTable(Table):
-    """``[iron]``: steel of pinned cells."""
+class SteelTable(Table):
+    """A steel of pinned cells."""
 
-    length_m: Positive
-    area_m2: Positive
     cells: Annotated[int, Field(ge=1, le=1000)]
     reversible_fraction: Share
     pinning_scale_A_per_m: Positive
@@ -53,6 +51,13 @@ class IronTable(Table):
             saturation_slow=self.saturation_slow_T,
             knee_slow=self.knee_slow_A_per_m,
         )
+
+
+class IronTable(SteelTable):
+    """``[iron]``: what the flux path is made of."""
+
+    length_m: Positive
+    area_m2: Positive
 
 
 class CircuitTable(Table):

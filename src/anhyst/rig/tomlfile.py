@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args
@@ -64,6 +65,25 @@ def read_toml(path: PathLike, schema: type[T]) -> T:
         raise TomlFileError(path, _problems(error, schema, key_lines(text))) from error
 
 
+def faults_error(path: PathLike, faults: Iterable[tuple[KeyPath, str]]) -> TomlFileError:
+    """Say where in a file stands what its schema cannot see, such as keys that contradict.
+
+    Parameters
+    ----------
+    path : path-like
+        A file that has been read.
+    faults : iterable of (path of the key, text)
+        At least one; list elements by index from 0. The text says what is wrong and what to do.
+
+    Returns
+    -------
+    TomlFileError
+        To be raised.
+    """
+    lines = key_lines(_text(path))
+    return TomlFileError(path, [_problem(lines, key, text) for key, text in faults])
+
+
 def _text(path: PathLike) -> str:
     try:
         return Path(path).read_bytes().decode("utf-8")
@@ -81,20 +101,26 @@ def _problems(
     found: dict[str, FileProblem] = {}
     for finding in error.errors(include_url=False):
         path: KeyPath = finding["loc"]
-        key = _dotted(path)
-        place = path
-        while place and place not in lines:
-            place = place[:-1]
-        text = _advice(schema, path, finding)
-        found.setdefault(key, FileProblem(lines.get(place), key or "file", text, place == path))
+        found.setdefault(_dotted(path), _problem(lines, path, _advice(schema, path, finding)))
     return list(found.values())
+
+
+def _problem(lines: dict[KeyPath, int], path: KeyPath, text: str) -> FileProblem:
+    place = path
+    while place and place not in lines:
+        place = place[:-1]
+    return FileProblem(lines.get(place), _dotted(path) or "file", text, place == path)
 
 
 def _advice(schema: type[Table], path: KeyPath, finding: Any) -> str:
     if finding["type"] == "value_error":
         return str(finding["ctx"]["error"])
     if finding["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(str(path[-1]), _known(schema, path[:-1]), n=1)
+        key, known = str(path[-1]), _known(schema, path[:-1])
+        with_unit = [name for name in known if name.startswith(f"{key}_")]
+        near = with_unit or difflib.get_close_matches(key, known, n=1)
+        if len(with_unit) == 1:
+            return f"lacks its unit; write {with_unit[0]}"
         if near:
             return f"is unknown; did you mean {near[0]}?"
     return explain(finding)

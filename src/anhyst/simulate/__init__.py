@@ -1,0 +1,1 @@
+"""Magnetic bearings in simulation: plant, controller, and what compensation is worth."""
