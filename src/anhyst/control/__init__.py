@@ -1,6 +1,15 @@
 """Controllers of the position: what designs them; the C core runs them."""
 
 from anhyst.control.design import Gains, design
+from anhyst.control.exchange import from_control, to_control
 from anhyst.control.pidd2 import FixedPidd2, FullScales, Pidd2
 
-__all__ = ["FixedPidd2", "FullScales", "Gains", "Pidd2", "design"]
+__all__ = [
+    "FixedPidd2",
+    "FullScales",
+    "Gains",
+    "Pidd2",
+    "design",
+    "from_control",
+    "to_control",
+]

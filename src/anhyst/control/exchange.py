@@ -1,0 +1,251 @@
+"""Controllers as objects of python-control, and back.
+
+What the core computes is linear between its limits. Over z, with the gains per tick of
+:attr:`Pidd2.per_tick` (P, K, D, E, L; shares s and t of the two filters; weight b)::
+
+    first  = s (z - 1)/(z - 1 + s)          second = t (z - 1)/(z - 1 + t) first
+    u = (b P + K/(z - 1)) r - (P + K/(z - 1) + D first + E second) p + L l
+
+python-control is in the extra ``control``; nothing else of anhyst needs it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from anhyst.control.pidd2 import FixedPidd2, Pidd2
+from anhyst.errors import InputError
+
+if TYPE_CHECKING:
+    from control import TransferFunction
+
+INPUTS = ("reference", "position", "load")
+OUTPUT = "demand"
+
+_ROUNDING = 1e-12  # of a polynomial's coefficients, relative to their sum
+_W = Polynomial([0.0, 1.0])  # z - 1
+
+
+def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
+    """Return what the core computes between its limits.
+
+    Parameters
+    ----------
+    controller : Pidd2 or FixedPidd2
+        In fixed point the gains are those that the words stand for.
+
+    Returns
+    -------
+    control.TransferFunction
+        Discrete, from ``reference`` (m), ``position`` (m) and ``load`` to ``demand`` (N). The
+        controller that a loop closes over is minus the one of ``position``.
+
+    Raises
+    ------
+    InputError
+        If python-control is not installed.
+    """
+    library = _library()
+    p, k, d, e, load, _, s, t, weight = (float(x) for x in controller.per_tick[:9])
+    integrates, first, second = k != 0.0, d != 0.0 or e != 0.0, e != 0.0
+    whole = Polynomial([1.0])
+    under_integral = _W if integrates else whole
+    under_first = _W + s if first else whole
+    under_second = _W + t if second else whole
+    denominator = under_integral * under_first * under_second
+    position = p * denominator + k * under_first * under_second
+    position = position + d * s * _W * under_integral * under_second
+    position = position + e * s * t * _W**2 * under_integral
+    reference = weight * p * under_integral + k
+    rows = [(reference, under_integral), (-position, denominator), (Polynomial([load]), whole)]
+    return library.TransferFunction(
+        [[_in_z(above) for above, _ in rows]],
+        [[_in_z(below) for _, below in rows]],
+        dt=1.0 / controller.rate,
+        inputs=list(INPUTS),
+        outputs=[OUTPUT],
+        name="pidd2",
+    )
+
+
+def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -> Pidd2:
+    """Read the gains of a PIDD2 from its transfer function.
+
+    Parameters
+    ----------
+    transfer : control.TransferFunction
+        Discrete. Either of one input, the controller C of a loop (``u = -C p``, no more than an
+        integrator and two real poles), or of the three inputs of :func:`to_control`, whose weight
+        and gain of the load are read too.
+    rate : float
+        Ticks a second, Hz.
+    weight : float, optional
+        Of the set point, 0..1, where the transfer function has one input.
+
+    Returns
+    -------
+    Pidd2
+        Without limits. Its derivatives may share the two poles either way; the faster one becomes
+        the filter of the first derivative.
+
+    Raises
+    ------
+    InputError
+        If the function is no PIDD2 of this rate, or python-control is not installed.
+    """
+    _library()
+    _check_time(transfer, rate)
+    if (transfer.noutputs, transfer.ninputs) == (1, 1):
+        p, k, d, e, shares = _parts(transfer.num[0][0], transfer.den[0][0])
+        load = 0.0
+    elif (transfer.noutputs, transfer.ninputs) == (1, 3):
+        p, k, d, e, shares = _parts(-np.asarray(transfer.num[0][1]), transfer.den[0][1])
+        weight = _weight(transfer, p, k)
+        load = _constant(transfer.num[0][2], transfer.den[0][2])
+    else:
+        raise InputError(
+            f"transfer function: has {transfer.ninputs} inputs and {transfer.noutputs} outputs; "
+            "give one from the error, or one with " + ", ".join(INPUTS)
+        )
+    cutoff, cutoff_2 = (_cutoff(share, rate) for share in shares)
+    return Pidd2(
+        rate=rate,
+        K_p=p,
+        K_i=k * rate,
+        K_d=d / rate,
+        K_dd=e / rate**2,
+        K_load=load,
+        cutoff=cutoff,
+        cutoff_2=cutoff_2,
+        weight=weight,
+    )
+
+
+def _library() -> Any:
+    """Import python-control."""
+    try:
+        import control
+    except ImportError as error:
+        raise InputError(
+            "python-control is not installed: pip install 'anhyst[control]'"
+        ) from error
+    return control
+
+
+def _in_z(over_w: Polynomial) -> NDArray[np.float64]:
+    """Return the coefficients over z, highest first, of a polynomial over w = z - 1."""
+    return np.asarray(over_w(Polynomial([-1.0, 1.0])).coef[::-1])
+
+
+def _over_w(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the coefficients over w = z - 1, lowest first, rounding taken for zero."""
+    given = np.atleast_1d(np.asarray(coefficients, dtype=float))
+    moved = np.array(Polynomial(given[::-1])(Polynomial([1.0, 1.0])).coef, dtype=np.float64)
+    moved[np.abs(moved) < _ROUNDING * np.sum(np.abs(given))] = 0.0
+    return moved[: 1 + max(np.flatnonzero(moved), default=0)]
+
+
+def _check_time(transfer: TransferFunction, rate: float) -> None:
+    """Refuse what is not discrete with this rate."""
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise InputError(f"rate: {rate} Hz is not above zero")
+    if transfer.dt is None or transfer.dt == 0:
+        raise InputError(
+            "transfer function: it is continuous; discretise it first, with "
+            f"control.sample_system(..., {1.0 / rate:g})"
+        )
+    if transfer.dt is not True and not math.isclose(transfer.dt * rate, 1.0, rel_tol=1e-9):
+        raise InputError(
+            f"transfer function: its tick is {transfer.dt:g} s, which is not 1/rate = "
+            f"{1.0 / rate:g} s"
+        )
+
+
+def _parts(
+    numerator: NDArray[np.float64], denominator: NDArray[np.float64]
+) -> tuple[float, float, float, float, tuple[float, float]]:
+    """Return P, K, D, E and the shares of both filters."""
+    below = _over_w(denominator)
+    above = _over_w(numerator)
+    if not np.any(below):
+        raise InputError("transfer function: its denominator is zero")
+    integrates = below[0] == 0.0
+    rest = below[1:] if integrates else below  # of the filters alone
+    if len(rest) > 3 or rest[0] == 0.0:
+        raise InputError(
+            "transfer function: has more than an integrator and two other poles; a PIDD2 has no "
+            "more (control.minreal removes poles that cancel)"
+        )
+    if len(above) > len(below):
+        raise InputError("transfer function: has more zeros than poles, so it looks ahead")
+    above = np.pad(above, (0, 4 - len(above))) / rest[-1]
+    shares = _shares(rest / rest[-1])
+    s, t = shares
+    if not integrates:
+        above = np.concatenate([[0.0], above[:3]])
+    # Over (z - 1)(z - 1 + s)(z - 1 + t); a filter that is not there passes all, s = 1, and its
+    # factor z cancels.
+    for _ in range(3 - len(rest)):
+        above = above + np.concatenate([[0.0], above[:3]])
+    k = above[0] / (s * t)
+    p = (above[1] - k * (s + t)) / (s * t)
+    d = (above[2] - k - p * (s + t)) / (s * t)
+    e = (above[3] - p - d * s) / (s * t)
+    size = abs(p) + abs(d) * s
+    return (float(p), float(k), float(d), float(e) if abs(e) * s * t > 1e-9 * size else 0.0, shares)
+
+
+def _shares(rest: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the shares of two filters, the larger first, from (w + s)(w + t)."""
+    if len(rest) == 1:
+        return 1.0, 1.0
+    if len(rest) == 2:
+        shares = (float(rest[0]), 1.0)
+    else:
+        product, total = float(rest[0]), float(rest[1])
+        under = (total / 2.0) ** 2 - product
+        if under < -1e-9 * total**2:
+            raise InputError("transfer function: has complex poles, which no filter of a PIDD2 has")
+        half = math.sqrt(max(0.0, under))
+        larger = total / 2.0 + math.copysign(half, total)
+        shares = (larger, product / larger)
+    if not all(0.0 < share <= 1.0 + _ROUNDING for share in shares):
+        poles = ", ".join(f"{1.0 - share:g}" for share in shares)
+        raise InputError(f"transfer function: poles at {poles}; filters have theirs within 0..1")
+    return shares
+
+
+def _weight(transfer: TransferFunction, p: float, k: float) -> float:
+    """Read the weight of the set point from the way of the reference."""
+    above = _over_w(transfer.num[0][0])
+    below = _over_w(transfer.den[0][0])
+    wanted = 1 if k == 0.0 else 2
+    integrates = len(below) == 2 and below[0] == 0.0
+    if len(below) != wanted or len(above) > wanted or (wanted == 2 and not integrates):
+        raise InputError("reference: must pass proportionally and through the integral only")
+    above = above / below[-1]
+    if wanted == 2 and not math.isclose(above[0], k, rel_tol=1e-6):
+        raise InputError("reference: has another gain of the integral than the position")
+    if p == 0.0:
+        return 1.0
+    weight = float(above[wanted - 1] / p) if len(above) == wanted else 0.0
+    nearest = min(1.0, max(0.0, weight))
+    return nearest if math.isclose(weight, nearest, abs_tol=1e-9) else weight
+
+
+def _constant(numerator: NDArray[np.float64], denominator: NDArray[np.float64]) -> float:
+    """Return the value of a function that must be one number."""
+    above, below = _over_w(numerator), _over_w(denominator)
+    if len(above) != 1 or len(below) != 1:
+        raise InputError("load: must be fed forward by one number")
+    return float(above[0] / below[0])
+
+
+def _cutoff(share: float, rate: float) -> float:
+    """Return the cut-off of a low-pass that passes this share of a step in one tick, Hz."""
+    return math.inf if share >= 1.0 - _ROUNDING else -math.log1p(-share) * rate / (2.0 * math.pi)
