@@ -42,27 +42,31 @@ typedef struct {
   const anhyst_map_q31 *map;        /* of the kinds map and flux */
   const anhyst_flux_loop_q31 *loop; /* of the kind flux */
   anhyst_compensator compensator;   /* of the kind compensator */
-  int32_t expected;                 /* flux density that should show by now */
-  int32_t integral;                 /* of the current */
-  int32_t demand;                   /* solved for, within limits */
-  int32_t wanted;                   /* current of the solve, before its limits */
-  int32_t current;                  /* and within */
-  int32_t correction;               /* part of it that the measured flux added */
-  int32_t error;                    /* of the flux density */
-  int32_t flux;                     /* density of the force solved for */
-  uint16_t kind;                    /* see drive_kind.h */
-  uint16_t flags;                   /* of the last solve, see flags.h */
-  uint16_t solved;                  /* whether there was a solve since the last commit */
+  int32_t low;                      /* limits of the current, of the kinds map and flux */
+  int32_t high;
+  int32_t expected;   /* flux density that should show by now */
+  int32_t integral;   /* of the current */
+  int32_t demand;     /* solved for, within limits */
+  int32_t wanted;     /* current of the solve, before its limits */
+  int32_t current;    /* and within */
+  int32_t correction; /* part of it that the measured flux added */
+  int32_t error;      /* of the flux density */
+  int32_t flux;       /* density of the force solved for */
+  uint16_t kind;      /* see drive_kind.h */
+  uint16_t flags;     /* of the last solve, see flags.h */
+  uint16_t solved;    /* whether there was a solve since the last commit */
 } anhyst_drive_q31;
 
 /* ANHYST_OK, or ANHYST_BAD_PARAMETER where parameters are not sound; nothing is changed then. What
    is pointed to must live as long as the drive. */
-anhyst_status anhyst_drive_init_map_q31(anhyst_drive_q31 *drive, const anhyst_map_q31 *map);
+anhyst_status anhyst_drive_init_map_q31(anhyst_drive_q31 *drive, const anhyst_map_q31 *map,
+                                        int32_t low, int32_t high);
 anhyst_status anhyst_drive_init_compensator_q31(anhyst_drive_q31 *drive,
                                                 const anhyst_kernel *kernel, const int16_t *words,
                                                 uint16_t capacity);
 anhyst_status anhyst_drive_init_flux_q31(anhyst_drive_q31 *drive, const anhyst_map_q31 *map,
-                                         const anhyst_flux_loop_q31 *loop);
+                                         const anhyst_flux_loop_q31 *loop, int32_t low,
+                                         int32_t high);
 
 /* The current that gives the demanded force now, within the drive's limits. flux is looked at by
    the kind flux alone. */

@@ -3,7 +3,7 @@
    hysteresis, or the flux density that belongs to a force.
 
    A table of equal segments, 2^n over a force of 0..1.0 and 2^m over a gap of 0..1.0, interpolated
-   in straight lines along both. Never falls along the force. Error against exact arithmetic with
+   in straight lines along both. It never falls along the force. Error against exact arithmetic with
    the same entries: 8 units in the last place of a q31; the entries themselves are 16 bits wide.
 
    Nothing here allocates, waits, or loops a number of times that depends on a signal. */
@@ -25,19 +25,17 @@ typedef struct {
   const int16_t *entries;  /* q15: 2^m + 1 rows, one a gap, of 2^n + 1 entries */
   uint16_t force_segments; /* n: 0..8 */
   uint16_t gap_segments;   /* m: 0..6 */
-  int32_t low;             /* q31: limits of the value */
-  int32_t high;
 } anhyst_map_q31;
 
 /* Whether a map is sound: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry; not for an
    interrupt. */
 anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map);
 
-/* The value before limits, q31; a signal below 0 counts as 0. */
+/* The value, q31; a signal below 0 counts as 0. */
 int32_t anhyst_map_value_q31(const anhyst_map_q31 *map, int32_t force, int32_t gap);
 
-/* The least force whose value is not below the given one, q31 within 0..1.0: the inverse along the
-   force. Where the map is level for a while, the upper end of that. */
+/* The inverse along the force: the largest force whose value is not above the given one, q31
+   within 0..1.0; 0 where there is none. */
 int32_t anhyst_map_force_q31(const anhyst_map_q31 *map, int32_t value, int32_t gap);
 
 #ifdef __cplusplus

@@ -4,6 +4,8 @@ Status 0 is success; `status_text` explains the other codes (core/include/anhyst
 `index` is the first sample without a result.
 """
 
+from typing import Self
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -225,3 +227,80 @@ class Compensator(_RealCompensator):
 class SingleCompensator(_RealCompensator):
     def __init__(self, parameters: SingleParameters) -> None: ...
     def swap(self, parameters: SingleParameters) -> None: ...
+
+class _RealDrive:
+    """A drive of core/include/anhyst/drive_real.h, bit for bit; signals in the model's units.
+
+    Rows of a map stand for gaps from the lowest to the highest, its columns for forces from 0 to
+    `force_high`; `low` and `high` are the limits of the current. `loop` holds proportional,
+    integral, back and smoothing of ``anhyst_flux_loop``. ValueError if something is not sound.
+    """
+
+    @classmethod
+    def map(
+        cls,
+        entries: _Array,
+        force_high: float,
+        gap_low: float,
+        gap_high: float,
+        low: float,
+        high: float,
+    ) -> Self: ...
+    @classmethod
+    def flux(
+        cls,
+        entries: _Array,
+        wanted: _Array,
+        loop: _Array,
+        force_high: float,
+        gap_low: float,
+        gap_high: float,
+        low: float,
+        high: float,
+    ) -> Self: ...
+    def solve(self, demand: float, gap: float, flux: float) -> float:
+        """Return the current for a force; `flux` is the measured density, T, or NaN."""
+
+    def commit(self, applied: float, gap: float) -> float:
+        """Advance with the current that was applied; return the force to expect."""
+
+    @property
+    def flags(self) -> int: ...
+    def conditioning_length(self) -> int: ...
+    def conditioning(self, tick: int) -> float: ...
+
+class Drive(_RealDrive):
+    @staticmethod
+    def compensator(parameters: Parameters) -> Drive: ...
+
+class SingleDrive(_RealDrive):
+    @staticmethod
+    def compensator(parameters: SingleParameters) -> SingleDrive: ...
+
+class FixedDrive:
+    """The same in fixed point, drive.h; signals are q31, entries of a map q15."""
+
+    @staticmethod
+    def map(entries: NDArray[np.int16], low: int, high: int) -> FixedDrive: ...
+    @staticmethod
+    def compensator(kind: str, words: NDArray[np.int16]) -> FixedDrive: ...
+    @staticmethod
+    def flux(
+        entries: NDArray[np.int16],
+        wanted: NDArray[np.int16],
+        loop: NDArray[np.int16],
+        low: int,
+        high: int,
+    ) -> FixedDrive:
+        """Make one; a row of `loop` is mantissa and shift of a factor."""
+
+    def solve(self, demand: int, gap: int, flux: int) -> int:
+        """Return the current for a force; `flux` is the measured density, or -2^31 for none."""
+
+    def commit(self, applied: int, gap: int) -> int:
+        """Advance with the current that was applied; return the force to expect."""
+
+    @property
+    def flags(self) -> int: ...
+    def conditioning_length(self) -> int: ...
+    def conditioning(self, tick: int) -> int: ...

@@ -69,3 +69,4 @@ void bind_identification(nb::module_ &m);
 void bind_compensator(nb::module_ &m);
 void bind_real_compensator(nb::module_ &m);
 void bind_control(nb::module_ &m);
+void bind_drives(nb::module_ &m);

@@ -165,4 +165,5 @@ NB_MODULE(_native, m)
   bind_compensator(m);
   bind_real_compensator(m);
   bind_control(m);
+  bind_drives(m);
 }

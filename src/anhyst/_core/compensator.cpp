@@ -5,21 +5,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "anhyst/compensator.h"
 #include "arrays.h"
-
-namespace {
-
-using Words = nb::ndarray<const int16_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using InQ = nb::ndarray<const int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using OutQ = nb::ndarray<nb::numpy, int32_t, nb::ndim<1>>;
-
-OutQ make_words(size_t n)
-{
-  int32_t *data = new int32_t[n];
-  nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<int32_t *>(p); });
-  return OutQ(data, {n}, owner);
-}
+#include "drives.h"
 
 const anhyst_kernel *to_kernel(const std::string &kind)
 {
@@ -33,6 +20,19 @@ const anhyst_kernel *to_kernel(const std::string &kind)
     return &anhyst_kernel_euler;
   }
   throw std::invalid_argument("unknown kind of compensator: " + kind);
+}
+
+namespace {
+
+using Words = nb::ndarray<const int16_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using InQ = nb::ndarray<const int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using OutQ = nb::ndarray<nb::numpy, int32_t, nb::ndim<1>>;
+
+OutQ make_words(size_t n)
+{
+  int32_t *data = new int32_t[n];
+  nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<int32_t *>(p); });
+  return OutQ(data, {n}, owner);
 }
 
 class Compensator {

@@ -14,28 +14,32 @@ typedef struct {
   const ANHYST_NAME(anhyst_map) *map;          /* of the kinds map and flux */
   const ANHYST_NAME(anhyst_flux_loop) *loop;   /* of the kind flux */
   ANHYST_NAME(anhyst_compensator) compensator; /* of the kind compensator */
-  ANHYST_REAL expected;                        /* flux density that should show by now */
-  ANHYST_REAL integral;                        /* of the current */
-  ANHYST_REAL demand;                          /* solved for, within limits */
-  ANHYST_REAL wanted;                          /* current of the solve, before its limits */
-  ANHYST_REAL current;                         /* and within */
-  ANHYST_REAL correction;                      /* part of it that the measured flux added */
-  ANHYST_REAL error;                           /* of the flux density */
-  ANHYST_REAL flux;                            /* density of the force solved for */
-  uint16_t kind;                               /* see drive_kind.h */
-  uint16_t flags;                              /* of the last solve, see flags.h */
-  uint16_t solved;                             /* whether there was a solve since the last commit */
+  ANHYST_REAL low; /* limits of the current, of the kinds map and flux */
+  ANHYST_REAL high;
+  ANHYST_REAL expected;   /* flux density that should show by now */
+  ANHYST_REAL integral;   /* of the current */
+  ANHYST_REAL demand;     /* solved for, within limits */
+  ANHYST_REAL wanted;     /* current of the solve, before its limits */
+  ANHYST_REAL current;    /* and within */
+  ANHYST_REAL correction; /* part of it that the measured flux added */
+  ANHYST_REAL error;      /* of the flux density */
+  ANHYST_REAL flux;       /* density of the force solved for */
+  uint16_t kind;          /* see drive_kind.h */
+  uint16_t flags;         /* of the last solve, see flags.h */
+  uint16_t solved;        /* whether there was a solve since the last commit */
 } ANHYST_NAME(anhyst_drive);
 
 /* The functions are those of drive.h. A probe that is not there gives what is not a number. */
 
 anhyst_status ANHYST_NAME(anhyst_drive_init_map)(ANHYST_NAME(anhyst_drive) *drive,
-                                                 const ANHYST_NAME(anhyst_map) *map);
+                                                 const ANHYST_NAME(anhyst_map) *map,
+                                                 ANHYST_REAL low, ANHYST_REAL high);
 anhyst_status ANHYST_NAME(anhyst_drive_init_compensator)(
     ANHYST_NAME(anhyst_drive) *drive, const ANHYST_NAME(anhyst_parameters) *parameters);
 anhyst_status ANHYST_NAME(anhyst_drive_init_flux)(ANHYST_NAME(anhyst_drive) *drive,
                                                   const ANHYST_NAME(anhyst_map) *map,
-                                                  const ANHYST_NAME(anhyst_flux_loop) *loop);
+                                                  const ANHYST_NAME(anhyst_flux_loop) *loop,
+                                                  ANHYST_REAL low, ANHYST_REAL high);
 
 ANHYST_REAL ANHYST_NAME(anhyst_drive_solve)(ANHYST_NAME(anhyst_drive) *drive, ANHYST_REAL demand,
                                             ANHYST_REAL gap, ANHYST_REAL flux);

@@ -8,8 +8,6 @@ typedef struct {
   ANHYST_REAL force_high;     /* force of the last column, > 0; the first stands for 0 */
   ANHYST_REAL gap_low;        /* gap of the first row */
   ANHYST_REAL gap_high;       /* and of the last, above it */
-  ANHYST_REAL low;            /* limits of the value */
-  ANHYST_REAL high;
 } ANHYST_NAME(anhyst_map);
 
 /* The functions are those of map.h; a signal that is not a number counts as its lowest value. */
