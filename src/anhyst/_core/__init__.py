@@ -1,6 +1,10 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
+    LOOP_COLUMNS,
+    Bearing,
+    BearingLoop,
+    Coil,
     Compensator,
     Controller,
     Drive,
@@ -8,6 +12,7 @@ from anhyst._core._native import (
     FixedController,
     FixedDrive,
     Iron,
+    Magnet,
     Operator,
     Parameters,
     SingleCompensator,
@@ -22,6 +27,10 @@ from anhyst._core._native import (
 )
 
 __all__ = [
+    "LOOP_COLUMNS",
+    "Bearing",
+    "BearingLoop",
+    "Coil",
     "Compensator",
     "Controller",
     "Drive",
@@ -29,6 +38,7 @@ __all__ = [
     "FixedController",
     "FixedDrive",
     "Iron",
+    "Magnet",
     "Operator",
     "Parameters",
     "SingleCompensator",

@@ -4,7 +4,8 @@ Status 0 is success; `status_text` explains the other codes (core/include/anhyst
 `index` is the first sample without a result.
 """
 
-from typing import Self
+from collections.abc import Mapping
+from typing import Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -304,3 +305,103 @@ class FixedDrive:
     def flags(self) -> int: ...
     def conditioning_length(self) -> int: ...
     def conditioning(self, tick: int) -> int: ...
+
+LOOP_COLUMNS: str
+"""Names of the columns of a loop's record, separated by blanks."""
+
+class Magnet:
+    """An electromagnet, plant/include/anhyst_plant/magnet.h: of cells, or of a law and a table."""
+
+    @overload
+    def __init__(
+        self, numbers: Mapping[str, float], thresholds: _Array, weights: _Array
+    ) -> None: ...
+    @overload
+    def __init__(
+        self, numbers: Mapping[str, float], iron: Iron, rows: _Array, psi: _Array
+    ) -> None: ...
+
+class Coil:
+    """The winding of a magnet with its memory; starts demagnetised."""
+
+    def __init__(self, magnet: Magnet) -> None: ...
+    def hold(self, current: float, gap: float) -> None:
+        """Move to a current (A) at a gap (m) so slowly that nothing is induced."""
+
+    def step(self, voltage: float, gap: float, seconds: float) -> None:
+        """Go on for some seconds under a voltage."""
+
+    def run(self, current: _Array, gap: _Array) -> _Array:
+        """Hold one after the other; rows of force (N), flux linkage (Wb), flux density (T)."""
+
+    @property
+    def force(self) -> float: ...
+    @property
+    def psi(self) -> float: ...
+    @property
+    def density(self) -> float: ...
+    @property
+    def current(self) -> float: ...
+    @property
+    def heat(self) -> float: ...
+    @property
+    def energy(self) -> float: ...
+
+class Bearing:
+    """A bearing on its rig, plant/include/anhyst_plant/bearing.h; at rest on its stop."""
+
+    def __init__(
+        self,
+        numbers: Mapping[str, float],
+        amplifier: Mapping[str, float],
+        load: Mapping[str, float],
+        sensors: Mapping[str, Mapping[str, float]],
+        first: Magnet,
+        second: Magnet | None,
+        seed: int,
+    ) -> None: ...
+    def read(self) -> tuple[float, float, float, float, float, float]:
+        """Return gap (m), two currents (A), two flux densities (T), force (N), as read now."""
+
+    def advance(self, first: float, second: float, load: float) -> None:
+        """Go on by one tick with commands to two amplifiers and to the load drive (N)."""
+
+    def place(self, gap: float, velocity: float) -> None:
+        """Put the armature somewhere, m and m/s."""
+
+    def hold(self, current: float, magnet: int) -> None:
+        """Let a current flow that has come slowly, A."""
+
+    @property
+    def gap(self) -> float: ...
+    @property
+    def velocity(self) -> float: ...
+    @property
+    def force(self) -> float: ...
+    @property
+    def current(self) -> float: ...
+    @property
+    def psi(self) -> float: ...
+
+class LoopController:
+    """What a loop takes for a controller."""
+
+class BearingLoop:
+    """A bearing and its controller in lock-step, plant/include/anhyst_plant/loop.h."""
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        controller: LoopController,
+        current_loop: Mapping[str, float],
+        has_hall: bool,
+    ) -> None: ...
+    def run(
+        self,
+        target: _Array,
+        load: _Array,
+        inject: _Array,
+        feed: _Array,
+        command: NDArray[np.uint32],
+    ) -> _Array:
+        """Go on tick by tick; a row a tick, fewer where a number ceased to be finite."""

@@ -70,3 +70,5 @@ void bind_compensator(nb::module_ &m);
 void bind_real_compensator(nb::module_ &m);
 void bind_control(nb::module_ &m);
 void bind_drives(nb::module_ &m);
+void bind_plant(nb::module_ &m);
+void bind_loop(nb::module_ &m);

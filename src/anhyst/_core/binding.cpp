@@ -4,9 +4,8 @@
 
 #include <memory>
 
-#include "anhyst/circuit.h"
-#include "arrays.h"
 #include "anhyst/langevin.h"
+#include "iron.h"
 
 anhyst_step to_step(const std::string &law, const std::string &step)
 {
@@ -45,78 +44,6 @@ const char *status_text(int status)
     return "unknown status";
   }
 }
-
-class Iron {
-public:
-  Iron(double m_s, double a, double k, double c, double alpha, double r_d, const std::string &law,
-       const std::string &step)
-  {
-    const anhyst_step kind = to_step(law, step);
-    if (kind == ANHYST_STEP_EXACT) {
-      branch_ = std::make_unique<anhyst_branch_f64>();
-      if (!(a > 0.0) || anhyst_branch_build_f64(branch_.get(), k / a) != ANHYST_OK) {
-        throw std::invalid_argument("k/a must lie between 0.001 and 1000");
-      }
-    }
-    if (anhyst_iron_init_f64(&iron_, kind, m_s, a, k, c, alpha, r_d, branch_.get()) != ANHYST_OK) {
-      throw std::invalid_argument(
-          "parameters out of range: M_s, a, k > 0, 0.001 <= k/a <= 1000, 0 <= c <= 1, alpha < 1, "
-          "r_d >= 0, and for the law of 1986 alpha*c*M_s/a <= 2.85");
-    }
-  }
-
-  nb::tuple record(int inverse, const In &given, const In &rho, const In &eddy,
-                   const In &state) const
-  {
-    same_length(given.shape(0), rho.shape(0), "rho");
-    same_length(given.shape(0), eddy.shape(0), "eddy");
-    const size_t n = given.shape(0);
-    Out found = make_array(n);
-    Out field = make_array(n);
-    anhyst_state_f64 now = to_state(state);
-    size_t index = 0;
-    anhyst_status status = anhyst_state_check_f64(&iron_.law, &now);
-    if (status == ANHYST_OK) {
-      nb::gil_scoped_release release;
-      status = anhyst_record_f64(&iron_, &now, inverse, n, given.data(), rho.data(), eddy.data(),
-                                 found.data(), field.data(), &index);
-    }
-    return nb::make_tuple(found, field, from_state(now), static_cast<int>(status), index);
-  }
-
-  nb::tuple settle(const In &given, const In &rho, const In &eddy, const In &state, bool inverse,
-                   int max_cycles, double tol) const
-  {
-    same_length(given.shape(0), rho.shape(0), "rho");
-    same_length(given.shape(0), eddy.shape(0), "eddy");
-    anhyst_state_f64 now = to_state(state);
-    size_t index = 0;
-    int cycles = 0;
-    anhyst_status status = anhyst_state_check_f64(&iron_.law, &now);
-    if (status == ANHYST_OK) {
-      nb::gil_scoped_release release;
-      status = anhyst_settle_f64(&iron_, &now, inverse, given.shape(0), given.data(), rho.data(),
-                                 eddy.data(), tol, max_cycles, &cycles, &index);
-    }
-    return nb::make_tuple(from_state(now), cycles, static_cast<int>(status));
-  }
-
-  int check_state(const In &state) const
-  {
-    const anhyst_state_f64 now = to_state(state);
-    return anhyst_state_check_f64(&iron_.law, &now);
-  }
-
-  double flux_of(const In &state) const
-  {
-    const anhyst_state_f64 now = to_state(state);
-    return anhyst_flux_of_f64(&iron_, &now);
-  }
-
-private:
-  std::unique_ptr<anhyst_branch_f64> branch_;
-  anhyst_iron_f64 iron_;
-};
 
 } // namespace
 
@@ -166,4 +93,6 @@ NB_MODULE(_native, m)
   bind_real_compensator(m);
   bind_control(m);
   bind_drives(m);
+  bind_plant(m);
+  bind_loop(m);
 }

@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* An electromagnet at a gap: winding, iron, pull; of two kinds.
+
+   cells: iron of pinned cells in series with two gaps that fringe and a leakage path beside them.
+   Flux linkage and pull belong to one circuit, so that energy is kept:
+
+     turns*current = length*H + eddy*length*dB/dt + outer(gap)*area*B,   psi = turns*area*B
+     pull = (gap flux)^2/2 * d(gap reluctance)/d(gap)
+
+   law: an identified model. The pull comes from the law, c_H*(I - I_0) through rho(gap) to B and
+   c_out*B^2 + F_0; the flux linkage from a table psi(I, gap), odd in I.
+
+   The flux linkage moves by the implicit midpoint rule, dpsi/dt = u - resistance*current: second
+   order, stable for any step. Both kinds are one equation with a rising left side. */
+#ifndef ANHYST_PLANT_MAGNET_H
+#define ANHYST_PLANT_MAGNET_H
+
+#include "anhyst/circuit.h"
+#include "anhyst_plant/iron.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+  anhyst_plant_steel steel;
+  double iron_length; /* m */
+  double iron_area;   /* m^2 */
+  double pole_width;  /* m */
+  double pole_depth;  /* m */
+  double leakage;     /* permeance parallel to the gaps, H */
+  double eddy;        /* field that opposes a change of flux density, A s/(m T) */
+} anhyst_plant_circuit;
+
+/* How a model's drive and output are made up at one gap. */
+typedef struct {
+  double drive;     /* c_H, 1/m */
+  double gap_ratio; /* rho */
+  double gain;      /* c_out, N/T^2 */
+  double offset;    /* output at no flux, N */
+  double zero;      /* current at no drive, A */
+} anhyst_plant_row;
+
+/* Flux linkage over current (0..current_high, equal steps) and gap (equal steps), rising along the
+   current; linear between, odd in the current, gone on with beyond. */
+typedef struct {
+  const double *psi; /* gaps rows of currents entries, Wb */
+  int currents;      /* >= 2 */
+  int gaps;          /* >= 2 */
+  double current_high;
+  double gap_low;
+  double gap_high;
+} anhyst_plant_flux_table;
+
+typedef struct {
+  const anhyst_iron_f64 *iron;
+  const anhyst_plant_row *rows; /* over the gaps of the table: equal steps, linear between */
+  int row_count;                /* >= 2 */
+  double eddy;                  /* gamma, A s/(m T) */
+  anhyst_plant_flux_table table;
+} anhyst_plant_law;
+
+typedef struct {
+  const anhyst_plant_circuit *circuit; /* one of the two, the other null */
+  const anhyst_plant_law *law;
+  double turns;
+  double resistance; /* ohm */
+} anhyst_plant_magnet;
+
+/* What drives the winding over one step: u = gain*(reference - current) + voltage, within limits.
+   gain 0 is a voltage. */
+typedef struct {
+  double reference; /* A */
+  double gain;      /* V/A, >= 0 */
+  double voltage;   /* V */
+  double limit;     /* largest |u|, V */
+} anhyst_plant_source;
+
+/* All zero: demagnetised, no current. */
+typedef struct {
+  anhyst_plant_cells cells;
+  anhyst_state_f64 law;
+  double psi;     /* flux linkage at the end of the step, Wb */
+  double current; /* in its middle, as all that follows, A */
+  double voltage; /* V */
+  double force;   /* pull, N */
+  double density; /* flux density in the gap, T */
+  double heat;    /* given to the winding's resistance so far, J */
+  double energy;  /* taken from the amplifier so far, J */
+} anhyst_plant_coil;
+
+/* One step of so many seconds at the gap in its middle. */
+void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                            const anhyst_plant_source *source, double gap, double seconds);
+
+/* Moves to a current at a gap so slowly that nothing is induced. */
+void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                            double current, double gap);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

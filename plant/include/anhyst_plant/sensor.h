@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Sensors: bandwidth, delay, gain and offset, noise, converter, in this order. */
+#ifndef ANHYST_PLANT_SENSOR_H
+#define ANHYST_PLANT_SENSOR_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define ANHYST_PLANT_DELAY_MOST 256 /* sub-steps, a power of two */
+
+/* Normal random numbers: xoshiro256++ and the polar method. */
+typedef struct {
+  uint64_t word[4];
+  double spare;
+  int has_spare;
+} anhyst_plant_noise;
+
+void anhyst_plant_noise_start(anhyst_plant_noise *noise, uint64_t seed);
+double anhyst_plant_normal(anhyst_plant_noise *noise);
+
+typedef struct {
+  double low; /* ends of the range; what lies beyond stays at the end */
+  double high;
+  double step;   /* of the converter, whose grid begins at low; 0: none */
+  double gain;   /* of an ideal sensor 1 */
+  double offset; /* in the unit of the quantity, as the noise */
+  double noise;  /* standard deviation */
+  double share;  /* of a step that its low-pass passes in one sub-step, 0 < .. <= 1 */
+  int delay;     /* sub-steps, 0..ANHYST_PLANT_DELAY_MOST - 1 */
+} anhyst_plant_sensor;
+
+typedef struct {
+  double value;                         /* behind the low-pass */
+  double line[ANHYST_PLANT_DELAY_MOST]; /* the last values */
+  unsigned at;
+} anhyst_plant_sensing;
+
+/* The nearest value on a converter's grid; step 0: the value within the range. */
+double anhyst_plant_convert(double value, double low, double high, double step);
+
+/* Starts at a quantity that has stood for ever. */
+void anhyst_plant_sensor_start(anhyst_plant_sensing *sensing, double value);
+
+/* A sub-step in which the quantity went from one value to another. */
+void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor, anhyst_plant_sensing *sensing,
+                                double from, double to);
+
+/* What it says now. */
+double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
+                                const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

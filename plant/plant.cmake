@@ -1,0 +1,17 @@
+# The only list of the virtual bearing's sources. It stands on the core.
+set(ANHYST_PLANT_DIR "${CMAKE_CURRENT_LIST_DIR}")
+set(ANHYST_PLANT_SOURCES
+  "${ANHYST_PLANT_DIR}/src/iron.c"
+  "${ANHYST_PLANT_DIR}/src/magnet.c"
+  "${ANHYST_PLANT_DIR}/src/sensor.c"
+  "${ANHYST_PLANT_DIR}/src/bearing.c"
+  "${ANHYST_PLANT_DIR}/src/loop.c")
+
+add_library(anhyst_plant STATIC ${ANHYST_PLANT_SOURCES})
+target_include_directories(anhyst_plant PUBLIC "${ANHYST_PLANT_DIR}/include")
+target_link_libraries(anhyst_plant PUBLIC anhyst_core)
+set_target_properties(anhyst_plant PROPERTIES
+  C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+# The same bits with every compiler: no product fused into a sum.
+target_compile_options(anhyst_plant PRIVATE
+  -O3 -fno-math-errno -ffp-contract=off ${ANHYST_WARNINGS})

@@ -1,0 +1,102 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst_plant/sensor.h"
+
+#include <math.h>
+
+#define MASK (ANHYST_PLANT_DELAY_MOST - 1U)
+
+static uint64_t rotate(uint64_t x, unsigned by) { return (x << by) | (x >> (64U - by)); }
+
+/* splitmix64: any seed, 0 too, fills the state with something. */
+void anhyst_plant_noise_start(anhyst_plant_noise *noise, uint64_t seed)
+{
+  int i;
+  for (i = 0; i < 4; i++) {
+    uint64_t z;
+    seed += UINT64_C(0x9E3779B97F4A7C15);
+    z = seed;
+    z = (z ^ (z >> 30U)) * UINT64_C(0xBF58476D1CE4E5B9);
+    z = (z ^ (z >> 27U)) * UINT64_C(0x94D049BB133111EB);
+    noise->word[i] = z ^ (z >> 31U);
+  }
+  noise->has_spare = 0;
+  noise->spare = 0.0;
+}
+
+static uint64_t next_word(anhyst_plant_noise *noise)
+{
+  uint64_t *w = noise->word;
+  const uint64_t found = rotate(w[0] + w[3], 23U) + w[0];
+  const uint64_t t = w[1] << 17U;
+  w[2] ^= w[0];
+  w[3] ^= w[1];
+  w[1] ^= w[2];
+  w[0] ^= w[3];
+  w[2] ^= t;
+  w[3] = rotate(w[3], 45U);
+  return found;
+}
+
+static double between(anhyst_plant_noise *noise) /* -1..1 */
+{
+  return (double)(int64_t)next_word(noise) * 0x1p-63;
+}
+
+double anhyst_plant_normal(anhyst_plant_noise *noise)
+{
+  double x;
+  double y;
+  double square;
+  if (noise->has_spare) {
+    noise->has_spare = 0;
+    return noise->spare;
+  }
+  do {
+    x = between(noise);
+    y = between(noise);
+    square = x * x + y * y;
+  } while (square >= 1.0 || square <= 0.0);
+  square = sqrt(-2.0 * log(square) / square);
+  noise->spare = y * square;
+  noise->has_spare = 1;
+  return x * square;
+}
+
+double anhyst_plant_convert(double value, double low, double high, double step)
+{
+  const double held = fmin(fmax(value, low), high);
+  return step > 0.0 ? low + floor((held - low) / step + 0.5) * step : held;
+}
+
+void anhyst_plant_sensor_start(anhyst_plant_sensing *sensing, double value)
+{
+  unsigned i;
+  sensing->value = value;
+  sensing->at = 0;
+  for (i = 0; i < ANHYST_PLANT_DELAY_MOST; i++) {
+    sensing->line[i] = value;
+  }
+}
+
+void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor, anhyst_plant_sensing *sensing,
+                                double from, double to)
+{
+  if (sensor->share >= 1.0) {
+    sensing->value = to;
+  } else {
+    sensing->value += sensor->share * (0.5 * (from + to) - sensing->value);
+  }
+  sensing->at = (sensing->at + 1U) & MASK;
+  sensing->line[sensing->at] = sensing->value;
+}
+
+double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
+                                const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise)
+{
+  double value = sensing->line[(sensing->at - (unsigned)sensor->delay) & MASK];
+  value = sensor->gain * value + sensor->offset;
+  if (sensor->noise > 0.0) {
+    value += sensor->noise * anhyst_plant_normal(noise);
+  }
+  return anhyst_plant_convert(value, sensor->low, sensor->high, sensor->step);
+}

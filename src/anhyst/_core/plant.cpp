@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// The virtual bearing in Python: converts and checks, no logic.
+#include "plant.h"
+
+namespace {
+
+// A winding alone, held at currents and gaps or driven by a voltage.
+class Coil {
+public:
+  explicit Coil(const Magnet &magnet) : magnet_(magnet.get()) {}
+
+  void hold(double current, double gap) { anhyst_plant_coil_hold(&magnet_, &coil_, current, gap); }
+  void step(double voltage, double gap, double seconds)
+  {
+    const anhyst_plant_source source = {0.0, 0.0, voltage, HUGE_VAL};
+    anhyst_plant_coil_step(&magnet_, &coil_, &source, gap, seconds);
+  }
+  // Many currents at once; rows of pull, flux linkage, flux density in the gap.
+  OutTable run(const In &current, const In &gap)
+  {
+    same_length(current.shape(0), gap.shape(0), "gap");
+    OutTable out = make_table(current.shape(0), 3);
+    for (size_t i = 0; i < current.shape(0); i++) {
+      hold(current(i), gap(i));
+      double *row = out.data() + 3 * i;
+      row[0] = coil_.force;
+      row[1] = coil_.psi;
+      row[2] = coil_.density;
+    }
+    return out;
+  }
+  const anhyst_plant_coil &get() const { return coil_; }
+
+private:
+  anhyst_plant_magnet magnet_;
+  anhyst_plant_coil coil_{};
+};
+
+} // namespace
+
+void bind_plant(nb::module_ &m)
+{
+  nb::class_<Magnet>(m, "Magnet")
+      .def(nb::init<const nb::dict &, const In &, const In &>(), "numbers"_a,
+           "thresholds"_a.noconvert(), "weights"_a.noconvert())
+      .def(nb::init<const nb::dict &, const Iron &, const InTable &, const InTable &>(),
+           "numbers"_a, "iron"_a, "rows"_a.noconvert(), "psi"_a.noconvert(),
+           nb::keep_alive<1, 3>());
+  nb::class_<Coil>(m, "Coil")
+      .def(nb::init<const Magnet &>(), "magnet"_a, nb::keep_alive<1, 2>())
+      .def("hold", &Coil::hold, "current"_a, "gap"_a)
+      .def("step", &Coil::step, "voltage"_a, "gap"_a, "seconds"_a)
+      .def("run", &Coil::run, "current"_a.noconvert(), "gap"_a.noconvert())
+      .def_prop_ro("force", [](const Coil &c) { return c.get().force; })
+      .def_prop_ro("psi", [](const Coil &c) { return c.get().psi; })
+      .def_prop_ro("density", [](const Coil &c) { return c.get().density; })
+      .def_prop_ro("current", [](const Coil &c) { return c.get().current; })
+      .def_prop_ro("heat", [](const Coil &c) { return c.get().heat; })
+      .def_prop_ro("energy", [](const Coil &c) { return c.get().energy; });
+  nb::class_<Bearing>(m, "Bearing")
+      .def(nb::init<const nb::dict &, const nb::dict &, const nb::dict &, const nb::dict &,
+                    const Magnet &, const Magnet *, uint64_t>(),
+           "numbers"_a, "amplifier"_a, "load"_a, "sensors"_a, "first"_a, "second"_a.none(),
+           "seed"_a, nb::keep_alive<1, 6>(), nb::keep_alive<1, 7>())
+      .def("read", &Bearing::read)
+      .def("advance", &Bearing::advance, "first"_a, "second"_a, "load"_a)
+      .def("place", &Bearing::place, "gap"_a, "velocity"_a)
+      .def("hold", &Bearing::hold, "current"_a, "magnet"_a)
+      .def_prop_ro("gap", [](Bearing &b) { return b.state()->gap; })
+      .def_prop_ro("velocity", [](Bearing &b) { return b.state()->velocity; })
+      .def_prop_ro("force", [](Bearing &b) { return b.state()->force; })
+      .def_prop_ro("current", [](Bearing &b) { return b.state()->coil[0].current; })
+      .def_prop_ro("psi", [](Bearing &b) { return b.state()->coil[0].psi; });
+}

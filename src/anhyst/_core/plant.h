@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+// The virtual bearing with what it points to.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "anhyst_plant/bearing.h"
+#include "iron.h"
+
+// Numbers by name: every one is there, and none is left over.
+class Numbers {
+public:
+  explicit Numbers(const nb::dict &from) : from_(from) {}
+  double operator()(const char *name)
+  {
+    if (!from_.contains(name)) {
+      throw std::invalid_argument(std::string(name) + " is missing");
+    }
+    used_++;
+    return nb::cast<double>(from_[name]);
+  }
+  int count(const char *name) { return static_cast<int>((*this)(name)); }
+  void none_left() const
+  {
+    if (used_ != from_.size()) {
+      throw std::invalid_argument("there are numbers that nothing asks for");
+    }
+  }
+
+private:
+  const nb::dict &from_;
+  size_t used_ = 0;
+};
+
+// A magnet with what it points to.
+class Magnet {
+public:
+  // Iron of pinned cells in a reluctance circuit.
+  Magnet(const nb::dict &numbers, const In &thresholds, const In &weights)
+  {
+    Numbers given(numbers);
+    same_length(thresholds.shape(0), weights.shape(0), "weights");
+    if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_PLANT_CELLS) {
+      throw std::invalid_argument("an iron has 1 to 64 cells");
+    }
+    circuit_.steel.cells = static_cast<int>(thresholds.shape(0));
+    for (size_t i = 0; i < thresholds.shape(0); i++) {
+      circuit_.steel.threshold[i] = thresholds(i);
+      circuit_.steel.weight[i] = weights(i);
+    }
+    circuit_.steel.sharp = given("sharp");
+    circuit_.steel.knee_sharp = given("knee_sharp");
+    circuit_.steel.slow = given("slow");
+    circuit_.steel.knee_slow = given("knee_slow");
+    circuit_.iron_length = given("iron_length");
+    circuit_.iron_area = given("iron_area");
+    circuit_.pole_width = given("pole_width");
+    circuit_.pole_depth = given("pole_depth");
+    circuit_.leakage = given("leakage");
+    circuit_.eddy = given("eddy");
+    magnet_.circuit = &circuit_;
+    winding(given);
+  }
+
+  // An identified law with a table of the flux linkage.
+  Magnet(const nb::dict &numbers, const Iron &iron, const InTable &rows, const InTable &psi)
+  {
+    Numbers given(numbers);
+    if (rows.shape(0) < 2 || rows.shape(1) != 5 || psi.shape(0) < 2 || psi.shape(1) < 2) {
+      throw std::invalid_argument("a law has two rows of five numbers, its table two by two");
+    }
+    for (size_t i = 0; i < rows.shape(0); i++) {
+      rows_.push_back({rows(i, 0), rows(i, 1), rows(i, 2), rows(i, 3), rows(i, 4)});
+    }
+    psi_.assign(psi.data(), psi.data() + psi.size());
+    law_.iron = iron.get();
+    law_.rows = rows_.data();
+    law_.row_count = static_cast<int>(rows_.size());
+    law_.eddy = given("eddy");
+    law_.table = {psi_.data(),
+                  static_cast<int>(psi.shape(1)),
+                  static_cast<int>(psi.shape(0)),
+                  given("current_high"),
+                  given("gap_low"),
+                  given("gap_high")};
+    magnet_.law = &law_;
+    winding(given);
+  }
+  Magnet(const Magnet &) = delete;
+  Magnet &operator=(const Magnet &) = delete;
+
+  const anhyst_plant_magnet &get() const { return magnet_; }
+
+private:
+  void winding(Numbers &given)
+  {
+    magnet_.turns = given("turns");
+    magnet_.resistance = given("resistance");
+    given.none_left();
+  }
+
+  anhyst_plant_circuit circuit_{};
+  anhyst_plant_law law_{};
+  anhyst_plant_magnet magnet_{};
+  std::vector<anhyst_plant_row> rows_;
+  std::vector<double> psi_;
+};
+
+inline anhyst_plant_sensor to_sensor(const nb::dict &numbers)
+{
+  Numbers given(numbers);
+  const anhyst_plant_sensor found = {given("low"),   given("high"),       given("step"),
+                                     given("gain"),  given("offset"),     given("noise"),
+                                     given("share"), given.count("delay")};
+  given.none_left();
+  if (found.delay < 0 || found.delay >= ANHYST_PLANT_DELAY_MOST) {
+    throw std::invalid_argument("a sensor is late by 0 to 255 sub-steps");
+  }
+  return found;
+}
+
+class Bearing {
+public:
+  Bearing(const nb::dict &numbers, const nb::dict &amplifier, const nb::dict &load,
+          const nb::dict &sensors, const Magnet &first, const Magnet *second, uint64_t seed)
+  {
+    Numbers given(numbers);
+    bearing_.magnets = second ? 2 : 1;
+    bearing_.magnet[0] = first.get();
+    if (second) {
+      bearing_.magnet[1] = second->get();
+    }
+    bearing_.gap_total = given("gap_total");
+    bearing_.mass = given("mass");
+    bearing_.damping = given("damping");
+    bearing_.gravity = given("gravity");
+    bearing_.stop_low = given("stop_low");
+    bearing_.stop_high = given("stop_high");
+    bearing_.stop_stiffness = given("stop_stiffness");
+    bearing_.stop_damping = given("stop_damping");
+    bearing_.tick = given("tick");
+    bearing_.substeps = given.count("substeps");
+    bearing_.delay = given.count("delay");
+    given.none_left();
+    if (bearing_.substeps < 1 || bearing_.delay < 0 ||
+        bearing_.delay > ANHYST_PLANT_DELAY_MOST / 2) {
+      throw std::invalid_argument("one sub-step or more, and a delay of 0 to 128 of them");
+    }
+    read_amplifier(amplifier);
+    read_load(load);
+    bearing_.gap_sensor = to_sensor(nb::cast<nb::dict>(sensors["gap"]));
+    bearing_.current_sensor = to_sensor(nb::cast<nb::dict>(sensors["current"]));
+    bearing_.force_sensor = to_sensor(nb::cast<nb::dict>(sensors["force"]));
+    bearing_.hall_probe = to_sensor(nb::cast<nb::dict>(sensors["hall"]));
+    anhyst_plant_start(&bearing_, &state_, seed);
+  }
+  Bearing(const Bearing &) = delete;
+  Bearing &operator=(const Bearing &) = delete;
+
+  nb::tuple read()
+  {
+    anhyst_plant_readings r;
+    anhyst_plant_read(&bearing_, &state_, &r);
+    return nb::make_tuple(r.gap, r.current[0], r.current[1], r.density[0], r.density[1], r.force);
+  }
+  void advance(double first, double second, double load)
+  {
+    const double command[ANHYST_PLANT_MAGNETS] = {first, second};
+    anhyst_plant_advance(&bearing_, &state_, command, load);
+  }
+  void place(double gap, double velocity)
+  {
+    state_.gap = gap;
+    state_.velocity = velocity;
+  }
+  void hold(double current, int magnet)
+  {
+    const double gap = magnet ? bearing_.gap_total - state_.gap : state_.gap;
+    anhyst_plant_coil_hold(&bearing_.magnet[magnet ? 1 : 0], &state_.coil[magnet ? 1 : 0], current,
+                           gap);
+    state_.output[magnet ? 1 : 0] = current;
+  }
+
+  const anhyst_plant_bearing *settings() const { return &bearing_; }
+  anhyst_plant_state *state() { return &state_; }
+
+private:
+  void read_amplifier(const nb::dict &numbers)
+  {
+    Numbers given(numbers);
+    bearing_.amplifier = {given("limit"), given("gain"), given("reset"),
+                          given("low"),   given("high"), given("step")};
+    given.none_left();
+  }
+  void read_load(const nb::dict &numbers)
+  {
+    Numbers given(numbers);
+    bearing_.load = {given("share"), given("damping"),      given("stiffness"),
+                     given("rest"),  given("encoder_step"), given("velocity_share")};
+    given.none_left();
+  }
+
+  anhyst_plant_bearing bearing_{};
+  anhyst_plant_state state_{};
+};

@@ -1,0 +1,83 @@
+"""What was recorded of a simulated loop, and its files."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import LOOP_COLUMNS
+from anhyst.atomic import PathLike, write_bytes
+from anhyst.data.files import write_csv
+from anhyst.errors import InputError
+
+Floats = NDArray[np.float64]
+
+COLUMNS: tuple[str, ...] = tuple(LOOP_COLUMNS.split())
+"""Of every recording, the unit in the name; described in docs/simulate.md."""
+
+RUN, FAULT = 4, 5
+"""States of the controller, times 16 in the column ``state``; the phase is the rest."""
+
+HOVER = 16 * RUN + 3
+"""In the air and under control, the reference reached."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One row a tick.
+
+    Parameters
+    ----------
+    table : ndarray, shape (n, len(COLUMNS))
+        As :data:`COLUMNS` names them.
+    """
+
+    table: Floats
+
+    def __getitem__(self, name: str) -> Floats:
+        column: Floats = self.table[:, COLUMNS.index(name)]
+        return column
+
+    def __len__(self) -> int:
+        return int(self.table.shape[0])
+
+    def part(self, begin: int, end: int) -> Recording:
+        """Return the rows from one tick up to another."""
+        return Recording(self.table[begin:end])
+
+    @property
+    def columns(self) -> Mapping[str, Floats]:
+        """All of it by name."""
+        return {name: self[name] for name in COLUMNS}
+
+
+def write_recording(path: PathLike, recording: Recording) -> None:
+    """Write a recording as CSV or, by its ending, as MAT (version 5).
+
+    Parameters
+    ----------
+    path : path-like
+        Ends in ``.csv`` or ``.mat``.
+    recording : Recording
+
+    Raises
+    ------
+    InputError
+        Another ending, or the place cannot be written.
+    """
+    ending = Path(path).suffix.lower()
+    if ending == ".csv":
+        write_csv(path, recording.columns)
+    elif ending == ".mat":
+        from scipy.io import savemat
+
+        content = io.BytesIO()
+        savemat(content, dict(recording.columns), do_compression=True, oned_as="column")
+        write_bytes(path, content.getvalue())
+    else:
+        raise InputError(f"{path}: a recording is written as .csv or .mat; name it so")

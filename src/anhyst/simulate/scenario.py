@@ -1,0 +1,224 @@
+"""What happens to a bearing tick by tick: references, loads, commands, events."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, step_ends
+
+Floats = NDArray[np.float64]
+
+DROP, SATURATE = 256, 512
+"""Bits of a command, see ``plant/include/anhyst_plant/loop.h``."""
+
+LIFT_S = 0.45
+"""Time from power on until the armature hangs still, s: self-test, force ramp, rise, settling."""
+
+
+class Command(IntEnum):
+    """Commands to the position controller."""
+
+    NONE = 0
+    CONDITION = 1
+    DEMAGNETISED = 2
+    LIFT = 3
+    LAND = 4
+    STOP = 5
+    CLEAR = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step of the reference within a scenario.
+
+    Parameters
+    ----------
+    begin, end : int
+        Ticks: of the step, and of the next event.
+    before, after : float
+        Reference, m of gap.
+    """
+
+    begin: int
+    end: int
+    before: float
+    after: float
+
+    @property
+    def height(self) -> float:
+        """Size of the step, m."""
+        return abs(self.after - self.before)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What happens at each of n ticks.
+
+    Parameters
+    ----------
+    target : ndarray, shape (n,)
+        Wanted gap, m.
+    load : ndarray, shape (n,)
+        Force commanded to the load drive, N.
+    inject : ndarray, shape (n,)
+        Added to the gap that the controller sees, m.
+    feed : ndarray, shape (n,)
+        Load that the controller is told, N.
+    command : ndarray of uint32, shape (n,)
+        :class:`Command`, :data:`DROP`, :data:`SATURATE`.
+    steps : tuple of Step
+        Steps of the reference in it.
+    """
+
+    target: Floats
+    load: Floats
+    inject: Floats
+    feed: Floats
+    command: NDArray[np.uint32]
+    steps: tuple[Step, ...] = ()
+
+    @property
+    def ticks(self) -> int:
+        """How long it is."""
+        return self.target.size
+
+
+@dataclass
+class Script:
+    """Writes a scenario piece by piece.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        For the rate, the load and its disturbances.
+    gap : float
+        First wanted gap, m.
+    load : float, optional
+        Force of the load drive, N; that of the rig file if left out.
+    """
+
+    rig: BearingRig
+    gap: float
+    load: float | None = None
+    _target: list[Floats] = field(default_factory=list)
+    _load: list[Floats] = field(default_factory=list)
+    _inject: list[Floats] = field(default_factory=list)
+    _marks: list[tuple[int, int]] = field(default_factory=list)
+    _steps: list[tuple[int, float, float]] = field(default_factory=list)
+    ticks: int = 0
+
+    def __post_init__(self) -> None:
+        if self.load is None:
+            self.load = self.rig.settings.load.force_N
+
+    def count(self, seconds: float) -> int:
+        """Return the ticks of a time."""
+        return max(round(seconds * self.rig.settings.timing.rate_Hz), 1)
+
+    def command(self, command: int, ticks: int = 1) -> Script:
+        """Give a command from here on for some ticks."""
+        self._marks += [(self.ticks + tick, command) for tick in range(ticks)]
+        return self
+
+    def lift_off(self, seconds: float = LIFT_S) -> Script:
+        """Power on, declare the iron demagnetised, lift off and settle."""
+        self.hold(0.005).command(Command.DEMAGNETISED).hold(0.001).command(Command.LIFT)
+        return self.hold(seconds - 0.006)
+
+    def hold(self, seconds: float, inject: Floats | None = None) -> Script:
+        """Let time pass, perhaps with something added to the sensor."""
+        count = self.count(seconds) if inject is None else inject.size
+        return self._add(np.full(count, self.gap), inject)
+
+    def step(self, gap: float, seconds: float) -> Script:
+        """Step the reference and let time pass."""
+        self._steps.append((self.ticks, self.gap, gap))
+        self.gap = gap
+        return self.hold(seconds)
+
+    def follow(self, target: Floats) -> Script:
+        """Let the reference follow a trajectory, m of gap."""
+        self.gap = float(target[-1])
+        return self._add(np.asarray(target, dtype=np.float64), None)
+
+    def set_load(self, force: float) -> Script:
+        """Step the load, N."""
+        self.load = force
+        return self
+
+    def _add(self, target: Floats, inject: Floats | None) -> Script:
+        assert self.load is not None
+        self._target.append(target)
+        self._load.append(np.full(target.size, self.load))
+        self._inject.append(np.zeros(target.size) if inject is None else inject)
+        self.ticks += target.size
+        return self
+
+    def build(self) -> Scenario:
+        """Return what was written."""
+        command = np.zeros(self.ticks, dtype=np.uint32)
+        for tick, value in self._marks:
+            command[tick] |= value
+        ends = [*[begin for begin, _, _ in self._steps[1:]], self.ticks]
+        disturbed = np.concatenate(self._load)
+        for number, disturbance in enumerate(self.rig.settings.load.disturbance):
+            disturbed = disturbed + _disturbance(self.rig, disturbance, self.ticks, number)
+        return Scenario(
+            target=np.concatenate(self._target),
+            load=disturbed,
+            inject=np.concatenate(self._inject),
+            feed=np.zeros(self.ticks),
+            command=command,
+            steps=tuple(
+                Step(begin, end, before, after)
+                for (begin, before, after), end in zip(self._steps, ends, strict=True)
+            ),
+        )
+
+
+def steps_up_and_down(
+    rig: BearingRig, gap: float, heights: Sequence[float], load: float | None = None
+) -> Scenario:
+    """Lift off, then a step up and down of every height, half of it to either side of a gap.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        Its file says how long each position is held.
+    gap : float
+        m.
+    heights : sequence of float
+        m.
+    load : float, optional
+        N; that of the rig file if left out.
+    """
+    hold = rig.settings.simulate.hold_s
+    script = Script(rig, gap, load).lift_off()
+    for height in heights:
+        lower, upper = step_ends(gap, height)
+        script.follow(np.linspace(script.gap, lower, script.count(hold / 2.0))).hold(hold)
+        script.step(upper, hold).step(lower, hold)
+    return script.build()
+
+
+def _disturbance(rig: BearingRig, what: DisturbanceTable, ticks: int, number: int) -> Floats:
+    time = np.arange(ticks) * rig.dt - what.start_s
+    after = time >= 0.0
+    if what.kind == "step":
+        return np.where(after, what.force_N, 0.0)
+    assert what.frequency_Hz is not None
+    if what.kind == "sine":
+        wave: Floats = what.force_N * np.sin(2.0 * math.pi * what.frequency_Hz * time) * after
+        return wave
+    share = -math.expm1(-2.0 * math.pi * what.frequency_Hz * rig.dt)
+    white = np.random.default_rng([rig.settings.seed, 99, number]).standard_normal(ticks)
+    coloured = lfilter([share], [1.0, share - 1.0], white)
+    # A low-pass of first order leaves share/(2 - share) of the power of white noise.
+    return np.asarray(what.force_N * coloured * math.sqrt((2.0 - share) / share) * after)
