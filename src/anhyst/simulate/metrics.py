@@ -1,0 +1,275 @@
+"""Figures of a recording: steps, tracking, standstill, effort, and what noise leaves of them.
+
+Everything works on columns of a recording: times in seconds at equal distances, gaps and references
+in metres, forces in newtons, currents in amperes. A step down is judged as one up.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+
+_Array = NDArray[np.float64]
+
+SETTLED = 0.02  # of a step's height
+_NOISES = 3.0  # standard deviations of the standstill within which a position counts as arrived
+_REST = 0.25  # last part of a hold, taken for standstill
+
+
+@dataclass(frozen=True)
+class StepFigures:
+    """What a step of the reference did.
+
+    Parameters
+    ----------
+    start : float
+        Time of the step, s.
+    height : float
+        Change of the reference, m; negative where the gap closes.
+    overshoot : float
+        Largest way beyond the new reference, % of the height, noise included; 0 if it was not
+        reached.
+    undershoot : float
+        Largest way back behind the old reference, % of the height.
+    rise_time : float
+        From 10 to 90 % of the height, s; infinite if 90 % was not reached.
+    settling_time : float
+        From the step until the gap stays within :data:`SETTLED` of the height around the new
+        reference, s; infinite if it did not within the hold.
+    settling_time_in_noise : float
+        The same for the wider one of that band and three times the standstill noise, s.
+    band : float
+        Half width of that wider band, m.
+    steady_error : float
+        Mean of gap less reference over the last quarter of the hold, m.
+    standstill : float
+        Standard deviation of the gap there, m.
+    """
+
+    start: float
+    height: float
+    overshoot: float
+    undershoot: float
+    rise_time: float
+    settling_time: float
+    settling_time_in_noise: float
+    band: float
+    steady_error: float
+    standstill: float
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far one signal was from another, in their unit.
+
+    Parameters
+    ----------
+    rms, peak : float
+    """
+
+    rms: float
+    peak: float
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a current cost.
+
+    Parameters
+    ----------
+    change : float
+        Root mean square of its rate of change, A/s; times the inductance, the voltage it took.
+    heat : float
+        Mean power in the winding, W.
+    """
+
+    change: float
+    heat: float
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A mean and how well it is known.
+
+    Parameters
+    ----------
+    mean : float
+    half_width : float
+        Of the confidence interval.
+    count : int
+        Of the values behind it.
+    """
+
+    mean: float
+    half_width: float
+    count: int
+
+
+def find_steps(reference: ArrayLike, hold: int) -> list[slice]:
+    """Return where the reference jumps between two levels that it keeps.
+
+    Parameters
+    ----------
+    reference : array_like, shape (n,)
+    hold : int
+        Samples for which it must have stood still before, and must stand still after.
+
+    Returns
+    -------
+    list of slice
+        From the last sample before each jump to the last one of its level.
+    """
+    row = np.asarray(reference, dtype=float)
+    jumps = np.flatnonzero(np.diff(row)) + 1  # first samples of new levels
+    edges = np.concatenate([[0], jumps, [len(row)]])
+    before, after = np.diff(edges[:-1]), np.diff(edges[1:])
+    return [
+        slice(int(first) - 1, int(end))
+        for first, end, was, stays in zip(jumps, edges[2:], before, after, strict=True)
+        if was >= hold and stays >= hold
+    ]
+
+
+def step_figures(time: ArrayLike, reference: ArrayLike, gap: ArrayLike) -> StepFigures:
+    """Judge one step: one sample of the old level, then the hold at the new one.
+
+    Parameters
+    ----------
+    time, reference, gap : array_like, shape (n,)
+        As cut out by :func:`find_steps`.
+
+    Returns
+    -------
+    StepFigures
+
+    Raises
+    ------
+    ValueError
+        If the reference does not step after the first sample and stay.
+    """
+    t, r, y = (np.asarray(row, dtype=float) for row in (time, reference, gap))
+    if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
+        raise ValueError("the reference must step after the first sample and stay for at least 7")
+    height = float(r[1] - r[0])
+    way = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
+    since = t[1:] - t[1]
+    rest = y[1 + int((1.0 - _REST) * len(way)) :]
+    standstill = float(np.std(rest))
+    band = max(SETTLED * abs(height), _NOISES * standstill)
+    error = np.abs(y[1:] - r[1])
+    return StepFigures(
+        start=float(t[1]),
+        height=height,
+        overshoot=100.0 * max(0.0, float(np.max(way)) - 1.0),
+        undershoot=100.0 * max(0.0, -float(np.min(way))),
+        rise_time=_reached(since, way, 0.9) - min(_reached(since, way, 0.1), since[-1]),
+        settling_time=_stays_from(since, error, SETTLED * abs(height)),
+        settling_time_in_noise=_stays_from(since, error, band),
+        band=band,
+        steady_error=float(np.mean(rest)) - float(r[1]),
+        standstill=standstill,
+    )
+
+
+def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
+    """Return how long after a disturbance an error stays within a band.
+
+    Parameters
+    ----------
+    time, error : array_like, shape (n,)
+    start : float
+        When the disturbance ended, s.
+    band : float
+        Half width, in the unit of the error.
+
+    Returns
+    -------
+    float
+        s; infinite if the last sample is still outside.
+    """
+    t = np.asarray(time, dtype=float)
+    later = t >= start
+    return _stays_from(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
+
+
+def deviation(signal: ArrayLike, wanted: ArrayLike) -> Deviation:
+    """Compare a gap with its reference, or a force with its demand.
+
+    Parameters
+    ----------
+    signal, wanted : array_like, shape (n,)
+
+    Returns
+    -------
+    Deviation
+    """
+    off = np.asarray(signal, dtype=float) - np.asarray(wanted, dtype=float)
+    return Deviation(rms=float(np.sqrt(np.mean(off**2))), peak=float(np.max(np.abs(off))))
+
+
+def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> Effort:
+    """Tell what a current cost.
+
+    Parameters
+    ----------
+    time, current : array_like, shape (n,)
+    resistance : float
+        Of the winding, ohm.
+
+    Returns
+    -------
+    Effort
+    """
+    t, row = np.asarray(time, dtype=float), np.asarray(current, dtype=float)
+    slope = np.diff(row) / np.diff(t)
+    return Effort(
+        change=float(np.sqrt(np.mean(slope**2))), heat=float(resistance * np.mean(row**2))
+    )
+
+
+def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
+    """Return the mean of repeated measurements and its confidence interval (Student).
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+        One of each noise seed, n >= 2. Infinite ones make the mean infinite and its width NaN.
+    level : float, optional
+
+    Returns
+    -------
+    Interval
+    """
+    row = np.asarray(values, dtype=float)
+    if len(row) < 2:
+        raise ValueError("a confidence interval needs two values at least")
+    if not np.all(np.isfinite(row)):
+        return Interval(mean=float(np.mean(row)), half_width=math.nan, count=len(row))
+    factor = float(stats.t.ppf(0.5 + 0.5 * level, len(row) - 1))
+    spread = float(np.std(row, ddof=1)) / math.sqrt(len(row))
+    return Interval(mean=float(np.mean(row)), half_width=factor * spread, count=len(row))
+
+
+def _reached(since: _Array, way: _Array, share: float) -> float:
+    """Return when a share of the way was first covered, between samples; inf if never."""
+    beyond = np.flatnonzero(way >= share)
+    if not len(beyond):
+        return math.inf
+    i = int(beyond[0])
+    if i == 0:
+        return float(since[0])
+    part = (share - way[i - 1]) / (way[i] - way[i - 1])
+    return float(since[i - 1] + part * (since[i] - since[i - 1]))
+
+
+def _stays_from(since: _Array, error: _Array, band: float) -> float:
+    """Return the first time from which the error stays within the band; inf if it does not."""
+    outside = np.flatnonzero(error > band)
+    if not len(outside):
+        return 0.0
+    last = int(outside[-1])
+    return math.inf if last + 1 == len(since) else float(since[last + 1])
