@@ -28,6 +28,10 @@ from anhyst.tomltext import Path as KeyPath
 
 TICKS_PER_POLE = 20.0
 """Least sample rate in multiples of the unstable pole of the plant without controller."""
+MOST_DELAY = 128
+"""Sub-steps between sample and output, or by which a sensor may be late."""
+MOST_CELLS = 63
+"""Pinned cells of an iron."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 Fault = tuple[KeyPath, str]
 
@@ -36,8 +40,8 @@ class TimingTable(Table):
     """``[timing]``: when what happens."""
 
     rate_Hz: Annotated[float, Field(ge=100.0, le=200e3)]
-    substeps: Annotated[int, Field(ge=1, le=256)] = 4
-    delay_ticks: Annotated[float, Field(ge=0.0, le=16.0)] = 1.0
+    substeps: Annotated[int, Field(ge=1, le=64)] = 4
+    delay_ticks: Annotated[float, Field(ge=0.0, le=8.0)] = 1.0
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
@@ -85,6 +89,8 @@ class MagnetTable(Table):
             raise ValueError('force "cells" needs the table [magnet.iron]; add it')
         if self.force == "model" and self.model is None:
             raise ValueError('force "model" needs the table [magnet.model]; add it')
+        if self.model is not None and self.model.flux_table is None and self.iron is None:
+            raise ValueError("a model without flux_table needs the table [magnet.iron]; add one")
         return self
 
 
@@ -411,7 +417,7 @@ def read_bearing(path: PathLike) -> BearingRig:
     """
     place = Path(path)
     settings = read_toml(place, BearingTable)
-    faults = [*_plant_faults(settings), *_simulate_faults(settings)]
+    faults = [*_delay_faults(settings), *_plant_faults(settings), *_simulate_faults(settings)]
     if faults:
         raise faults_error(place, faults)
     return BearingRig(place, settings)
@@ -474,10 +480,29 @@ def _ordered(low_key: str, low: float, high_key: str, high: float) -> None:
         raise ValueError(f"{low_key} must be below {high_key}; correct them")
 
 
+def _delay_faults(settings: BearingTable) -> list[Fault]:
+    """Find delays that the plant has no memory for."""
+    timing = settings.timing
+    per_second = timing.rate_Hz * timing.substeps
+    output = timing.delay_ticks * timing.substeps + settings.amplifier.delay_s * per_second
+    faults: list[Fault] = []
+    for key, steps in (
+        (("amplifier", "delay_s"), output),
+        (("position_sensor", "delay_s"), settings.position_sensor.sensor().delay * per_second),
+    ):
+        if steps > MOST_DELAY:
+            text = f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}"
+            faults.append((key, f"{text}; shorten it or lower substeps"))
+    return faults
+
+
 def _plant_faults(settings: BearingTable) -> list[Fault]:
     """Find what does not fit together in the plant and its instruments."""
     faults: list[Fault] = []
     mechanics, magnet = settings.mechanics, settings.magnet
+    if magnet.iron is not None and magnet.iron.cells > MOST_CELLS:
+        text = f"the plant has room for {MOST_CELLS}; lower it"
+        faults.append((("magnet", "iron", "cells"), text))
     low, high = mechanics.stop_low_m, mechanics.stop_high_m
     if magnet.gap_total_m is not None and not high < magnet.gap_total_m:
         text = f"must be above stop_high_m, {high:g} m, or the second magnet is touched; raise it"

@@ -1,0 +1,460 @@
+"""Files of a bearing: read whole, written back, and told by line where they are wrong."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from anhyst.control import design
+from anhyst.errors import InputError
+from anhyst.rig.tomlfile import TomlFileError
+from anhyst.simulate.controllerfile import (
+    ControllerTable,
+    GainsTable,
+    Variant,
+    check_controller,
+    controller_text,
+    read_controller,
+    write_controller,
+)
+from anhyst.simulate.fluxfile import read_flux_table
+from anhyst.simulate.rigfile import (
+    POSITION_SENSORS,
+    BearingTable,
+    check_load,
+    check_rate,
+    read_bearing,
+    step_ends,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / "examples" / "bearing"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("rig.toml", "controller.toml"):
+        shutil.copy(EXAMPLE / name, tmp_path)
+    return tmp_path
+
+
+def change(path: Path, old: str, new: str) -> int:
+    """Change a piece of text and return its line."""
+    text = path.read_text()
+    assert text.count(old) >= 1, old
+    path.write_text(text.replace(old, new, 1))
+    return text[: text.index(old)].count("\n") + 1
+
+
+def told(caught: pytest.ExceptionInfo[InputError]) -> str:
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_the_bundled_bearing_is_the_one_that_was_fixed() -> None:
+    rig = read_bearing(EXAMPLE / "rig.toml")
+    controller = read_controller(EXAMPLE / "controller.toml")
+    check_controller(controller, rig)
+    plant = rig.settings
+    assert (plant.mechanics.mass_kg, rig.load) == (2.0, 150.0)
+    assert (plant.simulate.gap_m, plant.timing.rate_Hz) == (0.45e-3, 20e3)
+    assert plant.timing.delay_ticks >= 1.0
+    assert plant.position_sensor.sensor().step == 50e-9
+    assert plant.simulate.noise_seeds == 20
+    assert plant.simulate.steps_m == [10e-6, 20e-6, 50e-6, 100e-6]
+    assert rig.step == pytest.approx(12.5e-6)
+    assert rig.loops == EXAMPLE / "loops.csv"
+    assert (rig.model, rig.flux_table, controller.model) == (None, None, None)
+    pidd2 = controller.settings.pidd2()
+    gains = design(mass=2.0, bandwidth=120.0, damping=1.0)
+    assert (pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd) == (
+        gains.K_p,
+        gains.K_i,
+        gains.K_d,
+        gains.K_dd,
+    )
+    assert (pidd2.weight, pidd2.low, pidd2.high) == (0.3, 0.0, 300.0)
+
+
+def test_weight_adds_to_the_load_where_it_opens_the_gap(folder: Path) -> None:
+    change(folder / "rig.toml", "mass_kg = 2.0", "mass_kg = 2.0\ngravity_m_per_s2 = -9.81")
+    assert read_bearing(folder / "rig.toml").load == pytest.approx(150.0 - 19.62)
+
+
+def test_steps_go_half_their_height_to_either_side_of_the_gap() -> None:
+    lower, upper = step_ends(0.45e-3, 100e-6)
+    assert (lower, upper) == pytest.approx((0.50e-3, 0.40e-3))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "step"),
+    [
+        ("\nstep_m = 50e-9", "\nstep_m = 10e-9", 10e-9),
+        ("\nstep_m = 50e-9", "", 50e-9),
+        ("\nstep_m = 50e-9", "\nadc_bits = 16", 0.8e-3 / 65535),
+        (
+            'kind = "encoder"\nlow_m = 0.05e-3\nhigh_m = 0.85e-3\nstep_m = 50e-9',
+            'kind = "lvdt"\nlow_m = 0.05e-3\nhigh_m = 0.85e-3',
+            0.8e-3 / 65535,
+        ),
+    ],
+)
+def test_the_resolution_is_that_of_the_file_or_of_the_kind(
+    folder: Path, old: str, new: str, step: float
+) -> None:
+    change(folder / "rig.toml", old, new)
+    sensor = read_bearing(folder / "rig.toml").settings.position_sensor.sensor()
+    assert sensor.step == pytest.approx(step, rel=1e-12)
+
+
+def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
+    change(folder / "rig.toml", "noise_m = 5e-9", "noise_m = 0.0\ndelay_s = 0.0")
+    change(folder / "rig.toml", 'kind = "encoder"', 'kind = "laser"')
+    sensor = read_bearing(folder / "rig.toml").settings.position_sensor.sensor()
+    assert (sensor.noise, sensor.delay) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "what"),
+    [
+        (
+            "bandwidth_Hz = 2500.0",
+            "bandwidth = 2500.0",
+            "amplifier.bandwidth",
+            "lacks its unit; write bandwidth_Hz",
+        ),
+        ("mass_kg = 2.0", "mass = 2.0", "mechanics.mass", "lacks its unit; write mass_kg"),
+        ("substeps = 4", "substep = 4", "timing.substep", "did you mean substeps?"),
+        (
+            "knee_slow_A_per_m",
+            "knee_slow_A_per_mm",
+            "magnet.iron.knee_slow_A_per_mm",
+            "did you mean knee_slow_A_per_m?",
+        ),
+        ("delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "no whole number of sub-steps"),
+        ("turns = 250", "turns = 250.5", "magnet.turns", "must be a valid integer"),
+        ('arrangement = "single"', 'arrangement = "pair"', "magnet", "a pair needs gap_total_m"),
+        ('arrangement = "single"', "gap_total_m = 1e-3", "magnet", "belongs to a pair; remove it"),
+        ('force = "cells"', 'force = "model"', "magnet", "needs the table [magnet.model]"),
+        ("cells = 24", "cells = 64", "magnet.iron.cells", "the plant has room for 63"),
+        (
+            "stop_low_m = 0.35e-3",
+            "stop_low_m = 0.55e-3",
+            "mechanics",
+            "stop_low_m must be below stop_high_m",
+        ),
+        ("stop_low_m = 0.35e-3", "stop_low_m = 0.01e-3", "position_sensor", "must hold the travel"),
+        ("high_A = 5.0", "high_A = 4.4", "current_sensor", "must hold that of the amplifier"),
+        (
+            "current_max_A = 4.5",
+            "current_max_A = 4.6",
+            "measurement.current_max_A",
+            "the amplifier ends at 4.5 A; lower it",
+        ),
+        (
+            "gap_m = 0.45e-3",
+            "gap_m = 0.56e-3",
+            "simulate.gap_m",
+            "is at 0.00056 m, outside the travel of 0.00035 to 0.00055 m",
+        ),
+        (
+            "0.42e-3, 0.48e-3]\nsteps",
+            "0.42e-3, 0.34e-3]\nsteps",
+            "simulate.also_gaps_m[2]",
+            "outside the travel",
+        ),
+        (
+            "50e-6, 100e-6]",
+            "50e-6, 200e-6]",
+            "simulate.steps_m[4]",
+            "the step around 0.00045 m is at 0.00035 to 0.00055 m",
+        ),
+        (
+            "amplitude_m = 20e-6",
+            "amplitude_m = 100e-6",
+            "simulate.trajectories[1].amplitude_m",
+            "outside the travel",
+        ),
+        (
+            "\nstep_m = 50e-9",
+            "\nstep_m = 50e-9\nadc_bits = 16",
+            "position_sensor",
+            "both say the resolution",
+        ),
+        ("noise_m = 5e-9 ", "delay_s = 2e-3 #", "position_sensor.delay_s", "160 sub-steps"),
+        ("dac_bits = 16", "dac_bits = 16\ndelay_s = 1.6e-3", "amplifier.delay_s", "132 sub-steps"),
+        ("noise_seeds = 20", "noise_seeds = 1", "simulate.noise_seeds", "greater than or equal"),
+        (
+            "turns = [0.0, 1.0,",
+            "turns = [0.0, 1.1,",
+            "measurement.records[1].turns[2]",
+            "less than or equal to 1",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_rig_is_told_by_line(
+    folder: Path, old: str, new: str, key: str, what: str
+) -> None:
+    path = folder / "rig.toml"
+    change(path, old, new)
+    with pytest.raises(InputError) as caught:
+        read_bearing(path)
+    text = told(caught)
+    assert f": {key}: " in text
+    assert what in text
+    line = re.match(re.escape(str(path)) + r":(\d+): ", text)
+    assert line
+    near = path.read_text().splitlines()[int(line[1]) - 1]
+    assert any(name in near for name in re.findall(r"[A-Za-z]\w*", key)[-2:])
+
+
+@pytest.mark.parametrize(
+    ("new", "told_key"),
+    [
+        ('kind = "step"\nforce_N = 5.0\nfrequency_Hz = 3.0', "a step has no frequency_Hz"),
+        ('kind = "sine"\nforce_N = 5.0', "a sine needs frequency_Hz; add it"),
+    ],
+)
+def test_disturbances_have_what_their_kind_needs(folder: Path, new: str, told_key: str) -> None:
+    path = folder / "rig.toml"
+    change(path, "\n[position_sensor]", f"\n[[load.disturbance]]\n{new}\n\n[position_sensor]")
+    with pytest.raises(InputError, match=r"load\.disturbance\[1\]: " + told_key):
+        read_bearing(path)
+
+
+def test_a_pair_needs_room_for_its_second_magnet(folder: Path) -> None:
+    path = folder / "rig.toml"
+    change(
+        path,
+        'arrangement = "single"',
+        'arrangement = "pair"\nbias_force_N = 80.0\ngap_total_m = 0.9e-3',
+    )
+    assert read_bearing(path).settings.magnet.bias_force_N == 80.0
+    line = change(path, "gap_total_m = 0.9e-3", "gap_total_m = 0.55e-3")
+    with pytest.raises(InputError, match=f":{line}: magnet.gap_total_m: must be above stop_high"):
+        read_bearing(path)
+
+
+def test_a_magnet_of_an_identified_law_names_its_files(folder: Path) -> None:
+    path = folder / "rig.toml"
+    change(path, 'force = "cells"', 'force = "model"')
+    change(
+        path,
+        "[magnet.iron]",
+        '[magnet.model]\nfile = "m.toml"\nflux_table = "psi.csv"\n[magnet.iron]',
+    )
+    rig = read_bearing(path)
+    assert (rig.model, rig.flux_table) == (folder / "m.toml", folder / "psi.csv")
+
+
+def test_a_load_that_no_current_carries_is_refused(folder: Path) -> None:
+    rig = read_bearing(folder / "rig.toml")
+    check_load(rig, 171.0)
+    with pytest.raises(InputError, match=r"simulate\.load_steps_N\[1\]: 150 N and this step are"):
+        check_load(rig, 170.0)
+    with pytest.raises(InputError, match=r"load\.force_N: no current can carry 150 N, the magnet"):
+        check_load(rig, 150.0)
+
+
+def test_a_rate_too_slow_for_the_plant_is_refused(folder: Path) -> None:
+    rig = read_bearing(folder / "rig.toml")
+    check_rate(rig, 1000.0)
+    with pytest.raises(InputError, match=r"timing\.rate_Hz: 20000 Hz is too slow .* 20002 Hz"):
+        check_rate(rig, 1000.1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "what"),
+    [
+        (
+            "[filter]",
+            "[gains]\nK_p_N_per_m = 1.0\nK_i_N_per_m_s = 1.0\nK_d_N_s_per_m = 1.0\n[filter]",
+            "gains",
+            "stands beside [design]; keep one",
+        ),
+        (
+            "mass_kg = 2.0\n",
+            "mass_kg = 2.0\nvirtual_mass_kg = -2.0\n",
+            "design",
+            "takes away all of mass_kg",
+        ),
+        ("cutoff_Hz = 2000.0", "cutoff_Hz = 10000.0", "filter.cutoff_Hz", "not below half"),
+        ("force_low_N = 0.0", "force_low_N = 300.0", "limits", "force_low_N must be below"),
+        ("detect_m", "detect", "lift_off.detect", "lacks its unit; write detect_m"),
+        ('variant = "full"', 'variant = "fulll"', "compensation.variant", "must be 'ratio'"),
+        ("rate_Hz = 20000.0", "rate_Hz = 10000.0", "rate_Hz", "make them equal"),
+        ("current_low_A = 0.0", "current_low_A = -0.1", "limits.current_low_A", "begins at 0 A"),
+        ("current_high_A = 4.5", "current_high_A = 4.6", "limits.current_high_A", "ends at 4.5 A"),
+        ("force_low_N = 0.0", "force_low_N = -1.0", "limits.force_low_N", "cannot push"),
+        (
+            "gap_low_m = 0.33e-3",
+            "gap_low_m = 0.38e-3",
+            "limits.gap_low_m",
+            "goes to a gap of 0.00037 m",
+        ),
+        (
+            "gap_high_m = 0.57e-3",
+            "gap_high_m = 0.55e-3",
+            "limits.gap_high_m",
+            "rests at a gap of 0.00055 m",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_controller_is_told_by_line(
+    folder: Path, old: str, new: str, key: str, what: str
+) -> None:
+    path = folder / "controller.toml"
+    line = change(path, old, new)
+    rig = read_bearing(folder / "rig.toml")
+    with pytest.raises(TomlFileError) as caught:
+        check_controller(read_controller(path), rig)
+    text = told(caught)
+    assert re.match(re.escape(str(path)) + r":\d+: " + re.escape(key) + ": ", text)
+    assert what in text
+    if key not in {"design", "limits"}:
+        assert text.startswith(f"{path}:{line}: ")
+
+
+def test_a_controller_without_gains_is_told_so(folder: Path) -> None:
+    path = folder / "controller.toml"
+    settings = read_controller(path).settings
+    change(path, "[design]", "[design_]")
+    with pytest.raises(InputError, match=r"design_: is unknown; did you mean design\?"):
+        read_controller(path)
+    write_controller(path, settings.model_copy(update={"design": None}), "without")
+    with pytest.raises(InputError, match=r"design: is missing, and so is \[gains\]; add one"):
+        read_controller(path)
+    with pytest.raises(InputError, match="neither"):
+        settings.model_copy(update={"design": None}).pidd2()
+
+
+def test_measured_flux_needs_a_probe(folder: Path) -> None:
+    line = change(folder / "controller.toml", 'variant = "full"', 'variant = "flux"')
+    controller = read_controller(folder / "controller.toml")
+    check_controller(controller, read_bearing(folder / "rig.toml"))
+    text = (folder / "rig.toml").read_text()
+    without = re.sub(r"\[hall_probe\](.*\n)+?\n", "", text, count=1)
+    assert len(without) < len(text)
+    (folder / "rig.toml").write_text(without)
+    with pytest.raises(InputError, match=rf"toml:{line}: compensation.variant: .flux. needs"):
+        check_controller(controller, read_bearing(folder / "rig.toml"))
+
+
+def test_a_written_controller_reads_back_to_the_same_settings(tmp_path: Path) -> None:
+    settings = read_controller(EXAMPLE / "controller.toml").settings
+    gains = GainsTable(K_p_N_per_m=0.1 + 0.2, K_i_N_per_m_s=1e8 / 3.0, K_d_N_s_per_m=4.5e3)
+    tuned = settings.model_copy(update={"design": None, "gains": gains, "name": 'a "b"\n# c'})
+    note = "Tuned for the bearing.\n\nOvershoot 2 %."
+    for wanted in (settings, tuned):
+        path = tmp_path / "new.toml"
+        write_controller(path, wanted, note)
+        assert read_controller(path).settings == wanted
+        assert path.read_text() == controller_text(wanted, note)
+        lines = path.read_text().splitlines()
+        assert lines[:3] == ["# Tuned for the bearing.", "#", "# Overshoot 2 %."]
+    assert tuned.pidd2().K_i == 1e8 / 3.0
+
+
+def test_a_note_cannot_become_a_key(tmp_path: Path) -> None:
+    settings = read_controller(EXAMPLE / "controller.toml").settings
+    text = controller_text(settings, "one\rrate_Hz = 5.0\ntwo\x0bthree\u2028four = 1")
+    assert tomllib.loads(text)["rate_Hz"] == 20000.0
+
+
+def grid(path: Path, rows: list[str]) -> Path:
+    path.write_text("I_A,gap_mm,psi_Wb\n" + "\n".join(rows) + "\n")
+    return path
+
+
+ROWS = ["2,0.4,0.05", "0,0.4,0", "1,0.4,0.03", "0,0.5,0", "1,0.5,0.025", "2,0.5,0.045"]
+
+
+def test_a_flux_table_is_a_grid_whatever_the_order_of_its_rows(tmp_path: Path) -> None:
+    table = read_flux_table(grid(tmp_path / "psi.csv", ROWS))
+    assert table.current.tolist() == [0.0, 1.0, 2.0]
+    np.testing.assert_allclose(table.gap, [0.4e-3, 0.5e-3], rtol=1e-12)
+    assert table.psi.tolist() == [[0.0, 0.03, 0.05], [0.0, 0.025, 0.045]]
+
+
+@pytest.mark.parametrize(
+    ("rows", "what"),
+    [
+        (ROWS[:-1], "psi.csv: has a hole at 0.5 mm, 2 A; 2 gaps and 3 currents must make a full"),
+        ([*ROWS[1:3], *ROWS[3:4], "3,0.5,0.05"], "hole at 0.4 mm, 3 A and at 1 other points"),
+        ([*ROWS, "1,0.4,0.03"], "line 8: 0.4 mm, 1 A comes twice; remove one"),
+        (["2,0.4,0.03", *ROWS[1:]], "line 2: psi does not rise with the current at 0.4 mm, 2 A"),
+        ([*ROWS[:4], "1,0.5,0.03", ROWS[5]], "line 6: psi does not fall as the gap opens at 0.5"),
+        (["2,0.4,0.05", "0,0.4,1e-3", *ROWS[2:]], "line 3: psi is not 0 without current at 0.4"),
+        (["-2,0.4,-0.05", *ROWS], "line 2: currents begin at -2 A; begin at 0"),
+        (ROWS[:3], "has a single gap; measure at least two"),
+        (["2,0.4,nan", *ROWS[1:]], "line 2"),
+        (["2,0.4,", *ROWS[1:]], "line 2"),
+    ],
+)
+def test_a_flux_table_that_is_none_is_told_by_line_or_point(
+    tmp_path: Path, rows: list[str], what: str
+) -> None:
+    path = grid(tmp_path / "psi.csv", rows)
+    with pytest.raises(InputError) as caught:
+        read_flux_table(path)
+    assert what in told(caught)
+
+
+def test_a_flux_table_without_flux_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "psi.csv"
+    path.write_text("I_A,gap_mm,F_N\n0,0.4,0\n1,0.4,3\n")
+    with pytest.raises(InputError, match=r"no column of flux linkage .* name it 'psi_Wb'"):
+        read_flux_table(path)
+
+
+def keys(table: type[BaseModel]) -> Iterator[str]:
+    for name, field in table.model_fields.items():
+        yield name
+        annotation: Any = field.annotation
+        for inner in (annotation, *getattr(annotation, "__args__", ())):
+            if isinstance(inner, type) and issubclass(inner, BaseModel):
+                yield from keys(inner)
+
+
+@pytest.mark.parametrize(
+    ("page", "table", "others"),
+    [
+        ("rig-file.md", BearingTable, set[str]()),
+        ("controller-file.md", ControllerTable, set(get_args(Variant))),
+    ],
+)
+def test_every_key_is_described_and_no_other(
+    page: str, table: type[BaseModel], others: set[str]
+) -> None:
+    text = (ROOT / "docs" / page).read_text()
+    known = set(keys(table))
+    described = {part for name in re.findall(r"`([\w.-]+)`", text) for part in name.split(".")}
+    assert known <= described, f"{known - described} not described"
+    listed = {
+        name
+        for line in text.splitlines()
+        if line.startswith("| `")
+        for name in re.findall(r"`([\w-]+)`", line.split("|")[1])
+    }
+    assert listed <= known | others, f"{listed - known - others} described, but no keys"
+    assert others <= listed
+
+
+def test_the_page_tells_what_each_kind_of_sensor_has() -> None:
+    text = (ROOT / "docs" / "rig-file.md").read_text()
+    scale = {"nm": 1e-9, "us": 1e-6, "kHz": 1e3, "Hz": 1.0}
+    for kind, usual in POSITION_SENSORS.items():
+        (row,) = re.findall(rf"^\| {kind} \| (.*) \|$", text, re.MULTILINE)
+        cells = [cell.split() for cell in row.split(" | ")]
+        values = [float(c[0]) * scale[c[1]] if c[1:] and c[1] in scale else 0.0 for c in cells]
+        expected = [usual.step, usual.noise, usual.bandwidth, usual.delay]
+        assert values == pytest.approx(expected), kind
