@@ -1,0 +1,274 @@
+"""From the rig file to the plant: what :mod:`anhyst._core` steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import Bearing, Coil, Magnet
+from anhyst.errors import InputError
+from anhyst.modelfile import read_model
+from anhyst.plants.magnet import (
+    FluxTable,
+    Poles,
+    cell_magnet,
+    flux_table_of,
+    law_magnet,
+)
+from anhyst.simulate.fluxfile import read_flux_table
+from anhyst.simulate.rigfile import BearingRig, PositionSensor
+
+Floats = NDArray[np.float64]
+
+STOP_RESONANCE = 1600.0
+"""Of the mass on an end stop, Hz; half of critical damping while it touches."""
+
+CURRENT_RESET = 0.1
+"""Corner of the integral of a current controller, as a part of its bandwidth."""
+
+ROWS = 129
+"""Places over the gap at which a law's gap map is looked at."""
+
+
+def poles(rig: BearingRig) -> Poles:
+    """Return winding and poles of the rig's magnet."""
+    magnet = rig.settings.magnet
+    return Poles(
+        turns=magnet.turns,
+        resistance=magnet.resistance_ohm,
+        width=magnet.pole_width_m,
+        depth=magnet.pole_depth_m,
+        leakage=magnet.leakage_H,
+        iron_length=magnet.iron_length_m,
+    )
+
+
+def make_magnet(rig: BearingRig) -> Magnet:
+    """Return the magnet of a rig.
+
+    Raises
+    ------
+    InputError
+        A model that cannot be read or makes no force of current and gap.
+    """
+    settings = rig.settings.magnet
+    middle = rig.settings.simulate.gap_m
+    if settings.force == "cells":
+        assert settings.iron is not None
+        return cell_magnet(poles(rig), settings.iron.steel(), settings.eddy_time_s, middle)
+    table = flux_table(rig)
+    assert rig.model is not None
+    model = read_model(rig.model)
+    if model.fixed_gap_only or not model.needs_schedule or model.power != 2:
+        raise InputError(
+            f"{rig.model}: a bearing needs a model of force over current whose gap may move; "
+            "identify one from loops at several gaps"
+        )
+    at = np.linspace(float(table.gap[0]), float(table.gap[-1]), ROWS)
+    names = ("c_H", "rho", "c_out", "out_0", "in_0")
+    rows = np.column_stack([model.over_schedule(name, at) for name in names])
+    eddy = float(model.over_schedule("gamma", np.array([middle]))[0])
+    return law_magnet(poles(rig), model.iron_at(middle), rows, eddy, table)
+
+
+def flux_table(rig: BearingRig) -> FluxTable:
+    """Return the flux table of a rig, as measured or made from its magnet.
+
+    Raises
+    ------
+    InputError
+        The table has holes or does not rise; or there is neither a table nor an iron.
+    """
+    if rig.flux_table is not None:
+        read = read_flux_table(rig.flux_table)
+        return FluxTable(read.current, read.gap, read.psi)
+    settings = rig.settings
+    if settings.magnet.iron is None:
+        raise InputError(
+            f"{rig.path}: magnet: without magnet.model.flux_table the table is made from "
+            "[magnet.iron]; add one of the two"
+        )
+    ends = (0.8 * settings.mechanics.stop_low_m, 1.2 * settings.mechanics.stop_high_m)
+    high = 1.5 * settings.amplifier.current_high_A
+    return flux_table_of(poles(rig), settings.magnet.iron.steel(), high, ends)
+
+
+def static_map(rig: BearingRig, current: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return force, flux linkage and flux density of a path so slow that nothing is induced.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    current, gap : ndarray, shape (n,)
+        A, m; the path begins demagnetised.
+
+    Returns
+    -------
+    force, linkage, density : ndarray, shape (n,)
+        N, Wb, T.
+    """
+    found = Coil(make_magnet(rig)).run(np.ascontiguousarray(current), np.ascontiguousarray(gap))
+    return found[:, 0].copy(), found[:, 1].copy(), found[:, 2].copy()
+
+
+def make_bearing(rig: BearingRig, seed: int, magnet: Magnet | None = None) -> Bearing:
+    """Return the plant of a rig, at rest on the stop of the largest gap.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    seed : int
+        Of the noise of its sensors; the seed of the file is added.
+    magnet : Magnet, optional
+        Its magnet, where it has been made before.
+    """
+    own = magnet or make_magnet(rig)
+    pair = rig.settings.magnet.arrangement == "pair"
+    return Bearing(
+        _mechanics(rig),
+        _amplifier(rig),
+        _load(rig),
+        _sensors(rig),
+        own,
+        own if pair else None,
+        (rig.settings.seed << 32) + seed,
+    )
+
+
+def current_loop(rig: BearingRig) -> dict[str, float]:
+    """Return the digital current controller that stands before amplifiers of voltage."""
+    gain, reset = _current_gains(rig)
+    needed = rig.settings.amplifier.mode == "voltage"
+    return {
+        "resistance": rig.settings.magnet.resistance_ohm,
+        "gain": gain if needed else 0.0,
+        "reset": reset * rig.dt,
+        "limit": rig.settings.amplifier.supply_V,
+    }
+
+
+def _current_gains(rig: BearingRig) -> tuple[float, float]:
+    """Gain, V/A, and integral, V/(A s), for the bandwidth of the amplifier."""
+    settings = rig.settings
+    omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
+    gain = omega * poles(rig).inductance(settings.simulate.gap_m)
+    return gain, CURRENT_RESET * omega * gain
+
+
+def _mechanics(rig: BearingRig) -> dict[str, float]:
+    mechanics, timing = rig.settings.mechanics, rig.settings.timing
+    omega = 2.0 * math.pi * STOP_RESONANCE
+    late = timing.delay_ticks * timing.substeps + rig.settings.amplifier.delay_s / rig.step
+    return {
+        "gap_total": rig.settings.magnet.gap_total_m or 0.0,
+        "mass": mechanics.mass_kg,
+        "damping": mechanics.damping_N_s_per_m,
+        "gravity": mechanics.gravity_m_per_s2,
+        "stop_low": mechanics.stop_low_m,
+        "stop_high": mechanics.stop_high_m,
+        "stop_stiffness": mechanics.mass_kg * omega**2,
+        "stop_damping": mechanics.mass_kg * omega,
+        "tick": rig.dt,
+        "substeps": timing.substeps,
+        "delay": round(late),
+    }
+
+
+def _amplifier(rig: BearingRig) -> dict[str, float]:
+    amplifier = rig.settings.amplifier
+    gain, reset = _current_gains(rig)
+    by_current = amplifier.mode == "current"
+    low = amplifier.current_low_A if by_current else -amplifier.supply_V
+    high = amplifier.current_high_A if by_current else amplifier.supply_V
+    return {
+        "limit": amplifier.supply_V,
+        "gain": gain if by_current else 0.0,
+        "reset": reset if by_current else 0.0,
+        "low": low,
+        "high": high,
+        "step": (high - low) / ((1 << amplifier.dac_bits) - 1),
+    }
+
+
+def _load(rig: BearingRig) -> dict[str, float]:
+    load = rig.settings.load
+    return {
+        "share": _share(load.bandwidth_Hz, rig.step),
+        "damping": load.damping_N_s_per_m,
+        "stiffness": load.stiffness_N_per_m,
+        "rest": rig.settings.simulate.gap_m,
+        "encoder_step": load.encoder_step_m,
+        "velocity_share": _share(load.velocity_bandwidth_Hz, rig.dt),
+    }
+
+
+def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
+    settings, step = rig.settings, rig.step
+    position: PositionSensor = settings.position_sensor.sensor()
+    current, force, hall = settings.current_sensor, settings.force_sensor, settings.hall_probe
+
+    def sensor(
+        low: float,
+        high: float,
+        resolution: float,
+        noise: float,
+        bandwidth: float,
+        delay: float = 0.0,
+        gain: float = 1.0,
+    ) -> dict[str, float]:
+        return {
+            "low": low,
+            "high": high,
+            "step": resolution,
+            "gain": gain,
+            "offset": 0.0,
+            "noise": noise,
+            "share": _share(bandwidth, step),
+            "delay": round(delay / step),
+        }
+
+    def converter(low: float, high: float, bits: int) -> float:
+        return (high - low) / ((1 << bits) - 1)
+
+    return {
+        "gap": sensor(
+            position.low,
+            position.high,
+            position.step,
+            position.noise,
+            position.bandwidth,
+            position.delay,
+        ),
+        "current": sensor(
+            current.low_A,
+            current.high_A,
+            converter(current.low_A, current.high_A, current.adc_bits),
+            current.noise_A,
+            current.bandwidth_Hz,
+        ),
+        "force": sensor(
+            force.low_N,
+            force.high_N,
+            converter(force.low_N, force.high_N, force.adc_bits),
+            force.noise_N,
+            force.bandwidth_Hz,
+        ),
+        "hall": sensor(0.0, 0.0, 0.0, 0.0, math.inf)
+        if hall is None
+        else sensor(
+            -hall.range_T,
+            hall.range_T,
+            converter(-hall.range_T, hall.range_T, hall.adc_bits),
+            hall.noise_T,
+            hall.bandwidth_Hz,
+            gain=1.0 + hall.gain_error,
+        ),
+    }
+
+
+def _share(bandwidth: float, seconds: float) -> float:
+    """Share of a step that a low-pass of first order passes in so many seconds."""
+    return -math.expm1(-2.0 * math.pi * bandwidth * seconds)
