@@ -195,11 +195,11 @@ class Pidd2:
         row = self.per_tick
         units = _units(scales)
         factors = {
-            name: _factor(name, value * units[name])
+            name: as_factor(name, value * units[name])
             for name, value in zip(_ORDER, row[:6].tolist(), strict=True)
         }
-        factors["smoothing"] = _smoothing("cutoff", float(row[6]))
-        factors["smoothing_2"] = _smoothing("cutoff_2", float(row[7]))
+        factors["smoothing"] = as_smoothing("cutoff", float(row[6]))
+        factors["smoothing_2"] = as_smoothing("cutoff_2", float(row[7]))
         return FixedPidd2(
             factors=factors,
             unweighted=-round((1.0 - self.weight) * 32768.0),
@@ -228,8 +228,14 @@ def _units(scales: FullScales) -> dict[str, float]:
     }
 
 
-def _factor(name: str, value: float) -> tuple[int, int]:
-    """Return mantissa and shift of the nearest factor."""
+def as_factor(name: str, value: float) -> tuple[int, int]:
+    """Return mantissa and shift of the nearest ``anhyst_factor``.
+
+    Raises
+    ------
+    InputError
+        If it is too large, or too small to be kept to 0.1 %; `name` is the gain's.
+    """
     if value == 0.0:
         return 0, 0
     fraction, exponent = math.frexp(value)
@@ -251,8 +257,14 @@ def _factor(name: str, value: float) -> tuple[int, int]:
     return mantissa, shift
 
 
-def _smoothing(name: str, share: float) -> tuple[int, int]:
-    """Return mantissa and shift of minus the share."""
+def as_smoothing(name: str, share: float) -> tuple[int, int]:
+    """Return mantissa and shift of minus the share of a step that a filter passes in a tick.
+
+    Raises
+    ------
+    InputError
+        If it is too small to be kept to 0.1 %; `name` is the filter's.
+    """
     shift = 1 if share > 0.5 else 0
     mantissa = -round(share * 65536.0 / 2.0**shift)
     if -mantissa < _LEAST_MANTISSA:

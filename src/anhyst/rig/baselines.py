@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from anhyst.data import LoopSet
+from anhyst.data import Loop, LoopSet
 from anhyst.data.verdict import monotone_fit
 from anhyst.errors import InputError
 
@@ -116,17 +117,37 @@ def fit_single_valued(loops: LoopSet, force_max: float) -> SingleValued:
     groups = loops.by_schedule()
     table = []
     for gap, members in groups.items():
-        crossings = [_crossings(loop.input, loop.output, levels) for loop in members]
-        low = np.min([least for least, _ in crossings], axis=0)
-        high = np.max([largest for _, largest in crossings], axis=0)
-        known = low <= high
+        middle = midway(members, levels)
+        known = np.isfinite(middle)
         if not known[-1]:
             raise InputError(
                 f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
             )
-        middle = np.interp(levels, levels[known], 0.5 * (low[known] + high[known]))
-        table.append(monotone_fit(middle, np.ones(LEVELS)))
+        filled = np.interp(levels, levels[known], middle[known])
+        table.append(monotone_fit(filled, np.ones(LEVELS)))
     return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))
+
+
+def midway(members: Sequence[Loop], levels: Floats) -> Floats:
+    """Return what lies midway between the least and the largest current at levels of the force.
+
+    Parameters
+    ----------
+    members : sequence of Loop
+        Of one gap.
+    levels : ndarray, shape (l,)
+        N, rising.
+
+    Returns
+    -------
+    ndarray, shape (l,)
+        A; NaN where no loop passes.
+    """
+    crossings = [_crossings(loop.input, loop.output, levels) for loop in members]
+    low = np.min([least for least, _ in crossings], axis=0)
+    high = np.max([largest for _, largest in crossings], axis=0)
+    known = low <= high
+    return np.where(known, 0.5 * (np.where(known, low, 0.0) + np.where(known, high, 0.0)), np.nan)
 
 
 def _crossings(current: Floats, force: Floats, levels: Floats) -> tuple[Floats, Floats]:

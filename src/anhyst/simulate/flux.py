@@ -1,0 +1,145 @@
+"""The rival that measures: current corrected until a Hall probe shows the wanted flux density."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.errors import InputError
+from anhyst.simulate.surface import Surface
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FluxCalibration:
+    """A static series with the probe in place, and how fast the current follows.
+
+    Parameters
+    ----------
+    gap, force, flux_density : ndarray, shape (n,)
+        m, N, and T as the probe tells it.
+    delay : float
+        From a sample to the output of the current found from it, s.
+    lag : float
+        Of the flux density that is read behind the current's reference, s: amplifier, eddy
+        currents and probe together.
+
+    Raises
+    ------
+    InputError
+        If the series does not fit together, or a time is out of range.
+    """
+
+    gap: Floats
+    force: Floats
+    flux_density: Floats
+    delay: float
+    lag: float
+
+    def __post_init__(self) -> None:
+        for name in ("gap", "force", "flux_density"):
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            if values.ndim != 1 or values.size != np.size(self.force) or values.size == 0:
+                raise InputError(f"flux calibration: {name} must have one value a point")
+            if not np.isfinite(values).all():
+                raise InputError(f"flux calibration: {name} holds what is no number")
+            object.__setattr__(self, name, values)
+        if not (self.delay > 0.0 and self.lag >= 0.0):
+            raise InputError("flux calibration: the delay must be above zero, the lag not below")
+
+    def density_over(self, force: Floats, gap: Floats) -> Floats:
+        """Return the flux density that belongs to a force, T, shape (gaps, forces).
+
+        At each measured gap it is the root of the force times the best constant, least squares;
+        straight lines between the gaps.
+
+        Raises
+        ------
+        InputError
+            A gap without any force above zero.
+        """
+        nodes = np.unique(self.gap)
+        constants = []
+        for node in nodes.tolist():
+            here = (self.gap == node) & (self.force > 0.0)
+            root = np.sqrt(self.force[here])
+            constant = float(root @ self.flux_density[here] / (root @ root)) if here.any() else 0.0
+            if not constant > 0.0:
+                raise InputError(
+                    f"flux calibration: at gap {node:g} m no flux density grows with the force"
+                )
+            constants.append(constant)
+        return np.asarray(np.interp(gap, nodes, constants)[:, None] * np.sqrt(force)[None, :])
+
+
+@dataclass(frozen=True)
+class FluxGains:
+    """How the measured flux density corrects the current.
+
+    Parameters
+    ----------
+    proportional : float
+        A/T.
+    integral : float
+        In a tick, A/T.
+    back : float
+        Share of a current that could not be applied which the integral takes back in a tick.
+    smoothing : float
+        Share of a step of the wanted flux density that is expected to show a tick later.
+    crossover : float
+        Of the flux loop, rad/s.
+    """
+
+    proportional: float
+    integral: float
+    back: float
+    smoothing: float
+    crossover: float
+
+    @property
+    def row(self) -> Floats:
+        """As ``anhyst_flux_loop`` has them."""
+        return np.array([self.proportional, self.integral, self.back, self.smoothing])
+
+
+def design_flux_loop(
+    calibration: FluxCalibration, surface: Surface, density: Floats, force: float, rate: float
+) -> FluxGains:
+    """Design the flux loop.
+
+    The flux follows the current at once but for delay and lag, so an integral alone closes the
+    loop. Its crossover is half the inverse of all the time that passes between a solve and its
+    effect: delay, half a tick of hold, and lag; that leaves a phase margin of some 60 degrees. The
+    proportional part takes the lag away again. The gain is that of the gap where the flux answers
+    most, so that no gap is faster than designed.
+
+    Parameters
+    ----------
+    calibration : FluxCalibration
+        For delay and lag.
+    surface : Surface
+        Best current without memory.
+    density : ndarray, shape (gaps, forces)
+        Flux density over the same steps, T.
+    force : float
+        Operating point, N.
+    rate : float
+        Ticks a second, Hz.
+    """
+    tick = 1.0 / rate
+    column = int(np.clip(np.searchsorted(surface.force, force), 1, surface.force.size - 2))
+    around = slice(column - 1, column + 2)
+    answer = np.ptp(density[:, around], axis=1) / np.ptp(surface.current[:, around], axis=1)
+    crossover = 0.5 / (calibration.delay + 0.5 * tick + calibration.lag)
+    integral = crossover / float(answer.max())
+    return FluxGains(
+        proportional=integral * calibration.lag,
+        integral=integral * tick,
+        back=min(1.0, crossover * tick),
+        smoothing=-math.expm1(-tick / (calibration.delay + calibration.lag)),
+        crossover=crossover,
+    )
