@@ -5,8 +5,6 @@ The columns are I_A, gap_m and psi_Wb, one row a point, in any order; described 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,28 +12,10 @@ from anhyst.atomic import PathLike
 from anhyst.data.rawtable import row_line
 from anhyst.data.table import Table, read_columns
 from anhyst.errors import InputError
+from anhyst.plants.magnet import FluxTable
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int_]
-
-
-@dataclass(frozen=True, slots=True)
-class FluxTable:
-    """Flux linkage on a grid; rises with the current, falls as the gap opens.
-
-    Parameters
-    ----------
-    current : ndarray, shape (i,)
-        A, rising from 0.
-    gap : ndarray, shape (g,)
-        m, rising.
-    psi : ndarray, shape (g, i)
-        Wb.
-    """
-
-    current: Floats
-    gap: Floats
-    psi: Floats
 
 
 def read_flux_table(path: PathLike) -> FluxTable:
