@@ -1,0 +1,138 @@
+"""The bundled bearing is what its README says."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from anhyst.data import LoopSet
+from anhyst.simulate.measuring import measure_loops
+from anhyst.simulate.plant import static_map
+from anhyst.simulate.rigfile import BearingRig, read_bearing
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+README = (FOLDER / "README.md").read_text()
+HIGH = 4.5
+PAST = [0.0, *[HIGH, 0.0] * 3]
+Floats = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_bearing_loops", FOLDER / "make_loops.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def rig() -> BearingRig:
+    return read_bearing(FOLDER / "rig.toml")
+
+
+def rows(pattern: str) -> list[list[str]]:
+    found = re.findall(pattern, README, re.M)
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in found]
+
+
+def test_the_loops_are_what_the_script_makes(example: ModuleType) -> None:
+    for name, text in example.files().items():
+        assert (FOLDER / name).read_text() == text, f"{name}: run make_loops.py again"
+
+
+def test_the_loops_read_as_they_were_measured(rig: BearingRig) -> None:
+    read, made = LoopSet.from_csv(rig.loops), measure_loops(rig)
+    assert len(read.loops) == len(made.loops) == 12
+    for kept, fresh in zip(read.loops, made.loops, strict=True):
+        assert str(kept.history) == str(fresh.history)
+        np.testing.assert_allclose(kept.input, fresh.input, atol=1e-6)
+        np.testing.assert_allclose(kept.output, fresh.output, atol=1e-4)
+
+
+def both_ways(rig: BearingRig, gap: float) -> tuple[Floats, Floats, Floats, float]:
+    """Current, force rising and falling, and the largest flux density, after conditioning."""
+    current = np.linspace(0.0, HIGH, 401)
+    path = np.concatenate([PAST, current[1:], current[::-1][1:]])
+    force, _, density = static_map(rig, path, np.full(path.size, gap))
+    turn = len(PAST) + 399
+    return current, force[len(PAST) - 1 : turn + 1], force[turn:][::-1], float(density[turn])
+
+
+def opening(current: Floats, rising: Floats, falling: Floats) -> Floats:
+    """Width of a loop at all levels, as a percentage of the largest current."""
+    level = np.linspace(0.05, 0.95, 181) * rising[-1]
+    width: Floats = np.interp(level, rising, current) - np.interp(level, falling, current)
+    return 100.0 * width / HIGH
+
+
+def test_the_table_of_gaps(rig: BearingRig) -> None:
+    table = rows(r"^\| 0\.\d\d mm.*$")
+    mechanics, measured = rig.settings.mechanics, rig.settings.measurement.gaps_m
+    wanted = sorted({*measured, rig.settings.simulate.gap_m})
+    assert [float(row[0].split()[0]) for row in table] == [round(1e3 * gap, 2) for gap in wanted]
+    assert measured[0] == mechanics.stop_low_m
+    assert measured[-1] == mechanics.stop_high_m
+    for gap, (_, force, density, width, at_load, where) in zip(wanted, table, strict=True):
+        current, rising, falling, most = both_ways(rig, gap)
+        assert f"{rising[-1]:.1f} N" == force
+        assert f"{most:.2f} T" == density
+        percent = opening(current, rising, falling)
+        assert f"{percent.max():.1f} %, {percent.mean():.1f} %" == width
+        up, down = (float(np.interp(rig.load, one, current)) for one in (rising, falling))
+        assert f"{up:.3f} A, {down:.3f} A" == at_load
+        assert (where == "`loops.csv`") == (gap in measured)
+
+
+def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
+    table = rows(r"^\| 0\.\d\d \|.*$")
+    magnet, gap = rig.settings.magnet, rig.settings.simulate.gap_m
+    assert magnet.iron is not None
+    assert float(table[0][0]) == magnet.iron.reversible_fraction
+    for fraction, on, back, part, width in table:
+        iron = magnet.iron.model_copy(update={"reversible_fraction": float(fraction)})
+        other = magnet.model_copy(update={"iron": iron})
+        changed = replace(rig, settings=rig.settings.model_copy(update={"magnet": other}))
+
+        def force(*currents: float, rig: BearingRig = changed) -> float:
+            path = np.array([*PAST, *currents])
+            return float(static_map(rig, path, np.full(path.size, gap))[0][-1])
+
+        load = brentq(lambda current: force(current) - rig.load, 1.0, HIGH)
+        going_on = (force(load + 1e-3) - force(load)) / 1e-3
+        turning = (force(load) - force(load, load - 1e-3)) / 1e-3
+        assert f"{going_on:.0f} N/A" == on
+        assert f"{turning:.0f} N/A" == back
+        assert f"{turning / going_on:.2f}" == part
+        current, rising, falling, _ = both_ways(changed, gap)
+        assert f"{opening(current, rising, falling).max():.1f} %" == width
+    assert "pathological here: the one of 0.05 is" in README
+    assert [float(row[3]) < 0.25 for row in table] == [False, True, False]
+
+
+def test_the_numbers_in_the_text(rig: BearingRig) -> None:
+    settings = rig.settings
+    iron = settings.magnet.iron
+    assert iron is not None
+    thresholds = iron.steel().thresholds
+    low, high = map(float, re.findall(r"thresholds between\s+(\d+) and (\d+) A/m", README)[0])
+    assert (round(thresholds[1]), round(thresholds[-1])) == (low, high)
+    gap = settings.simulate.gap_m
+    path = np.array([*PAST, 2.85, 2.852])
+    linkage = static_map(rig, path, np.full(path.size, gap))[1]
+    inductance = (linkage[-1] - linkage[-2]) / 2e-3
+    told = re.search(r"\((\d+) mH\) changes the current by (\d+) A/s", README)
+    assert told
+    assert inductance == pytest.approx(1e-3 * float(told[1]), rel=0.05)
+    assert settings.amplifier.supply_V / inductance == pytest.approx(float(told[2]), rel=0.05)
