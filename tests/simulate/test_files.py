@@ -25,7 +25,7 @@ from anhyst.simulate.controllerfile import (
     read_controller,
     write_controller,
 )
-from anhyst.simulate.fluxfile import read_flux_table
+from anhyst.simulate.fluxfile import check_flux_range, read_flux_table
 from anhyst.simulate.rigfile import (
     POSITION_SENSORS,
     BearingTable,
@@ -407,6 +407,19 @@ def test_a_flux_table_that_is_none_is_told_by_line_or_point(
     with pytest.raises(InputError) as caught:
         read_flux_table(path)
     assert what in told(caught)
+
+
+def test_a_flux_table_reaches_as_far_as_the_plant(tmp_path: Path) -> None:
+    path = grid(tmp_path / "psi.csv", ROWS)
+    table = read_flux_table(path)
+    low, high = table.gap.tolist()
+    check_flux_range(path, table, low, high, 2.0)
+    with pytest.raises(InputError, match=r"gap_m runs from 0\.0004 to 0\.0005 m and must hold"):
+        check_flux_range(path, table, low - 1e-6, high, 2.0)
+    with pytest.raises(InputError, match=r"must hold the travel, 0\.0004 to 0\.000501 m; add gaps"):
+        check_flux_range(path, table, low, high + 1e-6, 2.0)
+    with pytest.raises(InputError, match=r"I_A ends at 2 A and the amplifier at 2\.1 A"):
+        check_flux_range(path, table, low, high, 2.1)
 
 
 def test_a_flux_table_without_flux_is_told(tmp_path: Path) -> None:

@@ -62,6 +62,39 @@ def read_flux_table(path: PathLike) -> FluxTable:
     return made
 
 
+def check_flux_range(
+    path: PathLike, table: FluxTable, gap_low: float, gap_high: float, current_high: float
+) -> None:
+    """Refuse a flux table that ends before the plant does.
+
+    Parameters
+    ----------
+    path : path-like
+        Where it comes from.
+    table : FluxTable
+    gap_low, gap_high : float
+        Travel, m.
+    current_high : float
+        Upper end of the amplifier's range, A.
+
+    Raises
+    ------
+    InputError
+        A gap or a current of the plant lies beyond the table.
+    """
+    low, high = float(table.gap[0]), float(table.gap[-1])
+    if not (low <= gap_low and gap_high <= high):
+        raise InputError(
+            f"{path}: gap_m runs from {low:g} to {high:g} m and must hold the travel, "
+            f"{gap_low:g} to {gap_high:g} m; add gaps"
+        )
+    if table.current[-1] < current_high:
+        raise InputError(
+            f"{path}: I_A ends at {table.current[-1]:g} A and the amplifier at {current_high:g} A; "
+            "add currents"
+        )
+
+
 def _check_full(path: str, gaps: Floats, currents: Floats, numbers: Numbers) -> None:
     holes = np.argwhere(numbers < 0)
     if len(holes):

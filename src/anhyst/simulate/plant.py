@@ -18,7 +18,7 @@ from anhyst.plants.magnet import (
     flux_table_of,
     law_magnet,
 )
-from anhyst.simulate.fluxfile import read_flux_table
+from anhyst.simulate.fluxfile import check_flux_range, read_flux_table
 from anhyst.simulate.rigfile import BearingRig, PositionSensor
 
 Floats = NDArray[np.float64]
@@ -80,17 +80,15 @@ def flux_table(rig: BearingRig) -> FluxTable:
     Raises
     ------
     InputError
-        The table has holes or does not rise; or there is neither a table nor an iron.
+        The table has holes, is not monotone, or ends within the travel or the range of current.
     """
     if rig.flux_table is not None:
-        read = read_flux_table(rig.flux_table)
-        return FluxTable(read.current, read.gap, read.psi)
+        table = read_flux_table(rig.flux_table)
+        mechanics, high = rig.settings.mechanics, rig.settings.amplifier.current_high_A
+        check_flux_range(rig.flux_table, table, mechanics.stop_low_m, mechanics.stop_high_m, high)
+        return table
     settings = rig.settings
-    if settings.magnet.iron is None:
-        raise InputError(
-            f"{rig.path}: magnet: without magnet.model.flux_table the table is made from "
-            "[magnet.iron]; add one of the two"
-        )
+    assert settings.magnet.iron is not None
     ends = (0.8 * settings.mechanics.stop_low_m, 1.2 * settings.mechanics.stop_high_m)
     high = 1.5 * settings.amplifier.current_high_A
     return flux_table_of(poles(rig), settings.magnet.iron.steel(), high, ends)
