@@ -123,6 +123,34 @@ FAULTS = [
         "return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;",
         "test_fixed_closed",
     ),
+    Fault(
+        "a map between two forces without their last digits",
+        "src/map.c",
+        "return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);",
+        "return 2 * anhyst_scale(a, high);",
+        "test_fixed_map",
+    ),
+    Fault(
+        "the inverse of a map a step of its search short",
+        "src/map.c",
+        "for (uint16_t step = n; step > 0U; step--) {",
+        "for (uint16_t step = n; step > 1U; step--) {",
+        "test_fixed_map",
+    ),
+    Fault(
+        "a digit of a ratio missing",
+        "src/map.c",
+        "for (uint16_t digit = 0; digit < 31U; digit++) {",
+        "for (uint16_t digit = 0; digit < 30U; digit++) {",
+        "test_fixed_map",
+    ),
+    Fault(
+        "a map that may fall",
+        "src/map.c",
+        "rise < 0 ||",
+        "rise < -100 ||",
+        "test_fixed_map",
+    ),
 ]
 
 

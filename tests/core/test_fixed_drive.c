@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the drive in fixed point, of the kinds map and flux. */
+#include "anhyst/drive.h"
+
+#include "check.h"
+#include "maps.h"
+
+static int16_t entries[MOST_COLUMNS * MOST_ROWS];
+static int16_t densities[MOST_COLUMNS * MOST_ROWS];
+
+/* Under sanitizers: no signal, gain or state makes anything overflow. */
+static void any_signal_is_answered_within_the_limits(void)
+{
+  for (int i = 0; i < 200; i++) {
+    const anhyst_map_q31 map = any_map(entries, (uint16_t)(i % 9), (uint16_t)(i % 5), 8000);
+    const anhyst_factor any = {(int16_t)any_within(-32768, 32767), (int16_t)any_within(-15, 16)};
+    const anhyst_flux_loop_q31 loop = {any_map(densities, 4, 2, 9000),
+                                       any,
+                                       {any.shift, any.shift},
+                                       {(int16_t)any_within(0, 32767), 1},
+                                       {(int16_t)any_within(-32768, 0), (int16_t)(i % 2)}};
+    const int32_t low = any_code() / 2;
+    const int32_t high = any_within(low, ANHYST_Q31_MAX);
+    anhyst_drive_q31 drive;
+    CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, low, high) == ANHYST_OK);
+    for (int tick = 0; tick < SIGNALS; tick++) {
+      const int32_t gap = any_code();
+      const int32_t demand = any_code();
+      const int32_t flux = tick % 5 == 0 ? ANHYST_NO_FLUX : any_code();
+      const int32_t current = anhyst_drive_solve_q31(&drive, demand, gap, flux);
+      CHECK(current >= low && current <= high);
+      CHECK(current == anhyst_drive_solve_q31(&drive, demand, gap, flux));
+      const int as_solved = tick % 3 != 0;
+      const int32_t output = anhyst_drive_commit_q31(&drive, as_solved ? current : any_code(), gap);
+      if (as_solved && (drive.flags & ANHYST_CURRENT_LIMITED) == 0U) {
+        CHECK(output == (demand > 0 ? demand : 0));
+      }
+      CHECK(output >= 0);
+    }
+  }
+}
+
+static void unsound_drives_are_refused(void)
+{
+  const anhyst_map_q31 map = any_map(entries, 3, 2, 1000);
+  const anhyst_factor one = {16384, 2};
+  const anhyst_factor through = {-32768, 1};
+  const anhyst_flux_loop_q31 sound = {any_map(densities, 3, 2, 1000), one, one, one, through};
+  anhyst_flux_loop_q31 loop = sound;
+  anhyst_drive_q31 drive;
+  CHECK(anhyst_drive_init_map_q31(&drive, &map, 1, 0) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_OK);
+  loop.proportional.shift = 17;
+  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
+  loop = sound;
+  loop.back.mantissa = -1;
+  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
+  loop = sound;
+  loop.smoothing.mantissa = 1;
+  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
+  loop = sound;
+  loop.wanted.entries = 0;
+  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_drive_init_flux_q31(&drive, &sound.wanted, &sound, 1, 0) == ANHYST_BAD_PARAMETER);
+}
+
+int main(void)
+{
+  any_signal_is_answered_within_the_limits();
+  unsound_drives_are_refused();
+  return verdict();
+}

@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the map over force and gap, in fixed point. The oracle of a
+   map is the same table interpolated in double, which holds such numbers exactly enough. */
+#include "map.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+
+#include "check.h"
+#include "edges.h"
+#include "maps.h"
+
+static const double FULL = 2147483648.0;
+static int16_t entries[MOST_COLUMNS * MOST_ROWS];
+
+static double entry_of(const anhyst_map_q31 *map, double gap, int column)
+{
+  const int columns = (1 << map->force_segments) + 1;
+  const double place = fmax(gap, 0.0) / FULL * (double)(1 << map->gap_segments);
+  const int row = (int)place;
+  const double low = map->entries[row * columns + column];
+  const double high = map->entries[(row + 1) * columns + column];
+  return 65536.0 * (low + (place - row) * (high - low));
+}
+
+static double value_of(const anhyst_map_q31 *map, double force, double gap)
+{
+  const double place = fmax(force, 0.0) / FULL * (double)(1 << map->force_segments);
+  const int column = (int)place;
+  const double low = entry_of(map, gap, column);
+  return low + (place - column) * (entry_of(map, gap, column + 1) - low);
+}
+
+/* Largest change of the value for one unit of the force, at this gap. */
+static double steepest(const anhyst_map_q31 *map, double gap)
+{
+  const int segments = 1 << map->force_segments;
+  double most = 0.0;
+  for (int i = 0; i < segments; i++) {
+    most = fmax(most, entry_of(map, gap, i + 1) - entry_of(map, gap, i));
+  }
+  return most * segments / FULL;
+}
+
+static void check_values(const anhyst_map_q31 *map, double *worst, double *worst_back)
+{
+  for (int i = 0; i < SIGNALS; i++) {
+    const int32_t force = i < EDGE_COUNT && i % 2 == 0 ? edge(i) : any_code();
+    const int32_t gap = i % 3 == 0 ? edge((7 * i) % EDGE_COUNT) : any_code();
+    const int32_t value = anhyst_map_value_q31(map, force, gap);
+    keep_worst(worst, fabs((double)value - value_of(map, (double)force, (double)gap)));
+
+    const double low = entry_of(map, (double)gap, 0);
+    const double high = entry_of(map, (double)gap, 1 << map->force_segments);
+    const int32_t wanted = any_code();
+    const int32_t found = anhyst_map_force_q31(map, wanted, gap);
+    const double reached = fmin(fmax((double)wanted, low), high);
+    const double room = 2.0 * steepest(map, (double)gap);
+    keep_worst(worst_back, fabs(value_of(map, (double)found, (double)gap) - reached) - room);
+    CHECK(found >= 0);
+  }
+}
+
+static void maps_are_interpolated_exactly_but_for_their_last_places(void)
+{
+  double worst = 0.0;
+  double worst_back = 0.0;
+  for (int i = 0; i < 300; i++) {
+    const uint16_t n = (uint16_t)(i % 9);
+    const uint16_t m = (uint16_t)(i % 7);
+    const anhyst_map_q31 map = any_map(entries, n, m, i % 2 == 0 ? 32767 : 65536 >> n);
+    check_values(&map, &worst, &worst_back);
+  }
+  CHECK_BELOW("value of a map, units in the last place", worst, 8.0);
+  CHECK_BELOW("value at the inverse, beyond two units of the force", worst_back, 8.0);
+}
+
+static void a_ratio_is_exact_but_for_its_floor(void)
+{
+  double worst = 0.0;
+  for (int i = 0; i < 100000; i++) {
+    const int32_t whole = any_within(2, ANHYST_Q31_MAX);
+    const int32_t part = any_within(1, whole - 1);
+    const double missing = (double)part / (double)whole * FULL - (double)ratio(part, whole);
+    keep_worst(&worst, fabs(missing - 0.5));
+  }
+  CHECK_BELOW("ratio, from the middle of a unit in the last place", worst, 0.500001);
+}
+
+static void more_force_never_needs_less(void)
+{
+  const anhyst_map_q31 map = any_map(entries, 5, 3, 3000);
+  double worst = 0.0;
+  for (int i = 0; i < SIGNALS; i++) {
+    const int32_t gap = any_code();
+    const int32_t force = any_within(0, ANHYST_Q31_MAX - 1000);
+    const int32_t more = force + any_within(0, 1000);
+    const double fall = (double)anhyst_map_value_q31(&map, force, gap) -
+                        (double)anhyst_map_value_q31(&map, more, gap);
+    keep_worst(&worst, fall);
+  }
+  CHECK_BELOW("fall of the value, units in the last place", worst, 4.0);
+}
+
+static void unsound_maps_are_refused(void)
+{
+  const anhyst_map_q31 sound = any_map(entries, 3, 2, 1000);
+  anhyst_map_q31 map = sound;
+  map.force_segments = 9;
+  CHECK(anhyst_map_check_q31(&map) == ANHYST_BAD_PARAMETER);
+  map = sound;
+  map.gap_segments = 7;
+  CHECK(anhyst_map_check_q31(&map) == ANHYST_BAD_PARAMETER);
+  map = sound;
+  map.entries = 0;
+  CHECK(anhyst_map_check_q31(&map) == ANHYST_BAD_PARAMETER);
+  const int16_t falling[] = {0, 5, 0, -1};
+  const int16_t far_over_gap[] = {-20000, -19000, 20000, 20001};
+  const int16_t least[] = {-32767 - 1, 0, 0, 1};
+  const int16_t *const wrong[] = {falling, far_over_gap, least};
+  for (int i = 0; i < 3; i++) {
+    const anhyst_map_q31 bad = {wrong[i], 0, 0};
+    CHECK(anhyst_map_check_q31(&bad) == ANHYST_BAD_PARAMETER);
+  }
+}
+
+int main(void)
+{
+  maps_are_interpolated_exactly_but_for_their_last_places();
+  a_ratio_is_exact_but_for_its_floor();
+  more_force_never_needs_less();
+  unsound_maps_are_refused();
+  return verdict();
+}
