@@ -23,7 +23,10 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/map.c"
   "${ANHYST_CORE_DIR}/src/map_real.c"
   "${ANHYST_CORE_DIR}/src/drive.c"
-  "${ANHYST_CORE_DIR}/src/drive_real.c")
+  "${ANHYST_CORE_DIR}/src/drive_real.c"
+  "${ANHYST_CORE_DIR}/src/levitation.c"
+  "${ANHYST_CORE_DIR}/src/position.c"
+  "${ANHYST_CORE_DIR}/src/position_real.c")
 
 set(ANHYST_WARNINGS
   -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)
@@ -51,7 +54,8 @@ endif()
 set_source_files_properties(
   "${ANHYST_CORE_DIR}/src/full_real.c" "${ANHYST_CORE_DIR}/src/simplified_real.c"
   "${ANHYST_CORE_DIR}/src/compensator_real.c" "${ANHYST_CORE_DIR}/src/map_real.c"
-  "${ANHYST_CORE_DIR}/src/drive_real.c" PROPERTIES COMPILE_OPTIONS -ffp-contract=off)
+  "${ANHYST_CORE_DIR}/src/drive_real.c" "${ANHYST_CORE_DIR}/src/position_real.c"
+  PROPERTIES COMPILE_OPTIONS -ffp-contract=off)
 
 add_library(anhyst_core STATIC ${ANHYST_CORE_SOURCES} ${ANHYST_BATCH_OBJECTS})
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")

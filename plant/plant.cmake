@@ -5,7 +5,8 @@ set(ANHYST_PLANT_SOURCES
   "${ANHYST_PLANT_DIR}/src/magnet.c"
   "${ANHYST_PLANT_DIR}/src/sensor.c"
   "${ANHYST_PLANT_DIR}/src/bearing.c"
-  "${ANHYST_PLANT_DIR}/src/loop.c")
+  "${ANHYST_PLANT_DIR}/src/loop.c"
+  "${ANHYST_PLANT_DIR}/src/position.c")
 
 add_library(anhyst_plant STATIC ${ANHYST_PLANT_SOURCES})
 target_include_directories(anhyst_plant PUBLIC "${ANHYST_PLANT_DIR}/include")

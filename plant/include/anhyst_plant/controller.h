@@ -26,7 +26,7 @@ typedef struct {
   double reference;  /* gap now controlled to, m */
   double demand;     /* wanted net force, N */
   uint16_t state;    /* 16*state + phase, see levitation.h */
-  uint16_t flags;    /* see flags.h, or-ed over the drives */
+  uint16_t flags;    /* see flags.h, or-ed over the drives, and levitation.h */
 } anhyst_loop_answer;
 
 typedef struct {

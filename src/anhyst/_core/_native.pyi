@@ -386,6 +386,55 @@ class Bearing:
 class LoopController:
     """What a loop takes for a controller."""
 
+class _RealPosition(LoopController):
+    def __init__(
+        self, gains: _Array, drives: list[Drive] | list[SingleDrive], settings: Mapping[str, float]
+    ) -> None: ...
+    def tick(
+        self,
+        gap: float,
+        target: float,
+        load: float = 0.0,
+        current: tuple[float, float] = ...,
+        flux: tuple[float, float] = ...,
+        command: int = 0,
+    ) -> tuple[float, float, float, float, int, int]:
+        """Return both currents, reference (a gap), demand, 16*state + phase, flags; SI."""
+
+    @property
+    def fault(self) -> int:
+        """First reason of a fault, levitation.h."""
+
+class Position(_RealPosition):
+    """A controller of position_real.h with its drives, one or two; ValueError if not sound.
+
+    ``gains`` is ``PositionControl.gains``, ``settings`` is ``PositionControl.settings``.
+    """
+
+class SinglePosition(_RealPosition):
+    """The same in single precision, with drives of that."""
+
+class FixedPosition(LoopController):
+    """The same in fixed point, position.h; signals of `tick` are SI here too."""
+
+    def __init__(
+        self,
+        gains: NDArray[np.int32],
+        drives: list[FixedDrive],
+        settings: Mapping[str, float],
+    ) -> None: ...
+    def tick(
+        self,
+        gap: float,
+        target: float,
+        load: float = 0.0,
+        current: tuple[float, float] = ...,
+        flux: tuple[float, float] = ...,
+        command: int = 0,
+    ) -> tuple[float, float, float, float, int, int]: ...
+    @property
+    def fault(self) -> int: ...
+
 class BearingLoop:
     """A bearing and its controller in lock-step, plant/include/anhyst_plant/loop.h."""
 

@@ -72,3 +72,4 @@ void bind_control(nb::module_ &m);
 void bind_drives(nb::module_ &m);
 void bind_plant(nb::module_ &m);
 void bind_loop(nb::module_ &m);
+void bind_position(nb::module_ &m);

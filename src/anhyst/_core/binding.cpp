@@ -94,5 +94,6 @@ NB_MODULE(_native, m)
   bind_control(m);
   bind_drives(m);
   bind_plant(m);
+  bind_position(m);
   bind_loop(m);
 }

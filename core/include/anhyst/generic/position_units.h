@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+/* How a position becomes a gap of a drive: offset + factor*position. */
+typedef struct {
+  ANHYST_REAL offset;
+  ANHYST_REAL factor; /* -1, or 1 for the second magnet of a pair */
+} ANHYST_NAME(anhyst_gap_line);
+
+/* And how positions and demands become the integers of levitation.h. */
+typedef struct {
+  ANHYST_NAME(anhyst_gap_line) gap[ANHYST_POSITION_MAGNETS];
+  ANHYST_REAL position; /* full scale, > 0 */
+  ANHYST_REAL demand;   /* full scale, > 0 */
+} ANHYST_NAME(anhyst_position_units);

@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The controller of a levitating armature, in fixed point: position in, currents out. It joins
+   levitation (what to do when), PIDD2 (position to force) and a drive for each magnet (force to
+   current). One magnet pulls against a load, or two pull against each other around a bias:
+
+     F_1 = bias + u/2, F_2 = F_1 - u
+
+   At every tick: solve PIDD2 and drives, limit the currents and round them to the grid of the
+   converter, and commit to the drives what is applied. The integral of PIDD2 learns from the force
+   that the drives expect wherever a limit was in the way; a rounded current is no limit, for the
+   error of a model would then show as an error of the position.
+
+   Applied is what is driven or, if the settings say so, the current measured at the next tick.
+
+   Signals are q31: position, load, force, current and flux density over their full scales. The full
+   scale of the demand is that of the drives' force, so that codes pass unchanged. Nothing here
+   allocates, waits, or loops a number of times that depends on a signal. Declarations are in
+   generic/position.h. */
+#ifndef ANHYST_POSITION_H
+#define ANHYST_POSITION_H
+
+#include "anhyst/drive.h"
+#include "anhyst/levitation.h"
+#include "anhyst/pidd2.h"
+
+#define ANHYST_POSITION_MAGNETS 2
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* How a position becomes a gap of a drive, 0..1.0 over its range: offset + 2*factor*position. */
+typedef struct {
+  int32_t offset;
+  anhyst_factor factor;
+} anhyst_gap_line_q31;
+
+typedef struct {
+  anhyst_gap_line_q31 gap[ANHYST_POSITION_MAGNETS];
+} anhyst_position_units_q31;
+
+#include "anhyst/q31.h"
+#include "anhyst/generic/position.h"
+#include "anhyst/no_format.h"
+
+#ifdef __cplusplus
+}
+#endif
+#endif

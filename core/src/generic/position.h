@@ -1,0 +1,189 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+/* What follows is the same in every format; the few operations in which they differ stand before
+   it: position.c for q31, generic/position_real.h for the others. */
+
+anhyst_status ANHYST_NAME(anhyst_position_init)(
+    ANHYST_NAME(anhyst_position) *c, const ANHYST_NAME(anhyst_position_limits) *limits,
+    const ANHYST_NAME(anhyst_position_settings) *settings, ANHYST_NAME(anhyst_drive) *drive,
+    ANHYST_NAME(anhyst_drive) *drive_2)
+{
+  const ANHYST_NAME(anhyst_position) fresh = {0};
+  if (anhyst_levitation_check(&limits->levitation, &settings->levitation) != ANHYST_OK ||
+      ANHYST_NAME(anhyst_pidd2_check)(&settings->gains) != ANHYST_OK ||
+      !ANHYST_NAME(are_sound)(limits, settings)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  *c = fresh;
+  c->limits = limits;
+  c->settings = settings;
+  c->drive[0] = drive;
+  c->drive[1] = drive_2;
+  anhyst_levitation_start(&c->levitation);
+  return ANHYST_OK;
+}
+
+static int ANHYST_NAME(magnets)(const ANHYST_NAME(anhyst_position) *c)
+{
+  return c->drive[1] != 0 ? 2 : 1;
+}
+
+/* Whether no current was driven at the tick before. */
+static uint16_t ANHYST_NAME(is_at_zero)(const ANHYST_NAME(anhyst_position) *c)
+{
+  const ANHYST_REAL zero = ANHYST_NAME(on_grid)(c->limits, 0);
+  return c->current[0] == zero && (c->drive[1] == 0 || c->current[1] == zero) ? 1U : 0U;
+}
+
+/* Ticks until both drives are through with their conditioning. */
+static int32_t ANHYST_NAME(conditioning)(const ANHYST_NAME(anhyst_position) *c)
+{
+  int32_t length = 0;
+  for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
+    const int32_t one = ANHYST_NAME(anhyst_drive_conditioning_length)(c->drive[i]);
+    length = one > length ? one : length;
+  }
+  return length;
+}
+
+/* Lets levitation judge the sample and move on; keeps position and gaps. */
+static void ANHYST_NAME(levitate)(ANHYST_NAME(anhyst_position) *c,
+                                  const ANHYST_NAME(anhyst_position_sample) *sample)
+{
+  const ANHYST_NAME(anhyst_position_units) *units = &c->settings->units;
+  anhyst_levitation_input input;
+  input.position = ANHYST_NAME(position_code)(units, sample->position);
+  input.target = ANHYST_NAME(position_code)(units, sample->target);
+  input.demand = ANHYST_NAME(demand_code)(units, c->demand);
+  input.conditioning = ANHYST_NAME(conditioning)(c);
+  input.dropped = sample->dropped != 0U || !ANHYST_NAME(is_number)(sample->position) ? 1U : 0U;
+  input.at_zero = ANHYST_NAME(is_at_zero)(c);
+  input.command = sample->command;
+  anhyst_levitation_tick(&c->levitation, &c->limits->levitation, &c->settings->levitation, &input);
+  c->flags = c->levitation.flags;
+  if ((c->flags & ANHYST_SAMPLE_DOUBTFUL) == 0U) {
+    c->position = sample->position;
+  }
+  for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
+    c->gap[i] = ANHYST_NAME(gap_of)(&units->gap[i], c->position);
+    if (c->levitation.demagnetise != 0U) {
+      ANHYST_NAME(demagnetise)(c->drive[i]);
+    }
+  }
+}
+
+/* The net force that the position asks for. */
+static ANHYST_REAL ANHYST_NAME(control)(ANHYST_NAME(anhyst_position) *c,
+                                        const ANHYST_NAME(anhyst_position_sample) *sample)
+{
+  const ANHYST_NAME(anhyst_pidd2_gains) *gains = &c->settings->gains;
+  const ANHYST_REAL load = ANHYST_NAME(is_number)(sample->load) ? sample->load : 0;
+  const ANHYST_REAL reference =
+      ANHYST_NAME(position_of)(&c->settings->units, c->levitation.reference);
+  if (c->levitation.begins != 0U) {
+    ANHYST_NAME(anhyst_pidd2_start)(gains, &c->state, reference, c->position, load, c->demand);
+  }
+  c->pending = 1;
+  return ANHYST_NAME(anhyst_pidd2_solve)(gains, &c->state, reference, c->position, load,
+                                         &c->candidate);
+}
+
+/* The currents that give the demanded net force. */
+static void ANHYST_NAME(solve)(ANHYST_NAME(anhyst_position) *c,
+                               const ANHYST_NAME(anhyst_position_sample) *sample,
+                               ANHYST_REAL *wanted)
+{
+  const int magnets = ANHYST_NAME(magnets)(c);
+  ANHYST_REAL force[ANHYST_POSITION_MAGNETS] = {c->demand, 0};
+  if (magnets == 2) {
+    force[0] = ANHYST_NAME(sum)(c->settings->bias, ANHYST_NAME(half)(c->demand));
+    force[1] = ANHYST_NAME(difference)(force[0], c->demand);
+  }
+  for (int i = 0; i < magnets; i++) {
+    wanted[i] = ANHYST_NAME(anhyst_drive_solve)(c->drive[i], force[i], c->gap[i], sample->flux[i]);
+    c->flags |= c->drive[i]->flags;
+  }
+}
+
+/* The currents that this phase asks for, before the limits of the board. */
+static void ANHYST_NAME(want)(ANHYST_NAME(anhyst_position) *c,
+                              const ANHYST_NAME(anhyst_position_sample) *sample,
+                              ANHYST_REAL *wanted)
+{
+  const ANHYST_REAL release = c->limits->release;
+  const uint16_t phase = c->levitation.phase;
+  if (phase == ANHYST_PHASE_HOLD) {
+    for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
+      wanted[i] = c->current[i];
+    }
+  } else if (phase == ANHYST_PHASE_REST || phase == ANHYST_PHASE_CONDITION) {
+    c->demand = 0;
+    for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
+      const ANHYST_REAL low = ANHYST_NAME(difference)(c->current[i], release);
+      const ANHYST_REAL high = ANHYST_NAME(sum)(c->current[i], release);
+      wanted[i] = phase == ANHYST_PHASE_REST
+                      ? ANHYST_NAME(within)(0, low, high)
+                      : ANHYST_NAME(anhyst_drive_conditioning)(c->drive[i], c->levitation.tick);
+    }
+  } else {
+    c->demand = anhyst_levitation_controls(&c->levitation)
+                    ? ANHYST_NAME(control)(c, sample)
+                    : ANHYST_NAME(demand_of)(&c->settings->units, c->levitation.demand);
+    ANHYST_NAME(solve)(c, sample, wanted);
+  }
+}
+
+/* Drives what is wanted as far as the board lets it. */
+static void ANHYST_NAME(drive)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REAL *wanted)
+{
+  const ANHYST_NAME(anhyst_position_limits) *limits = c->limits;
+  for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
+    const ANHYST_REAL reached =
+        ANHYST_NAME(within)(wanted[i], limits->current_low, limits->current_high);
+    if (reached != wanted[i]) {
+      c->flags |= ANHYST_CURRENT_LIMITED;
+    }
+    c->current[i] = ANHYST_NAME(on_grid)(limits, reached);
+  }
+  c->limited = c->flags & (ANHYST_DEMAND_LIMITED | ANHYST_CURRENT_LIMITED | ANHYST_FLUX_LIMITED);
+}
+
+/* Tells drives and PIDD2 what was applied. */
+static void ANHYST_NAME(commit)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REAL *applied)
+{
+  ANHYST_REAL force = ANHYST_NAME(anhyst_drive_commit)(c->drive[0], applied[0], c->gap[0]);
+  if (c->drive[1] != 0) {
+    force = ANHYST_NAME(difference)(
+        force, ANHYST_NAME(anhyst_drive_commit)(c->drive[1], applied[1], c->gap[1]));
+  }
+  if (c->pending != 0U) {
+    ANHYST_NAME(anhyst_pidd2_commit)(&c->settings->gains, &c->state, &c->candidate,
+                                     c->limited != 0U ? force : c->candidate.output);
+    c->pending = 0;
+  }
+}
+
+void ANHYST_NAME(anhyst_position_tick)(ANHYST_NAME(anhyst_position) *c,
+                                       const ANHYST_NAME(anhyst_position_sample) *sample,
+                                       ANHYST_NAME(anhyst_position_answer) *answer)
+{
+  ANHYST_REAL wanted[ANHYST_POSITION_MAGNETS] = {0, 0};
+  const uint16_t measured = c->settings->measured;
+  ANHYST_NAME(levitate)(c, sample);
+  if (measured != 0U) {
+    ANHYST_NAME(commit)(c, sample->current);
+  }
+  ANHYST_NAME(want)(c, sample, wanted);
+  ANHYST_NAME(drive)(c, wanted);
+  if (measured == 0U) {
+    ANHYST_NAME(commit)(c, c->current);
+  }
+  answer->current[0] = c->current[0];
+  answer->current[1] = c->current[1];
+  answer->reference = anhyst_levitation_controls(&c->levitation)
+                          ? ANHYST_NAME(position_of)(&c->settings->units, c->levitation.reference)
+                          : c->position;
+  answer->demand = c->demand;
+  answer->state = (uint16_t)(16U * c->levitation.state + c->levitation.phase);
+  answer->flags = c->flags;
+}

@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst_plant/position.h"
+
+#include <math.h>
+
+#define ONE 2147483648.0
+
+/* The nearest q31; what is not a number is 0. */
+static int32_t code_q31(double value, double full)
+{
+  const double place = floor(value / full * ONE + 0.5);
+  if (isnan(place)) {
+    return 0;
+  }
+  if (place >= ONE) {
+    return ANHYST_Q31_MAX;
+  }
+  return place <= -ONE ? ANHYST_Q31_MIN : (int32_t)place;
+}
+
+static int32_t flux_q31(double value, double full)
+{
+  return isnan(value) ? ANHYST_NO_FLUX : code_q31(value, full);
+}
+
+static double value_q31(int32_t code, double full) { return (double)code / ONE * full; }
+
+#include "anhyst/q31.h"
+#include "generic/position.h"
+#include "anhyst/f64.h"
+#include "generic/position_cast.h"
+#include "generic/position.h"
+#include "anhyst/f32.h"
+#include "generic/position_cast.h"
+#include "generic/position.h"

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// The controllers of a levitating armature in Python: the very functions that run on a controller.
+#include "position.h"
+
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+
+#include <array>
+#include <vector>
+
+#include "anhyst_plant/position.h"
+#include "drives.h"
+#include "gains.h"
+#include "settings.h"
+
+namespace {
+
+struct FixedFormat {
+  using Number = int32_t;
+  using Gains = GainsQ31;
+  using Drive = FixedDrive;
+  using State = anhyst_position_q31;
+  using Limits = anhyst_position_limits_q31;
+  using Chosen = anhyst_position_settings_q31;
+  using Adapter = anhyst_position_adapter_q31;
+  static constexpr auto init = anhyst_position_init_q31;
+  static constexpr auto tick = anhyst_position_adapter_tick_q31;
+
+  static void units(Settings &from, Chosen &to, anhyst_position_scales &scales, size_t magnets)
+  {
+    for (size_t i = 0; i < magnets; i++) {
+      const std::string which = std::to_string(i + 1);
+      to.units.gap[i] = {
+          from.take<int32_t>("gap_offset_" + which),
+          {from.take<int16_t>("gap_mantissa_" + which), from.take<int16_t>("gap_shift_" + which)}};
+    }
+    scales = {from.take<double>("gap_middle"),   from.take<double>("position_full"),
+              from.take<double>("current_full"), from.take<double>("demand_full"),
+              from.take<double>("load_full"),    from.take<double>("flux_full")};
+  }
+};
+
+template <class N> struct RealFormat {
+  using Number = N;
+
+  template <class Chosen>
+  static void units(Settings &from, Chosen &to, anhyst_position_scales &scales, size_t magnets)
+  {
+    for (size_t i = 0; i < magnets; i++) {
+      const std::string which = std::to_string(i + 1);
+      to.units.gap[i] = {static_cast<N>(from.take<double>("gap_offset_" + which)),
+                         static_cast<N>(from.take<double>("gap_factor_" + which))};
+    }
+    to.units.position = static_cast<N>(from.take<double>("position_full"));
+    to.units.demand = static_cast<N>(from.take<double>("demand_full"));
+    scales = {from.take<double>("gap_middle"), 1.0, 1.0, 1.0, 1.0, 1.0};
+  }
+};
+
+struct DoubleFormat : RealFormat<double> {
+  using Gains = GainsF64;
+  using Drive = RealDrive<DriveF64>;
+  using State = anhyst_position_f64;
+  using Limits = anhyst_position_limits_f64;
+  using Chosen = anhyst_position_settings_f64;
+  using Adapter = anhyst_position_adapter_f64;
+  static constexpr auto init = anhyst_position_init_f64;
+  static constexpr auto tick = anhyst_position_adapter_tick_f64;
+};
+
+struct SingleFormat : RealFormat<float> {
+  using Gains = GainsF32;
+  using Drive = RealDrive<DriveF32>;
+  using State = anhyst_position_f32;
+  using Limits = anhyst_position_limits_f32;
+  using Chosen = anhyst_position_settings_f32;
+  using Adapter = anhyst_position_adapter_f32;
+  static constexpr auto init = anhyst_position_init_f32;
+  static constexpr auto tick = anhyst_position_adapter_tick_f32;
+};
+
+anhyst_levitation_limits levitation_limits(Settings &from)
+{
+  return {from.take<int32_t>("position_low"),  from.take<int32_t>("position_high"),
+          from.take<int32_t>("position_step"), from.take<uint16_t>("patience"),
+          from.take<uint16_t>("hold"),         from.take<uint16_t>("selftest")};
+}
+
+anhyst_levitation_settings levitation_settings(Settings &from)
+{
+  return {from.take<int32_t>("detect"),   from.take<int32_t>("rise"),
+          from.take<int32_t>("descend"),  from.take<int32_t>("lift"),
+          from.take<int32_t>("set_down"), from.take<int32_t>("most")};
+}
+
+template <class F> class Position : public LoopController {
+public:
+  using Number = typename F::Number;
+
+  Position(const typename F::Gains::row &gains, const nb::list &drives, const nb::dict &settings)
+  {
+    if (drives.size() != 1 && drives.size() != 2) {
+      throw std::invalid_argument("a controller has one drive, or two of a pair of magnets");
+    }
+    std::array<decltype(drive_state(drives[0])), 2> states{};
+    for (size_t i = 0; i < drives.size(); i++) {
+      drives_.push_back(nb::borrow(drives[i]));
+      states[i] = drive_state(drives[i]);
+    }
+    if (states[0] == states[1]) {
+      throw std::invalid_argument("each magnet of a pair has a drive of its own");
+    }
+    read(gains, settings);
+    if (F::init(&state_, &limits_, &chosen_, states[0], states[1]) != ANHYST_OK) {
+      throw std::invalid_argument("the settings of the controller are not sound");
+    }
+    adapter_.position = &state_;
+  }
+
+  anhyst_loop_controller handle() override { return {&adapter_, F::tick}; }
+
+  nb::tuple tick(double gap, double target, double load, std::pair<double, double> current,
+                 std::pair<double, double> flux, uint32_t command)
+  {
+    const anhyst_loop_sample sample = {
+        gap,    {current.first, current.second}, {flux.first, flux.second}, target, load, 0.0,
+        command};
+    anhyst_loop_answer answer;
+    F::tick(&adapter_, &sample, &answer);
+    return nb::make_tuple(answer.current[0], answer.current[1], answer.reference, answer.demand,
+                          answer.state, answer.flags);
+  }
+
+  int fault() const { return state_.levitation.fault; }
+
+private:
+  static auto drive_state(nb::handle drive) { return nb::cast<typename F::Drive &>(drive).get(); }
+
+  void read(const typename F::Gains::row &gains, const nb::dict &settings)
+  {
+    Settings from(settings);
+    const auto number = [&](const char *name) { return from.take<Wide>(name); };
+    limits_.levitation = levitation_limits(from);
+    limits_.current_low = static_cast<Number>(number("current_low"));
+    limits_.current_high = static_cast<Number>(number("current_high"));
+    limits_.current_step = static_cast<Number>(number("current_step"));
+    limits_.release = static_cast<Number>(number("release"));
+    chosen_.levitation = levitation_settings(from);
+    chosen_.gains = sound_gains<typename F::Gains>(gains);
+    chosen_.bias = static_cast<Number>(number("bias"));
+    chosen_.measured = from.take<bool>("measured") ? 1 : 0;
+    F::units(from, chosen_, adapter_.scales, drives_.size());
+    from.finish();
+  }
+
+  // What Python hands over: floats are rounded to the format.
+  using Wide = std::conditional_t<std::is_integral_v<Number>, int32_t, double>;
+
+  std::vector<nb::object> drives_;
+  typename F::Limits limits_{};
+  typename F::Chosen chosen_{};
+  typename F::State state_{};
+  typename F::Adapter adapter_{};
+};
+
+template <class F> void bind(nb::module_ &m, const char *name)
+{
+  using Bound = Position<F>;
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  nb::class_<Bound, LoopController>(m, name)
+      .def(nb::init<const typename F::Gains::row &, const nb::list &, const nb::dict &>(),
+           "gains"_a.noconvert(), "drives"_a, "settings"_a)
+      .def("tick", &Bound::tick, "gap"_a, "target"_a, "load"_a = 0.0,
+           "current"_a = std::pair(0.0, 0.0), "flux"_a = std::pair(none, none), "command"_a = 0)
+      .def_prop_ro("fault", &Bound::fault);
+}
+
+} // namespace
+
+void bind_position(nb::module_ &m)
+{
+  nb::class_<LoopController>(m, "LoopController");
+  bind<DoubleFormat>(m, "Position");
+  bind<SingleFormat>(m, "SinglePosition");
+  bind<FixedFormat>(m, "FixedPosition");
+}

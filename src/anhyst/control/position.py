@@ -1,0 +1,385 @@
+"""The controller of a levitating armature: settings in SI units, and what the core makes of them.
+
+``core/include/anhyst/position.h`` runs it in fixed point, ``position_real.h`` in floating point,
+``levitation.h`` says what happens when. The numbers of a format are given by name; the core's
+``Position``, ``SinglePosition`` and ``FixedPosition`` take them with the gains and the drives.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import IntEnum, IntFlag
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.control.pidd2 import FullScales, Pidd2, as_factor
+from anhyst.errors import InputError
+
+Format = Literal["f64", "f32", "fixed"]
+Settings = Mapping[str, float]
+
+_Q31 = 2.0**31
+# Positions reach beyond the range that can be, so that what is beyond it is seen to be.
+_POSITION_REACH = 0.625
+_COARSEST_STEP = 500  # codes of one step of the converter: its rounding stays below 0.1 %
+
+
+class Command(IntEnum):
+    """What a controller can be told."""
+
+    NONE = 0
+    CONDITION = 1
+    DEMAGNETISED = 2
+    LIFT = 3
+    LAND = 4
+    STOP = 5
+    CLEAR = 6
+
+
+class State(IntEnum):
+    """Where a controller stands: a state of a recording divided by 16."""
+
+    INIT = 0
+    SELFTEST = 1
+    IDLE = 2
+    READY = 3
+    RUN = 4
+    FAULT = 5
+
+
+class Phase(IntEnum):
+    """What the currents do: a state of a recording modulo 16."""
+
+    REST = 0
+    BREAKAWAY = 1
+    RISE = 2
+    HOVER = 3
+    DESCEND = 4
+    SET_DOWN = 5
+    HOLD = 6
+    CONDITION = 7
+
+
+class Fault(IntEnum):
+    """First reason of a fault."""
+
+    NONE = 0
+    POSITION_MISSING = 1
+    POSITION_RANGE = 2
+    POSITION_STEP = 3
+    NO_LIFT = 4
+    STOPPED = 5
+
+
+class Flag(IntFlag):
+    """What was in the way at a tick."""
+
+    DEMAND_LIMITED = 1
+    CURRENT_LIMITED = 2
+    FLUX_LIMITED = 4
+    SAMPLE_DOUBTFUL = 8
+    COMMAND_REFUSED = 16
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What holds whatever the gains are.
+
+    Parameters
+    ----------
+    gap_low, gap_high : float
+        Gaps that can be, m.
+    step : float
+        Largest change of the gap from one tick to the next, m.
+    current_low, current_high : float
+        Of the amplifiers' references, A; zero lies within.
+    release : float
+        At which a current goes to zero when nothing is controlled, A/s.
+    patience : int
+        Samples in a row that may be missing or implausible; the last one stands in for them.
+    hold : int
+        Ticks for which the currents stay when the position is lost in the air.
+    selftest : int
+        Plausible samples in a row until the self-test has passed.
+    """
+
+    gap_low: float
+    gap_high: float
+    step: float
+    current_low: float
+    current_high: float
+    release: float
+    patience: int
+    hold: int
+    selftest: int = 20
+
+    def __post_init__(self) -> None:
+        _above_zero(self, "step", "release", "selftest")
+        for name in ("patience", "hold", "selftest"):
+            if not 0 <= getattr(self, name) <= 65535:
+                raise InputError(f"{name}: {getattr(self, name)} ticks are not within 0..65535")
+        if not 0.0 <= self.gap_low < self.gap_high:
+            raise InputError("gap_low must be below gap_high, and not below zero")
+        if not self.current_low <= 0.0 < self.current_high:
+            raise InputError("zero must lie within the limits of the current")
+
+
+@dataclass(frozen=True)
+class Levitation:
+    """How an armature is lifted and set down.
+
+    Parameters
+    ----------
+    detect : float
+        Distance from the rest that counts as having left it, m.
+    rise_speed, descend_speed : float
+        Of the reference, m/s.
+    lift_rate, set_down_rate : float
+        Of the force before and after control, N/s.
+    """
+
+    detect: float
+    rise_speed: float
+    descend_speed: float
+    lift_rate: float
+    set_down_rate: float
+
+    def __post_init__(self) -> None:
+        _above_zero(self, *(field.name for field in fields(self)))
+
+
+@dataclass(frozen=True)
+class Converter:
+    """Converter of the references to the amplifiers.
+
+    Parameters
+    ----------
+    low, high : float
+        Its ends, A.
+    bits : int
+        Of a word.
+    """
+
+    low: float
+    high: float
+    bits: int
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
+            raise InputError("the lower end of a converter must be below its upper end")
+        if not 1 <= self.bits <= 20:
+            raise InputError(f"bits: {self.bits} of a converter are not within 1..20")
+
+    @property
+    def step(self) -> float:
+        """From one current to the next, A."""
+        return (self.high - self.low) / float(2**self.bits - 1)
+
+    def within(self, low: float, high: float) -> tuple[float, int]:
+        """Return the least current of a range, A, and the number of steps to the largest."""
+        first = math.ceil((max(low, self.low) - self.low) / self.step - 1e-6)
+        last = math.floor((min(high, self.high) - self.low) / self.step + 1e-6)
+        if last <= first:
+            raise InputError("the limits of the current hold no step of the converter")
+        return self.low + first * self.step, last - first
+
+
+@dataclass(frozen=True)
+class DriveScales:
+    """What the numbers of the drives mean.
+
+    Parameters
+    ----------
+    demand, current : float
+        Force and current that count as 1.0 in fixed point, N and A.
+    gap_low, gap_high : float
+        Ends of the range of gaps, m.
+    flux : float
+        Flux density that counts as 1.0, T.
+    load : float
+        Load fed forward that counts as 1.0, in its unit.
+    """
+
+    demand: float
+    current: float
+    gap_low: float
+    gap_high: float
+    flux: float = 1.0
+    load: float = 1.0
+
+
+@dataclass(frozen=True)
+class PositionControl:
+    """A controller of the position, in SI units.
+
+    Parameters
+    ----------
+    pidd2 : Pidd2
+        Gains; its output is the net force. Its rate is that of the ticks.
+    levitation : Levitation
+    limits : Limits
+    converter : Converter
+    scales : DriveScales
+        Of the drives; both drives of a pair have the same.
+    bias : float
+        Force of either magnet of a pair without a net force, N.
+    gap_total : float, optional
+        Sum of both gaps of a pair, m; a single magnet has none.
+    measured : bool
+        Whether currents count as applied as they were measured, and not as they were driven.
+
+    Raises
+    ------
+    InputError
+        If what is given does not fit together.
+    """
+
+    pidd2: Pidd2
+    levitation: Levitation
+    limits: Limits
+    converter: Converter
+    scales: DriveScales
+    bias: float = 0.0
+    gap_total: float | None = None
+    measured: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.bias <= self.scales.demand:
+            raise InputError(f"bias: {self.bias} N is not within 0..{self.scales.demand} N")
+        if not 0.0 < self.pidd2.high < math.inf:
+            raise InputError("high: the largest force must be above zero to lift anything")
+
+    @property
+    def gap_middle(self) -> float:
+        """Gap at position zero, m."""
+        return 0.5 * (self.limits.gap_low + self.limits.gap_high)
+
+    @property
+    def position_full(self) -> float:
+        """Full scale of the position, m: beyond the gaps that can be, to either side."""
+        return _POSITION_REACH * (self.limits.gap_high - self.limits.gap_low)
+
+    def gains(self, number_format: Format) -> NDArray[np.float64] | NDArray[np.int32]:
+        """Return the gains as the core takes them in this format."""
+        if number_format != "fixed":
+            return self.pidd2.per_tick
+        scales = FullScales(self.position_full, self.scales.demand, self.scales.load)
+        return self.pidd2.fixed(scales).words
+
+    def settings(self, number_format: Format) -> Settings:
+        """Return everything else as the core takes it in this format, by name."""
+        common = self._levitation() | {"measured": self.measured}
+        return common | (self._fixed() if number_format == "fixed" else self._real())
+
+    def _levitation(self) -> dict[str, int]:
+        """Return what is integer in every format: positions and demands as q31."""
+        tick, limits, levitation = self.pidd2.tick, self.limits, self.levitation
+
+        def distance(name: str, metres: float) -> int:
+            return _rate(name, metres / self.position_full)
+
+        def force(name: str, newtons: float) -> int:
+            return _rate(name, newtons / self.scales.demand)
+
+        middle = self.gap_middle
+        return {
+            "position_low": _code((middle - limits.gap_high) / self.position_full),
+            "position_high": _code((middle - limits.gap_low) / self.position_full),
+            "position_step": distance("step", limits.step),
+            "patience": limits.patience,
+            "hold": limits.hold,
+            "selftest": limits.selftest,
+            "detect": distance("detect", levitation.detect),
+            "rise": distance("rise_speed", levitation.rise_speed * tick),
+            "descend": distance("descend_speed", levitation.descend_speed * tick),
+            "lift": force("lift_rate", levitation.lift_rate * tick),
+            "set_down": force("set_down_rate", levitation.set_down_rate * tick),
+            "most": force("high", self.pidd2.high),
+        }
+
+    def _gap_lines(self) -> list[tuple[float, float]]:
+        """Return gap at position zero, m, and direction of the position, of every magnet."""
+        lines = [(self.gap_middle, -1.0)]
+        if self.gap_total is not None:
+            lines.append((self.gap_total - self.gap_middle, 1.0))
+        return lines
+
+    def _real(self) -> dict[str, float]:
+        low, steps = self.converter.within(self.limits.current_low, self.limits.current_high)
+        step = self.converter.step
+        numbers = {
+            "gap_middle": self.gap_middle,
+            "position_full": self.position_full,
+            "demand_full": self.scales.demand,
+            "current_low": low,
+            "current_high": low + steps * step,
+            "current_step": step,
+            "release": max(step, self.limits.release * self.pidd2.tick),
+            "bias": self.bias,
+        }
+        for i, (offset, factor) in enumerate(self._gap_lines(), 1):
+            numbers |= {f"gap_offset_{i}": offset, f"gap_factor_{i}": factor}
+        return numbers
+
+    def _fixed(self) -> dict[str, float]:
+        scales, step = self.scales, self.converter.step
+        low, steps = self.converter.within(self.limits.current_low, self.limits.current_high)
+        codes = round(step / scales.current * _Q31)
+        if codes < _COARSEST_STEP:
+            raise InputError("bits: the converter is too fine for a full scale of 31 bits")
+        # A step of the converter is a whole number of codes: the full scale gives way, by less than
+        # 0.1 % and with 16 bits by 2e-5.
+        current = step / codes * _Q31
+        first = round(low / current * _Q31)
+        release = self.limits.release * self.pidd2.tick
+        numbers: dict[str, float] = {
+            "gap_middle": self.gap_middle,
+            "position_full": self.position_full,
+            "current_full": current,
+            "demand_full": scales.demand,
+            "load_full": scales.load,
+            "flux_full": scales.flux,
+            "current_low": first,
+            "current_high": first + min(steps, int((_Q31 - 1.0 - first) // codes)) * codes,
+            "current_step": codes,
+            "release": max(codes, _rate("release", release / current)),
+            "bias": _code(self.bias / scales.demand),
+        }
+        span = scales.gap_high - scales.gap_low
+        for i, (offset, direction) in enumerate(self._gap_lines(), 1):
+            factor = 0.5 * direction * self.position_full / span
+            mantissa, shift = as_factor("range of the drive's gaps", factor)
+            if shift > 0:
+                raise InputError(
+                    "the gaps of the drive cover too little of those that can be; widen them"
+                )
+            numbers |= {
+                f"gap_offset_{i}": _code((offset - scales.gap_low) / span),
+                f"gap_mantissa_{i}": mantissa,
+                f"gap_shift_{i}": shift,
+            }
+        return numbers
+
+
+def _above_zero(given: object, *names: str) -> None:
+    for name in names:
+        value = getattr(given, name)
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name}: {value} is not above zero")
+
+
+def _code(part: float) -> int:
+    """Return the nearest q31; what is beyond saturates."""
+    return int(max(-_Q31, min(_Q31 - 1.0, round(part * _Q31))))
+
+
+def _rate(name: str, part: float) -> int:
+    """Return the nearest q31 of a number that may not vanish."""
+    code = _code(part)
+    if code < 1:
+        raise InputError(f"{name}: too small to be told from zero; raise it")
+    return code
