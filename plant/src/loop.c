@@ -79,9 +79,6 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     loop->controller.tick(loop->controller.self, &sample, &answer);
     write_row(loop, &sample, &answer, record + i * ANHYST_LOOP_COLUMNS);
     memcpy(command, answer.current, sizeof command);
-    if (events->command[i] & ANHYST_LOOP_SATURATE) {
-      command[0] = bearing->amplifier.high;
-    }
     if (loop->current_loop.gain > 0.0) {
       control_currents(loop, command, sample.current, command);
     }

@@ -40,12 +40,10 @@ typedef struct {
   const double *load;      /* force commanded to the load drive, N */
   const double *inject;    /* added to the gap that the controller sees, m */
   const double *feed;      /* load that the controller is told, N */
-  const uint32_t *command; /* as in controller.h; bit 8: the gap's sample is dropped; bit 9: the
-                              amplifiers' commands stay at their upper end whatever it answers */
+  const uint32_t *command; /* as in controller.h; bit 8: the gap's sample is dropped */
 } anhyst_plant_events;
 
 #define ANHYST_LOOP_DROP 256U
-#define ANHYST_LOOP_SATURATE 512U
 
 /* Columns of a record, one row a tick, all at its beginning but current_A to flux_density_T, which
    belong to the middle of the sub-step before. */

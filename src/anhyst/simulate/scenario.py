@@ -15,8 +15,8 @@ from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, step_ends
 
 Floats = NDArray[np.float64]
 
-DROP, SATURATE = 256, 512
-"""Bits of a command, see ``plant/include/anhyst_plant/loop.h``."""
+DROP = 256
+"""Bit of a command: the sample of the gap is dropped; ``plant/include/anhyst_plant/loop.h``."""
 
 LIFT_S = 0.45
 """Time from power on until the armature hangs still, s: self-test, force ramp, rise, settling."""
@@ -72,7 +72,7 @@ class Scenario:
     feed : ndarray, shape (n,)
         Load that the controller is told, N.
     command : ndarray of uint32, shape (n,)
-        :class:`Command`, :data:`DROP`, :data:`SATURATE`.
+        :class:`Command`, :data:`DROP`.
     steps : tuple of Step
         Steps of the reference in it.
     """

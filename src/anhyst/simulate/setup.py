@@ -1,0 +1,190 @@
+"""A rig and a controller made ready to run: drives fitted, everything that a process needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst.data import LoopSet
+from anhyst.errors import InputError
+from anhyst.identify import identify
+from anhyst.model import ActuatorModel
+from anhyst.modelfile import read_model
+from anhyst.simulate.controllerfile import (
+    ControllerFile,
+    ControllerTable,
+    Format,
+    Variant,
+    check_controller,
+)
+from anhyst.simulate.drive import Drive
+from anhyst.simulate.flux import FluxCalibration
+from anhyst.simulate.plant import static_map
+from anhyst.simulate.rigfile import BearingRig
+from anhyst.simulate.variants import Operating, fit_drive
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Everything one loop needs; goes to other processes.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        The plant.
+    controller : ControllerTable
+        Gains, limits, lift-off.
+    drive : Drive
+        From force to current, as fitted; never run itself.
+    """
+
+    rig: BearingRig
+    controller: ControllerTable
+    drive: Drive
+
+    @property
+    def name(self) -> str:
+        """Of the variant."""
+        return self.drive.variant
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What a controller knows of its magnet: measured loops, and the model identified from them.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Force over current at several gaps.
+    model : ActuatorModel
+        Identified from them.
+    """
+
+    loops: LoopSet
+    model: ActuatorModel
+
+
+def learn(loops: LoopSet) -> Knowledge:
+    """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
+    return Knowledge(loops, identify(loops, gap_map="circuit").model)
+
+
+def read_knowledge(rig: BearingRig, controller: ControllerFile) -> Knowledge:
+    """Read the loops of a rig, and the model that a controller file names or else identify one.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or the loops are none of force over current at several gaps.
+    """
+    loops = LoopSet.from_csv(rig.loops)
+    if (loops.input.name, loops.output.name) != ("current", "force") or loops.schedule is None:
+        raise InputError(f"{rig.loops}: a bearing needs columns I_A, F_N and gap_m")
+    if controller.model is None:
+        return learn(loops)
+    return Knowledge(loops, read_model(controller.model))
+
+
+def make_setup(
+    rig: BearingRig,
+    controller: ControllerTable,
+    knowledge: Knowledge,
+    variant: Variant,
+    number_format: Format,
+) -> Setup:
+    """Fit one variant to what is known and put it behind the controller.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    controller : ControllerTable
+        Its own variant and format do not count.
+    knowledge : Knowledge
+    variant, number_format : str
+    """
+    drive = fit_drive(
+        variant,
+        knowledge.loops,
+        knowledge.model,
+        operating_point(rig, controller, knowledge.loops),
+        number_format,
+        calibrate_probe(rig) if variant == "flux" else None,
+    )
+    chosen = controller.compensation.model_copy(
+        update={"variant": variant, "format": number_format}
+    )
+    return Setup(rig, controller.model_copy(update={"compensation": chosen}), drive)
+
+
+def make_setups(
+    rig: BearingRig,
+    controller: ControllerFile,
+    knowledge: Knowledge,
+    variants: tuple[Variant, ...],
+) -> Mapping[Variant, Setup]:
+    """Fit several variants in the number format of a controller file."""
+    check_controller(controller, rig)
+    table = controller.settings
+    return {
+        variant: make_setup(rig, table, knowledge, variant, table.compensation.format)
+        for variant in variants
+    }
+
+
+def with_gains(setup: Setup, controller: ControllerTable) -> Setup:
+    """Return the same drive behind another controller of the same limits."""
+    return replace(setup, controller=controller)
+
+
+def operating_point(rig: BearingRig, controller: ControllerTable, loops: LoopSet) -> Operating:
+    """Return where a bearing works: each magnet of a pair around its bias.
+
+    Beyond the gaps that were measured a drive goes on as at the last one.
+    """
+    limits, magnet = controller.limits, rig.settings.magnet
+    single = magnet.arrangement == "single"
+    bias = 0.0 if magnet.bias_force_N is None else magnet.bias_force_N
+    low, high = limits.gap_low_m, limits.gap_high_m
+    if magnet.gap_total_m is not None:
+        low, high = min(low, magnet.gap_total_m - high), max(high, magnet.gap_total_m - low)
+    measured = [gap for gap in loops.by_schedule() if gap is not None]
+    low, high = max(low, min(measured)), min(high, max(measured))
+    return Operating(
+        gap=rig.settings.simulate.gap_m,
+        force=rig.load if single else bias,
+        rate=controller.rate_Hz,
+        gap_range=(low, high),
+        force_max=limits.force_high_N if single else bias + 0.5 * limits.force_high_N,
+        current_max=limits.current_high_A,
+    )
+
+
+def calibrate_probe(rig: BearingRig) -> FluxCalibration | None:
+    """Measure flux density over force at several gaps, as a user would with a weight.
+
+    The series is taken on the way up from a demagnetised iron; force and flux density belong to one
+    gap flux, so that the direction does not matter.
+    """
+    hall = rig.settings.hall_probe
+    if hall is None:
+        return None
+    current = np.linspace(0.0, rig.settings.measurement.current_max_A, 60)
+    gaps = np.asarray(rig.settings.measurement.gaps_m)
+    forces, densities = [], []
+    for gap in gaps:
+        force, _, density = static_map(rig, current, np.full(current.size, gap))
+        forces.append(force)
+        densities.append((1.0 + hall.gain_error) * density)
+    timing, amplifier = rig.settings.timing, rig.settings.amplifier
+    corners = (amplifier.bandwidth_Hz, hall.bandwidth_Hz)
+    return FluxCalibration(
+        gap=np.repeat(gaps, current.size),
+        force=np.concatenate(forces),
+        flux_density=np.concatenate(densities),
+        delay=timing.delay_ticks * rig.dt + amplifier.delay_s,
+        lag=sum(1.0 / (2.0 * math.pi * corner) for corner in corners)
+        + rig.settings.magnet.eddy_time_s,
+    )
