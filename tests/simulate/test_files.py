@@ -362,6 +362,9 @@ def test_a_written_controller_reads_back_to_the_same_settings(tmp_path: Path) ->
         lines = path.read_text().splitlines()
         assert lines[:3] == ["# Tuned for the bearing.", "#", "# Overshoot 2 %."]
     assert tuned.pidd2().K_i == 1e8 / 3.0
+    cutoffs = settings.filter.model_copy(update={"cutoff_2_Hz": 900.0})
+    pidd2 = settings.model_copy(update={"filter": cutoffs}).pidd2()
+    assert (pidd2.cutoff, pidd2.cutoff_2) == (2000.0, 900.0)
 
 
 def test_a_note_cannot_become_a_key(tmp_path: Path) -> None:
