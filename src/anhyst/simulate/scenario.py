@@ -41,7 +41,7 @@ class Step:
     Parameters
     ----------
     begin, end : int
-        Ticks: of the step, and of the next event.
+        Ticks: of the step, and of the end of its hold.
     before, after : float
         Reference, m of gap.
     """
@@ -111,7 +111,7 @@ class Script:
     _load: list[Floats] = field(default_factory=list)
     _inject: list[Floats] = field(default_factory=list)
     _marks: list[tuple[int, int]] = field(default_factory=list)
-    _steps: list[tuple[int, float, float]] = field(default_factory=list)
+    _steps: list[Step] = field(default_factory=list)
     ticks: int = 0
 
     def __post_init__(self) -> None:
@@ -139,9 +139,10 @@ class Script:
 
     def step(self, gap: float, seconds: float) -> Script:
         """Step the reference and let time pass."""
-        self._steps.append((self.ticks, self.gap, gap))
-        self.gap = gap
-        return self.hold(seconds)
+        begin, before, self.gap = self.ticks, self.gap, gap
+        self.hold(seconds)
+        self._steps.append(Step(begin, self.ticks, before, gap))
+        return self
 
     def follow(self, target: Floats) -> Script:
         """Let the reference follow a trajectory, m of gap."""
@@ -166,7 +167,6 @@ class Script:
         command = np.zeros(self.ticks, dtype=np.uint32)
         for tick, value in self._marks:
             command[tick] |= value
-        ends = [*[begin for begin, _, _ in self._steps[1:]], self.ticks]
         disturbed = np.concatenate(self._load)
         for number, disturbance in enumerate(self.rig.settings.load.disturbance):
             disturbed = disturbed + _disturbance(self.rig, disturbance, self.ticks, number)
@@ -176,10 +176,7 @@ class Script:
             inject=np.concatenate(self._inject),
             feed=np.zeros(self.ticks),
             command=command,
-            steps=tuple(
-                Step(begin, end, before, after)
-                for (begin, before, after), end in zip(self._steps, ends, strict=True)
-            ),
+            steps=tuple(self._steps),
         )
 
 

@@ -1,0 +1,177 @@
+"""What is tried beside steps: standing still, trajectories, loads, and things that go wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.simulate.limitcycle import limit_cycle
+from anhyst.simulate.loop import Loop, lost_at
+from anhyst.simulate.metrics import deviation, mean_interval, recovery_time
+from anhyst.simulate.pool import Progress, all_of
+from anhyst.simulate.recording import Recording
+from anhyst.simulate.rigfile import TrajectoryTable
+from anhyst.simulate.scenario import DROP, LIFT_S, Scenario, Script
+from anhyst.simulate.setup import Setup
+
+Floats = NDArray[np.float64]
+Event = Literal["overload", "wrong initial state", "dropped sample"]
+
+EVENTS: tuple[Event, ...] = ("overload", "wrong initial state", "dropped sample")
+
+STANDSTILL_S = 1.0
+RECOVERY_S = 0.3
+OVERLOAD_S = 0.1
+BACK_M = 1e-6
+"""An error of the position within this counts as recovered, m."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One experiment with a noise of its own."""
+
+    setup: Setup
+    seed: int
+    what: TrajectoryTable | Event | float | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What an experiment gave: numbers by name, and whether levitation was lost."""
+
+    figures: dict[str, float]
+    lost: bool
+
+
+def repeat(
+    work: Callable[[Trial], Outcome],
+    setup: Setup,
+    seeds: Sequence[int],
+    what: TrajectoryTable | Event | float | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run an experiment with every seed; means with half the width of their 95 % intervals.
+
+    Returns
+    -------
+    dict
+        By name of the figure ``mean``, ``half_width`` and ``count``; ``lost``: seeds in which
+        levitation was lost, which do not count otherwise.
+    """
+    outcomes = all_of(work, [Trial(setup, seed, what) for seed in seeds], progress)
+    kept = [one.figures for one in outcomes if not one.lost]
+    found: dict[str, Any] = {"lost": len(outcomes) - len(kept)}
+    for name in kept[0] if len(kept) > 1 else ():
+        one = mean_interval([figures[name] for figures in kept])
+        found[name] = {"mean": one.mean, "half_width": one.half_width, "count": one.count}
+    return found
+
+
+def stand_still(trial: Trial) -> Outcome:
+    """Hang in the air: rms of the true gap, its drift, and a limit cycle if there is one."""
+    script = _lifted(trial.setup)
+    begin = script.ticks
+    recording, lost = _run(trial, script.hold(STANDSTILL_S).build())
+    if lost:
+        return Outcome({}, True)
+    part = recording.part(begin, len(recording))
+    gap = part["gap_m"]
+    cycle = limit_cycle(part["t_s"], gap)
+    figures = {
+        "rms_m": float(np.std(gap)),
+        "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.simulate.gap_m,
+        "current_rms_A": float(np.std(part["current_A"])),
+        "limit_cycle_m": 0.0 if cycle is None else cycle.amplitude,
+        "limit_cycle_s": 0.0 if cycle is None else cycle.period,
+    }
+    return Outcome(figures, False)
+
+
+def follow(trial: Trial) -> Outcome:
+    """Follow a trajectory for two periods; judge the second."""
+    assert isinstance(trial.what, TrajectoryTable)
+    rig, shape = trial.setup.rig, trial.what
+    period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
+    phase = np.arange(2 * period) / period
+    wave = np.sin(2.0 * math.pi * phase)
+    if shape.kind == "triangle":
+        wave = 2.0 / math.pi * np.arcsin(wave)
+    script = _lifted(trial.setup)
+    script.follow(rig.settings.simulate.gap_m - shape.amplitude_m * wave)
+    begin = script.ticks - period
+    recording, lost = _run(trial, script.build())
+    if lost:
+        return Outcome({}, True)
+    part = recording.part(begin, len(recording))
+    off = deviation(part["gap_m"], part["reference_m"])
+    force = deviation(part["force_N"], part["demand_N"])
+    return Outcome(
+        {"tracking_rms_m": off.rms, "tracking_peak_m": off.peak, "force_error_rms_N": force.rms},
+        False,
+    )
+
+
+def step_load(trial: Trial) -> Outcome:
+    """Step the load by so many newtons: how far the armature gives way, and for how long."""
+    assert isinstance(trial.what, float)
+    rig = trial.setup.rig
+    script = _lifted(trial.setup)
+    begin = script.ticks
+    script.set_load(rig.settings.load.force_N + trial.what).hold(RECOVERY_S)
+    recording, lost = _run(trial, script.build())
+    if lost:
+        return Outcome({}, True)
+    part = recording.part(begin, len(recording))
+    error = part["gap_m"] - part["reference_m"]
+    return Outcome(
+        {
+            "peak_m": float(np.max(np.abs(error))),
+            "recovery_s": recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M),
+        },
+        False,
+    )
+
+
+def recover(trial: Trial) -> Outcome:
+    """Let something go wrong and see how long it shows.
+
+    ``overload``: for 100 ms the load is larger than any current carries, so that force and current
+    stay at their limits and the armature rests on its stop; ``wrong initial state``: the iron comes
+    from the largest current, the controller takes it for demagnetised, and a step of 50 um
+    follows; ``dropped sample``: one sample of the position is lost at the beginning of such a step.
+    """
+    rig = trial.setup.rig
+    wrong = trial.what == "wrong initial state"
+    script = _lifted(trial.setup)
+    if trial.what == "overload":
+        script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
+        script.set_load(rig.settings.load.force_N)
+        begin = script.ticks
+        script.hold(RECOVERY_S)
+    else:
+        begin = script.ticks
+        if trial.what == "dropped sample":
+            script.command(DROP)
+        script.step(script.gap - 50e-6, RECOVERY_S)
+    loop = Loop(trial.setup, trial.seed, largest_first=wrong)
+    recording = loop.run(script.build())
+    part = recording.part(begin, len(recording))
+    error = part["gap_m"] - part["reference_m"]
+    seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M)
+    return Outcome({"recovery_s": seconds}, not math.isfinite(seconds))
+
+
+def _lifted(setup: Setup) -> Script:
+    return Script(setup.rig, setup.rig.settings.simulate.gap_m).lift_off()
+
+
+def _run(trial: Trial, scenario: Scenario) -> tuple[Recording, bool]:
+    rig = trial.setup.rig
+    recording = Loop(trial.setup, trial.seed).run(scenario)
+    lost = lost_at(rig, recording, round(LIFT_S / rig.dt)) is not None
+    return recording, lost or len(recording) < scenario.ticks

@@ -1,0 +1,90 @@
+"""A bearing and its controller in lock-step: runs scenarios."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import BearingLoop
+from anhyst.simulate.plant import current_loop, make_bearing
+from anhyst.simulate.position import make_position
+from anhyst.simulate.recording import HOVER, RUN, Recording
+from anhyst.simulate.rigfile import BearingRig
+from anhyst.simulate.scenario import Scenario
+from anhyst.simulate.setup import Setup
+
+Floats = NDArray[np.float64]
+
+
+class Loop:
+    """One run of a setup, from power on; scenarios follow each other.
+
+    Parameters
+    ----------
+    setup : Setup
+    seed : int
+        Of the sensors' noise; the seed of the rig file is added.
+    largest_first : bool, optional
+        Whether the iron has seen the largest current before, of which the controller knows nothing.
+    """
+
+    def __init__(self, setup: Setup, seed: int = 0, largest_first: bool = False) -> None:
+        self.setup = setup
+        rig = setup.rig
+        bearing = make_bearing(rig, seed)
+        if largest_first:
+            for current in (rig.settings.amplifier.current_high_A, 0.0):
+                bearing.hold(current, 0)
+        self._loop = BearingLoop(
+            bearing,
+            make_position(setup),
+            current_loop(rig),
+            rig.settings.hall_probe is not None,
+        )
+
+    def run(self, scenario: Scenario) -> Recording:
+        """Go on with a scenario.
+
+        Returns
+        -------
+        Recording
+            A row a tick; shorter than the scenario where the simulation lost all bounds.
+        """
+        return Recording(
+            self._loop.run(
+                scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command
+            )
+        )
+
+
+def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:
+    """Tell when levitation was lost: a stop was touched, or the controller gave up.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        For its stops.
+    recording : Recording
+        From power on, or from any time in the air.
+    since : int, optional
+        Tick from which on the armature should hang in the air.
+
+    Returns
+    -------
+    float or None
+        Time, s.
+    """
+    mechanics = rig.settings.mechanics
+    gap, state = recording["gap_m"][since:], recording["state"][since:]
+    flying = (state >= 16 * RUN + 2) & (state <= 16 * RUN + 4)
+    touched = (gap <= mechanics.stop_low_m) | (gap >= mechanics.stop_high_m)
+    bad = ~flying | touched | ~np.isfinite(gap)
+    if not bad.any():
+        return None
+    return float(recording["t_s"][since + int(np.argmax(bad))])
+
+
+def hovers_from(recording: Recording) -> int | None:
+    """Return the first tick at which the reference was reached, or None."""
+    hovering = recording["state"] == HOVER
+    return int(np.argmax(hovering)) if hovering.any() else None
