@@ -37,82 +37,115 @@ void anhyst_plant_read(const anhyst_plant_bearing *bearing, anhyst_plant_state *
   readings->force = anhyst_plant_sensor_read(&bearing->force_sensor, &state->force_sensing, noise);
 }
 
+static double gap_of(const anhyst_plant_bearing *bearing, const anhyst_plant_state *state, int j)
+{
+  return j == 0 ? state->gap : bearing->gap_total - state->gap;
+}
+
+static void sum_up(const anhyst_plant_bearing *bearing, anhyst_plant_state *state)
+{
+  state->force = state->coil[0].force - (bearing->magnets > 1 ? state->coil[1].force : 0.0);
+}
+
+void anhyst_plant_place(const anhyst_plant_bearing *bearing, anhyst_plant_state *state, double gap,
+                        double velocity)
+{
+  state->gap = gap;
+  state->velocity = velocity;
+  state->load_gap = anhyst_plant_convert(gap, 0.0, 1.0, bearing->load.encoder_step);
+  anhyst_plant_sensor_start(&state->gap_sensing, gap);
+}
+
+void anhyst_plant_hold(const anhyst_plant_bearing *bearing, anhyst_plant_state *state, int j,
+                       double current)
+{
+  const double voltage = bearing->magnet[j].resistance * current;
+  anhyst_plant_coil *coil = &state->coil[j];
+  anhyst_plant_coil_hold(&bearing->magnet[j], coil, current, gap_of(bearing, state, j));
+  if (bearing->amplifier.gain > 0.0) {
+    coil->integral = voltage;
+    state->output[j] = current;
+  } else {
+    state->output[j] = voltage;
+  }
+  sum_up(bearing, state);
+  anhyst_plant_sensor_start(&state->current_sensing[j], current);
+  anhyst_plant_sensor_start(&state->hall_sensing[j], coil->density);
+  anhyst_plant_sensor_start(&state->force_sensing, state->force);
+}
+
 /* One amplifier and its winding. */
 static void winding_step(const anhyst_plant_bearing *bearing, anhyst_plant_state *state, int j,
-                         double gap, double seconds)
+                         double seconds)
 {
   const anhyst_plant_amplifier *amplifier = &bearing->amplifier;
-  anhyst_plant_coil *coil = &state->coil[j];
-  anhyst_plant_source source;
+  anhyst_plant_source source = {0.0, 0.0, 0.0, 0.0, 0.0};
   source.limit = amplifier->limit;
   if (amplifier->gain > 0.0) {
     source.reference = state->output[j];
-    source.gain = amplifier->gain + 0.5 * seconds * amplifier->reset;
-    source.voltage = state->integral[j];
+    source.gain = amplifier->gain;
+    source.reset = amplifier->reset;
   } else {
-    source.reference = 0.0;
-    source.gain = 0.0;
     source.voltage = state->output[j];
   }
-  anhyst_plant_coil_step(&bearing->magnet[j], coil, &source, gap, seconds);
-  if (coil->voltage < source.limit && coil->voltage > -source.limit) {
-    state->integral[j] += seconds * amplifier->reset * (source.reference - coil->current);
-  }
+  anhyst_plant_coil_step(&bearing->magnet[j], &state->coil[j], &source, gap_of(bearing, state, j),
+                         seconds);
 }
 
-static double pushed(const anhyst_plant_bearing *bearing, double gap, double *damping)
+/* All that pushes the armature now, but for damping. */
+static double pushed(const anhyst_plant_bearing *bearing, const anhyst_plant_state *state,
+                     double *damping)
 {
-  const double over = gap > bearing->stop_high  ? gap - bearing->stop_high
-                      : gap < bearing->stop_low ? gap - bearing->stop_low
-                                                : 0.0;
+  const double over = state->gap > bearing->stop_high  ? state->gap - bearing->stop_high
+                      : state->gap < bearing->stop_low ? state->gap - bearing->stop_low
+                                                       : 0.0;
+  *damping = bearing->damping;
   if (over > 0.0 || over < 0.0) {
     *damping += bearing->stop_damping;
   }
-  return -bearing->stop_stiffness * over;
+  return state->load + bearing->mass * bearing->gravity - state->force -
+         bearing->stop_stiffness * over;
+}
+
+static void magnets_step(const anhyst_plant_bearing *bearing, anhyst_plant_state *state,
+                         double seconds)
+{
+  int j;
+  for (j = 0; j < bearing->magnets; j++) {
+    const double current = state->coil[j].current;
+    const double density = state->coil[j].density;
+    winding_step(bearing, state, j, seconds);
+    anhyst_plant_sensor_follow(&bearing->current_sensor, &state->current_sensing[j], current,
+                               state->coil[j].current);
+    anhyst_plant_sensor_follow(&bearing->hall_probe, &state->hall_sensing[j], density,
+                               state->coil[j].density);
+  }
+  sum_up(bearing, state);
 }
 
 static void substep(const anhyst_plant_bearing *bearing, anhyst_plant_state *state,
                     double load_command)
 {
   const double seconds = bearing->tick / (double)bearing->substeps;
-  const double gap_before = state->gap;
-  const double force_before = state->force;
-  const double middle = gap_before + 0.5 * seconds * state->velocity;
-  double current[ANHYST_PLANT_MAGNETS];
-  double density[ANHYST_PLANT_MAGNETS];
-  double damping = bearing->damping;
-  double drive;
-  double force;
-  double lag;
-  int j;
+  const double push = 0.5 * seconds / bearing->mass;
+  const double gap = state->gap;
+  const double force = state->force;
+  double damping;
+  double pushing;
   if (state->due[state->at]) {
     memcpy(state->output, state->line[state->at], sizeof state->output);
     state->due[state->at] = 0;
   }
   state->at = (state->at + 1U) & MASK;
-  for (j = 0; j < bearing->magnets; j++) {
-    current[j] = state->coil[j].current;
-    density[j] = state->coil[j].density;
-    winding_step(bearing, state, j, j == 0 ? middle : bearing->gap_total - middle, seconds);
-  }
-  state->force = state->coil[0].force - (bearing->magnets > 1 ? state->coil[1].force : 0.0);
-  lag = bearing->load.share * (load_command - state->load);
-  drive = state->load + 0.5 * lag;
-  state->load += lag;
-  force =
-      drive + bearing->mass * bearing->gravity - state->force + pushed(bearing, middle, &damping);
-  lag = 0.5 * seconds * damping / bearing->mass;
-  state->velocity = (state->velocity * (1.0 - lag) + seconds * force / bearing->mass) / (1.0 + lag);
-  state->gap = middle + 0.5 * seconds * state->velocity;
-  anhyst_plant_sensor_follow(&bearing->gap_sensor, &state->gap_sensing, gap_before, state->gap);
-  anhyst_plant_sensor_follow(&bearing->force_sensor, &state->force_sensing, force_before,
-                             state->force);
-  for (j = 0; j < bearing->magnets; j++) {
-    anhyst_plant_sensor_follow(&bearing->current_sensor, &state->current_sensing[j], current[j],
-                               state->coil[j].current);
-    anhyst_plant_sensor_follow(&bearing->hall_probe, &state->hall_sensing[j], density[j],
-                               state->coil[j].density);
-  }
+  pushing = pushed(bearing, state, &damping);
+  state->velocity += push * (pushing - damping * state->velocity);
+  state->gap += seconds * state->velocity;
+  magnets_step(bearing, state, seconds);
+  state->load += bearing->load.share * (load_command - state->load);
+  pushing = pushed(bearing, state, &damping);
+  state->velocity = (state->velocity + push * pushing) / (1.0 + push * damping);
+  anhyst_plant_sensor_follow(&bearing->gap_sensor, &state->gap_sensing, gap, state->gap);
+  anhyst_plant_sensor_follow(&bearing->force_sensor, &state->force_sensing, force, state->force);
 }
 
 /* What the state controller of the load drive commands at this tick. */

@@ -14,6 +14,21 @@ typedef struct {
   double widens; /* 1 - gap*(change of the area for each metre)/area */
 } around;
 
+/* Where a step ends. */
+typedef struct {
+  around around; /* the iron; cells only */
+  double gap;    /* m */
+  double half;   /* of the step, s */
+  double begun;  /* flux linkage there, but for what the end itself adds, Wb */
+} ending;
+
+/* What is found there. */
+typedef struct {
+  double field;   /* in the iron, A/m; cells only */
+  double steady;  /* current that the field needs, A */
+  double current; /* with that of the eddies, A */
+} reached;
+
 static around around_iron(const anhyst_plant_circuit *c, double gap)
 {
   around found;
@@ -94,81 +109,140 @@ static anhyst_plant_row row_at(const anhyst_plant_law *law, double gap)
   return found;
 }
 
-/* Takes the law to a current; where it has no solution its state stays. */
+/* Takes the law to a current; where it has no solution its state stays. The eddy currents follow
+   the flux density by the backward formula of second order, which rings at no step. */
 static void law_moves(const anhyst_plant_law *law, anhyst_plant_coil *coil, double gap,
                       double per_second)
 {
   const anhyst_plant_row row = row_at(law, gap);
+  const double before = anhyst_flux_of_f64(law->iron, &coil->law);
+  const double opposing = law->eddy * per_second;
   anhyst_circuit_f64 circuit;
   double flux;
   circuit.gap_ratio = row.gap_ratio;
-  circuit.eddy = law->eddy * per_second;
-  (void)anhyst_commit_f64(law->iron, &coil->law, &circuit, row.drive * (coil->current - row.zero));
+  circuit.eddy = 1.5 * opposing;
+  (void)anhyst_commit_f64(law->iron, &coil->law, &circuit,
+                          row.drive * (coil->current - row.zero) + 0.5 * opposing * coil->stride);
   flux = anhyst_flux_of_f64(law->iron, &coil->law);
+  coil->stride = flux - before;
   coil->density = flux;
   coil->force = row.gain * flux * flux + row.offset;
 }
 
-/* Where the step would go under u = gain*(reference - current) + voltage without limits. */
-static double try_step(const anhyst_plant_magnet *magnet, const anhyst_plant_coil *coil,
-                       const anhyst_plant_source *s, double gap, double half, double *current)
+/* What the eddy currents take of the winding's current, A for each V that is induced in it. */
+static double eddy_share(const anhyst_plant_magnet *magnet)
 {
-  const double b = half * (s->gain + magnet->resistance);
-  const double r = coil->psi + half * (s->gain * s->reference + s->voltage);
+  const anhyst_plant_circuit *c = magnet->circuit;
+  return c ? c->eddy * c->iron_length / (magnet->turns * magnet->turns * c->iron_area) : 0.0;
+}
+
+/* Current that flows where the field alone needs so much of it. */
+static double current_under(const anhyst_plant_magnet *magnet, double steady,
+                            const anhyst_plant_source *s)
+{
+  const double share = eddy_share(magnet);
+  return (steady + share * (s->gain * s->reference + s->voltage)) /
+         (1.0 + share * (s->gain + magnet->resistance));
+}
+
+/* Where its voltage is beyond the limit, makes of a source one that gives the limit; tells whether
+   it did. The current then lies even farther from the reference: the limit holds there too. */
+static int limited(anhyst_plant_source *s, double current)
+{
+  const double voltage = s->gain * (s->reference - current) + s->voltage;
+  if (fabs(voltage) <= s->limit) {
+    return 0;
+  }
+  s->gain = 0.0;
+  s->voltage = copysign(s->limit, voltage);
+  return 1;
+}
+
+/* Takes iron and current to the end of a step of twice so many seconds. The flux linkage there is
+   begun, plus what the end adds. */
+static void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil *coil,
+                      const anhyst_plant_source *s, const ending *end, reached *found)
+{
+  const double given = s->gain * s->reference + s->voltage;
+  const double taken = s->gain + magnet->resistance;
   if (magnet->circuit) {
     const anhyst_plant_circuit *c = magnet->circuit;
-    const around at = around_iron(c, gap);
-    const double eddy = c->eddy * c->iron_length / half;
-    const double past = eddy * coil->psi / (magnet->turns * c->iron_area);
+    const double half = end->half / (1.0 + eddy_share(magnet) * taken);
     const double per_field = c->iron_length / magnet->turns;
-    const double per_density = (eddy + at.outer * c->iron_area) / magnet->turns;
+    const double per_density = end->around.outer * c->iron_area / magnet->turns;
     const double weight = magnet->turns * c->iron_area;
     double density;
-    const double field =
-        anhyst_plant_field(&c->steel, &coil->cells, b * per_field, weight + b * per_density,
-                           r + b * past / magnet->turns, weight * TOLERANCE, &density);
-    *current = per_field * field + per_density * density - past / magnet->turns;
-    return field;
+    found->field = anhyst_plant_field(&c->steel, &coil->cells, half * taken * per_field,
+                                      weight + half * taken * per_density,
+                                      end->begun + half * given, weight * TOLERANCE, &density);
+    found->steady = per_field * found->field + per_density * density;
+  } else {
+    found->steady = current_for(&magnet->law->table, end->gap, end->half * taken,
+                                end->begun + end->half * given, coil->steady);
   }
-  *current = current_for(&magnet->law->table, gap, b, r, coil->current);
-  return 0.0;
+  found->current = current_under(magnet, found->steady, s);
+}
+
+static void iron_follows(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                         const ending *end, double field)
+{
+  if (magnet->circuit) {
+    anhyst_plant_move(&magnet->circuit->steel, &coil->cells, field);
+    pull(magnet->circuit, &end->around, coil);
+  } else {
+    law_moves(magnet->law, coil, end->gap, 0.5 / end->half);
+  }
 }
 
 void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             const anhyst_plant_source *source, double gap, double seconds)
 {
   const double half = 0.5 * seconds;
-  double current;
-  double field = try_step(magnet, coil, source, gap, half, &current);
-  double voltage = source->gain * (source->reference - current) + source->voltage;
-  double middle;
-  if (fabs(voltage) > source->limit) {
-    /* The left side rises with the field, so the limit holds at the new root as well. */
-    anhyst_plant_source limited = {0.0, 0.0, 0.0, 0.0};
-    voltage = copysign(source->limit, voltage);
-    limited.voltage = voltage;
-    field = try_step(magnet, coil, &limited, gap, half, &current);
-  }
-  coil->current = current;
-  coil->voltage = voltage;
-  coil->heat += seconds * magnet->resistance * current * current;
-  coil->energy += seconds * voltage * current;
+  anhyst_plant_source s = *source;
+  ending end = {{0.0, 0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
+  reached found = {0.0, 0.0, 0.0};
+  double before;
+  double voltage;
+  int beyond;
+  s.voltage += coil->integral;
+  before = current_under(magnet, coil->steady, &s);
+  beyond = limited(&s, before);
+  before = current_under(magnet, coil->steady, &s);
+  voltage = s.gain * (s.reference - before) + s.voltage;
+  end.begun = coil->psi + half * (voltage - magnet->resistance * before);
+  coil->heat += half * magnet->resistance * before * before;
+  coil->energy += half * voltage * before;
+
+  end.gap = gap;
+  end.half = half;
   if (magnet->circuit) {
-    const around at = around_iron(magnet->circuit, gap);
-    anhyst_plant_move(&magnet->circuit->steel, &coil->cells, field);
-    pull(magnet->circuit, &at, coil);
-    middle = magnet->turns * magnet->circuit->iron_area * coil->cells.density;
-  } else {
-    double slope;
-    law_moves(magnet->law, coil, gap, 1.0 / seconds);
-    middle = linkage(&magnet->law->table, current, gap, &slope);
+    end.around = around_iron(magnet->circuit, gap);
   }
-  coil->psi = 2.0 * middle - coil->psi;
+  s = *source;
+  s.gain += half * s.reset;
+  s.voltage += coil->integral + half * s.reset * (s.reference - before);
+  end_under(magnet, coil, &s, &end, &found);
+  if (limited(&s, found.current)) {
+    beyond = 1;
+    end_under(magnet, coil, &s, &end, &found);
+  }
+  voltage = s.gain * (s.reference - found.current) + s.voltage;
+  coil->psi = end.begun + half * (voltage - magnet->resistance * found.current);
+  coil->heat += half * magnet->resistance * found.current * found.current;
+  coil->energy += half * voltage * found.current;
+  coil->steady = found.steady;
+  coil->current = found.current;
+  coil->voltage = voltage;
+  if (!beyond) {
+    coil->integral += half * source->reset * (2.0 * source->reference - before - found.current);
+  }
+  iron_follows(magnet, coil, &end, found.field);
 }
 
 void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             double current, double gap)
 {
+  coil->steady = current;
   coil->current = current;
   coil->voltage = magnet->resistance * current;
   if (magnet->circuit) {

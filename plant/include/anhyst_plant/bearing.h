@@ -9,8 +9,8 @@
 
    Stepped from outside, tick by tick: read what the sensors say at the beginning of a tick, then go
    on by one tick with what was computed from it. The currents take effect so many sub-steps after
-   the reading. Inside, a fixed step: half a step of drift, the windings by the implicit midpoint
-   rule, the velocity, the other half of the drift. Second order in the sub-step. */
+   the reading. Inside, a fixed step: the velocity by half a step, the gap, the windings by the
+   trapezoidal rule, the velocity by the other half. Second order in the sub-step. */
 #ifndef ANHYST_PLANT_BEARING_H
 #define ANHYST_PLANT_BEARING_H
 
@@ -73,11 +73,10 @@ typedef struct {
 typedef struct {
   double gap;      /* true, m */
   double velocity; /* of the gap, m/s */
-  double force;    /* of the magnets, net, N, in the middle of the last sub-step */
+  double force;    /* of the magnets, net, N */
   double load;     /* of the load drive, N */
   anhyst_plant_coil coil[ANHYST_PLANT_MAGNETS];
-  double integral[ANHYST_PLANT_MAGNETS]; /* of the amplifiers, V */
-  double output[ANHYST_PLANT_MAGNETS];   /* of the converters, A or V */
+  double output[ANHYST_PLANT_MAGNETS]; /* of the converters, A or V */
   double line[ANHYST_PLANT_DELAY_MOST][ANHYST_PLANT_MAGNETS];
   unsigned char due[ANHYST_PLANT_DELAY_MOST]; /* whether line has something for this sub-step */
   unsigned at;                                /* sub-step, modulo ANHYST_PLANT_DELAY_MOST */
@@ -93,6 +92,15 @@ typedef struct {
 /* At rest on the upper stop (the largest gap) without current or load, the iron demagnetised. */
 void anhyst_plant_start(const anhyst_plant_bearing *bearing, anhyst_plant_state *state,
                         uint64_t seed);
+
+/* Puts the armature somewhere else. */
+void anhyst_plant_place(const anhyst_plant_bearing *bearing, anhyst_plant_state *state, double gap,
+                        double velocity);
+
+/* Takes the current of a magnet so slowly to another that nothing is induced; there the amplifier
+   holds it. */
+void anhyst_plant_hold(const anhyst_plant_bearing *bearing, anhyst_plant_state *state, int magnet,
+                       double current);
 
 /* What the sensors say now. Once a tick: every reading draws its own noise. */
 void anhyst_plant_read(const anhyst_plant_bearing *bearing, anhyst_plant_state *state,

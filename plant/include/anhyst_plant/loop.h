@@ -45,8 +45,7 @@ typedef struct {
 
 #define ANHYST_LOOP_DROP 256U
 
-/* Columns of a record, one row a tick, all at its beginning but current_A to flux_density_T, which
-   belong to the middle of the sub-step before. */
+/* Columns of a record, one row a tick, all at its beginning. */
 #define ANHYST_LOOP_COLUMNS 18
 #define ANHYST_LOOP_NAMES                                                                          \
   "t_s reference_m gap_m gap_read_m velocity_m_per_s demand_N force_N load_N command_A current_A " \

@@ -10,8 +10,9 @@
    law: an identified model. The pull comes from the law, c_H*(I - I_0) through rho(gap) to B and
    c_out*B^2 + F_0; the flux linkage from a table psi(I, gap), odd in I.
 
-   The flux linkage moves by the implicit midpoint rule, dpsi/dt = u - resistance*current: second
-   order, stable for any step. Both kinds are one equation with a rising left side. */
+   The flux linkage moves by the trapezoidal rule, dpsi/dt = u - resistance*current: second order,
+   stable for any step, and the iron turns round exactly where a voltage that jumps between two
+   steps makes it. Both kinds are one equation with a rising left side. */
 #ifndef ANHYST_PLANT_MAGNET_H
 #define ANHYST_PLANT_MAGNET_H
 
@@ -67,11 +68,12 @@ typedef struct {
   double resistance; /* ohm */
 } anhyst_plant_magnet;
 
-/* What drives the winding over one step: u = gain*(reference - current) + voltage, within limits.
-   gain 0 is a voltage. */
+/* What drives the winding over one step: u = gain*(reference - current) + integral + voltage,
+   within limits; beyond them the integral stands still. gain and reset 0 are a voltage. */
 typedef struct {
   double reference; /* A */
   double gain;      /* V/A, >= 0 */
+  double reset;     /* by which the integral follows reference - current, V/(A s) */
   double voltage;   /* V */
   double limit;     /* largest |u|, V */
 } anhyst_plant_source;
@@ -80,16 +82,19 @@ typedef struct {
 typedef struct {
   anhyst_plant_cells cells;
   anhyst_state_f64 law;
-  double psi;     /* flux linkage at the end of the step, Wb */
-  double current; /* in its middle, as all that follows, A */
-  double voltage; /* V */
-  double force;   /* pull, N */
-  double density; /* flux density in the gap, T */
-  double heat;    /* given to the winding's resistance so far, J */
-  double energy;  /* taken from the amplifier so far, J */
+  double stride;   /* law: by which the flux density moved last, T */
+  double psi;      /* flux linkage, Wb */
+  double current;  /* A */
+  double steady;   /* current without that of the eddies in the iron, A */
+  double voltage;  /* V */
+  double integral; /* of the source, V */
+  double force;    /* pull, N */
+  double density;  /* flux density in the gap, T */
+  double heat;     /* given to the winding's resistance so far, J */
+  double energy;   /* taken from the amplifier so far, J */
 } anhyst_plant_coil;
 
-/* One step of so many seconds at the gap in its middle. */
+/* One step of so many seconds that ends at this gap. */
 void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             const anhyst_plant_source *source, double gap, double seconds);
 

@@ -12,7 +12,7 @@ public:
   void hold(double current, double gap) { anhyst_plant_coil_hold(&magnet_, &coil_, current, gap); }
   void step(double voltage, double gap, double seconds)
   {
-    const anhyst_plant_source source = {0.0, 0.0, voltage, HUGE_VAL};
+    const anhyst_plant_source source = {0.0, 0.0, 0.0, voltage, HUGE_VAL};
     anhyst_plant_coil_step(&magnet_, &coil_, &source, gap, seconds);
   }
   // Many currents at once; rows of pull, flux linkage, flux density in the gap.

@@ -169,17 +169,13 @@ public:
     const double command[ANHYST_PLANT_MAGNETS] = {first, second};
     anhyst_plant_advance(&bearing_, &state_, command, load);
   }
-  void place(double gap, double velocity)
-  {
-    state_.gap = gap;
-    state_.velocity = velocity;
-  }
+  void place(double gap, double velocity) { anhyst_plant_place(&bearing_, &state_, gap, velocity); }
   void hold(double current, int magnet)
   {
-    const double gap = magnet ? bearing_.gap_total - state_.gap : state_.gap;
-    anhyst_plant_coil_hold(&bearing_.magnet[magnet ? 1 : 0], &state_.coil[magnet ? 1 : 0], current,
-                           gap);
-    state_.output[magnet ? 1 : 0] = current;
+    if (magnet < 0 || magnet >= bearing_.magnets) {
+      throw std::invalid_argument("no such magnet");
+    }
+    anhyst_plant_hold(&bearing_, &state_, magnet, current);
   }
 
   const anhyst_plant_bearing *settings() const { return &bearing_; }
