@@ -12,13 +12,8 @@ import pytest
 from scipy.signal import cont2discrete
 
 from anhyst.control import Pidd2, design, to_control
-from anhyst.simulate.linear import (
-    Chain,
-    Compensation,
-    Loop,
-    Point,
-    tuned_amplifier,
-)
+from anhyst.simulate.linear import Amplifier, Chain, DigitalAmplifier, Point, sampled
+from anhyst.simulate.linearloop import Compensation, Loop
 
 RATE = 20e3
 # The example bearing: 80 Hz of unstable pole.
@@ -30,7 +25,8 @@ POINT = Point(
     resistance=1.2,
     damping=3.0,
 )
-AMPLIFIER = tuned_amplifier(2500.0, 20e-3, 1.2)
+# Follows its reference as a lag of 2500 Hz.
+AMPLIFIER = Amplifier(gain=2.0 * math.pi * 2500.0 * 20e-3, reset=2.0 * math.pi * 2500.0 * 1.2)
 CONTROLLER = Pidd2(
     rate=RATE,
     **vars(design(2.0, 120.0, 1.0, virtual_mass=0.2)),
@@ -144,7 +140,7 @@ def test_behind_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
     gains = design(2.0, 120.0, 0.6)
     loop = Loop(
         replace(POINT, damping=0.0),
-        tuned_amplifier(50e3, 20e-3, 1.2),
+        Amplifier(2.0 * math.pi * 50e3 * 20e-3, 2.0 * math.pi * 50e3 * 1.2),
         Chain(rate, 0.0),
         Pidd2(rate=rate, **vars(gains)),
         Compensation(POINT.k_i, POINT.k_s),
@@ -232,3 +228,79 @@ def test_sampling_of_the_plant_agrees_with_scipy() -> None:
     expected = cont2discrete((motion, into, np.eye(1, 4), np.zeros((1, 1))), 1.0 / RATE)
     assert a == pytest.approx(expected[0], rel=1e-9, abs=1e-12)
     assert c == pytest.approx(expected[2][0])
+
+
+def in_laplace(point: Point, amplifier: Amplifier, s: complex) -> complex:
+    """Position for each ampere of the reference, from the equations as they are written down."""
+    tau = point.eddy_time
+    # Unknown: position, i_m, current, voltage, flux linkage.
+    equations = np.array(
+        [
+            [
+                point.mass * s**2 + point.damping * s - point.k_s,
+                -point.k_i,
+                0.0,
+                0.0,
+                0.0,
+            ],
+            [point.k_i, point.inductance, 0.0, 0.0, -1.0],
+            [0.0, 0.0, point.resistance, -1.0, s],
+            [0.0, 1.0, -1.0, 0.0, tau / point.inductance * s],
+            [0.0, 0.0, amplifier.gain + amplifier.reset / s, 1.0, 0.0],
+        ]
+    )
+    known = np.array([0.0, 0.0, 0.0, 0.0, amplifier.gain + amplifier.reset / s])
+    return complex(np.linalg.solve(equations, known)[0])
+
+
+@pytest.mark.parametrize("eddy_time", [0.0, 30e-6, 300e-6])
+def test_the_plant_obeys_its_equations(eddy_time: float) -> None:
+    rate = 1e6
+    point = replace(POINT, eddy_time=eddy_time)
+    amplifier = Amplifier(300.0, 5e4)
+    a, b, c = sampled(point, amplifier, Chain(rate, 0.0))
+    for frequency in (3.0, 40.0, 500.0, 4000.0):
+        s = 2j * math.pi * frequency
+        z = np.exp(s / rate)
+        found = complex(c @ np.linalg.solve(z * np.eye(len(b)) - a, b))
+        hold = complex((1.0 - 1.0 / z) * rate / s)
+        assert found == pytest.approx(hold * in_laplace(point, amplifier, s), rel=1e-5)
+
+
+def test_a_digital_current_controller_computes_once_a_tick() -> None:
+    """Against the same law in a loop over the ticks, around the plant of a voltage."""
+    digital = DigitalAmplifier(feed=1.1, gain=150.0, reset=8.0, sensor_bandwidth=10e3)
+    chain = Chain(RATE, 1.25, 5e3)
+    point, fine = replace(POINT, eddy_time=50e-6), 4
+    a, b, c = sampled(point, digital, chain)
+    references = np.random.default_rng(2).standard_normal(50)
+    state, found = np.zeros(len(b)), []
+    for reference in references:
+        found.append(float(c @ state))
+        state = a @ state + b * reference
+    # Position, velocity, i_m, the position read, the current read.
+    held, lags = point.eddy_time / point.inductance, 2.0 * math.pi * np.array([5e3, 10e3])
+    share = 1.0 / (1.0 + point.resistance * held)
+    motion = np.zeros((5, 5))
+    motion[0, 1] = 1.0
+    motion[1, :3] = np.array([point.k_s, -point.damping, point.k_i]) / point.mass
+    motion[2, 1:3] = -np.array([point.k_i, share * point.resistance]) / point.inductance
+    motion[3, [0, 3]] = lags[0], -lags[0]
+    motion[4, [2, 4]] = lags[1] * share, -lags[1]
+    into = np.array([[0.0], [0.0], [share / point.inductance], [0.0], [lags[1] * share * held]])
+    over, by, *_ = cont2discrete((motion, into, np.eye(5), np.zeros((5, 1))), 1.0 / (RATE * fine))
+    state, integral, expected, line = np.zeros(5), 0.0, [], [0.0] * 5
+    for reference in references:
+        expected.append(float(state[3]))
+        error = reference - float(state[4])
+        voltage = digital.feed * reference + digital.gain * error + integral
+        integral += digital.reset * error
+        for _ in range(fine):
+            line.append(voltage)
+            state = over @ state + by[:, 0] * line.pop(0)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * float(np.max(np.abs(expected))))
+
+
+def test_a_current_that_jumps_with_the_voltage_must_be_read_through_a_lag() -> None:
+    with pytest.raises(ValueError, match="through a lag"):
+        sampled(replace(POINT, eddy_time=1e-4), DigitalAmplifier(1.2, 100.0, 1.0), Chain(RATE, 1.0))

@@ -14,7 +14,8 @@ from scipy.signal import cont2discrete
 
 from anhyst._core import Controller
 from anhyst.control import Pidd2, design
-from anhyst.simulate.linear import Chain, Compensation, Loop, Point, tuned_amplifier
+from anhyst.simulate.linear import Amplifier, Chain, Point
+from anhyst.simulate.linearloop import Compensation, Loop
 from anhyst.simulate.recording import COLUMNS, Recording
 from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity, spread
 from anhyst.simulate.zones import BOUNDARIES, zone
@@ -22,7 +23,7 @@ from anhyst.simulate.zones import BOUNDARIES, zone
 RATE, STEPS = 20e3, 4
 Row = NDArray[np.float64]
 POINT = Point(2.0, 123.0, 5e5, 20e-3, 1.2)
-AMPLIFIER = tuned_amplifier(2500.0, 20e-3, 1.2)
+AMPLIFIER = Amplifier(gain=314.0, reset=19e3)
 CONTROLLER = Pidd2(rate=RATE, **vars(design(2.0, 120.0, 1.0)), cutoff=2000.0)
 LINEAR = Loop(POINT, AMPLIFIER, Chain(RATE, 1.0), CONTROLLER, Compensation(123.0, 4e5))
 
