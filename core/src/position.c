@@ -73,8 +73,7 @@ static int are_sound_q31(const anhyst_position_limits_q31 *limits,
     const int16_t shift = settings->units.gap[i].factor.shift;
     factors = factors && shift >= ANHYST_PIDD2_SHIFT_LOW && shift <= ANHYST_PIDD2_SHIFT_HIGH;
   }
-  return factors && limits->current_low <= 0 && limits->current_high >= 0 &&
-         limits->current_low < limits->current_high && limits->current_step > 0 &&
+  return factors && limits->current_low < limits->current_high && limits->current_step > 0 &&
          distance(limits->current_low, limits->current_high) % (uint32_t)limits->current_step ==
              0U &&
          limits->release >= limits->current_step;

@@ -3,6 +3,18 @@
 /* What follows is the same in every format; the few operations in which they differ stand before
    it: position.c for q31, generic/position_real.h for the others. */
 
+static int ANHYST_NAME(magnets)(const ANHYST_NAME(anhyst_position) *c)
+{
+  return c->drive[1] != 0 ? 2 : 1;
+}
+
+/* What counts as no current: of those that can be driven the nearest to it. */
+static ANHYST_REAL ANHYST_NAME(zero)(const ANHYST_NAME(anhyst_position_limits) *limits)
+{
+  return ANHYST_NAME(on_grid)(limits,
+                              ANHYST_NAME(within)(0, limits->current_low, limits->current_high));
+}
+
 anhyst_status ANHYST_NAME(anhyst_position_init)(
     ANHYST_NAME(anhyst_position) *c, const ANHYST_NAME(anhyst_position_limits) *limits,
     const ANHYST_NAME(anhyst_position_settings) *settings, ANHYST_NAME(anhyst_drive) *drive,
@@ -19,19 +31,17 @@ anhyst_status ANHYST_NAME(anhyst_position_init)(
   c->settings = settings;
   c->drive[0] = drive;
   c->drive[1] = drive_2;
+  for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
+    c->current[i] = ANHYST_NAME(zero)(limits);
+  }
   anhyst_levitation_start(&c->levitation);
   return ANHYST_OK;
-}
-
-static int ANHYST_NAME(magnets)(const ANHYST_NAME(anhyst_position) *c)
-{
-  return c->drive[1] != 0 ? 2 : 1;
 }
 
 /* Whether no current was driven at the tick before. */
 static uint16_t ANHYST_NAME(is_at_zero)(const ANHYST_NAME(anhyst_position) *c)
 {
-  const ANHYST_REAL zero = ANHYST_NAME(on_grid)(c->limits, 0);
+  const ANHYST_REAL zero = ANHYST_NAME(zero)(c->limits);
   return c->current[0] == zero && (c->drive[1] == 0 || c->current[1] == zero) ? 1U : 0U;
 }
 
@@ -111,6 +121,7 @@ static void ANHYST_NAME(want)(ANHYST_NAME(anhyst_position) *c,
                               ANHYST_REAL *wanted)
 {
   const ANHYST_REAL release = c->limits->release;
+  const ANHYST_REAL zero = ANHYST_NAME(zero)(c->limits);
   const uint16_t phase = c->levitation.phase;
   if (phase == ANHYST_PHASE_HOLD) {
     for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
@@ -122,7 +133,7 @@ static void ANHYST_NAME(want)(ANHYST_NAME(anhyst_position) *c,
       const ANHYST_REAL low = ANHYST_NAME(difference)(c->current[i], release);
       const ANHYST_REAL high = ANHYST_NAME(sum)(c->current[i], release);
       wanted[i] = phase == ANHYST_PHASE_REST
-                      ? ANHYST_NAME(within)(0, low, high)
+                      ? ANHYST_NAME(within)(zero, low, high)
                       : ANHYST_NAME(anhyst_drive_conditioning)(c->drive[i], c->levitation.tick);
     }
   } else {

@@ -95,8 +95,7 @@ static int ANHYST_NAME(are_sound)(const ANHYST_NAME(anhyst_position_limits) *lim
     numbers = numbers && ANHYST_NAME(is_number)(units->gap[i].offset) &&
               ANHYST_NAME(is_number)(units->gap[i].factor);
   }
-  return numbers && limits->current_low <= R(0.0) && limits->current_high >= R(0.0) &&
-         limits->current_step > R(0.0) &&
+  return numbers && ANHYST_NAME(is_number)(limits->current_low) && limits->current_step > R(0.0) &&
          ANHYST_NAME(is_whole)(limits->current_high - limits->current_low, limits->current_step) &&
          limits->release >= limits->current_step;
 }

@@ -3,10 +3,10 @@
 /* What the amplifiers can be told. Constants of a board, outside anything that can be exchanged. */
 typedef struct {
   anhyst_levitation_limits levitation; /* q31 of the position's full scale */
-  ANHYST_REAL current_low;             /* not above 0 */
-  ANHYST_REAL current_high;            /* above low, by a whole number of steps, and not below 0 */
+  ANHYST_REAL current_low;
+  ANHYST_REAL current_high; /* above low by a whole number of steps */
   ANHYST_REAL current_step; /* of the converter, > 0: currents are low, low + step, ... */
-  ANHYST_REAL release;      /* change of a current that is to go to zero, a tick, > 0 */
+  ANHYST_REAL release;      /* change of a current that is to go to zero, a tick, >= a step */
 } ANHYST_NAME(anhyst_position_limits);
 
 /* How the position is controlled; may be exchanged between two ticks. */

@@ -1,0 +1,186 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the position controller in fixed point, for settings and signals of any kind. */
+#include "anhyst/position.h"
+
+#include <string.h>
+
+#include "check.h"
+#include "edges.h"
+#include "maps.h"
+
+static int16_t entries[MOST_COLUMNS * MOST_ROWS];
+
+static anhyst_factor any_factor(void)
+{
+  const anhyst_factor factor = {(int16_t)any_within(-32768, 32767), (int16_t)any_within(-15, 16)};
+  return factor;
+}
+
+static anhyst_pidd2_gains_q31 any_gains(void)
+{
+  anhyst_pidd2_gains_q31 gains;
+  gains.proportional = any_factor();
+  gains.integral = any_factor();
+  gains.derivative = any_factor();
+  gains.second = any_factor();
+  gains.load = any_factor();
+  gains.back = any_factor();
+  gains.back.mantissa = (int16_t)any_within(0, 32767);
+  gains.smoothing.mantissa = (int16_t)any_within(-32768, 0);
+  gains.smoothing.shift = (int16_t)any_within(0, 1);
+  gains.smoothing_2 = gains.smoothing;
+  gains.unweighted = (int16_t)any_within(-32768, 0);
+  gains.reserved = 0;
+  gains.low = any_code();
+  gains.high = any_within(gains.low, ANHYST_Q31_MAX);
+  return gains;
+}
+
+static anhyst_position_limits_q31 any_limits(void)
+{
+  anhyst_position_limits_q31 limits;
+  limits.levitation.low = any_within(ANHYST_Q31_MIN, ANHYST_Q31_MAX - 1);
+  limits.levitation.high = any_within(limits.levitation.low + 1, ANHYST_Q31_MAX);
+  limits.levitation.step = any_within(1, ANHYST_Q31_MAX);
+  limits.levitation.patience = (uint16_t)any_within(0, 4);
+  limits.levitation.hold = (uint16_t)any_within(0, 40);
+  limits.levitation.selftest = (uint16_t)any_within(1, 4);
+  /* At most the whole range of the numbers, in steps from one code to all of it. */
+  limits.current_step = any_within(1, 1 << any_within(0, 30));
+  limits.current_low = any_within(ANHYST_Q31_MIN, ANHYST_Q31_MAX / 4);
+  const uint32_t most =
+      (0x7FFFFFFFU - (uint32_t)limits.current_low) / (uint32_t)limits.current_step;
+  limits.current_high =
+      (int32_t)((uint32_t)limits.current_low + most * (uint32_t)limits.current_step);
+  limits.release = any_within(limits.current_step, ANHYST_Q31_MAX);
+  return limits;
+}
+
+static anhyst_position_settings_q31 any_settings(void)
+{
+  anhyst_position_settings_q31 settings;
+  settings.levitation.detect = any_within(1, 1 << any_within(0, 30));
+  settings.levitation.rise = any_within(1, ANHYST_Q31_MAX);
+  settings.levitation.descend = any_within(1, ANHYST_Q31_MAX);
+  settings.levitation.lift = any_within(1, 1 << any_within(0, 30));
+  settings.levitation.set_down = any_within(1, ANHYST_Q31_MAX);
+  settings.levitation.most = any_within(1, ANHYST_Q31_MAX);
+  settings.gains = any_gains();
+  for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
+    settings.units.gap[i].offset = any_code();
+    settings.units.gap[i].factor = any_factor();
+  }
+  settings.bias = any_code();
+  settings.measured = (uint16_t)any_within(0, 1);
+  return settings;
+}
+
+/* Mostly positions that can be, so that every state is reached. */
+static anhyst_position_sample_q31 any_sample(const anhyst_position_limits_q31 *limits, int tick)
+{
+  anhyst_position_sample_q31 sample;
+  sample.position = any_within(limits->levitation.low, limits->levitation.high);
+  if (tick % 11 == 0) {
+    sample.position = edge(any_within(0, EDGE_COUNT - 1));
+  }
+  sample.target = any_code();
+  sample.load = edge(any_within(0, EDGE_COUNT - 1));
+  for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
+    sample.current[i] = any_code();
+    sample.flux[i] = any_code();
+  }
+  sample.dropped = (uint16_t)(any_within(0, 7) == 0);
+  sample.command = (uint16_t)(tick % 3 == 0 ? any_within(0, 8) : 0);
+  return sample;
+}
+
+static int is_drivable(const anhyst_position_limits_q31 *limits, int32_t current)
+{
+  const uint32_t above = (uint32_t)current - (uint32_t)limits->current_low;
+  return current >= limits->current_low && current <= limits->current_high &&
+         above % (uint32_t)limits->current_step == 0U;
+}
+
+/* Under sanitizers: nothing overflows, no current leaves its limits or the converter's grid. */
+static void any_signal_is_answered_within_the_limits(void)
+{
+  long seen[6] = {0};
+  long flown = 0;
+  for (int i = 0; i < 3000; i++) {
+    const anhyst_map_q31 map = any_map(entries, (uint16_t)(i % 5), (uint16_t)(i % 3), 8000);
+    const anhyst_position_limits_q31 limits = any_limits();
+    const anhyst_position_settings_q31 settings = any_settings();
+    anhyst_drive_q31 drive[2];
+    anhyst_position_q31 controller;
+    const int pair = i % 2;
+    CHECK(anhyst_drive_init_map_q31(&drive[0], &map, ANHYST_Q31_MIN, any_code()) == ANHYST_OK);
+    CHECK(anhyst_drive_init_map_q31(&drive[1], &map, 0, ANHYST_Q31_MAX) == ANHYST_OK);
+    CHECK(anhyst_position_init_q31(&controller, &limits, &settings, &drive[0],
+                                   pair ? &drive[1] : 0) == ANHYST_OK);
+    for (int tick = 0; tick < SIGNALS; tick++) {
+      const anhyst_position_sample_q31 sample = any_sample(&limits, tick);
+      anhyst_position_answer_q31 answer;
+      anhyst_position_tick_q31(&controller, &sample, &answer);
+      CHECK(is_drivable(&limits, answer.current[0]));
+      CHECK(pair ? is_drivable(&limits, answer.current[1]) : answer.current[1] == 0);
+      CHECK(answer.state / 16U <= ANHYST_LEVITATION_FAULT && answer.state % 16U <= 7U);
+      seen[answer.state / 16U]++;
+      flown += anhyst_levitation_controls(&controller.levitation);
+    }
+  }
+  for (int state = 1; state < 6; state++) {
+    CHECK(seen[state] > 5000);
+  }
+  CHECK(flown > 5000);
+}
+
+static void unsound_settings_are_refused(void)
+{
+  const anhyst_map_q31 map = any_map(entries, 3, 2, 1000);
+  anhyst_position_limits_q31 sound = any_limits();
+  const anhyst_position_settings_q31 settings = any_settings();
+  anhyst_position_settings_q31 wrong = settings;
+  anhyst_drive_q31 drive;
+  anhyst_position_q31 controller;
+  anhyst_position_q31 untouched;
+  sound.current_low = -1000;
+  sound.current_high = 1000;
+  sound.current_step = 10;
+  sound.release = 10;
+  CHECK(anhyst_drive_init_map_q31(&drive, &map, 0, 1) == ANHYST_OK);
+  memset(&controller, 0x55, sizeof controller);
+  memcpy(&untouched, &controller, sizeof controller);
+#define REFUSED(place, value)                                                                      \
+  do {                                                                                             \
+    anhyst_position_limits_q31 limits = sound;                                                     \
+    limits.place = (value);                                                                        \
+    CHECK(anhyst_position_init_q31(&controller, &limits, &settings, &drive, 0) ==                  \
+          ANHYST_BAD_PARAMETER);                                                                   \
+  } while (0)
+  REFUSED(current_step, 0);
+  REFUSED(current_step, 7);
+  REFUSED(current_low, 1000);
+  REFUSED(release, 9);
+  REFUSED(levitation.step, 0);
+  REFUSED(levitation.selftest, 0);
+  REFUSED(levitation.high, sound.levitation.low);
+#undef REFUSED
+  wrong.units.gap[0].factor.shift = 17;
+  CHECK(anhyst_position_init_q31(&controller, &sound, &wrong, &drive, 0) == ANHYST_BAD_PARAMETER);
+  wrong = settings;
+  wrong.gains.low = ANHYST_Q31_MAX;
+  wrong.gains.high = 0;
+  CHECK(anhyst_position_init_q31(&controller, &sound, &wrong, &drive, 0) == ANHYST_BAD_PARAMETER);
+  wrong = settings;
+  wrong.levitation.detect = 0;
+  CHECK(anhyst_position_init_q31(&controller, &sound, &wrong, &drive, 0) == ANHYST_BAD_PARAMETER);
+  CHECK(memcmp(&controller, &untouched, sizeof controller) == 0);
+  CHECK(anhyst_position_init_q31(&controller, &sound, &settings, &drive, 0) == ANHYST_OK);
+}
+
+int main(void)
+{
+  any_signal_is_answered_within_the_limits();
+  unsound_settings_are_refused();
+  return verdict();
+}
