@@ -12,8 +12,15 @@ import pytest
 from scipy.signal import cont2discrete
 
 from anhyst.control import Pidd2, design, to_control
-from anhyst.simulate.linear import Amplifier, Chain, DigitalAmplifier, Point, sampled
-from anhyst.simulate.linearloop import Compensation, Loop
+from anhyst.simulate.linear import (
+    Amplifier,
+    Chain,
+    Compensation,
+    DigitalAmplifier,
+    Loop,
+    Point,
+)
+from anhyst.simulate.linearplant import sampled
 
 RATE = 20e3
 # The example bearing: 80 Hz of unstable pole.

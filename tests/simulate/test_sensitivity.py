@@ -14,8 +14,7 @@ from scipy.signal import cont2discrete
 
 from anhyst._core import Controller
 from anhyst.control import Pidd2, design
-from anhyst.simulate.linear import Amplifier, Chain, Point
-from anhyst.simulate.linearloop import Compensation, Loop
+from anhyst.simulate.linear import Amplifier, Chain, Compensation, Loop, Point
 from anhyst.simulate.recording import COLUMNS, Recording
 from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity, spread
 from anhyst.simulate.zones import BOUNDARIES, zone

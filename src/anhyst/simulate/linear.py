@@ -1,258 +1,249 @@
-"""A bearing linearised at an operating point, from tick to tick.
+"""A loop around a linearised bearing: loop gain, sensitivity, poles and margins.
 
-With the position ``p = gap_middle - gap``, the winding's voltage v, current i and flux linkage psi,
-and the current i_m that would hold that flux::
-
-    m p'' = k_i i_m + k_s p - d p'
-    psi' = L i_m' + k_i p' = v - R i      motion induces what the force takes
-    i = i_m + (t/L) psi'                  eddy currents hold the flux back by the time t
-
-Nothing is approximated in going over to ticks: what the controller puts out is held for a tick and
-takes effect after the delay, which may be a fraction of a tick. A symmetric pair of magnets behaves
-as one with k_i, k_s, L and R of both added up, and so does its compensation.
+The controller is the core's, with the gains per tick that it runs with; between it and the current
+stands what compensates the magnet, linearised too.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq, minimize_scalar
+
+from anhyst.control import Pidd2
+from anhyst.simulate.linearplant import Amplifier, Chain, DigitalAmplifier, Point, sampled
+
+__all__ = [
+    "Amplifier",
+    "Chain",
+    "Compensation",
+    "DigitalAmplifier",
+    "Loop",
+    "Margins",
+    "Point",
+]
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+_GRID = 3000  # frequencies between which crossings are searched
+_LOWEST = 1e-5  # of them, in parts of the rate
 
 
 @dataclass(frozen=True)
-class Point:
-    """What a bearing is for small movements.
+class Compensation:
+    """What stands between demand and current: ``i = (u - k_s p)/k_i``.
 
     Parameters
     ----------
-    mass : float
-        kg.
     k_i : float
-        Force for each ampere, N/A.
-    k_s : float
-        Force for each metre that the gap closes, N/m, less what the load drive gives; positive
-        where the magnet is unstable.
-    inductance : float
-        For small changes at this gap, H.
-    resistance : float
-        Ohm.
-    damping : float, optional
-        N s/m.
-    eddy_time : float, optional
-        By which the flux lags behind the current, s.
+        N/A.
+    k_s : float, optional
+        N/m; 0 for a constant ratio of force and current.
     """
 
-    mass: float
     k_i: float
-    k_s: float
-    inductance: float
-    resistance: float
-    damping: float = 0.0
-    eddy_time: float = 0.0
-
-    @property
-    def pole_at_current(self) -> float:
-        """The fastest growing pole while the flux follows a held current, Hz; negative: stable."""
-        return _rightmost(_motion(self)[:2, :2])
-
-    @property
-    def pole_at_voltage(self) -> float:
-        """The same while the voltage is held: the winding slows it down, Hz."""
-        return _rightmost(_motion(self))
+    k_s: float = 0.0
 
 
 @dataclass(frozen=True)
-class Amplifier:
-    """An analogue current controller, ``v = gain e + reset times the integral of e``.
+class Margins:
+    """How far a loop is from instability.
 
     Parameters
     ----------
-    gain : float
-        V/A.
-    reset : float
-        V/(A s).
+    stable : bool
+        Whether the closed loop is; the margins mean something only if it is.
+    gain_down, gain_up : float
+        Factors below and above 1 by which the loop gain may change; 0 and infinite without limit.
+    phase : float
+        Least phase margin, degrees.
+    delay : float
+        Additional delay that makes it unstable, s (exact for whole ticks); infinite if none does.
+    crossover : float
+        Highest frequency with a loop gain of 1, Hz; 0 if there is none.
+    peak : float
+        Of the sensitivity.
+    peak_frequency : float
+        Hz.
     """
 
-    gain: float
-    reset: float
+    stable: bool
+    gain_down: float
+    gain_up: float
+    phase: float
+    delay: float
+    crossover: float
+    peak: float
+    peak_frequency: float
 
 
 @dataclass(frozen=True)
-class DigitalAmplifier:
-    """A current controller that computes a voltage once a tick.
-
-    ``v = feed r + gain (r - i) + I``, ``I`` grows by ``reset (r - i)`` a tick; r is the reference.
-
-    Parameters
-    ----------
-    feed : float
-        V/A; the resistance that it knows.
-    gain : float
-        V/A.
-    reset : float
-        V/A a tick.
-    sensor_bandwidth : float, optional
-        Of the current it reads, Hz; infinite: no lag.
-    """
-
-    feed: float
-    gain: float
-    reset: float
-    sensor_bandwidth: float = math.inf
-
-
-@dataclass(frozen=True)
-class Chain:
-    """When and how fast the loop measures and acts.
-
-    Parameters
-    ----------
-    rate : float
-        Ticks a second, Hz.
-    delay_ticks : float
-        From the sample to the amplifier's command, those of sensor and amplifier included.
-    sensor_bandwidth : float, optional
-        Of the position, Hz; infinite: no lag.
-    """
-
-    rate: float
-    delay_ticks: float
-    sensor_bandwidth: float = math.inf
-
-
-def sampled(
-    point: Point, amplifier: Amplifier | DigitalAmplifier, chain: Chain
-) -> tuple[Floats, Floats, Floats]:
-    """Return matrices a, b, c from the current's reference at a tick to the position read, m/A.
+class Loop:
+    """A linear loop.
 
     Parameters
     ----------
     point : Point
     amplifier : Amplifier or DigitalAmplifier
     chain : Chain
-
-    Returns
-    -------
-    a, b, c : ndarray, shapes (n, n), (n,), (n,)
+    controller : Pidd2
+        Of the rate of the chain.
+    compensation : Compensation
     """
-    motion, into, current, direct = _winding(point)
-    if isinstance(amplifier, Amplifier):
-        motion, into = _under_current(motion, into, current, direct, amplifier)
-        a, b, position = _with_sensor(motion, into, _unit(4, 0), 0.0, chain.sensor_bandwidth)
-        a, b = _ticks(a, b, chain)
-        return a, b, _padded(position, len(b))
-    a, b, position = _with_sensor(motion, into, _unit(3, 0), 0.0, chain.sensor_bandwidth)
-    if math.isinf(amplifier.sensor_bandwidth) and direct != 0.0:
-        raise ValueError("with eddy currents the current must be read through a lag")
-    reads = _padded(current, len(b))
-    a, b, current = _with_sensor(a, b, reads, direct, amplifier.sensor_bandwidth)
-    a, b = _ticks(a, b, chain)
-    n = len(b)
-    reads = _padded(current, n)
-    closed = np.block(
-        [
-            [a - amplifier.gain * np.outer(b, reads), b[:, None]],
-            [-amplifier.reset * reads[None, :], np.ones((1, 1))],
-        ]
+
+    point: Point
+    amplifier: Amplifier | DigitalAmplifier
+    chain: Chain
+    controller: Pidd2
+    compensation: Compensation
+
+    def __post_init__(self) -> None:
+        if not math.isclose(self.controller.rate, self.chain.rate, rel_tol=1e-9):
+            raise ValueError(
+                f"the controller runs at {self.controller.rate:g} Hz, the loop at "
+                f"{self.chain.rate:g} Hz"
+            )
+
+    @cached_property
+    def plant(self) -> tuple[Floats, Floats, Floats]:
+        """Matrices a, b, c from the current's reference at a tick to the position read, m/A."""
+        return sampled(self.point, self.amplifier, self.chain)
+
+    def plant_response(self, frequency: ArrayLike) -> Complexes:
+        """Return the position read for each ampere of the reference, m/A.
+
+        Parameters
+        ----------
+        frequency : array_like, shape (n,)
+            Hz.
+        """
+        a, b, c = self.plant
+        return _response(a, b, c, self._z(frequency))
+
+    def response(self, frequency: ArrayLike) -> Complexes:
+        """Return the loop gain L; the sensitivity is 1/(1 + L).
+
+        Parameters
+        ----------
+        frequency : array_like, shape (n,)
+            Hz.
+        """
+        z = self._z(frequency)
+        a, b, c, d = _controller(self.controller)
+        feedback = -(_response(a, b[:, 1], c, z) + d[1])  # of the position
+        current = (feedback + self.compensation.k_s) / self.compensation.k_i
+        return np.asarray(current * _response(*self.plant, z))
+
+    def sensitivity(self, frequency: ArrayLike) -> Complexes:
+        """Return what the controller sees of what is added to the sensor.
+
+        Parameters
+        ----------
+        frequency : array_like, shape (n,)
+            Hz.
+        """
+        return np.asarray(1.0 / (1.0 + self.response(frequency)))
+
+    @cached_property
+    def poles(self) -> Complexes:
+        """Of the closed loop, in z; stable if all lie within the unit circle."""
+        a, b, c = self.plant
+        own, into, out, through = _controller(self.controller)
+        share = 1.0 / self.compensation.k_i
+        direct = share * (through[1] - self.compensation.k_s)
+        closed = np.block(
+            [
+                [a + direct * np.outer(b, c), share * np.outer(b, out)],
+                [np.outer(into[:, 1], c), own],
+            ]
+        )
+        return np.asarray(np.linalg.eigvals(closed), dtype=np.complex128)
+
+    @property
+    def stable(self) -> bool:
+        """Whether the closed loop is; a filter or integral without gain does not count."""
+        return bool(np.max(np.abs(self.poles)) < 1.0)
+
+    @cached_property
+    def margins(self) -> Margins:
+        """How far it is from instability."""
+        return _margins(self)
+
+    def _z(self, frequency: ArrayLike) -> Complexes:
+        turn = 2j * np.pi / self.chain.rate
+        return np.exp(turn * np.atleast_1d(np.asarray(frequency, dtype=float)))
+
+
+def _controller(controller: Pidd2) -> tuple[Floats, Floats, Floats, Floats]:
+    """Matrices of the core's controller; inputs reference and position, the output is the demand.
+
+    States: filtered position, filtered velocity and integral, as in ``pidd2_real.h``.
+    """
+    p, k, d, e, _, _, s, t, weight = controller.per_tick[:9]
+    # first = s (y - position), second = t (first - velocity)
+    a = np.array([[1.0 - s, 0.0, 0.0], [-s * t, 1.0 - t, 0.0], [0.0, 0.0, 1.0]])
+    b = np.array([[0.0, s], [0.0, s * t], [k, -k]])
+    out = np.array([d * s + e * s * t, e * t, 1.0])
+    through = np.array([weight * p, -p - d * s - e * s * t])
+    used = [d != 0.0 or e != 0.0, e != 0.0, k != 0.0]
+    return a[np.ix_(used, used)], b[used], out[used], through
+
+
+def _response(a: Floats, b: Floats, c: Floats, z: Complexes) -> Complexes:
+    """Return c (z - a)^-1 b for every z."""
+    if len(b) == 0:
+        return np.zeros(len(z), dtype=np.complex128)
+    whole = z[:, None, None] * np.eye(len(b)) - a
+    return np.asarray(
+        np.linalg.solve(whole, np.broadcast_to(b[:, None], (len(z), len(b), 1)))[..., 0] @ c
     )
-    reference = np.append((amplifier.feed + amplifier.gain) * b, amplifier.reset)
-    return closed, reference, _padded(position, n + 1)
 
 
-def _unit(length: int, place: int) -> Floats:
-    row = np.zeros(length)
-    row[place] = 1.0
-    return row
+def _margins(loop: Loop) -> Margins:
+    """Search the loop gain for its crossings of the negative real axis and the unit circle."""
+    grid = np.geomspace(_LOWEST * loop.chain.rate, 0.5 * loop.chain.rate, _GRID)
 
+    def gain(frequency: float) -> complex:
+        return complex(loop.response(frequency)[0])
 
-def _padded(row: Floats, length: int) -> Floats:
-    return np.concatenate([row, np.zeros(length - len(row))])
-
-
-def _winding(point: Point) -> tuple[Floats, Floats, Floats, float]:
-    """From the voltage: matrices of position, velocity and i_m; the current as row and direct."""
-    held = point.eddy_time / point.inductance
-    share = 1.0 / (1.0 + point.resistance * held)
-    into = np.array([0.0, 0.0, share / point.inductance])
-    return _motion(point), into, np.array([0.0, 0.0, share]), share * held
-
-
-def _motion(point: Point) -> Floats:
-    """Matrix of position, velocity and i_m while the voltage is held."""
-    mass, inductance = point.mass, point.inductance
-    slowed = point.resistance / (inductance + point.resistance * point.eddy_time)
-    return np.array(
-        [
-            [0.0, 1.0, 0.0],
-            [point.k_s / mass, -point.damping / mass, point.k_i / mass],
-            [0.0, -point.k_i / inductance, -slowed],
-        ]
+    values = loop.response(grid)
+    through_axis = [gain(f).real for f in _crossings(lambda f: gain(f).imag, grid, values.imag)] + [
+        float(values[-1].real)
+    ]  # real at half the rate
+    factors = [-1.0 / x for x in through_axis if x < 0.0]
+    ones = _crossings(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
+    turned = [math.degrees(math.atan2((-gain(f)).imag, (-gain(f)).real)) for f in ones]
+    delays = [(angle % 360.0) / 360.0 / f for angle, f in zip(turned, ones, strict=True)]
+    peak_frequency, peak = _peak(loop, grid, np.abs(1.0 / (1.0 + values)))
+    return Margins(
+        stable=loop.stable,
+        gain_down=max((x for x in factors if x < 1.0), default=0.0),
+        gain_up=min((x for x in factors if x > 1.0), default=math.inf),
+        phase=min((abs(angle) for angle in turned), default=180.0),
+        delay=min(delays, default=math.inf),
+        crossover=max(ones, default=0.0),
+        peak=peak,
+        peak_frequency=peak_frequency,
     )
 
 
-def _rightmost(matrix: Floats) -> float:
-    return float(np.max(np.linalg.eigvals(matrix).real)) / (2.0 * math.pi)
+def _crossings(function: Callable[[float], float], grid: Floats, values: Floats) -> list[float]:
+    """Return the roots of a function between neighbours of opposite sign."""
+    change = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
+    return [float(brentq(function, grid[i], grid[i + 1], xtol=1e-9 * grid[i])) for i in change]
 
 
-def _under_current(
-    a: Floats, b: Floats, current: Floats, direct: float, amplifier: Amplifier
-) -> tuple[Floats, Floats]:
-    """Close the analogue current controller, whose integral becomes the last state."""
-    gain, reset = amplifier.gain, amplifier.reset
-    share = 1.0 / (1.0 + gain * direct)  # the voltage passes into the current at once
-    voltage = share * np.append(-gain * current, 1.0)
-    flows = _padded(current, 4) + direct * voltage
-    whole = block_diag(a, 0.0) + np.outer(np.append(b, 0.0), voltage)
-    whole[3] = -reset * flows
-    reference = share * gain
-    return whole, np.append(reference * b, reset * (1.0 - direct * reference))
-
-
-def _with_sensor(
-    a: Floats, b: Floats, reads: Floats, direct: float, bandwidth: float
-) -> tuple[Floats, Floats, Floats]:
-    """Append a lag of first order behind an output, which becomes the output."""
-    if math.isinf(bandwidth):
-        return a, b, reads
-    lag = 2.0 * math.pi * bandwidth
-    whole = block_diag(a, -lag)
-    whole[-1, :-1] = lag * reads
-    return whole, np.append(b, lag * direct), _unit(len(b) + 1, len(b))
-
-
-def _held(a: Floats, b: Floats, seconds: float) -> tuple[Floats, Floats]:
-    """Matrices over a time in which the input is held."""
-    n = len(b)
-    whole = np.zeros((n + 1, n + 1))
-    whole[:n, :n], whole[:n, n] = a, b
-    after = expm(whole * seconds)
-    return after[:n, :n], after[:n, n]
-
-
-def _ticks(a: Floats, b: Floats, chain: Chain) -> tuple[Floats, Floats]:
-    """Go over to ticks: the input of tick n takes effect `delay_ticks` later."""
-    tick, n = 1.0 / chain.rate, len(b)
-    waiting = math.floor(chain.delay_ticks)
-    part = chain.delay_ticks - waiting
-    over_tick, _ = _held(a, b, tick)
-    rest, now = _held(a, b, (1.0 - part) * tick)
-    _, begin = _held(a, b, part * tick)
-    # Rows behind the plant's: what waits, the newest first.
-    line = waiting + (1 if part > 0.0 else 0)
-    whole, into = np.zeros((n + line, n + line)), np.zeros(n + line)
-    whole[:n, :n] = over_tick
-    if part > 0.0:
-        whole[:n, n + line - 1] = rest @ begin
-    if waiting == 0:
-        into[:n] = now
-    else:
-        whole[:n, n + waiting - 1] = now
-    if line > 0:
-        into[n] = 1.0
-        whole[range(n + 1, n + line), range(n, n + line - 1)] = 1.0
-    return whole, into
+def _peak(loop: Loop, grid: Floats, size: Floats) -> tuple[float, float]:
+    """Return frequency and size of the largest sensitivity."""
+    i = int(np.argmax(size))
+    ends = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
+    found = minimize_scalar(
+        lambda f: -abs(complex(loop.sensitivity(f)[0])), bounds=ends, method="bounded"
+    )
+    return float(found.x), float(-found.fun)
