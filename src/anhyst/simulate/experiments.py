@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.limitcycle import limit_cycle
 from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.metrics import deviation, mean_interval, recovery_time
@@ -48,22 +49,30 @@ class Outcome:
     lost: bool
 
 
-def repeat(
+def of_all(
     work: Callable[[Trial], Outcome],
-    setup: Setup,
+    setups: Mapping[Variant, Setup],
     seeds: Sequence[int],
-    what: TrajectoryTable | Event | float | None = None,
+    what: TrajectoryTable | Event | float | None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Run an experiment with every seed; means with half the width of their 95 % intervals.
+    """Run an experiment with every setup and every seed.
 
     Returns
     -------
     dict
-        By name of the figure ``mean``, ``half_width`` and ``count``; ``lost``: seeds in which
-        levitation was lost, which do not count otherwise.
+        By variant and name of the figure ``mean``, ``half_width`` (of the 95 % interval) and
+        ``count``; ``lost``: seeds in which levitation was lost, which do not count otherwise.
     """
-    outcomes = all_of(work, [Trial(setup, seed, what) for seed in seeds], progress)
+    trials = [Trial(setup, seed, what) for setup in setups.values() for seed in seeds]
+    outcomes = all_of(work, trials, progress)
+    return {
+        name: _sum_up(outcomes[place * len(seeds) : (place + 1) * len(seeds)])
+        for place, name in enumerate(setups)
+    }
+
+
+def _sum_up(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     kept = [one.figures for one in outcomes if not one.lost]
     found: dict[str, Any] = {"lost": len(outcomes) - len(kept)}
     for name in kept[0] if len(kept) > 1 else ():

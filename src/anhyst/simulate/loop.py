@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from anhyst._core import BearingLoop
 from anhyst.simulate.plant import current_loop, make_bearing
 from anhyst.simulate.position import make_position
-from anhyst.simulate.recording import HOVER, RUN, Recording
+from anhyst.simulate.recording import FAULT, HOVER, RUN, Recording
 from anhyst.simulate.rigfile import BearingRig
 from anhyst.simulate.scenario import Scenario
 from anhyst.simulate.setup import Setup
@@ -75,6 +75,9 @@ def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | No
         Time, s.
     """
     mechanics = rig.settings.mechanics
+    fault = recording["state"] >= 16 * FAULT
+    if fault.any():
+        since = min(since, int(np.argmax(fault)))
     gap, state = recording["gap_m"][since:], recording["state"][since:]
     flying = (state >= 16 * RUN + 2) & (state <= 16 * RUN + 4)
     touched = (gap <= mechanics.stop_low_m) | (gap >= mechanics.stop_high_m)

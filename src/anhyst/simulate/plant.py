@@ -138,7 +138,7 @@ def make_bearing(rig: BearingRig, seed: int, magnet: Magnet | None = None) -> Be
 
 def current_loop(rig: BearingRig) -> dict[str, float]:
     """Return the digital current controller that stands before amplifiers of voltage."""
-    gain, reset = _current_gains(rig)
+    gain, reset = current_gains(rig)
     needed = rig.settings.amplifier.mode == "voltage"
     return {
         "resistance": rig.settings.magnet.resistance_ohm,
@@ -148,7 +148,7 @@ def current_loop(rig: BearingRig) -> dict[str, float]:
     }
 
 
-def _current_gains(rig: BearingRig) -> tuple[float, float]:
+def current_gains(rig: BearingRig) -> tuple[float, float]:
     """Gain, V/A, and integral, V/(A s), for the bandwidth of the amplifier."""
     settings = rig.settings
     omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
@@ -177,7 +177,7 @@ def _mechanics(rig: BearingRig) -> dict[str, float]:
 
 def _amplifier(rig: BearingRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
-    gain, reset = _current_gains(rig)
+    gain, reset = current_gains(rig)
     by_current = amplifier.mode == "current"
     low = amplifier.current_low_A if by_current else -amplifier.supply_V
     high = amplifier.current_high_A if by_current else amplifier.supply_V

@@ -56,6 +56,15 @@ class Recording:
         return {name: self[name] for name in COLUMNS}
 
 
+ENDINGS = (".csv", ".mat")
+
+
+def check_ending(path: PathLike) -> None:
+    """Refuse a file that :func:`write_recording` would not know how to write."""
+    if Path(path).suffix.lower() not in ENDINGS:
+        raise InputError(f"{path}: a recording is written as .csv or .mat; name it so")
+
+
 def write_recording(path: PathLike, recording: Recording) -> None:
     """Write a recording as CSV or, by its ending, as MAT (version 5).
 
@@ -70,14 +79,12 @@ def write_recording(path: PathLike, recording: Recording) -> None:
     InputError
         Another ending, or the place cannot be written.
     """
-    ending = Path(path).suffix.lower()
-    if ending == ".csv":
+    check_ending(path)
+    if Path(path).suffix.lower() == ".csv":
         write_csv(path, recording.columns)
-    elif ending == ".mat":
-        from scipy.io import savemat
+        return
+    from scipy.io import savemat
 
-        content = io.BytesIO()
-        savemat(content, dict(recording.columns), do_compression=True, oned_as="column")
-        write_bytes(path, content.getvalue())
-    else:
-        raise InputError(f"{path}: a recording is written as .csv or .mat; name it so")
+    content = io.BytesIO()
+    savemat(content, dict(recording.columns), do_compression=True, oned_as="column")
+    write_bytes(path, content.getvalue())

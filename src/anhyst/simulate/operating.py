@@ -1,0 +1,122 @@
+"""The operating point of a bearing: slopes of its magnet, poles, and the linear loop around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import Coil
+from anhyst.errors import InputError
+from anhyst.simulate import linear
+from anhyst.simulate.plant import current_gains, make_magnet, static_map
+from anhyst.simulate.rigfile import BearingRig, check_load, check_rate
+from anhyst.simulate.setup import Setup
+from anhyst.simulate.slopes import Reversal, measure_reversal
+
+Floats = NDArray[np.float64]
+
+_CURRENTS = 1200
+_GAP_STEP = 2e-6
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """What a bearing is where it works.
+
+    Parameters
+    ----------
+    gap : float
+        m.
+    force : float
+        Of one magnet, N.
+    current : float
+        Midway between the rising and the falling branch, A.
+    force_max : float
+        Largest at this gap, N.
+    slopes : Reversal
+        Static slopes, and those just after the current was turned.
+    point : linear.Point
+        The whole bearing for small movements.
+    """
+
+    gap: float
+    force: float
+    current: float
+    force_max: float
+    slopes: Reversal
+    point: linear.Point
+
+
+def find_operating_point(rig: BearingRig) -> OperatingPoint:
+    """Measure the magnet of a rig at its operating gap and load.
+
+    Raises
+    ------
+    InputError
+        No current carries the load, or the sample rate is too slow for the unstable pole.
+    """
+    settings = rig.settings
+    gap, high = settings.simulate.gap_m, settings.amplifier.current_high_A
+    pair = settings.magnet.arrangement == "pair"
+    up = np.linspace(0.0, high, _CURRENTS)
+    path = np.concatenate([up, up[::-1]])
+    force, psi, _ = static_map(rig, path, np.full(path.size, gap))
+    check_load(rig, float(force[_CURRENTS - 1]))
+    wanted = settings.magnet.bias_force_N if pair else rig.load
+    assert wanted is not None
+    if not float(force[0]) < wanted < float(force[_CURRENTS - 1]):
+        raise InputError(
+            f"{rig.path}: load.force_N: {wanted:g} N is not within what the magnet pulls at "
+            f"{gap:g} m, 0 to {float(force[_CURRENTS - 1]):.4g} N; a single magnet needs a load"
+        )
+    rising = float(np.interp(wanted, force[:_CURRENTS], up))
+    falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
+    current = 0.5 * (rising + falling)
+    coil = Coil(make_magnet(rig))
+
+    def step(amperes: float, metres: float) -> float:
+        coil.hold(amperes, metres)
+        return coil.force
+
+    slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
+    around = 0.05 * high
+    ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
+    magnets = 2.0 if pair else 1.0
+    point = linear.Point(
+        mass=settings.mechanics.mass_kg,
+        k_i=slopes.static.k_i,
+        k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
+        inductance=float(ends[1] - ends[0]) / (2.0 * around),
+        resistance=settings.magnet.resistance_ohm,
+        damping=settings.mechanics.damping_N_s_per_m + settings.load.damping_N_s_per_m,
+    )
+    check_rate(rig, point.pole_at_current)
+    return OperatingPoint(gap, wanted, current, float(force[_CURRENTS - 1]), slopes, point)
+
+
+def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
+    """Return the loop of a setup for small movements, as if its drive knew the static slopes.
+
+    A constant ratio cancels no negative stiffness; every other drive cancels all of it.
+    """
+    rig = setup.rig
+    timing, amplifier = rig.settings.timing, rig.settings.amplifier
+    sensor = rig.settings.position_sensor.sensor()
+    gain, reset = current_gains(rig)
+    late = timing.delay_ticks + (amplifier.delay_s + sensor.delay) * timing.rate_Hz
+    ratio = setup.drive.variant in ("ratio", "ratio-chord")
+    k_i = setup.drive.numbers["k_i_N_per_A"] if ratio else at.point.k_i
+    return linear.Loop(
+        point=at.point,
+        amplifier=linear.Amplifier(gain, reset),
+        chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth),
+        controller=setup.controller.pidd2(),
+        compensation=linear.Compensation(k_i, 0.0 if ratio else at.point.k_s),
+    )
+
+
+def sweep_frequencies(rig: BearingRig) -> Floats:
+    """Return the frequencies of a swept sine, Hz: around everything that a bearing's loop does."""
+    return np.geomspace(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)

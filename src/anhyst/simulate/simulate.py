@@ -1,0 +1,310 @@
+"""Simulate a magnetic bearing and tell what compensation is worth: ``anhyst simulate``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.atomic import PathLike, atomic_writer, check_writable
+from anhyst.compile.folder import json_text
+from anhyst.errors import NegativeResult
+from anhyst.simulate import experiments, linear
+from anhyst.simulate.controllerfile import ControllerFile, Variant, read_controller
+from anhyst.simulate.loop import Loop, lost_at
+from anhyst.simulate.operating import (
+    OperatingPoint,
+    find_operating_point,
+    linear_loop,
+    sweep_frequencies,
+)
+from anhyst.simulate.recording import Recording, check_ending, write_recording
+from anhyst.simulate.responses import Cell, as_rows, compare, default_seeds
+from anhyst.simulate.rigfile import BearingRig, read_bearing
+from anhyst.simulate.scenario import LIFT_S, Command, Scenario, Script, steps_up_and_down
+from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity
+from anhyst.simulate.setup import Knowledge, Setup, make_setups, read_knowledge
+
+Floats = NDArray[np.float64]
+Progress = Callable[[float, float], None]
+
+COMPARED: tuple[Variant, ...] = ("ratio", "linearised", "static", "flux", "simplified", "full")
+"""What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
+
+SINE_M = 0.5e-6
+"""Amplitude of the swept sine, m."""
+
+_RESTLESS = 0.01
+"""Part of the travel: an armature that moves by more in its hover, rms, is not held."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What a simulation gave.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    controller : ControllerFile
+    knowledge : Knowledge
+        Loops and model.
+    setups : mapping of str to Setup
+        By variant.
+    at : OperatingPoint
+    recording : Recording
+        Of the controller file's own variant: lift-off, steps, load steps, landing.
+    shown : mapping of str to Recording
+        The steps alone, one noise seed, by variant.
+    scenario : Scenario
+        Of these.
+    cells : list of Cell
+        Figures of all steps, over all seeds.
+    loops : mapping of str to linear.Loop
+        For small movements, by variant.
+    sensitivity : mapping of str to Sensitivity
+        As measured, by variant.
+    figures : dict
+        What ``figures.json`` holds.
+    """
+
+    rig: BearingRig
+    controller: ControllerFile
+    knowledge: Knowledge
+    setups: Mapping[Variant, Setup]
+    at: OperatingPoint
+    recording: Recording
+    shown: Mapping[Variant, Recording]
+    scenario: Scenario
+    cells: list[Cell]
+    loops: Mapping[Variant, linear.Loop]
+    sensitivity: Mapping[Variant, Sensitivity]
+    figures: dict[str, Any]
+
+    @property
+    def own(self) -> Variant:
+        """Variant of the controller file."""
+        return self.controller.settings.compensation.variant
+
+
+def simulate(
+    rig_path: PathLike,
+    out: PathLike,
+    controller_path: PathLike | None = None,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Simulate a bearing with every kind of compensation; write recording and ``figures.json``.
+
+    Parameters
+    ----------
+    rig_path : path-like
+        Rig file of a bearing.
+    out : path-like
+        Recording to write, ``.csv`` or ``.mat``; ``figures.json`` goes beside it.
+    controller_path : path-like, optional
+        Controller file; ``controller.toml`` beside the rig file if left out.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read or does not fit the others.
+    NegativeResult
+        Levitation was lost; the recording is kept.
+    """
+    rig = read_bearing(rig_path)
+    beside = Path(rig_path).parent / "controller.toml"
+    controller = read_controller(beside if controller_path is None else controller_path)
+    check_ending(out)
+    check_writable(out, reads=[rig.path, controller.path, rig.loops])
+    at = find_operating_point(rig)
+    knowledge = read_knowledge(rig, controller)
+    own = controller.settings.compensation.variant
+    setups = make_setups(rig, controller, knowledge, _variants(rig, own))
+    recording = _whole_run(setups[own])
+    write_recording(out, recording)
+    _refuse_lost(rig, recording, out)
+    report = _stages(progress, 6)
+    cells = compare(
+        list(setups.values()),
+        _gaps(rig),
+        _heights(rig),
+        [_load(rig)],
+        default_seeds(rig),
+        report(0),
+    )
+    scenario = steps_up_and_down(rig, rig.settings.simulate.gap_m, _heights(rig))
+    shown = {name: Loop(setup).run(scenario) for name, setup in setups.items()}
+    loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
+    sensitivity = {name: sweep(setup) for name, setup in setups.items()}
+    figures = {
+        "format": "anhyst-simulation",
+        "rig": rig.settings.name,
+        "controller": controller.settings.name,
+        "variant": own,
+        "number_format": controller.settings.compensation.format,
+        "supply_V": rig.settings.amplifier.supply_V,
+        "rate_Hz": rig.settings.timing.rate_Hz,
+        "delay_ticks": rig.settings.timing.delay_ticks,
+        "operating_point": _point(at),
+        "steps": as_rows(cells),
+        **_experiments(rig, setups, report),
+        "loop": {name: asdict(loop.margins) for name, loop in loops.items()},
+        "sensitivity": {
+            name: {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
+            for name, one in sensitivity.items()
+        },
+    }
+    with atomic_writer(Path(out).parent / "figures.json") as stream:
+        stream.write(json_text(figures))
+    return Simulation(
+        rig=rig,
+        controller=controller,
+        knowledge=knowledge,
+        setups=setups,
+        at=at,
+        recording=recording,
+        shown=shown,
+        scenario=scenario,
+        cells=cells,
+        loops=loops,
+        sensitivity=sensitivity,
+        figures=figures,
+    )
+
+
+def sweep(setup: Setup, seed: int = 0) -> Sensitivity:
+    """Measure the sensitivity of a loop at its operating point by a swept sine."""
+    rig = setup.rig
+    loop = Loop(setup, seed)
+    loop.run(Script(rig, rig.settings.simulate.gap_m).lift_off().build())
+
+    def run(inject: Floats) -> Recording:
+        return loop.run(Script(rig, rig.settings.simulate.gap_m).hold(0.0, inject).build())
+
+    rate = rig.settings.timing.rate_Hz
+    return measure_sensitivity(run, sweep_frequencies(rig), SINE_M, rate)
+
+
+def _variants(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
+    found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
+    return tuple(dict.fromkeys([*found, own]))
+
+
+def _gaps(rig: BearingRig) -> list[float]:
+    return [rig.settings.simulate.gap_m, *rig.settings.simulate.also_gaps_m]
+
+
+def _heights(rig: BearingRig) -> list[float]:
+    return rig.settings.simulate.steps_m
+
+
+def _load(rig: BearingRig) -> float:
+    return rig.settings.load.force_N
+
+
+def _whole_run(setup: Setup) -> Recording:
+    """Lift off, step, load, land."""
+    rig = setup.rig
+    tried = rig.settings.simulate
+    scenario = steps_up_and_down(rig, tried.gap_m, tried.steps_m)
+    loop = Loop(setup)
+    parts = [loop.run(scenario)]
+    script = Script(rig, float(scenario.target[-1]))
+    for step in tried.load_steps_N:
+        script.set_load(_load(rig) + step).hold(0.15).set_load(_load(rig)).hold(0.15)
+    script.command(Command.LAND).hold(0.5)
+    if len(parts[0]) == scenario.ticks:
+        parts.append(loop.run(script.build()))
+    return Recording(np.concatenate([part.table for part in parts]))
+
+
+def _refuse_lost(rig: BearingRig, recording: Recording, out: PathLike) -> None:
+    """Raise where the armature was not held before the landing; the recording has been written."""
+    steps = steps_up_and_down(rig, rig.settings.simulate.gap_m, _heights(rig)).ticks
+    flight = recording.part(0, steps)
+    lifted = round(LIFT_S / rig.dt)
+    lost = lost_at(rig, flight, lifted)
+    if lost is not None:
+        raise NegativeResult(
+            f"levitation was lost at {lost:.4f} s: the gains do not hold this bearing; the "
+            f"recording is kept in {out}"
+        )
+    travel = rig.settings.mechanics.stop_high_m - rig.settings.mechanics.stop_low_m
+    hover = flight["gap_m"][lifted - lifted // 8 : lifted]
+    if float(np.std(hover)) > _RESTLESS * travel:
+        raise NegativeResult(
+            f"the armature oscillates by {1e6 * float(np.std(hover)):.3g} um rms at "
+            f"{LIFT_S:.2f} s: the gains do not hold this bearing; the recording is kept in {out}"
+        )
+
+
+def _stages(progress: Progress | None, count: int) -> Callable[[int], Callable[[int, int], None]]:
+    """Return what makes the progress of one stage a part of the whole."""
+
+    def of_stage(stage: int) -> Callable[[int, int], None]:
+        def update(done: int, total: int) -> None:
+            if progress is not None:
+                progress(stage + done / total, count)
+
+        return update
+
+    return of_stage
+
+
+def _experiments(
+    rig: BearingRig,
+    setups: Mapping[Variant, Setup],
+    report: Callable[[int], Callable[[int, int], None]],
+) -> dict[str, Any]:
+    """Try everything beside steps, with every variant."""
+    seeds: Sequence[int] = default_seeds(rig)
+    tried = rig.settings.simulate
+    found: dict[str, Any] = {
+        "standstill": experiments.of_all(experiments.stand_still, setups, seeds, None, report(1))
+    }
+    found["trajectories"] = [
+        {
+            "kind": shape.kind,
+            "amplitude_m": shape.amplitude_m,
+            "frequency_Hz": shape.frequency_Hz,
+            "variants": experiments.of_all(experiments.follow, setups, seeds[:5], shape, report(2)),
+        }
+        for shape in tried.trajectories
+    ]
+    found["load_steps"] = [
+        {
+            "force_N": force,
+            "variants": experiments.of_all(experiments.step_load, setups, seeds, force, report(3)),
+        }
+        for force in tried.load_steps_N
+    ]
+    found["events"] = {
+        event: experiments.of_all(experiments.recover, setups, seeds[:5], event, report(4 + i // 2))
+        for i, event in enumerate(experiments.EVENTS)
+    }
+    return found
+
+
+def _point(at: OperatingPoint) -> dict[str, Any]:
+    slopes = at.slopes
+    return {
+        "gap_m": at.gap,
+        "force_N": at.force,
+        "current_A": at.current,
+        "force_max_N": at.force_max,
+        "k_i_N_per_A": slopes.static.k_i,
+        "k_s_N_per_m": at.point.k_s,
+        "k_i_after_reversal_N_per_A": min(slopes.after_rise, slopes.after_fall),
+        "iron": slopes.label,
+        "inductance_H": at.point.inductance,
+        "unstable_pole_Hz": at.point.pole_at_current,
+    }
