@@ -1,0 +1,267 @@
+"""The magnetic bearing: every kind of compensation in the same loop, over irons and steps.
+
+``python benchmarks/bearing.py`` prints the tables of docs/bearing.md.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from anhyst.simulate import experiments
+from anhyst.simulate.controllerfile import ControllerFile, Format, Variant, read_controller
+from anhyst.simulate.measuring import measure_loops
+from anhyst.simulate.operating import OperatingPoint, find_operating_point
+from anhyst.simulate.responses import Cell, compare
+from anhyst.simulate.rigfile import BearingRig, PositionTable, TrajectoryTable, read_bearing
+from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
+from anhyst.simulate.variations import changed, with_iron
+from rows import ROOT, Row
+
+FOLDER = ROOT / "examples" / "bearing"
+IRONS = (0.05, 0.15, 0.3)
+HEIGHTS = (10e-6, 20e-6, 50e-6, 100e-6)
+VARIANTS: tuple[Variant, ...] = (
+    "ratio",
+    "ratio-chord",
+    "linearised",
+    "static",
+    "flux",
+    "simplified",
+    "full",
+)
+SEEDS = range(20)
+
+
+@dataclass(frozen=True)
+class Iron:
+    """One iron of the comparison, and what is known of it."""
+
+    rig: BearingRig
+    at: OperatingPoint
+    knowledge: Knowledge
+    setups: Mapping[Variant, Setup]
+
+    @property
+    def title(self) -> str:
+        """For tables: its reversible fraction, and whether it is pathological."""
+        iron = self.rig.settings.magnet.iron
+        assert iron is not None
+        share = f"{iron.reversible_fraction:g}"
+        return f"{share} (pathological)" if self.at.slopes.label == "pathological" else share
+
+
+def read() -> tuple[BearingRig, ControllerFile]:
+    """Read the example."""
+    return read_bearing(FOLDER / "rig.toml"), read_controller(FOLDER / "controller.toml")
+
+
+def make_iron(rig: BearingRig, controller: ControllerFile, fraction: float) -> Iron:
+    """Measure the loops of an iron, identify its model, fit every variant."""
+    own = with_iron(rig, fraction)
+    knowledge = learn(measure_loops(own))
+    setups = {
+        variant: make_setup(own, controller.settings, knowledge, variant, "fixed")
+        for variant in VARIANTS
+    }
+    return Iron(own, find_operating_point(own), knowledge, setups)
+
+
+def same_gains(iron: Iron) -> list[Cell]:
+    """Steps of every height with every variant behind the same gains."""
+    gap = iron.rig.settings.simulate.gap_m
+    load = iron.rig.settings.load.force_N
+    return compare(list(iron.setups.values()), [gap], HEIGHTS, [load], SEEDS)
+
+
+def overshoot(cells: Sequence[Cell], variant: Variant) -> list[float]:
+    """Mean overshoot of a variant at every height, per cent."""
+    return [one.figures["overshoot_percent"].mean for one in cells if one.variant == variant]
+
+
+def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[Cell]]) -> str:
+    """Overshoot of every cell with its confidence interval, Markdown."""
+    head = "| iron | variant | " + " | ".join(f"{1e6 * h:.0f} um" for h in HEIGHTS)
+    head += " | settling at 50 um | standstill |"
+    lines = [head, "| --- | --- |" + " --- |" * (len(HEIGHTS) + 2)]
+    for iron, cells in zip(irons, results, strict=True):
+        for variant in VARIANTS:
+            mine = [one for one in cells if one.variant == variant]
+            shown = [_percent(one) for one in mine]
+            at_50 = mine[2].figures
+            settling = at_50["settling_time_s"].mean
+            rest = at_50["standstill_rms_m"].mean
+            lines.append(
+                f"| {iron.title} | `{variant}` | {' | '.join(shown)} | {1e3 * settling:.2f} ms | "
+                f"{1e9 * rest:.0f} nm |"
+            )
+    return "\n".join(lines)
+
+
+def _percent(cell: Cell) -> str:
+    one = cell.figures["overshoot_percent"]
+    lost = f" ({cell.lost} lost)" if cell.lost else ""
+    return f"{one.mean:.2f} ± {one.half_width:.2f} %{lost}"
+
+
+def quiet(rig: BearingRig) -> BearingRig:
+    """Return the rig with a sensor of 5 nm rms instead of the encoder."""
+    sensor = rig.settings.position_sensor
+    capacitive = PositionTable(
+        kind="capacitive",
+        low_m=sensor.low_m,
+        high_m=sensor.high_m,
+        noise_m=5e-9,
+        bandwidth_Hz=sensor.bandwidth_Hz,
+    )
+    return changed(rig, {"position_sensor": capacitive})
+
+
+def slow_table(irons: Sequence[Iron]) -> str:
+    """Slow and small: triangle of 20 um at 1 Hz, steps of 1 um; Markdown."""
+    shape = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+    lines = [
+        "| iron | variant | triangle, rms error | its force error | 1 um, overshoot | settling |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for iron in irons:
+        rig = quiet(iron.rig)
+        setups = {name: Setup(rig, s.controller, s.drive) for name, s in iron.setups.items()}
+        tried = experiments.of_all(experiments.follow, setups, SEEDS[:5], shape)
+        gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+        small = compare(list(setups.values()), [gap], [1e-6], [load], SEEDS)
+        for name, cell in zip(setups, small, strict=True):
+            found = tried[name]
+            lines.append(
+                f"| {iron.title} | `{name}` | {1e9 * found['tracking_rms_m']['mean']:.0f} nm | "
+                f"{found['force_error_rms_N']['mean']:.2f} N | {_percent(cell)} | "
+                f"{1e3 * cell.figures['settling_in_noise_s'].mean:.1f} ms |"
+            )
+    return "\n".join(lines)
+
+
+def in_format(iron: Iron, controller: ControllerFile, variant: Variant, name: Format) -> Setup:
+    """Fit a variant of an iron in another number format."""
+    return make_setup(iron.rig, controller.settings, iron.knowledge, variant, name)
+
+
+def rows() -> list[Row]:
+    """Every line of the table that has a reach."""
+    rig, controller = read()
+    irons = [make_iron(rig, controller, fraction) for fraction in IRONS]
+    return [
+        *_claims(irons, [same_gains(iron) for iron in irons]),
+        *_standstill(irons),
+        *_formats(irons[1], controller),
+        *_events(irons[1]),
+    ]
+
+
+def _claims(irons: Sequence[Iron], results: Sequence[Sequence[Cell]]) -> list[Row]:
+    found = []
+    for iron, cells in zip(irons, results, strict=True):
+        full = overshoot(cells, "full")
+        told = {name: overshoot(cells, name) for name in VARIANTS}
+        ratios = [a / b for a, b in zip(full, told["ratio"], strict=True)]
+        found.append(
+            Row(
+                f"bearing, same gains, iron {iron.title}: overshoot of full over ratio",
+                "<= 0.5 at every height",
+                f"{max(ratios):.2f} at worst; "
+                + ", ".join(f"{name} {max(values):.2f} %" for name, values in told.items()),
+                max(ratios) <= 0.5,
+            )
+        )
+    return found
+
+
+def _standstill(irons: Sequence[Iron]) -> list[Row]:
+    found = []
+    for iron in irons:
+        setups = {
+            name: Setup(quiet(iron.rig), one.controller, one.drive)
+            for name, one in iron.setups.items()
+        }
+        tried = experiments.of_all(experiments.stand_still, setups, SEEDS[:10], None)
+        full = tried["full"]
+        told = ", ".join(f"{name} {1e9 * one['rms_m']['mean']:.1f}" for name, one in tried.items())
+        reached = full["rms_m"]["mean"] <= 10e-9 and full["limit_cycle_m"]["mean"] == 0.0
+        asked = iron.rig.settings.magnet.iron is not None and iron is not irons[0]
+        found.append(
+            Row(
+                f"bearing, standstill with a 5 nm sensor, iron {iron.title}",
+                "full <= 10 nm rms, no limit cycle" if asked else "",
+                f"{told} nm",
+                reached if asked else None,
+            )
+        )
+    return found
+
+
+def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
+    variants: tuple[Variant, ...] = ("static", "simplified", "full")
+    formats: tuple[Format, ...] = ("f64", "f32", "fixed")
+    gap, load = iron.rig.settings.simulate.gap_m, iron.rig.settings.load.force_N
+    worst, told = 0.0, []
+    for variant in variants:
+        setups = {name: in_format(iron, controller, variant, name) for name in formats}
+        cells = compare(list(setups.values()), [gap], HEIGHTS, [load], SEEDS)
+        by = [cells[4 * place : 4 * place + 4] for place in range(len(formats))]
+        apart = max(
+            abs(a.figures["overshoot_percent"].mean - b.figures["overshoot_percent"].mean)
+            for a, b in zip(by[0], by[2], strict=True)
+        )
+        still = [
+            experiments.of_all(experiments.stand_still, {variant: one}, SEEDS, None)[variant][
+                "rms_m"
+            ]["mean"]
+            for one in (setups["f64"], setups["fixed"])
+        ]
+        worst = max(worst, apart / 0.5, abs(still[1] / still[0] - 1.0) / 0.1)
+        told.append(
+            f"{variant}: {apart:.3f} points, standstill {1e9 * still[0]:.1f} and "
+            f"{1e9 * still[1]:.1f} nm"
+        )
+    return [
+        Row(
+            "bearing, fixed point against f64 in the same loop",
+            "overshoot within 0.5 points, standstill within 10 %",
+            "; ".join(told),
+            worst <= 1.0,
+        )
+    ]
+
+
+def _events(iron: Iron) -> list[Row]:
+    found = []
+    for event in experiments.EVENTS:
+        tried = experiments.of_all(experiments.recover, iron.setups, SEEDS[:5], event)
+        told = ", ".join(
+            f"{name} {1e3 * one['recovery_s']['mean']:.1f}" if one["lost"] == 0 else f"{name} lost"
+            for name, one in tried.items()
+        )
+        found.append(
+            Row(
+                f"bearing, {event}: back within 1 um after",
+                "no loss of levitation",
+                f"{told} ms",
+                all(one["lost"] == 0 for one in tried.values()),
+            )
+        )
+    return found
+
+
+def main() -> None:
+    began = time.perf_counter()
+    rig, controller = read()
+    irons = [make_iron(rig, controller, fraction) for fraction in IRONS]
+    print(steps_table(irons, [same_gains(iron) for iron in irons]))
+    print()
+    print(slow_table(irons))
+    print(f"{time.perf_counter() - began:.0f} s", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
