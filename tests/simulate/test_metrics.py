@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from anhyst.simulate.metrics import (
     deviation,
     effort,
-    find_steps,
     mean_interval,
     recovery_time,
     step_figures,
@@ -98,20 +97,6 @@ def test_a_standing_error_is_measured_from_the_reference() -> None:
     figures = step_figures(*hold(1.01 * (1.0 - np.exp(-t / 1e-3)), 0.45e-3, 0.44e-3))
     assert figures.steady_error == pytest.approx(-0.01 * 10e-6)
     assert figures.overshoot == pytest.approx(1.0)
-
-
-def test_steps_are_found_and_ramps_are_not() -> None:
-    levels = [(0.55, 500), (0.45, 500), (0.44, 700), (0.45, 50), (0.46, 600)]
-    ramp = np.linspace(0.55, 0.5, 300)
-    row = np.concatenate([ramp, *(np.full(n, level) for level, n in levels)])
-    found = find_steps(row, hold=400)
-    assert [(float(row[s.start]), float(row[s.stop - 1])) for s in found] == [
-        (0.55, 0.45),
-        (0.45, 0.44),
-    ]
-    assert [len(row[s]) for s in found] == [501, 701]
-    for cut in found:
-        assert step_figures(np.arange(len(row))[cut] / RATE, row[cut], row[cut]).overshoot == 0.0
 
 
 def test_what_is_no_step_is_refused() -> None:

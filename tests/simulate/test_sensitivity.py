@@ -16,7 +16,7 @@ from anhyst._core import Controller
 from anhyst.control import Pidd2, design
 from anhyst.simulate.linear import Amplifier, Chain, Compensation, Loop, Point
 from anhyst.simulate.recording import COLUMNS, Recording
-from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity, spread
+from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity
 from anhyst.simulate.zones import BOUNDARIES, zone
 
 RATE, STEPS = 20e3, 4
@@ -113,12 +113,6 @@ def test_a_run_that_ended_early_is_refused() -> None:
     run = bearing()
     with pytest.raises(ValueError, match="ticks where"):
         measure_sensitivity(lambda inject: run(inject[:-1]), [500.0], 1e-6, RATE)
-
-
-def test_spread_is_even_over_decades() -> None:
-    found = spread(1.0, 1000.0, per_decade=4)
-    assert (len(found), found[0], found[-1]) == (13, 1.0, pytest.approx(1000.0))
-    assert np.ptp(np.diff(np.log(found))) < 1e-12
 
 
 @pytest.mark.parametrize(

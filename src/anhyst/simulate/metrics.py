@@ -109,38 +109,13 @@ class Interval:
     count: int
 
 
-def find_steps(reference: ArrayLike, hold: int) -> list[slice]:
-    """Return where the reference jumps between two levels that it keeps.
-
-    Parameters
-    ----------
-    reference : array_like, shape (n,)
-    hold : int
-        Samples for which it must have stood still before, and must stand still after.
-
-    Returns
-    -------
-    list of slice
-        From the last sample before each jump to the last one of its level.
-    """
-    row = np.asarray(reference, dtype=float)
-    jumps = np.flatnonzero(np.diff(row)) + 1  # first samples of new levels
-    edges = np.concatenate([[0], jumps, [len(row)]])
-    before, after = np.diff(edges[:-1]), np.diff(edges[1:])
-    return [
-        slice(int(first) - 1, int(end))
-        for first, end, was, stays in zip(jumps, edges[2:], before, after, strict=True)
-        if was >= hold and stays >= hold
-    ]
-
-
 def step_figures(time: ArrayLike, reference: ArrayLike, gap: ArrayLike) -> StepFigures:
     """Judge one step: one sample of the old level, then the hold at the new one.
 
     Parameters
     ----------
     time, reference, gap : array_like, shape (n,)
-        As cut out by :func:`find_steps`.
+        From the last sample before the step to the last one of the hold.
 
     Returns
     -------

@@ -80,23 +80,6 @@ class _Piece:
     end: int
 
 
-def spread(low: float, high: float, per_decade: int = 12) -> Floats:
-    """Return frequencies at equal ratios.
-
-    Parameters
-    ----------
-    low, high : float
-        First and last, Hz.
-    per_decade : int, optional
-
-    Returns
-    -------
-    ndarray
-    """
-    count = 1 + math.ceil(per_decade * math.log10(high / low))
-    return np.geomspace(low, high, count)
-
-
 def measure_sensitivity(
     run: Callable[[Floats], Recording],
     frequencies: ArrayLike,

@@ -19,7 +19,7 @@ PATHOLOGICAL = 0.25
 _CYCLES = 3  # until a loop has settled
 _SAMPLES = 400  # a branch
 _AROUND = 0.05  # of the range, to either side: where the static slopes are taken
-_TURN = 0.002  # of the range: how far the current goes back
+_TURN = 0.0005  # of the range: how far the current goes back
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def measure_reversal(
     falling = _go(step, gap, high, current)[-1]
     after_fall = (step(current + turn, gap) - falling) / turn
     k_s = (below[0] - above[0]) / (2.0 * gap_step)
-    return Reversal(Slopes(at[0], at[1], k_s), after_rise, after_fall)
+    return Reversal(Slopes(at[0], at[1], k_s), float(after_rise), float(after_fall))
 
 
 def _go(
