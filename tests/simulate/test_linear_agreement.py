@@ -1,0 +1,88 @@
+"""With an iron without memory the running loop is the linear one, for small movements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from anhyst.control import Pidd2
+from anhyst.data import LoopSet
+from anhyst.simulate.controllerfile import read_controller
+from anhyst.simulate.linear import Amplifier, Chain, Compensation, DigitalAmplifier, Loop
+from anhyst.simulate.loop import Loop as Running
+from anhyst.simulate.operating import find_operating_point
+from anhyst.simulate.plant import current_gains
+from anhyst.simulate.recording import Recording
+from anhyst.simulate.rigfile import BearingRig, read_bearing
+from anhyst.simulate.scenario import Script
+from anhyst.simulate.sensitivity import measure_sensitivity
+from anhyst.simulate.setup import Setup, operating_point
+from anhyst.simulate.variants import fit_drive
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+FREQUENCIES = np.array([20.0, 60.0, 120.0, 200.0, 320.0, 450.0, 700.0])
+
+
+def soft_rig(folder: Path, mode: str, eddy_time: float) -> BearingRig:
+    """Return the example's rig with a soft iron, a fine encoder, and this amplifier."""
+    text = (EXAMPLE / "rig.toml").read_text(encoding="utf-8")
+    for old, new in (
+        ('loops = "loops.csv"', f'loops = "{(EXAMPLE / "loops.csv").as_posix()}"'),
+        ("reversible_fraction = 0.15", "reversible_fraction = 1.0"),
+        ("\nstep_m = 50e-9", "\nstep_m = 1e-9"),
+        ('mode = "current"', f'mode = "{mode}"'),
+        ("leakage_H", f"eddy_time_s = {eddy_time}\nleakage_H"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_bearing(path)
+
+
+def linear_loop(
+    rig: BearingRig, controller: Pidd2, drive: Mapping[str, float], eddy_time: float
+) -> Loop:
+    """Put the loop together from the rig's numbers."""
+    gain, reset = current_gains(rig)
+    bandwidth = rig.settings.current_sensor.bandwidth_Hz
+    amplifier = (
+        Amplifier(gain, reset)
+        if rig.settings.amplifier.mode == "current"
+        else DigitalAmplifier(1.2, gain, reset * rig.dt, bandwidth)
+    )
+    return Loop(
+        replace(find_operating_point(rig).point, eddy_time=eddy_time),
+        amplifier,
+        Chain(controller.rate, 1.0, rig.settings.position_sensor.sensor().bandwidth),
+        controller,
+        Compensation(drive["k_i_N_per_A"], drive["k_s_N_per_m"]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("mode", "eddy_time"), [("current", 0.0), ("current", 50e-6), ("voltage", 20e-6)]
+)
+def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: float) -> None:
+    rig = soft_rig(tmp_path, mode, eddy_time)
+    controller = read_controller(EXAMPLE / "controller.toml").settings
+    loops = LoopSet.from_csv(EXAMPLE / "loops.csv")
+    known = operating_point(rig, controller, loops)
+    drive = fit_drive("linearised", loops, None, known, "f64")
+    gap = rig.settings.simulate.gap_m
+    running = Running(Setup(rig, controller, drive))
+    running.run(Script(rig, gap).lift_off().build())
+
+    def run(inject: NDArray[np.float64]) -> Recording:
+        return running.run(Script(rig, gap).hold(0.0, inject).build())
+
+    rate = rig.settings.timing.rate_Hz
+    found = measure_sensitivity(run, FREQUENCIES, 2e-6, rate)
+    linear = linear_loop(rig, controller.pidd2(), drive.numbers, eddy_time)
+    expected = np.abs(linear.sensitivity(FREQUENCIES))
+    assert np.max(np.abs(found.magnitude / expected - 1.0)) < 0.04
