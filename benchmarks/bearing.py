@@ -254,6 +254,7 @@ def _events(iron: Iron) -> list[Row]:
 
 
 def main() -> None:
+    """Print the tables."""
     began = time.perf_counter()
     rig, controller = read()
     irons = [make_iron(rig, controller, fraction) for fraction in IRONS]
