@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
+from scipy.signal import savgol_filter
 
 from anhyst.data import LoopSet
 from anhyst.data.verdict import monotone_fit
@@ -26,6 +27,10 @@ WINDOW = 0.25
 
 TOP = 0.1
 """Share of the known levels that tell the slope beyond the last one."""
+
+DEGREE = 5
+SPAN = 11
+"""Of the polynomial below the smoothing, and the levels that one smoothed value is made of."""
 
 FLATTEST = 0.01
 """A surface rises at least by this share of its mean slope, so that it can be inverted."""
@@ -59,8 +64,8 @@ def fit_surface(loops: LoopSet, force_high: float, gap_range: tuple[float, float
     """Fit the best current without memory.
 
     At every level of force it lies midway between the least and the largest current that the loops
-    of a gap show there: nothing single-valued has a smaller worst error. Beyond what the loops of a
-    gap reach it goes on straight. Over the gap runs a monotone cubic.
+    of a gap show there: nothing single-valued has a smaller worst error. Noise is smoothed away.
+    Beyond what the loops of a gap reach it goes on straight. Over the gap runs a monotone cubic.
 
     Parameters
     ----------
@@ -103,12 +108,24 @@ def _row(middle: Floats, force: Floats, gap: float) -> Floats:
             f"loops: at gap {gap:g} m they show less than a fifth of {force[-1]:g} N; lower the "
             "largest force or measure larger currents"
         )
-    row = monotone_fit(np.interp(force, force[known], middle[known]), np.ones(force.size))
+    filled = _smooth(force, np.interp(force, force[known], middle[known]))
+    row = monotone_fit(filled, np.ones(force.size))
     top = known[-max(3, int(TOP * known.size)) :]
     slope = float(np.polyfit(force[top], row[top], 1)[0])
     beyond = force > force[known[-1]]
     row[beyond] = row[known[-1]] + slope * (force[beyond] - force[known[-1]])
     return row
+
+
+def _smooth(force: Floats, current: Floats) -> Floats:
+    """Take off the noise of the sensors, which would make the slope of the curve restless.
+
+    What is smoothed is the distance from a polynomial over the root of the force, along which the
+    current of a magnet is nearly straight.
+    """
+    root = np.sqrt(force / force[-1])
+    smooth = np.polynomial.Polynomial.fit(root, current, DEGREE)(root)
+    return np.asarray(smooth + savgol_filter(current - smooth, SPAN, 2))
 
 
 def rising(table: Floats) -> Floats:
