@@ -58,15 +58,17 @@ anhyst_status anhyst_drive_init_flux_q31(anhyst_drive_q31 *drive, const anhyst_m
 }
 
 /* What the measured flux adds to the current. Compared is what should show by now, not what is
-   wanted: the difference between those is delay, which no current removes. */
+   wanted: the difference between those is delay, which no current removes. Halved, so that no
+   difference leaves the format. */
 static void correct(anhyst_drive_q31 *drive, int32_t gap, int32_t flux)
 {
   drive->correction = 0;
   if (drive->kind == ANHYST_DRIVE_FLUX) {
-    drive->flux = anhyst_map_value_q31(&drive->loop->wanted, drive->demand, gap);
-    drive->error = flux == ANHYST_NO_FLUX ? 0 : anhyst_sub_q31(drive->expected, flux);
-    drive->correction = anhyst_add_q31(
+    drive->flux = anhyst_map_value_q31(&drive->loop->wanted, drive->demand, gap) >> 1;
+    drive->error = flux == ANHYST_NO_FLUX ? 0 : drive->expected - (flux >> 1);
+    const int32_t half = anhyst_add_q31(
         drive->integral, anhyst_pidd2_product(drive->error, drive->loop->proportional));
+    drive->correction = anhyst_shl_q31(half, 1);
   }
 }
 
@@ -113,11 +115,11 @@ static int32_t commit_compensator(anhyst_drive_q31 *drive, int32_t applied, int3
 static void advance_flux(anhyst_drive_q31 *drive, int32_t applied)
 {
   const anhyst_flux_loop_q31 *loop = drive->loop;
-  const int32_t behind = anhyst_sub_q31(drive->expected, drive->flux);
-  const int32_t missing = anhyst_sub_q31(applied, drive->wanted);
+  const int32_t behind = drive->expected - drive->flux;
+  const int32_t missing = (applied >> 1) - (drive->wanted >> 1);
   const int32_t learnt = anhyst_add_q31(anhyst_pidd2_product(drive->error, loop->integral),
                                         anhyst_pidd2_product(missing, loop->back));
-  drive->expected = anhyst_add_q31(drive->expected, anhyst_pidd2_product(behind, loop->smoothing));
+  drive->expected += anhyst_pidd2_product(behind, loop->smoothing);
   drive->integral = anhyst_add_q31(drive->integral, learnt);
 }
 
@@ -127,7 +129,8 @@ int32_t anhyst_drive_commit_q31(anhyst_drive_q31 *drive, int32_t applied, int32_
   if (drive->kind == ANHYST_DRIVE_COMPENSATOR) {
     output = commit_compensator(drive, applied, gap);
   } else if (drive->solved == 0U) {
-    output = anhyst_map_force_q31(drive->map, anhyst_sub_q31(applied, drive->integral), gap);
+    const int32_t held = anhyst_shl_q31(drive->integral, 1);
+    output = anhyst_map_force_q31(drive->map, anhyst_sub_q31(applied, held), gap);
   } else if (applied != drive->wanted) {
     output = anhyst_map_force_q31(drive->map, anhyst_sub_q31(applied, drive->correction), gap);
   }

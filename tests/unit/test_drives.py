@@ -87,7 +87,7 @@ def words(values: FloatArray, one: float) -> NDArray[np.int16]:
 
 def every_fixed() -> list[FixedDrive]:
     entries, wanted = words(table(), 4.0), words(densities(), 1.0)
-    loop = np.array([[20000, 0], [20000, -3], [20000, -1], [-30000, 0]], dtype=np.int16)
+    loop = np.array([[20000, 0], [20000, -3], [20000, 0], [-30000, 1]], dtype=np.int16)
     drives = [FixedDrive.map(entries, 0, ONE - 1), FixedDrive.flux(entries, wanted, loop, 0, 2**30)]
     return drives + [FixedDrive.compensator(kind, compiled(kind).words) for kind in KINDS]
 
@@ -345,7 +345,7 @@ def test_the_flux_loop_does_not_wind_up_while_the_current_is_limited() -> None:
 def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers() -> None:
     current_scale, flux_scale = 4.0, 1.0
     entries, wanted = words(table(), current_scale), words(densities(), flux_scale)
-    loop = np.array([[20000, 0], [20000, -3], [20000, -1], [-30000, 0]], dtype=np.int16)
+    loop = np.array([[20000, 0], [20000, -3], [20000, 0], [-30000, 1]], dtype=np.int16)
     factors = loop[:, 0] / 65536.0 * 2.0 ** loop[:, 1]
     across = current_scale / flux_scale
     exact = [factors[0] * across, factors[1] * across, factors[2], -factors[3]]

@@ -44,14 +44,14 @@ typedef struct {
   anhyst_compensator compensator;   /* of the kind compensator */
   int32_t low;                      /* limits of the current, of the kinds map and flux */
   int32_t high;
-  int32_t expected;   /* flux density that should show by now */
-  int32_t integral;   /* of the current */
+  int32_t expected;   /* flux density that should show by now, q30 */
+  int32_t integral;   /* of the current, q30 */
   int32_t demand;     /* solved for, within limits */
   int32_t wanted;     /* current of the solve, before its limits */
   int32_t current;    /* and within */
   int32_t correction; /* part of it that the measured flux added */
-  int32_t error;      /* of the flux density */
-  int32_t flux;       /* density of the force solved for */
+  int32_t error;      /* of the flux density, q30 */
+  int32_t flux;       /* density of the force solved for, q30 */
   uint16_t kind;      /* see drive_kind.h */
   uint16_t flags;     /* of the last solve, see flags.h */
   uint16_t solved;    /* whether there was a solve since the last commit */
