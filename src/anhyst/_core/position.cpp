@@ -134,7 +134,14 @@ public:
   int fault() const { return state_.levitation.fault; }
 
 private:
-  static auto drive_state(nb::handle drive) { return nb::cast<typename F::Drive &>(drive).get(); }
+  static auto drive_state(nb::handle drive)
+  {
+    typename F::Drive *found = nullptr;
+    if (!nb::try_cast<typename F::Drive *>(drive, found) || found == nullptr) {
+      throw std::invalid_argument("each drive is a drive of this number format");
+    }
+    return found->get();
+  }
 
   void read(const typename F::Gains::row &gains, const nb::dict &settings)
   {
