@@ -38,7 +38,8 @@ class OperatingPoint:
     slopes : Reversal
         Static slopes, and those just after the current was turned.
     point : linear.Point
-        The whole bearing for small movements.
+        The whole bearing for small movements; a pair as one magnet with the windings in series,
+        whose current is the difference of each one from its bias.
     """
 
     gap: float
@@ -86,34 +87,51 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
     magnets = 2.0 if pair else 1.0
     point = linear.Point(
         mass=settings.mechanics.mass_kg,
-        k_i=slopes.static.k_i,
+        k_i=magnets * slopes.static.k_i,
         k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
-        inductance=float(ends[1] - ends[0]) / (2.0 * around),
-        resistance=settings.magnet.resistance_ohm,
+        inductance=magnets * float(ends[1] - ends[0]) / (2.0 * around),
+        resistance=magnets * settings.magnet.resistance_ohm,
         damping=settings.mechanics.damping_N_s_per_m + settings.load.damping_N_s_per_m,
+        eddy_time=settings.magnet.eddy_time_s,
     )
     check_rate(rig, point.pole_at_current)
     return OperatingPoint(gap, wanted, current, float(force[_CURRENTS - 1]), slopes, point)
 
 
 def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
-    """Return the loop of a setup for small movements, as if its drive knew the static slopes.
+    """Return the loop of a setup for small movements.
 
-    A constant ratio cancels no negative stiffness; every other drive cancels all of it.
+    Constants are those of the drive where it has any; a constant ratio cancels no negative
+    stiffness. Every other drive counts as knowing the static slopes.
     """
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     sensor = rig.settings.position_sensor.sensor()
-    gain, reset = current_gains(rig)
+    magnets = 2.0 if rig.settings.magnet.arrangement == "pair" else 1.0
     late = timing.delay_ticks + (amplifier.delay_s + sensor.delay) * timing.rate_Hz
-    ratio = setup.drive.variant in ("ratio", "ratio-chord")
-    k_i = setup.drive.numbers["k_i_N_per_A"] if ratio else at.point.k_i
+    numbers = setup.drive.numbers
+    k_i = magnets * numbers["k_i_N_per_A"] if "k_i_N_per_A" in numbers else at.point.k_i
+    k_s = at.point.k_s
+    if "k_i_N_per_A" in numbers:
+        k_s = magnets * numbers.get("k_s_N_per_m", 0.0)
     return linear.Loop(
         point=at.point,
-        amplifier=linear.Amplifier(gain, reset),
+        amplifier=_amplifier(rig, magnets),
         chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth),
         controller=setup.controller.pidd2(),
-        compensation=linear.Compensation(k_i, 0.0 if ratio else at.point.k_s),
+        compensation=linear.Compensation(k_i, k_s),
+    )
+
+
+def _amplifier(rig: BearingRig, magnets: float) -> linear.Amplifier | linear.DigitalAmplifier:
+    gain, reset = (magnets * number for number in current_gains(rig))
+    if rig.settings.amplifier.mode == "current":
+        return linear.Amplifier(gain, reset)
+    return linear.DigitalAmplifier(
+        magnets * rig.settings.magnet.resistance_ohm,
+        gain,
+        reset * rig.dt,
+        rig.settings.current_sensor.bandwidth_Hz,
     )
 
 

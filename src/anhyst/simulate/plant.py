@@ -29,6 +29,9 @@ STOP_RESONANCE = 1600.0
 CURRENT_RESET = 0.1
 """Corner of the integral of a current controller, as a part of its bandwidth."""
 
+DIGITAL_CROSSOVER = 0.4
+"""Of a current controller that computes, times its delay, rad."""
+
 ROWS = 129
 """Places over the gap at which a law's gap map is looked at."""
 
@@ -149,9 +152,16 @@ def current_loop(rig: BearingRig) -> dict[str, float]:
 
 
 def current_gains(rig: BearingRig) -> tuple[float, float]:
-    """Gain, V/A, and integral, V/(A s), for the bandwidth of the amplifier."""
+    """Return gain, V/A, and integral, V/(A s), of the current controller.
+
+    An analogue one has the bandwidth of the amplifier. A digital one, before an amplifier of
+    voltage, is no faster than its delay allows.
+    """
     settings = rig.settings
     omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
+    if settings.amplifier.mode == "voltage":
+        late = (settings.timing.delay_ticks + 0.5) * rig.dt + settings.amplifier.delay_s
+        omega = min(omega, DIGITAL_CROSSOVER / late)
     gain = omega * poles(rig).inductance(settings.simulate.gap_m)
     return gain, CURRENT_RESET * omega * gain
 
