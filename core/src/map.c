@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/map.h"
 
+#include <stddef.h>
+
 /* Where a signal falls among 2^n equal segments. */
 typedef struct {
   uint16_t index; /* of the segment */
@@ -14,6 +16,9 @@ static segment segment_of(int32_t signal, uint16_t n)
   return at;
 }
 
+/* Entries of a row or column of 2^n segments. */
+static uint16_t entries_of(uint16_t n) { return (uint16_t)(((uint32_t)1U << n) + 1U); }
+
 /* a*part, part a q31 that is not negative: within 4 units in the last place, floor. */
 static int32_t share(int32_t a, int32_t part)
 {
@@ -25,8 +30,8 @@ static int32_t share(int32_t a, int32_t part)
 /* The entry of a column, interpolated over the gap, q31. */
 static int32_t entry_at(const anhyst_map_q31 *map, segment gap, uint16_t column)
 {
-  const uint16_t row = (uint16_t)((1U << map->force_segments) + 1U);
-  const int16_t *entry = map->entries + (uint32_t)gap.index * row + column;
+  const uint16_t row = entries_of(map->force_segments);
+  const int16_t *entry = map->entries + (size_t)gap.index * row + column;
   const int16_t rise = (int16_t)((int32_t)entry[row] - entry[0]);
   return (int32_t)entry[0] * 65536 + 2 * anhyst_scale(gap.part, rise);
 }
@@ -47,14 +52,15 @@ static int row_sound(const int16_t *entries, const int16_t *before, uint16_t col
 
 anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map)
 {
-  if (map->entries == 0 || map->force_segments > ANHYST_MAP_FORCE_SEGMENTS ||
+  if (map->entries == NULL || map->force_segments > ANHYST_MAP_FORCE_SEGMENTS ||
       map->gap_segments > ANHYST_MAP_GAP_SEGMENTS) {
     return ANHYST_BAD_PARAMETER;
   }
-  const uint16_t columns = (uint16_t)((1U << map->force_segments) + 1U);
+  const uint16_t columns = entries_of(map->force_segments);
+  const uint16_t rows = entries_of(map->gap_segments);
   const int16_t *before = map->entries;
-  for (uint16_t row = 0; row <= (1U << map->gap_segments); row++) {
-    const int16_t *entries = map->entries + (uint32_t)row * columns;
+  for (uint16_t row = 0; row < rows; row++) {
+    const int16_t *entries = map->entries + (size_t)row * columns;
     if (!row_sound(entries, before, columns)) {
       return ANHYST_BAD_PARAMETER;
     }

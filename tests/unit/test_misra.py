@@ -9,7 +9,7 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES = ("pidd2", "block", "closed", "compensator", "euler", "full", "simplified")
+FILES = ("pidd2", "block", "closed", "compensator", "euler", "full", "simplified", "map", "drive")
 
 
 def listed() -> dict[str, int]:
