@@ -39,8 +39,12 @@ static ANHYST_REAL ANHYST_NAME(demand_of)(const ANHYST_NAME(anhyst_position_unit
   return ANHYST_NAME(from_code)(code, units->demand);
 }
 
-/* Whether it is finite. */
-static int ANHYST_NAME(is_number)(ANHYST_REAL a) { return a - a == R(0.0); }
+/* Whether it is a number that can be reckoned with. */
+static int ANHYST_NAME(is_number)(ANHYST_REAL a)
+{
+  const ANHYST_REAL largest = R(1e30);
+  return a >= -largest && a <= largest;
+}
 
 static ANHYST_REAL ANHYST_NAME(sum)(ANHYST_REAL a, ANHYST_REAL b) { return a + b; }
 
