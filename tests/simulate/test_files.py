@@ -15,7 +15,6 @@ from pydantic import BaseModel
 
 from anhyst.control import design
 from anhyst.errors import InputError
-from anhyst.rig.tomlfile import TomlFileError
 from anhyst.simulate.controllerfile import (
     ControllerTable,
     GainsTable,
@@ -34,6 +33,7 @@ from anhyst.simulate.rigfile import (
     read_bearing,
     step_ends,
 )
+from anhyst.tomlfile import TomlFileError
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "bearing"
@@ -307,6 +307,24 @@ def test_a_rate_too_slow_for_the_plant_is_refused(folder: Path) -> None:
             "limits.gap_high_m",
             "rests at a gap of 0.00055 m",
         ),
+        (
+            "[safety]",
+            "[converter]\nlow_A = 0.0\nhigh_A = 4.5\nbits = 12\n[safety]",
+            "converter.bits",
+            "has 16; make them equal",
+        ),
+        (
+            "[safety]",
+            "[converter]\nlow_A = 4.5\nhigh_A = 4.5\nbits = 16\n[safety]",
+            "converter",
+            "low_A must be below high_A",
+        ),
+        (
+            "[safety]",
+            "[pair]\nbias_force_N = 100.0\ngap_total_m = 0.9e-3\n[safety]",
+            "pair",
+            "is a single one; take it out",
+        ),
     ],
 )
 def test_what_is_wrong_with_a_controller_is_told_by_line(
@@ -320,7 +338,7 @@ def test_what_is_wrong_with_a_controller_is_told_by_line(
     text = told(caught)
     assert re.match(re.escape(str(path)) + r":\d+: " + re.escape(key) + ": ", text)
     assert what in text
-    if key not in {"design", "limits"}:
+    if key not in {"design", "limits", "converter.bits"}:
         assert text.startswith(f"{path}:{line}: ")
 
 

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from anhyst.errors import InputError
 from anhyst.rig.rigfile import RigTable, SolenoidFile, read_rig
-from anhyst.rig.tomlfile import TomlFileError
+from anhyst.tomlfile import TomlFileError
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "solenoid"

@@ -18,13 +18,7 @@ from anhyst.plants.amplifier import Amplifier
 from anhyst.plants.iron import CellSteel
 from anhyst.plants.sensors import Converter, Sensor
 from anhyst.plants.solenoid import Geometry, Solenoid
-from anhyst.rig.tomlfile import Table, read_toml
-
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Bits = Annotated[int, Field(ge=4, le=24)]
+from anhyst.tomlfile import Bits, NotNegative, Number, Positive, Share, Table, read_toml
 
 
 class SteelTable(Table):

@@ -15,15 +15,18 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from anhyst.atomic import PathLike
-from anhyst.rig.rigfile import (
+from anhyst.rig.rigfile import SteelTable
+from anhyst.tomlfile import (
     Bits,
+    Fault,
     NotNegative,
     Number,
     Positive,
     Share,
-    SteelTable,
+    Table,
+    faults_error,
+    read_toml,
 )
-from anhyst.rig.tomlfile import Table, faults_error, read_toml
 from anhyst.tomltext import Path as KeyPath
 
 TICKS_PER_POLE = 20.0
@@ -33,7 +36,6 @@ MOST_DELAY = 128
 MOST_CELLS = 63
 """Pinned cells of an iron."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
-Fault = tuple[KeyPath, str]
 
 
 class TimingTable(Table):

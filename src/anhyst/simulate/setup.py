@@ -19,6 +19,7 @@ from anhyst.simulate.controllerfile import (
     Format,
     Variant,
     check_controller,
+    pair_of,
 )
 from anhyst.simulate.drive import Drive
 from anhyst.simulate.flux import FluxCalibration
@@ -140,25 +141,16 @@ def with_gains(setup: Setup, controller: ControllerTable) -> Setup:
 
 
 def operating_point(rig: BearingRig, controller: ControllerTable, loops: LoopSet) -> Operating:
-    """Return where a bearing works: each magnet of a pair around its bias.
-
-    Beyond the gaps that were measured a drive goes on as at the last one.
-    """
-    limits, magnet = controller.limits, rig.settings.magnet
-    single = magnet.arrangement == "single"
-    bias = 0.0 if magnet.bias_force_N is None else magnet.bias_force_N
-    low, high = limits.gap_low_m, limits.gap_high_m
-    if magnet.gap_total_m is not None:
-        low, high = min(low, magnet.gap_total_m - high), max(high, magnet.gap_total_m - low)
+    """Return where a bearing works: each magnet of a pair around its bias."""
+    pair = pair_of(rig)
     measured = [gap for gap in loops.by_schedule() if gap is not None]
-    low, high = max(low, min(measured)), min(high, max(measured))
     return Operating(
         gap=rig.settings.simulate.gap_m,
-        force=rig.load if single else bias,
+        force=rig.load if pair is None else pair.bias_force_N,
         rate=controller.rate_Hz,
-        gap_range=(low, high),
-        force_max=limits.force_high_N if single else bias + 0.5 * limits.force_high_N,
-        current_max=limits.current_high_A,
+        gap_range=controller.working_gaps(pair, (min(measured), max(measured))),
+        force_max=controller.force_max(pair),
+        current_max=controller.limits.current_high_A,
     )
 
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from anhyst.compile.bearing import bearing_model
 from anhyst.compile.block import Scales
 from anhyst.compile.floating import build_real
 from anhyst.compile.plan import Plan, Request, full_scale, make_plan
 from anhyst.data import LoopSet
 from anhyst.errors import InputError
 from anhyst.model import ActuatorModel
-from anhyst.record import ValidRange
 from anhyst.simulate.controllerfile import Format, Variant
 from anhyst.simulate.drive import CompensatorLaw, Drive, FluxLaw, MapLaw
 from anhyst.simulate.flux import FluxCalibration, design_flux_loop
@@ -201,17 +201,5 @@ def _compensator(
 
 
 def _plan(kind: Literal["full", "simplified"], model: ActuatorModel, operating: Operating) -> Plan:
-    if (model.input.name, model.output.name) != ("current", "force") or model.power != 2:
-        raise InputError("model: a bearing needs one from current to force")
-    if model.valid is None:
-        raise InputError("model: does not say where it holds; identify it from loops")
-    seen, wanted = model.valid.schedule, operating.gap_range
-    if seen is None or wanted[0] < seen[0] - 1e-9 or wanted[1] > seen[1] + 1e-9:
-        told = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
-        raise InputError(
-            f"model: holds at {told}, wanted are {wanted[0]:g} to {wanted[1]:g} m; identify it "
-            "from loops at more gaps or narrow the range"
-        )
-    limits = ValidRange((0.0, operating.current_max), (0.0, operating.force_max), wanted)
-    request = Request(kind, "q31", operating.rate)
-    return make_plan(replace(model, valid=limits), request, 0)
+    narrowed = bearing_model(model, operating.current_max, operating.force_max, operating.gap_range)
+    return make_plan(narrowed, Request(kind, "q31", operating.rate), 0)

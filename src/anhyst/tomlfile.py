@@ -7,9 +7,9 @@ import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from types import UnionType
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from anhyst.atomic import PathLike
 from anhyst.errors import InputError
@@ -17,6 +17,14 @@ from anhyst.modelfile import FileProblem, ModelFileError
 from anhyst.modelschema import explain
 from anhyst.tomltext import Path as KeyPath
 from anhyst.tomltext import key_lines
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Bits = Annotated[int, Field(ge=4, le=24)]
+Fault = tuple[KeyPath, str]
+"""Where in a file something is wrong, and what is wrong and what to do."""
 
 
 class Table(BaseModel):
@@ -65,7 +73,7 @@ def read_toml(path: PathLike, schema: type[T]) -> T:
         raise TomlFileError(path, _problems(error, schema, key_lines(text))) from error
 
 
-def faults_error(path: PathLike, faults: Iterable[tuple[KeyPath, str]]) -> TomlFileError:
+def faults_error(path: PathLike, faults: Iterable[Fault]) -> TomlFileError:
     """Say where in a file stands what its schema cannot see, such as keys that contradict.
 
     Parameters
