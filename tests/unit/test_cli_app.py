@@ -24,6 +24,7 @@ VERBS = (
     "compile",
     "verify",
     "force-control",
+    "simulate",
 )
 
 

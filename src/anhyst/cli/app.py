@@ -18,6 +18,7 @@ from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
 from anhyst.cli.inspect import inspect
 from anhyst.cli.report import report
+from anhyst.cli.simulate import simulate
 from anhyst.cli.use import invert, predict
 from anhyst.cli.verify import verify
 from anhyst.errors import InputError, Interrupted, NegativeResult
@@ -46,6 +47,7 @@ for _verb in (inspect, identify, predict, invert, report, diff):
 app.command("compile", no_args_is_help=True)(compile_)
 app.command(no_args_is_help=True)(verify)
 app.command(no_args_is_help=True)(force_control)
+app.command(no_args_is_help=True)(simulate)
 
 
 def _print_version(wanted: bool) -> None:
