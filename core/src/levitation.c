@@ -123,8 +123,9 @@ static void watch(anhyst_levitation *l, const anhyst_levitation_limits *limits,
   l->position = input->position;
   l->age = 0;
   l->known = 1;
-  if (l->state == ANHYST_LEVITATION_SELFTEST && ++l->passed >= limits->selftest) {
-    l->state = ANHYST_LEVITATION_IDLE;
+  if (l->state == ANHYST_LEVITATION_SELFTEST) {
+    l->passed++;
+    l->state = l->passed >= limits->selftest ? ANHYST_LEVITATION_IDLE : ANHYST_LEVITATION_SELFTEST;
   }
   if (l->phase == ANHYST_PHASE_HOLD) {
     begin(l, ANHYST_PHASE_DESCEND);

@@ -9,7 +9,18 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES = ("pidd2", "block", "closed", "compensator", "euler", "full", "simplified", "map", "drive")
+FILES = (
+    "pidd2",
+    "block",
+    "closed",
+    "compensator",
+    "euler",
+    "full",
+    "simplified",
+    "map",
+    "drive",
+    "levitation",
+)
 
 
 def listed() -> dict[str, int]:

@@ -1,0 +1,153 @@
+"""Faults put into copies of the position controller: the exact-integer oracle finds every one."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from tests.unit.levitating import CONTROL, PAIR, REST, SCALES, TARGET, make_drive, table
+from tests.unit.position_oracle import LOW, Oracle, Sample
+
+from anhyst._core import FixedDrive
+from anhyst.control import PositionControl
+
+from .test_c_core import HERE, ROOT, tool
+
+SOURCES = ("position", "levitation", "drive", "map", "pidd2", "compensator", "block", "closed")
+LIMITS = (
+    *("position_low", "position_high", "position_step", "patience", "hold", "selftest"),
+    *("current_low", "current_high", "current_step", "release"),
+)
+SETTINGS = ("detect", "rise", "descend", "lift", "set_down", "most", "bias", "measured")
+GAP = ("gap_offset", "gap_mantissa", "gap_shift")
+FASTER = {"lift_rate": 4e5, "set_down_rate": 6e5, "rise_speed": 0.5, "descend_speed": 0.8}
+FLIGHTS = [
+    replace(
+        control,
+        limits=replace(control.limits, step=40e-6, patience=2, hold=5, selftest=2),
+        levitation=replace(control.levitation, **FASTER),
+    )
+    for control in (CONTROL, replace(CONTROL, measured=True), PAIR)
+]
+FAULTS = [
+    ("levitation.c", "if (l->tick > (int32_t)limits->hold) {", "if (l->tick >= limits->hold) {"),
+    ("levitation.c", "if (l->age > limits->patience) {", "if (l->age >= limits->patience) {"),
+    ("levitation.c", "const int32_t ticks = (int32_t)l->age + 1;", "const int32_t ticks = 1;"),
+    ("levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
+    ("levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
+    ("position.c", "rest >= step - rest ?", "rest >= step ?"),
+    ("position.c", "anhyst_shl_q31(anhyst_pidd2_product(", "(2 + anhyst_pidd2_product("),
+    ("position.c", "return a >> 1;", "return a >> 2;"),
+    ("generic/position.h", "c->limited != 0U ? force : c->candidate.output", "force - 64"),
+    ("generic/position.h", "(force[0], c->demand);", "(c->settings->bias, c->demand);"),
+    ("pidd2.c", "anhyst_clamp(anhyst_shl_q31(u, 3),", "anhyst_clamp(8 * (u >> 1 << 1),"),
+    ("pidd2.c", "anhyst_pidd2_product(missing, gains->back)", "missing"),
+]
+
+
+def samples_of(seed: int) -> list[Sample]:
+    """Return signals that lead through every state, most of them such as can be."""
+    rng = np.random.default_rng(seed)
+    gap, rows = REST, []
+    for tick in range(3000):
+        gap = float(np.clip(gap + rng.normal(0.0, 20e-6), 0.32e-3, 0.58e-3))
+        place = round((0.45e-3 - gap) / CONTROL.position_full * 2**31)
+        target = round(rng.choice([0.45e-3 - TARGET, 30e-6]) / CONTROL.position_full * 2**31)
+        flows = [int(code) for code in rng.integers(0, 2**31, 2)]
+        rows.append(
+            Sample(
+                position=None if tick % 9 == 0 or tick % 200 > 180 else place,
+                target=target,
+                load=int(rng.integers(-(2**28), 2**28)),
+                current=(flows[0], flows[1]),
+                command=int(rng.choice([1, 2, 3, 3, 4, 5, 6, 9])) if tick % 13 == 0 else 0,
+            )
+        )
+    return rows
+
+
+@cache
+def answers_of(flight: int) -> NDArray[np.int32]:
+    """Return what the oracle answers."""
+    control = FLIGHTS[flight]
+    drives = [cast(FixedDrive, make_drive("fixed")) for _ in range(magnets_of(control))]
+    gains = cast(NDArray[np.int32], control.gains("fixed"))
+    oracle = Oracle(gains, drives, control.settings("fixed"))
+    rows = []
+    for sample in samples_of(flight):
+        currents, *rest = oracle.tick(sample)
+        rows.append([*currents, *[0] * (2 - len(currents)), *rest])
+    return np.array(rows, dtype=np.int32)
+
+
+def magnets_of(control: PositionControl) -> int:
+    return 1 if control.gap_total is None else 2
+
+
+def numbers_of(control: PositionControl) -> NDArray[np.int32]:
+    given = control.settings("fixed")
+    names = [*LIMITS, *SETTINGS, *(f"{name}_{i}" for i in (1, 2) for name in GAP)]
+    gains = control.gains("fixed").tolist()
+    return np.array([int(given.get(name, 0)) for name in names] + gains, dtype=np.int32)
+
+
+def is_exact(library: Path) -> bool:
+    """Tell whether a build of the core answers as the oracle does, in every flight."""
+    fly: Callable[..., int] = ctypes.CDLL(str(library)).position_flight
+    entries = np.round(table() / SCALES.current * 2.0**15).astype(np.int16)
+    for i, control in enumerate(FLIGHTS):
+        expected = answers_of(i)
+        rows = [
+            (
+                *(sample.position is None, sample.position or 0, sample.target, sample.load),
+                *(*sample.current, LOW, LOW, sample.command),
+            )
+            for sample in samples_of(i)
+        ]
+        found = np.zeros_like(expected)
+        arrays: list[NDArray[Any]] = [
+            numbers_of(control),
+            entries,
+            np.array(rows, dtype=np.int32),
+            found,
+        ]
+        at = [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
+        assert fly(at[0], at[1], magnets_of(control), len(rows), at[2], at[3]) == 0
+        if not np.array_equal(found, expected):
+            return False
+    return True
+
+
+def built(core: Path, folder: Path) -> Path:
+    library = folder / "flight.so"
+    command = [tool("cc", "gcc"), "-std=c99", "-O1", "-shared", "-fPIC", "-w"]
+    command += [f"-I{core / 'include'}", f"-I{core / 'src'}", str(HERE / "position_flight.c")]
+    command += [str(core / "src" / f"{name}.c") for name in SOURCES]
+    subprocess.run([*command, "-o", str(library)], check=True)
+    return library
+
+
+def test_the_core_is_exact_without_a_fault(tmp_path: Path) -> None:
+    assert is_exact(built(ROOT / "core", tmp_path))
+    phases = {int(row[4]) for flight in range(len(FLIGHTS)) for row in answers_of(flight)}
+    assert {phase % 16 for phase in phases} == set(range(7))
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault[0]}: {fault[1].strip()}")
+def test_a_seeded_fault_is_found(tmp_path: Path, fault: tuple[str, str, str]) -> None:
+    name, right, wrong = fault
+    core = tmp_path / "core"
+    shutil.copytree(ROOT / "core", core)
+    text = (core / "src" / name).read_text(encoding="utf-8")
+    assert text.count(right) == 1, "the source has changed: seed the fault anew"
+    (core / "src" / name).write_text(text.replace(right, wrong), encoding="utf-8")
+    assert not is_exact(built(core, tmp_path))
