@@ -46,6 +46,7 @@ def test_options_of_the_readme_exist() -> None:
         "compile",
         "verify",
         "force-control",
+        "simulate",
     }
     for verb, options in shown.items():
         found = subprocess.run(
