@@ -12,13 +12,14 @@ class Loop {
 public:
   Loop(Bearing &bearing, LoopController &controller, const nb::dict &current_loop, bool has_hall)
   {
-    Numbers given(current_loop);
+    Settings given(current_loop);
     loop_.bearing = bearing.settings();
     loop_.state = bearing.state();
     loop_.controller = controller.handle();
-    loop_.current_loop = {given("resistance"), given("gain"), given("reset"), given("limit")};
+    loop_.current_loop = {given.take<double>("resistance"), given.take<double>("gain"),
+                          given.take<double>("reset"), given.take<double>("limit")};
     loop_.has_hall = has_hall;
-    given.none_left();
+    given.finish();
   }
 
   OutTable run(const In &target, const In &load, const In &inject, const In &feed,

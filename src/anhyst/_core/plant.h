@@ -7,31 +7,7 @@
 
 #include "anhyst_plant/bearing.h"
 #include "iron.h"
-
-// Numbers by name: every one is there, and none is left over.
-class Numbers {
-public:
-  explicit Numbers(const nb::dict &from) : from_(from) {}
-  double operator()(const char *name)
-  {
-    if (!from_.contains(name)) {
-      throw std::invalid_argument(std::string(name) + " is missing");
-    }
-    used_++;
-    return nb::cast<double>(from_[name]);
-  }
-  int count(const char *name) { return static_cast<int>((*this)(name)); }
-  void none_left() const
-  {
-    if (used_ != from_.size()) {
-      throw std::invalid_argument("there are numbers that nothing asks for");
-    }
-  }
-
-private:
-  const nb::dict &from_;
-  size_t used_ = 0;
-};
+#include "settings.h"
 
 // A magnet with what it points to.
 class Magnet {
@@ -39,7 +15,7 @@ public:
   // Iron of pinned cells in a reluctance circuit.
   Magnet(const nb::dict &numbers, const In &thresholds, const In &weights)
   {
-    Numbers given(numbers);
+    Settings given(numbers);
     same_length(thresholds.shape(0), weights.shape(0), "weights");
     if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_PLANT_CELLS) {
       throw std::invalid_argument("an iron has 1 to 64 cells");
@@ -49,16 +25,16 @@ public:
       circuit_.steel.threshold[i] = thresholds(i);
       circuit_.steel.weight[i] = weights(i);
     }
-    circuit_.steel.sharp = given("sharp");
-    circuit_.steel.knee_sharp = given("knee_sharp");
-    circuit_.steel.slow = given("slow");
-    circuit_.steel.knee_slow = given("knee_slow");
-    circuit_.iron_length = given("iron_length");
-    circuit_.iron_area = given("iron_area");
-    circuit_.pole_width = given("pole_width");
-    circuit_.pole_depth = given("pole_depth");
-    circuit_.leakage = given("leakage");
-    circuit_.eddy = given("eddy");
+    circuit_.steel.sharp = given.take<double>("sharp");
+    circuit_.steel.knee_sharp = given.take<double>("knee_sharp");
+    circuit_.steel.slow = given.take<double>("slow");
+    circuit_.steel.knee_slow = given.take<double>("knee_slow");
+    circuit_.iron_length = given.take<double>("iron_length");
+    circuit_.iron_area = given.take<double>("iron_area");
+    circuit_.pole_width = given.take<double>("pole_width");
+    circuit_.pole_depth = given.take<double>("pole_depth");
+    circuit_.leakage = given.take<double>("leakage");
+    circuit_.eddy = given.take<double>("eddy");
     magnet_.circuit = &circuit_;
     winding(given);
   }
@@ -66,7 +42,7 @@ public:
   // An identified law with a table of the flux linkage.
   Magnet(const nb::dict &numbers, const Iron &iron, const InTable &rows, const InTable &psi)
   {
-    Numbers given(numbers);
+    Settings given(numbers);
     if (rows.shape(0) < 2 || rows.shape(1) != 5 || psi.shape(0) < 2 || psi.shape(1) < 2) {
       throw std::invalid_argument("a law has two rows of five numbers, its table two by two");
     }
@@ -77,13 +53,13 @@ public:
     law_.iron = iron.get();
     law_.rows = rows_.data();
     law_.row_count = static_cast<int>(rows_.size());
-    law_.eddy = given("eddy");
+    law_.eddy = given.take<double>("eddy");
     law_.table = {psi_.data(),
                   static_cast<int>(psi.shape(1)),
                   static_cast<int>(psi.shape(0)),
-                  given("current_high"),
-                  given("gap_low"),
-                  given("gap_high")};
+                  given.take<double>("current_high"),
+                  given.take<double>("gap_low"),
+                  given.take<double>("gap_high")};
     magnet_.law = &law_;
     winding(given);
   }
@@ -93,11 +69,11 @@ public:
   const anhyst_plant_magnet &get() const { return magnet_; }
 
 private:
-  void winding(Numbers &given)
+  void winding(Settings &given)
   {
-    magnet_.turns = given("turns");
-    magnet_.resistance = given("resistance");
-    given.none_left();
+    magnet_.turns = given.take<double>("turns");
+    magnet_.resistance = given.take<double>("resistance");
+    given.finish();
   }
 
   anhyst_plant_circuit circuit_{};
@@ -109,11 +85,12 @@ private:
 
 inline anhyst_plant_sensor to_sensor(const nb::dict &numbers)
 {
-  Numbers given(numbers);
-  const anhyst_plant_sensor found = {given("low"),   given("high"),       given("step"),
-                                     given("gain"),  given("offset"),     given("noise"),
-                                     given("share"), given.count("delay")};
-  given.none_left();
+  Settings given(numbers);
+  const anhyst_plant_sensor found = {given.take<double>("low"),    given.take<double>("high"),
+                                     given.take<double>("step"),   given.take<double>("gain"),
+                                     given.take<double>("offset"), given.take<double>("noise"),
+                                     given.take<double>("share"),  given.take<int>("delay")};
+  given.finish();
   if (found.delay < 0 || found.delay >= ANHYST_PLANT_DELAY_MOST) {
     throw std::invalid_argument("a sensor is late by 0 to 255 sub-steps");
   }
@@ -125,24 +102,24 @@ public:
   Bearing(const nb::dict &numbers, const nb::dict &amplifier, const nb::dict &load,
           const nb::dict &sensors, const Magnet &first, const Magnet *second, uint64_t seed)
   {
-    Numbers given(numbers);
+    Settings given(numbers);
     bearing_.magnets = second ? 2 : 1;
     bearing_.magnet[0] = first.get();
     if (second) {
       bearing_.magnet[1] = second->get();
     }
-    bearing_.gap_total = given("gap_total");
-    bearing_.mass = given("mass");
-    bearing_.damping = given("damping");
-    bearing_.gravity = given("gravity");
-    bearing_.stop_low = given("stop_low");
-    bearing_.stop_high = given("stop_high");
-    bearing_.stop_stiffness = given("stop_stiffness");
-    bearing_.stop_damping = given("stop_damping");
-    bearing_.tick = given("tick");
-    bearing_.substeps = given.count("substeps");
-    bearing_.delay = given.count("delay");
-    given.none_left();
+    bearing_.gap_total = given.take<double>("gap_total");
+    bearing_.mass = given.take<double>("mass");
+    bearing_.damping = given.take<double>("damping");
+    bearing_.gravity = given.take<double>("gravity");
+    bearing_.stop_low = given.take<double>("stop_low");
+    bearing_.stop_high = given.take<double>("stop_high");
+    bearing_.stop_stiffness = given.take<double>("stop_stiffness");
+    bearing_.stop_damping = given.take<double>("stop_damping");
+    bearing_.tick = given.take<double>("tick");
+    bearing_.substeps = given.take<int>("substeps");
+    bearing_.delay = given.take<int>("delay");
+    given.finish();
     if (bearing_.substeps < 1 || bearing_.delay < 0 ||
         bearing_.delay > ANHYST_PLANT_DELAY_MOST / 2) {
       throw std::invalid_argument("one sub-step or more, and a delay of 0 to 128 of them");
@@ -184,17 +161,19 @@ public:
 private:
   void read_amplifier(const nb::dict &numbers)
   {
-    Numbers given(numbers);
-    bearing_.amplifier = {given("limit"), given("gain"), given("reset"),
-                          given("low"),   given("high"), given("step")};
-    given.none_left();
+    Settings given(numbers);
+    bearing_.amplifier = {given.take<double>("limit"), given.take<double>("gain"),
+                          given.take<double>("reset"), given.take<double>("low"),
+                          given.take<double>("high"),  given.take<double>("step")};
+    given.finish();
   }
   void read_load(const nb::dict &numbers)
   {
-    Numbers given(numbers);
-    bearing_.load = {given("share"), given("damping"),      given("stiffness"),
-                     given("rest"),  given("encoder_step"), given("velocity_share")};
-    given.none_left();
+    Settings given(numbers);
+    bearing_.load = {given.take<double>("share"),        given.take<double>("damping"),
+                     given.take<double>("stiffness"),    given.take<double>("rest"),
+                     given.take<double>("encoder_step"), given.take<double>("velocity_share")};
+    given.finish();
   }
 
   anhyst_plant_bearing bearing_{};
