@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import pytest
+from tests.page import NAMESPACES, Page
 
 from anhyst.cli import app as cli
 from anhyst.data.history import History
@@ -36,42 +36,6 @@ IRON: Mapping[str, Parameter] = {
 }  # fmt: skip
 GAPS = (0.3e-3, 0.45e-3, 0.6e-3)
 TURNS = (1500.0, 1150.0, 950.0)
-VOID = {"area", "base", "br", "col", "hr", "img", "input", "link", "meta"}
-NAMESPACES = {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
-
-
-class Page(HTMLParser):
-    """A page taken apart: tags with their attributes, text, and whether all tags are closed."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.words: list[str] = []
-        self.open: list[str] = []
-        self.feed(html)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if self.open and self.open[-1] not in {"style", "text"}:
-            self.words.append(data)
-
-    @property
-    def text(self) -> str:
-        return " ".join(" ".join(self.words).split())
-
-    def sections(self) -> list[str]:
-        return [str(given["id"]) for tag, given in self.tags if tag == "section"]
 
 
 def rows_of(model: ActuatorModel, at: float | None, top: float, seed: int) -> list[str]:

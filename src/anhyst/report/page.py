@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from anhyst.model import ActuatorModel
 from anhyst.modelfile import read_model
 from anhyst.report.blocks import Section
 from anhyst.report.evidence import gather, own_figures
-from anhyst.report.headline import headline
+from anhyst.report.headline import Headline, headline
 from anhyst.report.sections_fit import section_loops, section_measurement, section_residuals
 from anhyst.report.sections_model import (
     section_between,
@@ -118,10 +119,40 @@ def render(subject: Subject, file_name: str, file_hash: str) -> str:
         section_measurement(subject),
         section_origin(subject, file_name, file_hash),
     ]
+    return render_page(
+        headline(subject),
+        [section for section in found if section is not None],
+        subject.model.provenance.version,
+        kind="Hysteresis model",
+        source="the model file",
+    )
+
+
+def render_page(
+    head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str
+) -> str:
+    """Return the text of a page.
+
+    Parameters
+    ----------
+    head : Headline
+        What a reader sees first.
+    sections : sequence of Section
+        What follows.
+    version : str
+        Of anhyst; may be empty.
+    kind : str
+        What the page is about, in two words.
+    source : str
+        What it was written from.
+
+    Returns
+    -------
+    str
+        HTML that needs nothing else.
+    """
     return _template().render(
-        head=headline(subject),
-        sections=[section for section in found if section is not None],
-        version=subject.model.provenance.version,
+        head=head, sections=sections, version=version, kind=kind, source=source
     )
 
 

@@ -81,11 +81,38 @@ def _sum_up(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     return found
 
 
+def standing(setup: Setup) -> tuple[Scenario, int]:
+    """Return a scenario of hanging still, and the tick from which on that is judged."""
+    script = _lifted(setup)
+    begin = script.ticks
+    return script.hold(STANDSTILL_S).build(), begin
+
+
+def following(setup: Setup, shape: TrajectoryTable) -> tuple[Scenario, int]:
+    """Return a scenario of two periods of a trajectory, and the tick where the second begins."""
+    rig = setup.rig
+    period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
+    phase = np.arange(2 * period) / period
+    wave = np.sin(2.0 * math.pi * phase)
+    if shape.kind == "triangle":
+        wave = 2.0 / math.pi * np.arcsin(wave)
+    script = _lifted(setup)
+    script.follow(rig.settings.simulate.gap_m - shape.amplitude_m * wave)
+    return script.build(), script.ticks - period
+
+
+def loaded(setup: Setup, force: float) -> tuple[Scenario, int]:
+    """Return a scenario in which the load steps by so many newtons, and at which tick."""
+    script = _lifted(setup)
+    begin = script.ticks
+    script.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
+    return script.build(), begin
+
+
 def stand_still(trial: Trial) -> Outcome:
     """Hang in the air: rms of the true gap, its drift, and a limit cycle if there is one."""
-    script = _lifted(trial.setup)
-    begin = script.ticks
-    recording, lost = _run(trial, script.hold(STANDSTILL_S).build())
+    scenario, begin = standing(trial.setup)
+    recording, lost = _run(trial, scenario)
     if lost:
         return Outcome({}, True)
     part = recording.part(begin, len(recording))
@@ -104,16 +131,8 @@ def stand_still(trial: Trial) -> Outcome:
 def follow(trial: Trial) -> Outcome:
     """Follow a trajectory for two periods; judge the second."""
     assert isinstance(trial.what, TrajectoryTable)
-    rig, shape = trial.setup.rig, trial.what
-    period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
-    phase = np.arange(2 * period) / period
-    wave = np.sin(2.0 * math.pi * phase)
-    if shape.kind == "triangle":
-        wave = 2.0 / math.pi * np.arcsin(wave)
-    script = _lifted(trial.setup)
-    script.follow(rig.settings.simulate.gap_m - shape.amplitude_m * wave)
-    begin = script.ticks - period
-    recording, lost = _run(trial, script.build())
+    scenario, begin = following(trial.setup, trial.what)
+    recording, lost = _run(trial, scenario)
     if lost:
         return Outcome({}, True)
     part = recording.part(begin, len(recording))
@@ -128,11 +147,8 @@ def follow(trial: Trial) -> Outcome:
 def step_load(trial: Trial) -> Outcome:
     """Step the load by so many newtons: how far the armature gives way, and for how long."""
     assert isinstance(trial.what, float)
-    rig = trial.setup.rig
-    script = _lifted(trial.setup)
-    begin = script.ticks
-    script.set_load(rig.settings.load.force_N + trial.what).hold(RECOVERY_S)
-    recording, lost = _run(trial, script.build())
+    scenario, begin = loaded(trial.setup, trial.what)
+    recording, lost = _run(trial, scenario)
     if lost:
         return Outcome({}, True)
     part = recording.part(begin, len(recording))
