@@ -2,6 +2,7 @@
 #include "anhyst_plant/magnet.h"
 
 #include <math.h>
+#include <stddef.h>
 
 /* Of the flux density, T: less than 1e-6 of the largest force of a magnet of 1 T and more. */
 #define TOLERANCE 1e-7
@@ -58,7 +59,7 @@ static double linkage(const anhyst_plant_flux_table *t, double current, double g
   const double step = t->current_high / (double)(t->currents - 1);
   const double place = fabs(current) / step;
   const int left = place >= (double)(t->currents - 1) ? t->currents - 2 : (int)place;
-  const double *low = t->psi + above * t->currents + left;
+  const double *low = t->psi + (size_t)above * (size_t)t->currents + left;
   const double *high = low + t->currents;
   const double begin = low[0] + between * (high[0] - low[0]);
   const double end = low[1] + between * (high[1] - low[1]);
