@@ -9,7 +9,7 @@ typedef struct {
   ANHYST_REAL release;      /* change of a current that is to go to zero, a tick, >= a step */
 } ANHYST_NAME(anhyst_position_limits);
 
-/* How the position is controlled; may be exchanged between two ticks. */
+/* How the position is controlled. */
 typedef struct {
   anhyst_levitation_settings levitation; /* q31 of the full scales of position and demand */
   ANHYST_NAME(anhyst_pidd2_gains) gains;
