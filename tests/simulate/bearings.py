@@ -1,0 +1,105 @@
+"""The bundled bearing in many forms; what is slow to find is found once for all tests."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from anhyst.simulate.controllerfile import (
+    ControllerFile,
+    ControllerTable,
+    Format,
+    Variant,
+    read_controller,
+)
+from anhyst.simulate.loop import Loop
+from anhyst.simulate.measuring import measure_loops
+from anhyst.simulate.recording import Recording
+from anhyst.simulate.rigfile import BearingRig, PositionTable, read_bearing
+from anhyst.simulate.scenario import Scenario, Script
+from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
+from anhyst.simulate.variations import changed, with_iron
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+FORMATS: tuple[Format, ...] = ("f64", "f32", "fixed")
+GAP = 0.45e-3
+TOTAL = 2.0 * GAP
+"""Of both gaps of the pair: at `GAP` it is symmetrical."""
+
+
+@cache
+def example() -> BearingRig:
+    return read_bearing(EXAMPLE / "rig.toml")
+
+
+@cache
+def controller() -> ControllerFile:
+    return read_controller(EXAMPLE / "controller.toml")
+
+
+@cache
+def knowledge(fraction: float = 0.15) -> Knowledge:
+    """Loops and model of the example with another reversible fraction."""
+    return learn(measure_loops(with_iron(example(), fraction)))
+
+
+@cache
+def single(
+    variant: Variant = "full", number_format: Format = "fixed", fraction: float = 0.15
+) -> Setup:
+    """One magnet against the load."""
+    rig = with_iron(example(), fraction)
+    return make_setup(rig, controller().settings, knowledge(fraction), variant, number_format)
+
+
+@cache
+def pair_rig() -> BearingRig:
+    return changed(
+        example(),
+        {
+            "magnet.arrangement": "pair",
+            "magnet.gap_total_m": TOTAL,
+            "magnet.bias_force_N": 75.0,
+            "load.force_N": 20.0,
+            "simulate.load_steps_N": [],
+        },
+    )
+
+
+def pair_controller() -> ControllerTable:
+    table = controller().settings
+    limits = table.limits.model_copy(update={"force_low_N": -150.0, "force_high_N": 150.0})
+    return table.model_copy(update={"limits": limits})
+
+
+@cache
+def pair(variant: Variant = "full", number_format: Format = "fixed") -> Setup:
+    """Two magnets against each other and a weight."""
+    return make_setup(pair_rig(), pair_controller(), knowledge(), variant, number_format)
+
+
+def with_rig(setup: Setup, changes: dict[str, Any]) -> Setup:
+    """The same controller before another plant."""
+    return Setup(changed(setup.rig, changes), setup.controller, setup.drive)
+
+
+def sensor(kind: str, **given: float) -> PositionTable:
+    """A position sensor with the range of the example's."""
+    own = example().settings.position_sensor
+    return PositionTable.model_validate(
+        {"kind": kind, "low_m": own.low_m, "high_m": own.high_m, **given}
+    )
+
+
+def lifted(setup: Setup, gap: float = GAP) -> Script:
+    """A script that has lifted off and settled."""
+    return Script(setup.rig, gap).lift_off()
+
+
+def run(setup: Setup, scenario: Scenario, seed: int = 0) -> Recording:
+    return Loop(setup, seed).run(scenario)
+
+
+def fly(setup: Setup, script: Script, seed: int = 0) -> Recording:
+    return Loop(setup, seed).run(script.build())
