@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import BearingLoop
+from anhyst._core import Bearing, BearingLoop
 from anhyst.simulate.plant import current_loop, make_bearing
 from anhyst.simulate.position import make_position
 from anhyst.simulate.recording import FAULT, HOVER, RUN, Recording
@@ -26,12 +26,20 @@ class Loop:
         Of the sensors' noise; the seed of the rig file is added.
     largest_first : bool, optional
         Whether the iron has seen the largest current before, of which the controller knows nothing.
+    bearing : Bearing, optional
+        The plant, at rest, where it is not the one that the controller was made for.
     """
 
-    def __init__(self, setup: Setup, seed: int = 0, largest_first: bool = False) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        seed: int = 0,
+        largest_first: bool = False,
+        bearing: Bearing | None = None,
+    ) -> None:
         self.setup = setup
         rig = setup.rig
-        bearing = make_bearing(rig, seed)
+        bearing = bearing or make_bearing(rig, seed)
         if largest_first:
             for current in (rig.settings.amplifier.current_high_A, 0.0):
                 bearing.hold(current, 0)

@@ -40,6 +40,7 @@ def measure_loops(rig: BearingRig) -> LoopSet:
     step = campaign.sweep_A_per_s * campaign.sample_s
     past = [0.0, *[campaign.current_max_A, 0.0] * campaign.conditioning_cycles]
     magnet = make_magnet(rig)
+    gain = 1.0 + rig.settings.current_sensor.gain_error
     loops = []
     for place, gap in enumerate(campaign.gaps_m):
         for number, record in enumerate(campaign.records):
@@ -52,7 +53,7 @@ def measure_loops(rig: BearingRig) -> LoopSet:
             loops.append(
                 Loop(
                     label=f"{gap * 1e3:.2f}mm-{record.name}",
-                    input=np.array([shunt.read(value) for value in drive.tolist()]),
+                    input=np.array([shunt.read(gain * value) for value in drive.tolist()]),
                     output=np.array([cell.read(value) for value in force.tolist()]),
                     schedule=np.full(drive.size, gap),
                     history=History("conditioned", tuple(past)),

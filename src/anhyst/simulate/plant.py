@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import Bearing, Coil, Magnet
 from anhyst.errors import InputError
+from anhyst.model import ActuatorModel
 from anhyst.modelfile import read_model
 from anhyst.plants.magnet import (
     FluxTable,
@@ -49,8 +50,14 @@ def poles(rig: BearingRig) -> Poles:
     )
 
 
-def make_magnet(rig: BearingRig) -> Magnet:
+def make_magnet(rig: BearingRig, law: ActuatorModel | None = None) -> Magnet:
     """Return the magnet of a rig.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    law : ActuatorModel, optional
+        What makes the force instead of the rig's own model file; not for cells.
 
     Raises
     ------
@@ -64,7 +71,7 @@ def make_magnet(rig: BearingRig) -> Magnet:
         return cell_magnet(poles(rig), settings.iron.steel(), settings.eddy_time_s, middle)
     table = flux_table(rig)
     assert rig.model is not None
-    model = read_model(rig.model)
+    model = law or read_model(rig.model)
     if model.fixed_gap_only or not model.needs_schedule or model.power != 2:
         raise InputError(
             f"{rig.model}: a bearing needs a model of force over current whose gap may move; "
@@ -225,14 +232,15 @@ def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
         noise: float,
         bandwidth: float,
         delay: float = 0.0,
-        gain: float = 1.0,
+        gain_error: float = 0.0,
+        offset: float = 0.0,
     ) -> dict[str, float]:
         return {
             "low": low,
             "high": high,
             "step": resolution,
-            "gain": gain,
-            "offset": 0.0,
+            "gain": 1.0 + gain_error,
+            "offset": offset,
             "noise": noise,
             "share": _share(bandwidth, step),
             "delay": round(delay / step),
@@ -249,6 +257,8 @@ def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
             position.noise,
             position.bandwidth,
             position.delay,
+            settings.position_sensor.gain_error,
+            settings.position_sensor.offset_m,
         ),
         "current": sensor(
             current.low_A,
@@ -256,6 +266,7 @@ def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
             converter(current.low_A, current.high_A, current.adc_bits),
             current.noise_A,
             current.bandwidth_Hz,
+            gain_error=current.gain_error,
         ),
         "force": sensor(
             force.low_N,
@@ -272,7 +283,7 @@ def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
             converter(-hall.range_T, hall.range_T, hall.adc_bits),
             hall.noise_T,
             hall.bandwidth_Hz,
-            gain=1.0 + hall.gain_error,
+            gain_error=hall.gain_error,
         ),
     }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from typing import TypeVar
@@ -40,7 +41,7 @@ def each(
                 progress(done, len(inputs))
             yield place, result
         return
-    with ProcessPoolExecutor(count) as pool:
+    with ProcessPoolExecutor(count, initializer=_leave_interrupts) as pool:
         places: dict[Future[B], int] = {pool.submit(work, one): i for i, one in enumerate(inputs)}
         try:
             for ready in as_completed(places):
@@ -61,3 +62,8 @@ def all_of(
     """Do some work on every input; results in their order."""
     found = dict(each(work, inputs, progress, jobs))
     return [found[place] for place in range(len(inputs))]
+
+
+def _leave_interrupts() -> None:
+    """Leave ctrl-C, which reaches all processes, to the one that hands out the work."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -36,6 +36,8 @@ MOST_DELAY = 128
 MOST_CELLS = 63
 """Pinned cells of an iron."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
+Spread = Annotated[float, Field(ge=0.0, le=30.0)]
 
 
 class TimingTable(Table):
@@ -194,6 +196,8 @@ class PositionTable(Table):
     noise_m: NotNegative | None = None
     bandwidth_Hz: Positive | None = None
     delay_s: NotNegative | None = None
+    gain_error: GainError = 0.0
+    offset_m: Number = 0.0
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -236,6 +240,7 @@ class CurrentSensorTable(Table):
     adc_bits: Bits
     noise_A: NotNegative
     bandwidth_Hz: Positive
+    gain_error: GainError = 0.0
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -265,7 +270,7 @@ class HallTable(Table):
     adc_bits: Bits
     noise_T: NotNegative
     bandwidth_Hz: Positive
-    gain_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
+    gain_error: GainError = 0.0
 
 
 class RecordTable(Table):
@@ -306,6 +311,18 @@ class SimulateTable(Table):
     noise_seeds: Annotated[int, Field(ge=2, le=10_000)] = 20
 
 
+class DriftTable(Table):
+    """``[drift]``: standard deviations of what changes after the controller was made."""
+
+    pinning_percent: Spread = 10.0
+    reversible_percent: Spread = 20.0
+    saturation_percent: Spread = 2.0
+    mass_percent: Spread = 2.0
+    resistance_percent: Spread = 10.0
+    sensor_gain_percent: Spread = 0.5
+    gap_offset_m: NotNegative = 2e-6
+
+
 class BearingTable(Table):
     """The whole file."""
 
@@ -325,6 +342,7 @@ class BearingTable(Table):
     hall_probe: HallTable | None = None
     measurement: MeasurementTable
     simulate: SimulateTable
+    drift: DriftTable = Field(default_factory=DriftTable)
 
 
 @dataclass(frozen=True, slots=True)

@@ -181,7 +181,11 @@ class Script:
 
 
 def steps_up_and_down(
-    rig: BearingRig, gap: float, heights: Sequence[float], load: float | None = None
+    rig: BearingRig,
+    gap: float,
+    heights: Sequence[float],
+    load: float | None = None,
+    rest: float = 0.0,
 ) -> Scenario:
     """Lift off, then a step up and down of every height, half of it to either side of a gap.
 
@@ -195,6 +199,8 @@ def steps_up_and_down(
         m.
     load : float, optional
         N; that of the rig file if left out.
+    rest : float, optional
+        How long the last position is kept beyond its hold, s.
     """
     hold = rig.settings.simulate.hold_s
     script = Script(rig, gap, load).lift_off()
@@ -202,6 +208,8 @@ def steps_up_and_down(
         lower, upper = step_ends(gap, height)
         script.follow(np.linspace(script.gap, lower, script.count(hold / 2.0))).hold(hold)
         script.step(upper, hold).step(lower, hold)
+    if rest > 0.0:
+        script.hold(rest)
     return script.build()
 
 

@@ -1,0 +1,328 @@
+"""Drifted plants: each its own, the same whoever flies it and when, and none is flown twice."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.errors import InputError, Interrupted
+from anhyst.modelfile import write_model
+from anhyst.simulate.controllerfile import ControllerFile, Variant, read_controller
+from anhyst.simulate.drift import (
+    CUT,
+    Drift,
+    draw_drift,
+    drifted_bearing,
+    drifted_law,
+    drifted_rig,
+)
+from anhyst.simulate.loop import Loop
+from anhyst.simulate.montecarlo import FIGURES, MonteCarlo, Plant, monte_carlo, percentile
+from anhyst.simulate.plant import static_map
+from anhyst.simulate.responses import Run, run_steps
+from anhyst.simulate.rigfile import BearingRig, DriftTable, read_bearing
+from anhyst.simulate.scenario import Script
+from anhyst.simulate.setup import make_setup, read_knowledge
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+NONE = dict.fromkeys(DriftTable.model_fields, 0.0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the example with its model identified, so that it need not be again."""
+    place = tmp_path_factory.mktemp("bearing")
+    for path in EXAMPLE.glob("*.*"):
+        shutil.copy(path, place)
+    rig, controller = read_bearing(place / "rig.toml"), read_controller(place / "controller.toml")
+    write_model(read_knowledge(rig, controller).model, place / "model.toml")
+    text = (place / "controller.toml").read_text()
+    text = text.replace('format = "fixed"', 'format = "f64"\nmodel = "model.toml"')
+    (place / "controller.toml").write_text(text)
+    return place
+
+
+@pytest.fixture(scope="module")
+def rig(folder: Path) -> BearingRig:
+    return read_bearing(folder / "rig.toml")
+
+
+@pytest.fixture(scope="module")
+def controller(folder: Path) -> ControllerFile:
+    return read_controller(folder / "controller.toml")
+
+
+@pytest.fixture(scope="module")
+def whole(
+    rig: BearingRig, controller: ControllerFile, tmp_path_factory: pytest.TempPathFactory
+) -> MonteCarlo:
+    path = tmp_path_factory.mktemp("whole") / "plants.jsonl"
+    return monte_carlo(rig, controller, path, 5, ("linearised", "full"), jobs=1)
+
+
+def with_drift(rig: BearingRig, **spreads: float) -> BearingRig:
+    table = DriftTable(**{**NONE, **spreads})
+    return replace(rig, settings=rig.settings.model_copy(update={"drift": table}))
+
+
+def test_a_plant_depends_on_seed_and_number_alone(
+    rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
+) -> None:
+    few = monte_carlo(rig, controller, tmp_path / "a", 3, ("linearised", "full"), jobs=2)
+    assert few.drifts == whole.drifts[:3]
+    for name, flights in few.flights.items():
+        assert flights == whole.flights[name][:3]
+    other = monte_carlo(rig, controller, tmp_path / "b", 3, ("linearised",), seed=12, jobs=1)
+    assert not set(other.drifts) & set(whole.drifts)
+    assert len({one.mass for one in whole.drifts}) == 5
+
+
+def test_what_was_flown_is_not_flown_again(
+    rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
+) -> None:
+    path = tmp_path / "plants.jsonl"
+    monte_carlo(rig, controller, path, 3, ("linearised", "full"), jobs=1)
+    header, *lines = path.read_text().splitlines()
+    marked = json.loads(lines[0])
+    marked["variants"]["full"]["standstill_rms_m"] = 1.0
+    torn = lines[2][: len(lines[2]) // 2]
+    path.write_text("\n".join([header, json.dumps(marked), lines[1], torn]))
+    found = monte_carlo(rig, controller, path, 5, ("linearised", "full"), jobs=2)
+    assert found.flights["full"][0].standstill == 1.0
+    assert found.flights["full"][1:] == whole.flights["full"][1:]
+    assert found.flights["linearised"] == whole.flights["linearised"]
+    plants = [json.loads(line)["plant"] for line in path.read_text().splitlines()[1:]]
+    assert sorted(plants) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_interrupt_loses_nothing(
+    rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path, jobs: int
+) -> None:
+    path = tmp_path / "plants.jsonl"
+
+    def stop(done: int, total: int) -> None:
+        assert total == 5
+        if done == 3:
+            raise KeyboardInterrupt
+
+    variants: tuple[Variant, ...] = ("linearised", "full")
+    with pytest.raises(Interrupted, match=r"2 of 5 plants are kept in .*plants\.jsonl; the same"):
+        monte_carlo(rig, controller, path, 5, variants, progress=stop, jobs=jobs)
+    assert len(path.read_text().splitlines()) == 3
+    found = monte_carlo(rig, controller, path, 5, variants, jobs=1)
+    assert found.flights == whole.flights
+
+
+def change_rig(rig: BearingRig, controller: ControllerFile) -> tuple[BearingRig, ControllerFile]:
+    return with_drift(rig, mass_percent=1.0), controller
+
+
+def change_gain(rig: BearingRig, controller: ControllerFile) -> tuple[BearingRig, ControllerFile]:
+    return rig, replace(
+        controller, settings=controller.settings.model_copy(update={"set_point_weight": 0.4})
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "change", "seed", "variant"),
+    [
+        ("rig", change_rig, None, "linearised"),
+        ("controller", change_gain, None, "linearised"),
+        ("seed", None, 5, "linearised"),
+        ("variants", None, None, "static"),
+    ],
+)
+def test_results_of_something_else_are_refused(
+    rig: BearingRig,
+    controller: ControllerFile,
+    tmp_path: Path,
+    key: str,
+    change: Callable[..., tuple[BearingRig, ControllerFile]] | None,
+    seed: int | None,
+    variant: str,
+) -> None:
+    path = tmp_path / "plants.jsonl"
+    monte_carlo(rig, controller, path, 1, ("linearised",), jobs=1)
+    before = path.read_bytes()
+    if change is not None:
+        rig, controller = change(rig, controller)
+    with pytest.raises(InputError, match=rf"plants\.jsonl: line 1: {key}: is .* name another"):
+        monte_carlo(rig, controller, path, 2, (variant,), seed=seed, jobs=1)  # type: ignore[arg-type]
+    assert path.read_bytes() == before
+
+
+def test_a_changed_file_of_loops_is_told(
+    folder: Path, controller: ControllerFile, tmp_path: Path
+) -> None:
+    place = tmp_path / "rig"
+    shutil.copytree(folder, place)
+    rig = read_bearing(place / "rig.toml")
+    monte_carlo(rig, controller, place / "p.jsonl", 1, ("linearised",), jobs=1)
+    with rig.loops.open("a") as stream:
+        stream.write("\n")
+    with pytest.raises(InputError, match="line 1: rig: is "):
+        monte_carlo(rig, controller, place / "p.jsonl", 1, ("linearised",), jobs=1)
+
+
+def test_a_damaged_file_is_told_with_its_line(
+    rig: BearingRig, controller: ControllerFile, tmp_path: Path
+) -> None:
+    path = tmp_path / "plants.jsonl"
+    monte_carlo(rig, controller, path, 2, ("linearised",), jobs=1)
+    header, first, second = path.read_text().splitlines()
+    path.write_text("\n".join([header, first[:20], second, ""]))
+    with pytest.raises(InputError, match=r"plants\.jsonl: line 2: cannot be read; name another"):
+        monte_carlo(rig, controller, path, 2, ("linearised",), jobs=1)
+    path.write_text("I_A,F_N\n0,0\n")
+    with pytest.raises(InputError, match=r"plants\.jsonl: line 1: cannot be read"):
+        monte_carlo(rig, controller, path, 2, ("linearised",), jobs=1)
+
+
+def test_drawn_plants_have_the_spreads_of_the_file() -> None:
+    table = DriftTable(**{**NONE, "pinning_percent": 10.0, "gap_offset_m": 2e-6})
+    drawn = [draw_drift(table, np.random.default_rng([1, i])) for i in range(4000)]
+    pinning = np.array([one.pinning for one in drawn])
+    offset = np.array([one.gap_offset for one in drawn])
+    # Cut off at three, a normal distribution keeps 98.7 % of its deviation.
+    assert np.std(pinning) == pytest.approx(0.1 * 0.9866, rel=0.03)
+    assert np.std(offset) == pytest.approx(2e-6 * 0.9866, rel=0.03)
+    assert np.max(np.abs(pinning)) <= 0.1 * CUT
+    assert abs(np.corrcoef(pinning, offset)[0, 1]) < 0.05
+    assert {one.mass for one in drawn} == {0.0}
+
+
+def test_without_drift_a_plant_is_the_nominal_one(
+    rig: BearingRig, controller: ControllerFile, tmp_path: Path
+) -> None:
+    still = with_drift(rig)
+    found = monte_carlo(still, controller, tmp_path / "a", 1, ("full",), jobs=1)
+    knowledge = read_knowledge(still, controller)
+    setup = make_setup(still, controller.settings, knowledge, "full", "f64")
+    tried = still.settings.simulate
+    noise = Plant((setup,), found.seed, 0).noise
+    steps, _ = run_steps(Run(setup, tried.gap_m, tuple(tried.steps_m), rig.load, noise))
+    for place, height in enumerate(found.heights):
+        pair = [one.figures for one in steps if one.height == pytest.approx(height)]
+        worst = max(one["overshoot_percent"] for one in pair)
+        assert found.flights["full"][0].overshoot[place] == pytest.approx(worst, abs=1e-9)
+        slowest = max(one["settling_in_noise_s"] for one in pair)
+        assert found.flights["full"][0].settling[place] == pytest.approx(slowest, abs=1e-9)
+
+
+def width_and_top(rig: BearingRig) -> tuple[float, float]:
+    """Loop width at half force, and the largest force."""
+    current = np.linspace(0.0, 4.5, 500)
+    path = np.concatenate([current, current[::-1]])
+    force = static_map(rig, path, np.full(path.size, 0.45e-3))[0]
+    half = 0.5 * force[499]
+    up = np.interp(half, force[:500], current)
+    down = np.interp(half, force[500:][::-1], current)
+    return float(up - down), float(force[499])
+
+
+def test_each_change_of_the_iron_does_what_it_says(rig: BearingRig) -> None:
+    width, top = width_and_top(rig)
+    wider, same = width_and_top(drifted_rig(rig, Drift(pinning=0.1)))
+    assert wider == pytest.approx(1.1 * width, rel=0.02)
+    assert same == pytest.approx(top, rel=0.01)
+    narrower, _ = width_and_top(drifted_rig(rig, Drift(reversible=0.5)))
+    assert narrower < 0.97 * width
+    _, stronger = width_and_top(drifted_rig(rig, Drift(saturation=0.05)))
+    assert stronger > 1.01 * top
+    heavier = drifted_rig(rig, Drift(mass=0.1, resistance=-0.2)).settings
+    assert heavier.mechanics.mass_kg == pytest.approx(2.2)
+    assert heavier.magnet.resistance_ohm == pytest.approx(0.96)
+    assert drifted_rig(rig, Drift()).settings == rig.settings
+
+
+def test_the_sensor_turns_around_the_operating_gap(
+    rig: BearingRig, controller: ControllerFile
+) -> None:
+    setup = make_setup(
+        rig, controller.settings, read_knowledge(rig, controller), "linearised", "f64"
+    )
+    drift = Drift(position_gain=0.02, gap_offset=3e-6, current_gain=0.01)
+    loop = Loop(setup, bearing=drifted_bearing(rig, drift, 1))
+    script = Script(rig, 0.45e-3).lift_off().hold(0.1)
+    begin = script.ticks
+    script.follow(np.full(2000, 0.40e-3))
+    found = loop.run(script.hold(0.2).build())
+    # The loop brings the reading to the reference.
+    middle = found.part(begin - 500, begin)
+    assert np.mean(middle["gap_m"]) == pytest.approx(0.45e-3 - 3e-6 / 1.02, abs=30e-9)
+    moved = np.mean(middle["gap_m"]) - np.mean(found["gap_m"][-500:])
+    assert moved == pytest.approx(50e-6 / 1.02, abs=60e-9)
+    share = np.mean(middle["current_read_A"]) / np.mean(middle["current_A"])
+    assert share == pytest.approx(1.01, abs=1e-3)
+
+
+def test_a_drifted_law_keeps_its_bounds(rig: BearingRig, controller: ControllerFile) -> None:
+    model = read_knowledge(rig, controller).model
+    other = drifted_law(model, Drift(pinning=0.1, reversible=1e6, saturation=-0.02))
+    for name, factor in (("k", 1.1), ("M_s", 0.98)):
+        ratio = np.asarray(other.parameters[name]) / np.asarray(model.parameters[name])
+        np.testing.assert_allclose(ratio, factor)
+    assert np.max(np.asarray(other.parameters["c"])) == 1.0
+    assert other.parameters["a"] == model.parameters["a"]
+
+
+def test_a_magnet_of_a_law_drifts_in_its_law(
+    folder: Path, rig: BearingRig, controller: ControllerFile, tmp_path: Path
+) -> None:
+    place = tmp_path / "law"
+    shutil.copytree(folder, place)
+    text = (place / "rig.toml").read_text().replace('force = "cells"', 'force = "model"')
+    text = text.replace("[amplifier]", '[magnet.model]\nfile = "model.toml"\n\n[amplifier]')
+    (place / "rig.toml").write_text(text)
+    law = read_bearing(place / "rig.toml")
+    setup = make_setup(
+        law, controller.settings, read_knowledge(law, controller), "linearised", "f64"
+    )
+    gaps = []
+    for drift in (Drift(), Drift(saturation=-0.03)):
+        loop = Loop(setup, bearing=drifted_bearing(law, drift, 1))
+        recording = loop.run(Script(law, 0.45e-3).lift_off().build())
+        gaps.append(float(np.mean(recording["current_A"][-1000:])))
+    assert gaps[1] > gaps[0] + 1e-3  # a weaker magnet takes more current for the same load
+
+
+def test_plants_that_are_lost_count_as_the_worst(
+    rig: BearingRig, controller: ControllerFile, tmp_path: Path
+) -> None:
+    # An armature that rests beyond what the controller believes possible is not lifted.
+    far = with_drift(rig, gap_offset_m=30e-6)
+    found = monte_carlo(far, controller, tmp_path / "a", 8, ("linearised",), jobs=1)
+    lost = [flight.lost is not None for flight in found.flights["linearised"]]
+    for one, drift in zip(lost, found.drifts, strict=True):
+        assert one or drift.gap_offset < 20e-6
+        assert not one or abs(drift.gap_offset) > 10e-6
+    assert 0 < sum(lost) < 8
+    figures = found.as_dict()["variants"]["linearised"]
+    assert figures["lost"] == sum(lost)
+    worst = figures["overshoot_percent"][0]
+    assert (worst["p99"], worst["worst"]) == (None, None)
+    assert lost[worst["worst_plant"]]
+    assert math.isfinite(worst["p5"])
+
+
+def test_percentiles_are_values_that_occurred(whole: MonteCarlo) -> None:
+    assert percentile([5.0, 1.0, 3.0, 2.0, 4.0], 50) == 3.0
+    assert percentile(list(range(1, 101)), 95) == 95
+    assert percentile(list(range(1, 1001)), 99) == 990
+    figures = whole.as_dict()
+    assert json.loads(json.dumps(figures, allow_nan=False)) == figures
+    for name in FIGURES[:2]:
+        for place in range(4):
+            row = figures["variants"]["full"][name][place]
+            values = whole.values("full", name, place)
+            assert row["worst"] == max(values) == values[row["worst_plant"]]
+            assert row["p5"] <= row["p50"] <= row["p95"] <= row["p99"] <= row["worst"]
+            assert str(row["worst_plant"]) in figures["worst_plants"]
