@@ -19,7 +19,7 @@ from tests.page import NAMESPACES, Page
 
 from anhyst.data.loopset import Loop, LoopSet
 from anhyst.data.units import QUANTITIES
-from anhyst.report.blocks import Note
+from anhyst.report.blocks import Items, Note
 from anhyst.simulate.controllerfile import ControllerTable, Variant, read_controller
 from anhyst.simulate.linear import Margins
 from anhyst.simulate.metrics import Interval
@@ -166,6 +166,7 @@ def subject(
                 ),
             )
         },
+        blocks={"tuning": (Items("What limits", ("The encoder of 50 nm limits.",)),)},
         benefit=benefit,
         drift=(Spread("overshoot (%)", {"full": np.arange(1.0, 101.0)}),),
         plants=100,
@@ -235,6 +236,7 @@ def test_figures_stand_with_their_intervals(page: Page) -> None:
         assert told in page.text
     assert "Mean and 95 % confidence interval over 20 noise seeds" in page.text
     assert "lost" in page.text  # the variant that fell
+    assert "The encoder of 50 nm limits." in page.text
 
 
 def test_every_percentage_names_its_baseline(page: Page) -> None:
@@ -472,6 +474,9 @@ def test_cells_without_a_certain_gain_are_hatched(subject: Subject) -> None:
         "10 µm, against static": 1,
         "50 µm, against static": 1,
     }
+    for ax in maps:
+        (cells,) = ax.collections
+        assert all(patch.get_zorder() > cells.get_zorder() for patch in ax.patches)
     assert sorted(texts_of(figure))[:2] == ["0.30", "0.30"]
 
 

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from anhyst.simulate.simulate import Simulation
 
 
+REPORT = "report.html"
+
+
 def simulate(
     rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.")],
     out: Annotated[
@@ -38,10 +41,15 @@ def simulate(
 
     Example: anhyst simulate examples/bearing/rig.toml --out run/run.csv
     """
+    from anhyst.simulate.report import write_simulation_report
+    from anhyst.simulate.report.from_simulation import subject_of
     from anhyst.simulate.simulate import simulate as run
 
     with progress_bar("simulate") as progress:
         found = run(rig, out, controller, progress)
+    chosen = "" if controller is None else f" --controller {controller}"
+    command = f"anhyst simulate {rig}{chosen} --out {out}"
+    write_simulation_report(out.parent / REPORT, subject_of(found, command))
     if as_json:
         print_json(found.figures)
     else:
@@ -75,5 +83,5 @@ def _show(found: Simulation, out: Path) -> None:
         f"* of the controller file; mean of {found.rig.settings.simulate.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
         f"{label}; unstable pole {found.at.point.pole_at_current:.0f} Hz",
-        f"written: {out}, {out.parent / 'figures.json'}",
+        f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )

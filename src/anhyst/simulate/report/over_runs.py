@@ -126,6 +126,7 @@ def _map(ax: Axes, cells: Sequence[BenefitCell], chosen: Sequence[BenefitCell]) 
         np.ma.masked_invalid(np.minimum(ratios, 2.0)),
         cmap="PuOr_r",
         norm=TwoSlopeNorm(1.0, 0.0, 2.0),
+        zorder=0.5,  # below the hatching
     )
     ax.grid(visible=False)
     ax.set_xticks(range(len(shares)), [f"{share:g}" for share in shares])

@@ -95,7 +95,9 @@ def _picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
 
 
 def _more(subject: Subject, key: str) -> list[Block]:
-    return [comparison_table(one) for one in subject.tables.get(key, ())]
+    """Return the tables and other blocks of a section that stand below its figures."""
+    tables = [comparison_table(one) for one in subject.tables.get(key, ())]
+    return [*tables, *subject.blocks.get(key, ())]
 
 
 def _headline(subject: Subject) -> Headline:

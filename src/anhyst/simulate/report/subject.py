@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from anhyst.report.blocks import Note
+from anhyst.report.blocks import Block, Note
 from anhyst.report.numbers import NBSP
 from anhyst.simulate.controllerfile import ControllerTable, Variant
 from anhyst.simulate.linear import Margins
@@ -137,6 +137,8 @@ class Subject:
     tables : mapping of str to tuple of Comparison
         More tables, by the key of their section: ``steps``, ``forces``, ``tracking``,
         ``standstill``, ``frequency``, ``drift``, ``benefit``, ``tuning``.
+    blocks : mapping of str to tuple of Block
+        Whatever else a section is to hold, by the same keys.
     benefit : tuple of BenefitCell
         Over irons.
     drift : tuple of Spread
@@ -169,6 +171,7 @@ class Subject:
     loop_gain: Mapping[Variant, Response] = field(default_factory=dict)
     margins: Mapping[Variant, Margins] = field(default_factory=dict)
     tables: Mapping[str, tuple[Comparison, ...]] = field(default_factory=dict)
+    blocks: Mapping[str, tuple[Block, ...]] = field(default_factory=dict)
     benefit: tuple[BenefitCell, ...] = ()
     drift: tuple[Spread, ...] = ()
     plants: int = 0

@@ -1,0 +1,71 @@
+"""From the command line to the page: what is computed is what the report shows."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from tests.page import Page
+
+from anhyst.cli.app import main
+from anhyst.simulate.metrics import Interval
+from anhyst.simulate.report.look import interval_text
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bundled bearing with one gap, one step and two noise seeds."""
+    folder = tmp_path_factory.mktemp("bearing")
+    for name in ("controller.toml", "loops.csv", "loops.toml"):
+        shutil.copy(EXAMPLE / name, folder)
+    text = (EXAMPLE / "rig.toml").read_text(encoding="utf-8")
+    for key, value in {
+        "also_gaps_m": "[]",
+        "steps_m": "[20e-6]",
+        "noise_seeds": "2",
+        "trajectories": '[{ kind = "sine", amplitude_m = 5e-6, frequency_Hz = 20.0 }]',
+    }.items():
+        text, count = re.subn(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.MULTILINE)
+        assert count == 1
+    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(small: Path) -> Path:
+    out = small / "run.csv"
+    assert main(["simulate", str(small / "rig.toml"), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(run: Path) -> Page:
+    return Page((run.parent / "report.html").read_text(encoding="utf-8"))
+
+
+def test_every_section_of_a_simulation_is_there(page: Page) -> None:
+    assert page.open == []
+    assert page.sections() == [
+        "structure", "steps", "forces", "loops", "tracking", "standstill", "frequency", "origin",
+    ]  # fmt: skip
+
+
+def test_the_page_shows_the_figures_of_the_run(run: Path, page: Page) -> None:
+    figures = json.loads((run.parent / "figures.json").read_text(encoding="utf-8"))
+    assert {row["variant"] for row in figures["steps"]} >= {"ratio", "static", "full", "flux"}
+    for row in figures["steps"]:
+        assert interval_text(Interval(**row["overshoot_percent"])) in page.text
+    for found in figures["standstill"].values():
+        assert interval_text(Interval(**found["rms_m"]), factor=1e9) in page.text
+    for name, found in figures["sensitivity"].items():
+        assert f"{name}: peak {found['peak']:.2f}, zone {found['zone']}" in page.text
+
+
+def test_the_page_says_how_to_make_it_again(small: Path, page: Page) -> None:
+    assert f"anhyst simulate {small / 'rig.toml'} --out {small / 'run.csv'}" in page.text
+    assert "controller.toml" in page.text
