@@ -70,7 +70,7 @@ def make_iron(rig: BearingRig, controller: ControllerFile, fraction: float) -> I
 
 
 def same_gains(iron: Iron) -> list[Cell]:
-    """Steps of every height with every variant behind the same gains."""
+    """Run steps of every height with every variant behind the same gains."""
     gap = iron.rig.settings.simulate.gap_m
     load = iron.rig.settings.load.force_N
     return compare(list(iron.setups.values()), [gap], HEIGHTS, [load], SEEDS)

@@ -66,6 +66,7 @@ def bundled_example() -> list[Row]:
 
 def main() -> None:
     """Measure everything and print the table."""
+    import bearing
     import compiled
     import force
     import initial_state
@@ -76,6 +77,7 @@ def main() -> None:
     rows = [*speed.rows(), *bundled_example(), *compiled.rows(), *serial_link.rows()]
     rows += initial_state.rows()
     rows += force.rows()
+    rows += bearing.rows()
     folder = measurements()
     if folder is None:
         console.print("real measurements are not here: set ANHYST_DATA to their folder")
