@@ -1,5 +1,5 @@
 # Each target prepares .venv first where that is needed; nothing is installed outside this folder.
-#   make demo    run the bundled example, results in demo/
+#   make demo    run the bundled examples, results in demo/
 #   make test    all tests                      make check   format, lint, types, C analysis
 #   make prove   proofs of the fixed-point C
 #   make bench   the table of figures           make format  lay out Python and C sources
@@ -19,6 +19,8 @@ BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake 
 
 demo: build
 	@$(BIN)/python examples/electromagnet/demo.py
+	@mkdir -p demo/bearing
+	@$(BIN)/anhyst simulate examples/bearing/rig.toml --out demo/bearing/run.csv
 
 test: build
 	@$(BIN)/python -m pytest
