@@ -41,10 +41,12 @@ def simulate(
 
     Example: anhyst simulate examples/bearing/rig.toml --out run/run.csv
     """
+    from anhyst.atomic import check_writable
     from anhyst.simulate.report import write_simulation_report
     from anhyst.simulate.report.from_simulation import subject_of
     from anhyst.simulate.simulate import simulate as run
 
+    check_writable(out.parent / REPORT)
     with progress_bar("simulate") as progress:
         found = run(rig, out, controller, progress)
     chosen = "" if controller is None else f" --controller {controller}"

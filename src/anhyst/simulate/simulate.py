@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,7 +15,12 @@ from anhyst.atomic import PathLike, atomic_writer, check_writable
 from anhyst.compile.folder import json_text
 from anhyst.errors import NegativeResult
 from anhyst.simulate import experiments, linear
-from anhyst.simulate.controllerfile import ControllerFile, Variant, read_controller
+from anhyst.simulate.controllerfile import (
+    ControllerFile,
+    Variant,
+    check_controller,
+    read_controller,
+)
 from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.operating import (
     OperatingPoint,
@@ -34,6 +40,9 @@ Progress = Callable[[float, float], None]
 
 COMPARED: tuple[Variant, ...] = ("ratio", "linearised", "static", "flux", "simplified", "full")
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
+
+FIGURES = "figures.json"
+"""What is written beside the recording."""
 
 SINE_M = 0.5e-6
 """Amplitude of the swept sine, m."""
@@ -68,7 +77,7 @@ class Simulation:
     sensitivity : mapping of str to Sensitivity
         As measured, by variant.
     figures : dict
-        What ``figures.json`` holds.
+        What ``figures.json`` holds; infinite where a level was not reached, null in the file.
     """
 
     rig: BearingRig
@@ -123,15 +132,21 @@ def simulate(
     rig = read_bearing(rig_path)
     beside = Path(rig_path).parent / "controller.toml"
     controller = read_controller(beside if controller_path is None else controller_path)
+    check_controller(controller, rig)
     check_ending(out)
-    check_writable(out, reads=[rig.path, controller.path, rig.loops])
+    beside_out = Path(out).parent / FIGURES
+    for path in (out, beside_out):
+        check_writable(path, reads=_read_files(rig, controller))
     at = find_operating_point(rig)
     knowledge = read_knowledge(rig, controller)
     own = controller.settings.compensation.variant
-    setups = make_setups(rig, controller, knowledge, _variants(rig, own))
-    recording = _whole_run(setups[own])
+    mine = make_setups(rig, controller, knowledge, (own,))[own]
+    recording = _whole_run(mine)
     write_recording(out, recording)
     _refuse_lost(rig, recording, out)
+    names = _variants(rig, own)
+    others = make_setups(rig, controller, knowledge, tuple(n for n in names if n != own))
+    setups = {name: mine if name == own else others[name] for name in names}
     report = _stages(progress, 6)
     cells = compare(
         list(setups.values()),
@@ -163,8 +178,8 @@ def simulate(
             for name, one in sensitivity.items()
         },
     }
-    with atomic_writer(Path(out).parent / "figures.json") as stream:
-        stream.write(json_text(figures))
+    with atomic_writer(beside_out) as stream:
+        stream.write(json_text(_finite(figures)))
     return Simulation(
         rig=rig,
         controller=controller,
@@ -197,6 +212,21 @@ def sweep(setup: Setup, seed: int = 0) -> Sensitivity:
 def _variants(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
     found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
     return tuple(dict.fromkeys([*found, own]))
+
+
+def _read_files(rig: BearingRig, controller: ControllerFile) -> list[Path]:
+    """Return every file that a simulation reads."""
+    named = (rig.path, rig.loops, rig.model, rig.flux_table, controller.path, controller.model)
+    return [path for path in named if path is not None]
+
+
+def _finite(value: Any) -> Any:
+    """Return figures with null for what was not reached: JSON has no infinity."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _gaps(rig: BearingRig) -> list[float]:
