@@ -1,0 +1,510 @@
+"""The rivals: the bearing of ``examples/bearing`` as one writes it with SciPy, and with numba.
+
+The same equations, written from their description and not from the C: pinned cells, one reluctance
+circuit, an amplifier that is a PI controller within a supply voltage, the mechanics with its stops,
+the load drive, the gap's sensor, and 20 kHz control by a PIDD2 and a map from force to current.
+Both are spared what their case does not need: lift-off, the states of a controller, the other
+sensors, the second magnet, eddy currents, the recording of more than gap and force. The noise is
+drawn before.
+
+:class:`ByScipy` is ``solve_ivp`` from tick to tick. Its state is the flux linkage, whose rate does
+not jump where cells begin to move, so that steps stay long; the field is found by Newton's method
+from the last one. Arithmetic is in plain Python, which for so few cells that move is faster than
+arrays; the first step it tries is the whole tick. The memory is moved at every tick.
+
+:class:`ByNumba` is the scheme of the plant: velocity by half a step, gap, winding by the
+trapezoidal rule, the other half; compiled for this machine, without fast arithmetic, the whole loop
+in compiled code. Cells that rest are summed up once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+Array = NDArray[np.float64]
+Method = Literal["RK23", "RK45", "LSODA", "Radau"]
+MU_0 = 4e-7 * math.pi
+
+
+class Plant(NamedTuple):
+    """Numbers of a bearing, all SI."""
+
+    thresholds: Array  # A/m, ascending
+    weights: Array
+    sharp: float  # T
+    knee_sharp: float  # A/m
+    slow: float
+    knee_slow: float
+    turns: float
+    resistance: float
+    length: float  # of the iron, m
+    area: float  # m^2
+    width: float  # of a pole, m
+    depth: float
+    leakage: float  # H
+    supply: float  # V
+    gain: float  # V/A
+    reset: float  # V/(A s)
+    mass: float
+    stop_low: float  # m
+    stop_high: float
+    stop_stiffness: float  # N/m
+    stop_damping: float  # N s/m
+    load_corner: float  # rad/s
+    sensor_corner: float  # rad/s
+    sensor_low: float  # m
+    sensor_step: float  # m
+    tick: float  # s
+
+
+class Control(NamedTuple):
+    """PIDD2 for one tick, and a map from force and gap to current."""
+
+    proportional: float
+    integral: float
+    derivative: float
+    second: float
+    back: float
+    smoothing: float
+    smoothing_2: float
+    weight: float
+    low: float  # N
+    high: float
+    middle: float  # gap at position 0, m
+    currents: Array  # A, gaps x forces
+    gap_low: float
+    gap_high: float
+    force_high: float
+    current_high: float
+    current_step: float  # of the converter
+
+
+@dataclass
+class Flight:
+    """What happened: a number a tick."""
+
+    gap: Array
+    force: Array
+
+
+@njit(error_model="numpy")
+def _controller(c: Control, memory: Array, target: float, read: float) -> float:
+    """Return the current for this tick; memory is position, velocity, integral."""
+    wanted_at, at = c.middle - target, c.middle - read
+    first = c.smoothing * (at - memory[0])
+    second = c.smoothing_2 * (first - memory[1])
+    wanted = (
+        c.proportional * (c.weight * wanted_at - at)
+        + memory[2]
+        - c.derivative * first
+        - c.second * second
+    )
+    force = min(max(wanted, c.low), c.high)
+    memory[0] += first
+    memory[1] += second
+    memory[2] += c.integral * (wanted_at - at) + c.back * (force - wanted)
+    gaps, forces = c.currents.shape
+    row = min(max((read - c.gap_low) / (c.gap_high - c.gap_low), 0.0), 1.0) * (gaps - 1)
+    column = min(max(force / c.force_high, 0.0), 1.0) * (forces - 1)
+    i, j = min(int(row), gaps - 2), min(int(column), forces - 2)
+    y, x = row - i, column - j
+    near = c.currents[i, j] + x * (c.currents[i, j + 1] - c.currents[i, j])
+    far = c.currents[i + 1, j] + x * (c.currents[i + 1, j + 1] - c.currents[i + 1, j])
+    current = min(max(near + y * (far - near), 0.0), c.current_high)
+    return float(math.floor(current / c.current_step + 0.5) * c.current_step)
+
+
+class ByScipy:
+    """From tick to tick by ``solve_ivp``.
+
+    Parameters
+    ----------
+    plant : Plant
+    method : str
+        Of ``solve_ivp``.
+    tolerance : float
+        Relative; the absolute one is the same part of what a state usually is.
+    """
+
+    def __init__(self, plant: Plant, method: Method, tolerance: float) -> None:
+        self.plant = plant
+        self._method, self._tolerance = method, tolerance
+        self._cells = list(zip(plant.thresholds.tolist(), plant.weights.tolist(), strict=True))
+        self._place = [0.0] * len(self._cells)
+        self._rest = [0.0] * (len(self._cells) + 1)
+        self._absolute = tolerance * np.array([0.05, 3.0, 100.0, 1e-5, 1e-2, 1e-5])
+        self._state = np.zeros(6)  # linkage, integral, load, gap, velocity, sensor
+        self._field = 0.0
+        self._command = self._waiting = 0.0
+
+    def start(self, gap: float, current: float, load: float) -> float:
+        """Hang still; return the pull."""
+        p = self.plant
+        self._place = [0.0] * len(self._cells)
+        self._rest = [0.0] * (len(self._cells) + 1)
+        low, high = -1e5, 1e5
+        for _ in range(200):
+            field = 0.5 * (low + high)
+            needed = p.length * field + self._outer(gap)[0] * p.area * self._density(field)[0]
+            low, high = (field, high) if needed < p.turns * current else (low, field)
+        self._move(field)
+        density = self._density(field)[0]
+        psi = p.turns * p.area * density
+        self._field = field
+        self._state = np.array([psi, p.resistance * current, load, gap, 0.0, gap])
+        self._command = self._waiting = current
+        return self._pull(density, gap)
+
+    def advance(self, command: float, load: float) -> tuple[float, float]:
+        """Go on by one tick; the command of the tick before takes effect. Gap and force."""
+        p = self.plant
+        self._command, self._waiting = self._waiting, command
+        found = solve_ivp(
+            self._rates,
+            (0.0, p.tick),
+            self._state,
+            method=self._method,
+            args=(load,),
+            first_step=p.tick,
+            rtol=self._tolerance,
+            atol=self._absolute,
+        )
+        self._state = found.y[:, -1]
+        density, gap = float(self._state[0]) / (p.turns * p.area), float(self._state[3])
+        self._move(self._field_at(density))
+        return gap, self._pull(density, gap)
+
+    def run(
+        self, control: Control, memory: Array, target: Array, load: Array, noise: Array
+    ) -> Flight:
+        """Close the loop."""
+        p, ticks = self.plant, target.size
+        flight = Flight(np.empty(ticks), np.empty(ticks))
+        for tick in range(ticks):
+            read = float(self._state[5]) + float(noise[tick])
+            steps = math.floor((read - p.sensor_low) / p.sensor_step + 0.5)
+            read = p.sensor_low + steps * p.sensor_step
+            command = _controller(control, memory, float(target[tick]), read)
+            flight.gap[tick], flight.force[tick] = self.advance(command, float(load[tick]))
+        return flight
+
+    def _rates(self, _: float, state: Array, load_command: float) -> list[float]:
+        p = self.plant
+        psi, integral, load, gap, velocity, sensor = state.tolist()
+        density = psi / (p.turns * p.area)
+        field = self._field_at(density)
+        outer = self._outer(gap)[0]
+        current = (p.length * field + outer * p.area * density) / p.turns
+        error = self._command - current
+        voltage = p.gain * error + integral
+        within = abs(voltage) <= p.supply
+        if not within:
+            voltage = math.copysign(p.supply, voltage)
+        over = max(gap - p.stop_high, 0.0) + min(gap - p.stop_low, 0.0)
+        push = load - self._pull(density, gap) - p.stop_stiffness * over
+        if over:
+            push -= p.stop_damping * velocity
+        return [
+            voltage - p.resistance * current,
+            p.reset * error if within else 0.0,
+            p.load_corner * (load_command - load),
+            velocity,
+            push / p.mass,
+            p.sensor_corner * (gap - sensor),
+        ]
+
+    def _outer(self, gap: float) -> tuple[float, float, float]:
+        """Reluctance outside the iron, 1/H, the share of the gaps, their fringed area, m^2."""
+        p = self.plant
+        area = (p.width + gap) * (p.depth + gap)
+        gaps = MU_0 * area / (2.0 * gap)
+        return 1.0 / (gaps + p.leakage), gaps / (gaps + p.leakage), area
+
+    def _pull(self, density: float, gap: float) -> float:
+        p = self.plant
+        _, share, area = self._outer(gap)
+        flux = density * p.area * share
+        narrows = 1.0 - gap * (p.width + p.depth + 2.0 * gap) / area
+        return flux * flux / (MU_0 * area) * narrows
+
+    def _field_at(self, density: float) -> float:
+        """Field for a flux density, found from the last one that was asked for."""
+        field, low, high = self._field, -math.inf, math.inf
+        for _ in range(100):
+            found, slope = self._density(field)
+            left = density - found
+            if abs(left) <= 1e-10:
+                break
+            low, high = (field, high) if left > 0.0 else (low, field)
+            field += left / slope
+            if not low < field < high:
+                bounded = math.isfinite(low) and math.isfinite(high)
+                field = 0.5 * (low + high) if bounded else field
+        self._field = field
+        return field
+
+    def _density(self, field: float) -> tuple[float, float]:
+        """Flux density and slope if the field moved there from the last tick."""
+        p, density, slope = self.plant, MU_0 * field, MU_0
+        for number, (threshold, weight) in enumerate(self._cells):
+            away = field - self._place[number]
+            if abs(away) < threshold:
+                return density + self._rest[number], slope
+            h = field - math.copysign(threshold, away)
+            root = math.sqrt(h * h + p.knee_sharp * p.knee_sharp)
+            part = p.sharp * h / root + 2.0 / math.pi * p.slow * math.atan(h / p.knee_slow)
+            steep = p.sharp * p.knee_sharp**2 / root**3
+            steep += 2.0 / math.pi * p.slow * p.knee_slow / (p.knee_slow**2 + h * h)
+            density += weight * part
+            slope += weight * steep
+        return density, slope
+
+    def _move(self, field: float) -> None:
+        p = self.plant
+        moved = 0
+        for number, (threshold, _) in enumerate(self._cells):
+            away = field - self._place[number]
+            if abs(away) < threshold:
+                break
+            self._place[number] = field - math.copysign(threshold, away)
+            moved = number + 1
+        for number in range(moved - 1, -1, -1):
+            h = self._place[number]
+            part = p.sharp * h / math.hypot(h, p.knee_sharp)
+            part += 2.0 / math.pi * p.slow * math.atan(h / p.knee_slow)
+            self._rest[number] = self._rest[number + 1] + self._cells[number][1] * part
+
+
+# State of the compiled rival: what the names say, in this order.
+FIELD, STRIDE, PSI, CURRENT, INTEGRAL, LOAD, GAP, VELOCITY, FORCE, SENSOR, WAITING, OUTPUT = range(
+    12
+)
+TOLERANCE = 1e-7  # of the flux density, T
+
+
+@njit(error_model="numpy")
+def _polarisation(p: Plant, h: float) -> tuple[float, float]:
+    inverse = 1.0 / math.sqrt(h * h + p.knee_sharp * p.knee_sharp)
+    ratio = h / p.knee_slow
+    slow = 2.0 / math.pi * p.slow
+    steep = p.sharp * p.knee_sharp * p.knee_sharp * inverse * inverse * inverse
+    steep += slow / (p.knee_slow * (1.0 + ratio * ratio))
+    return p.sharp * h * inverse + slow * math.atan(ratio), steep
+
+
+@njit(error_model="numpy")
+def _density(p: Plant, place: Array, rest: Array, field: float) -> tuple[float, float]:
+    density, slope = MU_0 * field, MU_0
+    for k in range(p.thresholds.size):
+        away, r = field - place[k], p.thresholds[k]
+        if abs(away) < r:
+            return density + rest[k], slope
+        part, steep = _polarisation(p, field - r if away > 0.0 else field + r)
+        density += p.weights[k] * part
+        slope += p.weights[k] * steep
+    return density, slope
+
+
+@njit(error_model="numpy")
+def _move(p: Plant, place: Array, rest: Array, field: float) -> None:
+    moved = 0
+    for k in range(p.thresholds.size):
+        away, r = field - place[k], p.thresholds[k]
+        if abs(away) < r:
+            break
+        place[k] = field - r if away > 0.0 else field + r
+        moved = k + 1
+    for k in range(moved - 1, -1, -1):
+        rest[k] = rest[k + 1] + p.weights[k] * _polarisation(p, place[k])[0]
+
+
+@njit(error_model="numpy")
+def _solve(
+    p: Plant, place: Array, rest: Array, start: float, a: float, b: float, r: float, near: float
+) -> tuple[float, float]:
+    """Newton within a bracket: a*H + b*B = r."""
+    field, low, high, density = start, -np.inf, np.inf, 0.0
+    for _ in range(100):
+        density, slope = _density(p, place, rest, field)
+        left = r - a * field - b * density
+        if abs(left) <= near:
+            break
+        if left > 0.0:
+            low = field
+            high = min(high, field + left / a)
+        else:
+            high = field
+            low = max(low, field + left / a)
+        field += left / (a + b * slope)
+        if not low < field < high:
+            field = 0.5 * (low + high)
+    return field, density
+
+
+@njit(error_model="numpy")
+def _around(p: Plant, gap: float) -> tuple[float, float, float, float]:
+    area = (p.width + gap) * (p.depth + gap)
+    gaps = MU_0 * area / (2.0 * gap)
+    outer = 1.0 / (gaps + p.leakage)
+    return outer, gaps * outer, area, 1.0 - gap * (p.width + p.depth + 2.0 * gap) / area
+
+
+@njit(error_model="numpy")
+def _winding(p: Plant, s: Array, place: Array, rest: Array, h: float) -> None:
+    half, error = 0.5 * h, s[OUTPUT] - s[CURRENT]
+    voltage = p.gain * error + s[INTEGRAL]
+    beyond = abs(voltage) > p.supply
+    if beyond:
+        voltage = math.copysign(p.supply, voltage)
+    begun = s[PSI] + half * (voltage - p.resistance * s[CURRENT])
+    gain = p.gain + half * p.reset
+    given = gain * s[OUTPUT] + s[INTEGRAL] + half * p.reset * error
+    outer, share, area, narrows = _around(p, s[GAP])
+    weight, per_field = p.turns * p.area, p.length / p.turns
+    per_density = outer * p.area / p.turns
+    for _ in range(2):
+        taken = half * (gain + p.resistance)
+        field, density = _solve(
+            p,
+            place,
+            rest,
+            s[FIELD] + s[STRIDE],
+            taken * per_field,
+            weight + taken * per_density,
+            begun + half * given,
+            weight * TOLERANCE,
+        )
+        current = per_field * field + per_density * density
+        voltage = given - gain * current
+        if abs(voltage) <= p.supply:
+            break
+        beyond, gain, given = True, 0.0, math.copysign(p.supply, voltage)
+    s[PSI] = begun + half * (voltage - p.resistance * current)
+    if not beyond:
+        s[INTEGRAL] += half * p.reset * (error + s[OUTPUT] - current)
+    s[CURRENT], s[STRIDE], s[FIELD] = current, field - s[FIELD], field
+    _move(p, place, rest, field)
+    flux = (MU_0 * field + rest[0]) * p.area * share
+    s[FORCE] = flux * flux / (MU_0 * area) * narrows
+
+
+@njit(error_model="numpy")
+def _push(p: Plant, s: Array) -> tuple[float, float]:
+    over = max(s[GAP] - p.stop_high, 0.0) + min(s[GAP] - p.stop_low, 0.0)
+    damping = p.stop_damping if over != 0.0 else 0.0
+    return s[LOAD] - s[FORCE] - p.stop_stiffness * over, damping
+
+
+@njit(error_model="numpy")
+def _advance(
+    p: Plant, s: Array, place: Array, rest: Array, substeps: int, command: float, load: float
+) -> None:
+    h = p.tick / substeps
+    push = 0.5 * h / p.mass
+    load_share = -math.expm1(-p.load_corner * h)
+    sensor_share = -math.expm1(-p.sensor_corner * h)
+    s[OUTPUT], s[WAITING] = s[WAITING], command
+    for _ in range(substeps):
+        before = s[GAP]
+        force, damping = _push(p, s)
+        s[VELOCITY] += push * (force - damping * s[VELOCITY])
+        s[GAP] += h * s[VELOCITY]
+        _winding(p, s, place, rest, h)
+        s[LOAD] += load_share * (load - s[LOAD])
+        force, damping = _push(p, s)
+        s[VELOCITY] = (s[VELOCITY] + push * force) / (1.0 + push * damping)
+        s[SENSOR] += sensor_share * (0.5 * (before + s[GAP]) - s[SENSOR])
+
+
+@njit(error_model="numpy")
+def _fly(
+    p: Plant,
+    c: Control,
+    s: Array,
+    place: Array,
+    rest: Array,
+    memory: Array,
+    substeps: int,
+    target: Array,
+    load: Array,
+    noise: Array,
+    record: Array,
+) -> None:
+    for tick in range(target.size):
+        read = s[SENSOR] + noise[tick]
+        read = (
+            p.sensor_low + math.floor((read - p.sensor_low) / p.sensor_step + 0.5) * p.sensor_step
+        )
+        command = _controller(c, memory, target[tick], read)
+        _advance(p, s, place, rest, substeps, command, load[tick])
+        record[tick, 0], record[tick, 1] = s[GAP], s[FORCE]
+
+
+class ByNumba:
+    """The whole loop in compiled code.
+
+    Parameters
+    ----------
+    plant : Plant
+    substeps : int
+        In a tick.
+    """
+
+    def __init__(self, plant: Plant, substeps: int) -> None:
+        self.plant, self._substeps = plant, substeps
+        self._state = np.zeros(12)
+        self._place = np.zeros(plant.thresholds.size)
+        self._rest = np.zeros(plant.thresholds.size + 1)
+
+    def start(self, gap: float, current: float, load: float) -> float:
+        """Hang still; return the pull."""
+        p, s = self.plant, self._state
+        self._place[:] = 0.0
+        self._rest[:] = 0.0
+        outer, share, area, narrows = _around(p, gap)
+        b = outer * p.area
+        field, _ = _solve(
+            p, self._place, self._rest, 0.0, p.length, b, p.turns * current, b * 1e-12
+        )
+        _move(p, self._place, self._rest, field)
+        density = MU_0 * field + self._rest[0]
+        s[:] = 0.0
+        s[FIELD], s[PSI], s[CURRENT] = field, p.turns * p.area * density, current
+        s[INTEGRAL], s[LOAD], s[GAP], s[SENSOR] = p.resistance * current, load, gap, gap
+        s[OUTPUT] = s[WAITING] = current
+        flux = density * p.area * share
+        s[FORCE] = flux * flux / (MU_0 * area) * narrows
+        return float(s[FORCE])
+
+    def advance(self, command: float, load: float) -> tuple[float, float]:
+        """Go on by one tick; the command of the tick before takes effect. Gap and force."""
+        s = self._state
+        _advance(self.plant, s, self._place, self._rest, self._substeps, command, load)
+        return float(s[GAP]), float(s[FORCE])
+
+    def run(
+        self, control: Control, memory: Array, target: Array, load: Array, noise: Array
+    ) -> Flight:
+        """Close the loop."""
+        record = np.empty((target.size, 2))
+        _fly(
+            self.plant,
+            control,
+            self._state,
+            self._place,
+            self._rest,
+            memory,
+            self._substeps,
+            target,
+            load,
+            noise,
+            record,
+        )
+        return Flight(record[:, 0].copy(), record[:, 1].copy())
