@@ -1,0 +1,373 @@
+"""How much faster than real time a controlled bearing is simulated, beside SciPy and numba.
+
+All three fly the bearing of ``examples/bearing`` through the same steps for the same simulated
+time, in one run on one core, in processor time. ``python benchmarks/closed_loop.py`` prints more
+than the table does: accuracies, and what each tolerance of ``solve_ivp`` costs.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.simulate.controllerfile import ControllerFile, Format, Variant, read_controller
+from anhyst.simulate.drive import MapLaw
+from anhyst.simulate.loop import Loop
+from anhyst.simulate.plant import STOP_RESONANCE, current_gains, make_bearing, poles
+from anhyst.simulate.position import position_control
+from anhyst.simulate.rigfile import BearingRig, read_bearing, step_ends
+from anhyst.simulate.scenario import Scenario, Script
+from anhyst.simulate.setup import Knowledge, Setup, make_setup, read_knowledge
+from rival_bearing import ByNumba, ByScipy, Control, Flight, Method, Plant
+from rows import ROOT, Row
+
+Array = NDArray[np.float64]
+FOLDER = ROOT / "examples" / "bearing"
+
+SECONDS = 0.2
+"""Simulated by everyone."""
+HOLD_S = 0.02
+HEIGHTS = (10e-6, 20e-6, 50e-6, 20e-6, 10e-6)
+REPETITIONS = 15
+METHODS: tuple[Method, ...] = ("RK23", "RK45", "LSODA", "Radau")
+TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
+
+
+class Flier(Protocol):
+    """What both rivals do."""
+
+    def start(self, gap: float, current: float, load: float) -> float:
+        """Hang still; return the pull."""
+
+    def advance(self, command: float, load: float) -> tuple[float, float]:
+        """Go on by one tick; gap and force."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """The example as everyone gets it."""
+
+    rig: BearingRig
+    controller: ControllerFile
+    knowledge: Knowledge
+
+    def setup(self, variant: Variant, number_format: Format) -> Setup:
+        """Return the example's controller with one of the ways from force to current."""
+        return make_setup(
+            self.rig, self.controller.settings, self.knowledge, variant, number_format
+        )
+
+    def scenario(self) -> Scenario:
+        """Return steps up and down, without lift-off."""
+        gap = self.rig.settings.simulate.gap_m
+        script = Script(self.rig, gap)
+        for height in HEIGHTS:
+            for end in step_ends(gap, height):
+                script.step(end, HOLD_S)
+        scenario = script.build()
+        assert math.isclose(scenario.ticks * self.rig.dt, SECONDS)
+        return scenario
+
+
+@cache
+def example() -> Case:
+    """Read the example and identify its magnet."""
+    rig = read_bearing(FOLDER / "rig.toml")
+    controller = read_controller(FOLDER / "controller.toml")
+    return Case(rig, controller, read_knowledge(rig, controller))
+
+
+def plant_of(rig: BearingRig) -> Plant:
+    """Hand the numbers of a rig file to the rivals."""
+    magnet, mechanics = rig.settings.magnet, rig.settings.mechanics
+    assert magnet.iron is not None
+    steel, sensor = magnet.iron.steel(), rig.settings.position_sensor.sensor()
+    gain, reset = current_gains(rig)
+    stop = 2.0 * math.pi * STOP_RESONANCE
+    return Plant(
+        thresholds=steel.thresholds,
+        weights=steel.weights,
+        sharp=steel.saturation_sharp,
+        knee_sharp=steel.knee_sharp,
+        slow=steel.saturation_slow,
+        knee_slow=steel.knee_slow,
+        turns=float(magnet.turns),
+        resistance=magnet.resistance_ohm,
+        length=magnet.iron_length_m,
+        area=poles(rig).area,
+        width=magnet.pole_width_m,
+        depth=magnet.pole_depth_m,
+        leakage=magnet.leakage_H,
+        supply=rig.settings.amplifier.supply_V,
+        gain=gain,
+        reset=reset,
+        mass=mechanics.mass_kg,
+        stop_low=mechanics.stop_low_m,
+        stop_high=mechanics.stop_high_m,
+        stop_stiffness=mechanics.mass_kg * stop * stop,
+        stop_damping=mechanics.mass_kg * stop,
+        load_corner=2.0 * math.pi * rig.settings.load.bandwidth_Hz,
+        sensor_corner=2.0 * math.pi * sensor.bandwidth,
+        sensor_low=sensor.low,
+        sensor_step=sensor.step,
+        tick=rig.dt,
+    )
+
+
+def control_of(setup: Setup) -> Control:
+    """Hand gains and map to the rivals."""
+    gains = setup.controller.pidd2().per_tick
+    law, amplifier = setup.drive.law, setup.rig.settings.amplifier
+    assert isinstance(law, MapLaw)
+    p, k, d, e, _, back, s, t, weight, low, high = gains.tolist()
+    return Control(
+        proportional=p,
+        integral=k,
+        derivative=d,
+        second=e,
+        back=back,
+        smoothing=s,
+        smoothing_2=t,
+        weight=weight,
+        low=low,
+        high=high,
+        middle=position_control(setup).gap_middle,
+        currents=law.entries,
+        gap_low=law.scales.gap_low,
+        gap_high=law.scales.gap_high,
+        force_high=law.scales.demand,
+        current_high=amplifier.current_high_A,
+        current_step=amplifier.current_high_A / ((1 << amplifier.dac_bits) - 1),
+    )
+
+
+def memory_of(control: Control, gap: float, force: float) -> Array:
+    """Return the memory of a PIDD2 that hangs still and gives a force."""
+    at = control.middle - gap
+    return np.array([at, 0.0, force - control.proportional * (control.weight - 1.0) * at])
+
+
+def hanging(flier: Flier, gap: float, load: float) -> float:
+    """Hang a rival in balance; return the current."""
+    low, high = 0.0, 10.0
+    for _ in range(60):
+        current = 0.5 * (low + high)
+        low, high = (current, high) if flier.start(gap, current, load) < load else (low, current)
+    return current
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Processor time."""
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One simulator in the same loop."""
+
+    name: str
+    factor: float
+    """Times real time."""
+    overshoot: float
+    """Of the largest step up, per cent of its height."""
+
+
+def overshoot(case: Case, gap: Array) -> float:
+    """Return that of the largest step up, per cent."""
+    place = int(np.argmax(HEIGHTS))
+    ticks = round(HOLD_S / case.rig.dt)
+    _, upper = step_ends(case.rig.settings.simulate.gap_m, HEIGHTS[place])
+    step = gap[(2 * place + 1) * ticks : (2 * place + 2) * ticks]
+    return float(100.0 * (upper - np.min(step)) / HEIGHTS[place])
+
+
+def ours(case: Case, variant: Variant, number_format: Format) -> Measured:
+    """Simulate with the plant of this project, everything in it; lift-off is not counted."""
+    setup, scenario = case.setup(variant, number_format), case.scenario()
+    lift = Script(case.rig, case.rig.settings.simulate.gap_m).lift_off().build()
+    best, gap = math.inf, np.empty(0)
+    for _ in range(REPETITIONS):
+        loop = Loop(setup)
+        loop.run(lift)
+        began = time.process_time()
+        flight = loop.run(scenario)
+        best = min(best, time.process_time() - began)
+        gap = flight["gap_m"]
+    return Measured(f"{variant} in {number_format}", SECONDS / best, overshoot(case, gap))
+
+
+def rival(case: Case, flier: ByScipy | ByNumba, name: str, repetitions: int) -> Measured:
+    """Simulate with a rival; compiling is not counted."""
+    rig, scenario = case.rig, case.scenario()
+    gap, load = float(scenario.target[0]), rig.settings.load.force_N
+    control = control_of(case.setup("static", "f64"))
+    noise = rig.settings.position_sensor.sensor().noise
+    drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
+    current = hanging(flier, gap, load)
+    best, flight = math.inf, Flight(np.empty(0), np.empty(0))
+    for _ in range(repetitions):
+        flier.start(gap, current, load)
+        memory = memory_of(control, gap, load)
+        began = time.process_time()
+        flight = flier.run(control, memory, scenario.target, scenario.load, drawn)
+        best = min(best, time.process_time() - began)
+    return Measured(name, SECONDS / best, overshoot(case, flight.gap))
+
+
+def open_loop(flier: Flier, current: float, load: float, gap: float) -> Array:
+    """Return gap and force at each tick of 3 ms of moving commands."""
+    flier.start(gap, current, load)
+    moves = [current + 0.4 * math.sin(0.9 * tick) for tick in range(60)]
+    return np.array([flier.advance(command, load) for command in moves])
+
+
+class Own:
+    """The plant of this project as the rivals are."""
+
+    def __init__(self, rig: BearingRig, substeps: int) -> None:
+        timing = rig.settings.timing.model_copy(update={"substeps": substeps})
+        fine = rig.settings.amplifier.model_copy(update={"dac_bits": 24})
+        load = rig.settings.load.model_copy(update={"force_N": 0.0})
+        update = {"timing": timing, "amplifier": fine, "load": load}
+        self._rig = replace(rig, settings=rig.settings.model_copy(update=update))
+
+    def start(self, gap: float, current: float, load: float) -> float:
+        """Hang still, the load given as weight; return the pull."""
+        mechanics = self._rig.settings.mechanics
+        weight = mechanics.model_copy(update={"gravity_m_per_s2": load / mechanics.mass_kg})
+        settings = self._rig.settings.model_copy(update={"mechanics": weight})
+        self._plant = make_bearing(replace(self._rig, settings=settings), 0)
+        self._plant.place(gap, 0.0)
+        self._plant.hold(current, 0)
+        return self._plant.force
+
+    def advance(self, command: float, load: float) -> tuple[float, float]:
+        """Go on by one tick; the command of the tick before takes effect. Gap and force."""
+        del load
+        self._plant.advance(command, 0.0, 0.0)
+        return self._plant.gap, self._plant.force
+
+
+def errors(rig: BearingRig, fliers: dict[str, Flier]) -> dict[str, float]:
+    """Return the rms error of the force, parts of its range, against 64 sub-steps."""
+    gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+    exact = Own(rig, 64)
+    current = hanging(exact, gap, load)
+    truth = open_loop(exact, current, load, gap)[:, 1]
+    found = {}
+    for name, flier in fliers.items():
+        force = open_loop(flier, current, load, gap)[:, 1]
+        found[name] = float(np.sqrt(np.mean((force - truth) ** 2)) / np.ptp(truth))
+    return found
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A setting of ``solve_ivp``."""
+
+    method: Method
+    tolerance: float
+    error: float
+    """Rms of the force, parts of its range."""
+    seconds: float
+    """For the same 3 ms."""
+
+
+def tried(rig: BearingRig) -> list[Trial]:
+    """Try every method of ``solve_ivp`` at every tolerance."""
+    plant = plant_of(rig)
+    gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+    current = hanging(Own(rig, 64), gap, load)
+    trials = []
+    for method in METHODS:
+        for tolerance in TOLERANCES:
+            flier = ByScipy(plant, method, tolerance)
+            error = errors(rig, {"": flier})[""]
+            best = min(
+                seconds(lambda: open_loop(flier, current, load, gap))  # noqa: B023
+                for _ in range(3)
+            )
+            trials.append(Trial(method, tolerance, error, best))
+    return trials
+
+
+def strongest(trials: list[Trial], error: float) -> Trial:
+    """Return the fastest setting whose error is no larger; the most accurate if there is none."""
+    good = [trial for trial in trials if trial.error <= error]
+    if not good:
+        return min(trials, key=lambda trial: trial.error)
+    return min(good, key=lambda trial: trial.seconds)
+
+
+def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
+    """Measure all; return simulators, errors, what was tried of SciPy, and what was taken."""
+    case = example()
+    substeps = case.rig.settings.timing.substeps
+    plant = plant_of(case.rig)
+    numba = ByNumba(plant, substeps)
+    accuracy = errors(case.rig, {"ours": Own(case.rig, substeps), "numba": numba})
+    accuracy["numba, 64 sub-steps"] = errors(case.rig, {"": ByNumba(plant, 64)})[""]
+    trials = tried(case.rig)
+    taken = strongest(trials, accuracy["ours"])
+    variants: list[tuple[Variant, Format]] = [
+        ("full", "fixed"),
+        ("full", "f64"),
+        ("simplified", "fixed"),
+        ("static", "f64"),
+    ]
+    found = [ours(case, *variant) for variant in variants]
+    found.append(rival(case, numba, "numba, map", REPETITIONS))
+    scipy = ByScipy(plant, taken.method, taken.tolerance)
+    found.append(rival(case, scipy, f"SciPy {taken.method} {taken.tolerance:g}, map", 1))
+    return found, accuracy, trials, taken
+
+
+def rows() -> list[Row]:
+    """Ours with the compiled `full` compensator beside rivals with a map."""
+    found, accuracy, _, taken = measure()
+    full, *_, plain, numba, scipy = found
+    return [
+        Row(
+            "closed loop, 20 kHz, 4 sub-steps, 24 cells, `full` in fixed point: times real time",
+            ">= 25 (goal 50), rivals beside it",
+            f"{full.factor:.1f}; with a map as the rivals {plain.factor:.1f}, "
+            f"numba {numba.factor:.1f}, SciPy ({taken.method}, {taken.tolerance:g}) "
+            f"{scipy.factor:.3f}; `full` against numba {full.factor / numba.factor:.2f}, "
+            f"against SciPy {full.factor / scipy.factor:.0f}",
+            full.factor >= 25.0,
+        ),
+        Row(
+            "the same: error of the force in open loop, against 64 sub-steps",
+            "SciPy as accurate as ours",
+            f"ours {100 * accuracy['ours']:.4f} % of its range, numba "
+            f"{100 * accuracy['numba']:.4f} %, SciPy {100 * taken.error:.4f} %; overshoot with a "
+            f"map {plain.overshoot:.2f} %, {numba.overshoot:.2f} %, {scipy.overshoot:.2f} %",
+            taken.error <= accuracy["ours"],
+        ),
+    ]
+
+
+if __name__ == "__main__":
+    measured, accuracies, settings, chosen = measure()
+    for one in settings:
+        mark = "*" if one == chosen else " "
+        print(
+            f"{mark} {one.method:6s} {one.tolerance:.0e}  error {100 * one.error:.5f} %  "
+            f"{1e3 * one.seconds:.1f} ms for 3 ms"
+        )
+    for name, value in accuracies.items():
+        print(f"error of {name}: {100 * value:.5f} %")
+    for simulator in measured:
+        print(
+            f"{simulator.name:28s} {simulator.factor:8.3f} times real time, overshoot "
+            f"{simulator.overshoot:.2f} %"
+        )
