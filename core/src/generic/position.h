@@ -176,7 +176,7 @@ static void ANHYST_NAME(commit)(ANHYST_NAME(anhyst_position) *c, const ANHYST_RE
 
 void ANHYST_NAME(anhyst_position_tick)(ANHYST_NAME(anhyst_position) *c,
                                        const ANHYST_NAME(anhyst_position_sample) *sample,
-                                       ANHYST_NAME(anhyst_position_answer) *answer)
+                                       ANHYST_NAME(anhyst_position_answer) *out)
 {
   ANHYST_REAL wanted[ANHYST_POSITION_MAGNETS] = {0, 0};
   const uint16_t measured = c->settings->measured;
@@ -189,12 +189,12 @@ void ANHYST_NAME(anhyst_position_tick)(ANHYST_NAME(anhyst_position) *c,
   if (measured == 0U) {
     ANHYST_NAME(commit)(c, c->current);
   }
-  answer->current[0] = c->current[0];
-  answer->current[1] = c->current[1];
-  answer->reference = anhyst_levitation_controls(&c->levitation)
-                          ? ANHYST_NAME(position_of)(&c->settings->units, c->levitation.reference)
-                          : c->position;
-  answer->demand = c->demand;
-  answer->state = (uint16_t)(16U * c->levitation.state + c->levitation.phase);
-  answer->flags = c->flags;
+  out->current[0] = c->current[0];
+  out->current[1] = c->current[1];
+  out->reference = anhyst_levitation_controls(&c->levitation)
+                       ? ANHYST_NAME(position_of)(&c->settings->units, c->levitation.reference)
+                       : c->position;
+  out->demand = c->demand;
+  out->state = (uint16_t)(16U * c->levitation.state + c->levitation.phase);
+  out->flags = c->flags;
 }

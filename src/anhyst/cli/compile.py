@@ -10,6 +10,7 @@ import typer
 
 from anhyst.cli.console import print_json, progress_bar, show, table, warn
 from anhyst.cli.options import AsJson, ModelPath
+from anhyst.errors import InputError
 
 if TYPE_CHECKING:
     from anhyst.compile.output import Compiled
@@ -35,8 +36,22 @@ def compile_(
     model: ModelPath,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write.")],
     rate: Annotated[
-        float, typer.Option(metavar="HZ", help="Ticks a second of the controller.", min=1.0)
-    ],
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Ticks a second; may be left out with --controller, whose file tells it.",
+            min=1.0,
+            show_default=False,
+        ),
+    ] = None,
+    controller: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="A controller file: the folder also holds the position controller of a magnetic "
+            "bearing.",
+        ),
+    ] = None,
     kind: Annotated[
         KindChoice,
         typer.Option(
@@ -50,7 +65,7 @@ def compile_(
         typer.Option(
             metavar="FORMAT",
             help="Format of demand, gap and current: q15 (16 bits), q31, or f32 (single "
-            "precision throughout).",
+            "precision throughout). A position controller needs q31.",
         ),
     ] = IoChoice.Q15,
     accuracy: Annotated[
@@ -67,23 +82,35 @@ def compile_(
     """Compile a model into C for a controller, in fixed point or single precision.
 
     The folder holds one header, one source and the parameters of the compensator (wanted output
-    in, current out), an example, fragments for make and CMake, golden vectors, an accuracy budget
-    measured against the model, and DROP_IN.md: how it goes into a project.
+    in, current out), with --controller the position controller around it, an example, fragments
+    for make and CMake, golden vectors, an accuracy budget measured against the model, and
+    DROP_IN.md: how it goes into a project.
 
     Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
     from anhyst.compile.output import compile_model
     from anhyst.compile.plan import Request
 
-    request = Request(kind.value, io.value, rate, accuracy)
+    request = Request(kind.value, io.value, _rate(rate, controller), accuracy)
     with progress_bar("choosing tables and measuring"):
-        compiled = compile_model(model, out, request)
+        compiled = compile_model(model, out, request, controller)
     if text := compiled.warning:
         warn(text)
     if as_json:
         print_json(_as_dict(compiled))
     else:
         _show(compiled)
+
+
+def _rate(rate: float | None, controller: Path | None) -> float:
+    """Return what was given, or what the controller file says."""
+    if rate is not None:
+        return rate
+    if controller is None:
+        raise InputError("--rate: is missing; give the ticks a second, or a --controller file")
+    from anhyst.controllerfile import read_controller
+
+    return read_controller(controller).settings.rate_Hz
 
 
 def _as_dict(compiled: Compiled) -> dict[str, Any]:
@@ -103,7 +130,13 @@ def _show(compiled: Compiled) -> None:
         if part.worst is not None and part.rms is not None:
             worst, rms = (f"{percent(budget, value):.2g}" for value in (part.worst, part.rms))
             rows.add_row(part.title, worst, rms)
-    lines = [f"{choice.name}: {choice.value} ({choice.reason})" for choice in explain(plan)]
+    lines = []
+    if around := compiled.manifest["controller"]:
+        lines.append(
+            f"position controller '{around['name']}': {around['rate_Hz']:g} Hz, "
+            f"{around['state_bytes']} bytes of state"
+        )
+    lines += [f"{choice.name}: {choice.value} ({choice.reason})" for choice in explain(plan)]
     size = parameters_bytes(plan.block)
     show(
         f"{compiled.out}: {plan.block.kind}, {plan.request.io}, {size} bytes of parameters",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from anhyst.compile.block import Kind
-from anhyst.compile.single import generic_of, with_single
+from anhyst.compile.single import generic_of, with_generic
 from anhyst.errors import InputError
 
 SOURCES: dict[Kind, tuple[str, ...]] = {
@@ -23,6 +23,9 @@ SINGLE: dict[Kind, tuple[str, ...]] = {
     "simplified": ("simplified_real.c", "compensator_real.c"),
 }
 """The same for single precision."""
+
+CONTROL = ("pidd2.c", "map.c", "drive.c", "levitation.c", "position.c")
+"""What a controller of the position needs beyond a compensator."""
 
 PUBLIC = "anhyst/"
 WIDTH = 100
@@ -87,7 +90,7 @@ def read_core(name: str) -> str:
     return (core_folder() / name).read_text(encoding="utf-8")
 
 
-def join(kind: Kind, *, single: bool = False) -> Joined:
+def join(kind: Kind, *, single: bool = False, control: bool = False) -> Joined:
     """Join what a kind of compensator needs of the core.
 
     Includes of the core's own headers are resolved, each header once; comments are kept.
@@ -98,13 +101,15 @@ def join(kind: Kind, *, single: bool = False) -> Joined:
         Kind of compensator.
     single : bool, optional
         In single precision, not in fixed point.
+    control : bool, optional
+        With the controller of the position, in fixed point.
 
     Returns
     -------
     Joined
     """
     joint = _Joint(kind)
-    for name in (SINGLE if single else SOURCES)[kind]:
+    for name in (SINGLE if single else SOURCES)[kind] + (CONTROL if control else ()):
         joint.add(f"src/{name}")
     source = _without_unused("\n".join(joint.source))
     return Joined("\n".join(joint.header), source, tuple(sorted(joint.system, key=str)))
@@ -143,7 +148,7 @@ class _Joint:
         self._seen.add(name)
         text = read_core(name)
         if generic := generic_of(text):
-            text = with_single(text, read_core(f"{_folder(generic)}/{generic}"))
+            text = with_generic(text, read_core(f"{_folder(generic)}/{generic}"))
         for included in _INCLUDE.findall(text):
             self.add(f"{_folder(included)}/{included}")
         self.system += [h for h in _SYSTEM.findall(text) if h not in self.system]

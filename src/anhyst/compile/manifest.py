@@ -8,8 +8,10 @@ from typing import Any
 from anhyst.compile.block import Block
 from anhyst.compile.budget import Budget, percent
 from anhyst.compile.choices import explain
+from anhyst.compile.controller import ControllerPlan
+from anhyst.compile.controllersource import described
 from anhyst.compile.floating import RealBlock
-from anhyst.compile.memory import parameters_bytes, state_bytes
+from anhyst.compile.memory import controller_bytes, parameters_bytes, state_bytes
 from anhyst.compile.plan import Plan
 from anhyst.compile.words import BODY, Names, Unit
 from anhyst.data.units import Quantity
@@ -17,7 +19,13 @@ from anhyst.data.units import Quantity
 VERSION = 1
 
 
-def manifest(plan: Plan, budget: Budget, sha256: str, version: str) -> dict[str, Any]:
+def manifest(
+    plan: Plan,
+    budget: Budget,
+    sha256: str,
+    version: str,
+    controller: ControllerPlan | None = None,
+) -> dict[str, Any]:
     """Return the manifest without the list of files.
 
     Parameters
@@ -30,6 +38,8 @@ def manifest(plan: Plan, budget: Budget, sha256: str, version: str) -> dict[str,
         Of the model file.
     version : str
         Of anhyst.
+    controller : ControllerPlan, optional
+        Of the position, around the compensator.
 
     Returns
     -------
@@ -54,10 +64,15 @@ def manifest(plan: Plan, budget: Budget, sha256: str, version: str) -> dict[str,
             "state_bytes": state_bytes(block),
         },
         "parameters": [] if isinstance(block, RealBlock) else list(_words(plan, block)),
+        "controller": None if controller is None else _controller(controller),
         "conditioning": _conditioning(plan),
         "accuracy": _accuracy(budget),
         "plan": {choice.name: f"{choice.value}: {choice.reason}" for choice in explain(plan)},
     }
+
+
+def _controller(controller: ControllerPlan) -> dict[str, Any]:
+    return described(controller) | {"state_bytes": controller_bytes(controller.magnets)}
 
 
 def _words(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:

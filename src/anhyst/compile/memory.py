@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from functools import cache
 
 from anhyst.compile.core import read_core
 from anhyst.compile.floating import RealBlock
 from anhyst.compile.measure import AnyBlock
+from anhyst.compile.single import in_format
 
 REAL_STATE_BYTES = 64
 """Of ``anhyst_compensator_f32``."""
@@ -31,12 +33,36 @@ def state_bytes(block: AnyBlock) -> int:
     return REAL_STATE_BYTES if isinstance(block, RealBlock) else _fixed_state_bytes()
 
 
+def controller_bytes(magnets: int) -> int:
+    """Return the size of everything that changes in a position controller and its drives."""
+    headers = ("levitation.h", "pidd2.h", "compensator.h", "drive.h", "position.h")
+    generic = in_format(read_core("include/anhyst/generic/position.h"), "q31")
+    sizes = _structures(
+        *(read_core(f"include/anhyst/{name}") for name in headers), generic, MAGNETS=2
+    )
+    return sizes["anhyst_position_q31"] + magnets * sizes["anhyst_drive_q31"]
+
+
 @cache
 def _fixed_state_bytes() -> int:
-    """Add up the members of ``anhyst_compensator``; they are ordered so that nothing is padded."""
-    header = read_core("include/anhyst/compensator.h")
-    sizes = {"int32_t": 4, "uint16_t": 2}
-    for members, name in re.findall(r"typedef struct \{([^}]*)\} (\w+);", header):
-        declared = re.findall(r"^  (?:const )?(\w+) (\*?)\w+;", members, re.M)
-        sizes[name] = sum(4 if pointer else sizes.get(kind, 0) for kind, pointer in declared)
-    return sizes["anhyst_compensator"]
+    return _structures(read_core("include/anhyst/compensator.h"))["anhyst_compensator"]
+
+
+def _structures(*texts: str, **numbers: int) -> dict[str, int]:
+    """Add up the members of structures, each one aligned to four bytes as a whole.
+
+    Members of less than four bytes stand together at the end, so that nothing else is padded.
+    """
+    sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2}
+    for text in texts:
+        plain = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+        for members, name in re.findall(r"typedef struct \{([^}]*)\} (\w+);", plain):
+            sizes[name] = -(-sum(_members(members, sizes, numbers)) // 4) * 4
+    return sizes
+
+
+def _members(text: str, sizes: dict[str, int], numbers: dict[str, int]) -> Iterator[int]:
+    for kind, pointer, count in re.findall(
+        r"(?:const )?(\w+)\s+(\*?)\w+(?:\[ANHYST_POSITION_(\w+)\])?;", text
+    ):
+        yield (4 if pointer else sizes.get(kind, 0)) * (numbers[count] if count else 1)

@@ -9,7 +9,9 @@ from typing import Any
 
 from anhyst.atomic import PathLike
 from anhyst.compile.budget import Budget, as_dict, check_accuracy, keeps_allowance, measure_budget
+from anhyst.compile.controller import Controller, read_fitting
 from anhyst.compile.folder import check_folder, json_text, write_folder
+from anhyst.compile.lifting import flight_csv, flight_vectors
 from anhyst.compile.manifest import manifest
 from anhyst.compile.page import budget_page
 from anhyst.compile.plan import ACCURACY, Plan, Request, make_plan, not_computed
@@ -59,8 +61,13 @@ class Compiled:
         )
 
 
-def compile_model(model_path: PathLike, out: PathLike, request: Request) -> Compiled:
-    """Compile a model into a folder of fixed-point C.
+def compile_model(
+    model_path: PathLike,
+    out: PathLike,
+    request: Request,
+    controller_path: PathLike | None = None,
+) -> Compiled:
+    """Compile a model into a folder of C, with a controller of the position or without.
 
     Parameters
     ----------
@@ -70,6 +77,8 @@ def compile_model(model_path: PathLike, out: PathLike, request: Request) -> Comp
         The folder to write; one that was compiled before is replaced, any other is left alone.
     request : Request
         What is wanted.
+    controller_path : path-like, optional
+        A controller file.
 
     Returns
     -------
@@ -78,35 +87,51 @@ def compile_model(model_path: PathLike, out: PathLike, request: Request) -> Comp
     Raises
     ------
     InputError
-        The model cannot be read or compiled, or the folder cannot be written.
+        The model cannot be read or compiled, the controller is another one than what is wanted, or
+        the folder cannot be written.
     NegativeResult
         The wanted accuracy cannot be reached.
     """
     check_folder(out)
     model = read_model(model_path)
+    controller = None
+    if controller_path is not None:
+        controller = read_fitting(controller_path, request, model_path)
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
     try:
-        plan, budget = _planned(model, request, int(sha256[:8], 16))
+        plan, budget = _planned(model, request, int(sha256[:8], 16), controller)
     except InputError as error:
         raise InputError(f"{model_path}: {error}") from error
     except NegativeResult as error:
         raise InputError(f"{model_path}: {not_computed(error)}") from error
     check_accuracy(budget)
     version = running_version()
+    around = None if controller is None else controller.around(plan)
     files = {
-        **sources(plan, sha256, version),
+        **sources(plan, sha256, version, around),
         "vectors.csv": vectors_csv(golden_vectors(plan)),
         "budget.json": json_text(as_dict(budget)),
         "budget.html": budget_page(plan, budget, version),
     }
-    described = manifest(plan, budget, sha256, version)
+    if around is not None:
+        files["controller.csv"] = flight_csv(flight_vectors(plan, around))
+    described = manifest(plan, budget, sha256, version, around)
     write_folder(out, files, described)
     return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"))
 
 
-def _planned(model: ActuatorModel, request: Request, model_hash: int) -> tuple[Plan, Budget]:
-    """Plan, and plan tighter where another path than that of the plan breaks the allowance."""
-    for share in SHARES:
+def _planned(
+    model: ActuatorModel, request: Request, model_hash: int, controller: Controller | None
+) -> tuple[Plan, Budget]:
+    """Plan, and plan tighter where another path than that of the plan breaks the allowance.
+
+    With a controller and no accuracy asked for, the first plan stays: it is what simulations run.
+    """
+    shares: tuple[float, ...] = SHARES
+    if controller is not None:
+        model = controller.narrowed(model)
+        shares = SHARES[:1] if request.accuracy is None else SHARES
+    for share in shares:
         plan = make_plan(model, request, model_hash, share)
         budget = measure_budget(plan)
         at_its_end = plan.found.reached > share * plan.allowance

@@ -1,7 +1,7 @@
-"""The core's C in single precision: what is written once for both precisions, written out.
+"""The core's C in one number format: what is written once for several, written out.
 
 Sources under ``generic/`` name their number format by macros, which is right for a core that keeps
-both formats side by side and a nuisance to read in a project that needs one. Here the macros are
+the formats side by side and a nuisance to read in a project that needs one. Here the macros are
 replaced by what they mean, and what the layout lined up is lined up again.
 """
 
@@ -18,41 +18,54 @@ _BOTH = re.compile(
     r'#include "anhyst/f64\.h"\n#include "[^"]+"\n'
     r'#include "anhyst/f32\.h"\n#include "(?P<file>[^"]+)"\n(?:#include "anhyst/no_format\.h"\n)?'
 )
+_FIXED = re.compile(
+    r'#include "anhyst/q31\.h"\n(?P<between>(?:.*\n)*?)'
+    r'#include "(?P<file>(?:anhyst/)?generic/[^"]+)"\n(?:#include "anhyst/no_format\.h"\n)?'
+)
 _LICENCE = re.compile(r"^/\* SPDX-License-Identifier: [^*]*\*/\n+")
 _COMMENT = re.compile(r"^(\s*\S.*?)( +)(/\*.*)$")
 EPSILON = "1.1920929e-7f"
+REAL = {"f32": "float", "q31": "int32_t"}
+"""What a number is in each format."""
 WIDTH = 100
 
 
 def generic_of(text: str) -> str | None:
-    """Return the file that a source includes once for each precision, or None."""
-    found = _BOTH.search(text)
+    """Return the file that a source includes for its number formats, or None."""
+    found = _BOTH.search(text) or _FIXED.search(text)
     return found["file"] if found else None
 
 
-def with_single(text: str, generic: str) -> str:
-    """Put the text of a generic file, in single precision, where a source includes it twice."""
-    body = in_single(_LICENCE.sub("", generic))
-    return _BOTH.sub(lambda _: body, text)
+def with_generic(text: str, generic: str) -> str:
+    """Put the text of a generic file where a source includes it.
+
+    In single precision where the source has it in both precisions, else in fixed point.
+    """
+    body = _LICENCE.sub("", generic)
+    if _BOTH.search(text):
+        return _BOTH.sub(lambda _: in_format(body, "f32"), text)
+    return _FIXED.sub(lambda found: found["between"] + in_format(body, "q31"), text)
 
 
-def in_single(text: str) -> str:
-    """Write a generic source out in single precision.
+def in_format(text: str, number_format: str) -> str:
+    """Write a generic source out in one number format.
 
     Parameters
     ----------
     text : str
         C that uses ``ANHYST_REAL``, ``ANHYST_NAME()``, ``ANHYST_EPS`` and ``R()``, laid out.
+    number_format : str
+        ``"f32"`` or ``"q31"``.
 
     Returns
     -------
     str
-        The same with ``float`` and names that end in ``_f32``; comments behind code and lines that
+        The same with its type and with names that end in it; comments behind code and lines that
         continue an expression stand below each other as before.
     """
     # A name that the layout broke inside its brackets goes onto one line.
     text = re.sub(r"ANHYST_NAME\(\s+", "ANHYST_NAME(", text)
-    rows = [_Row.of(line) for line in text.split("\n")]
+    rows = [_Row.of(line, number_format) for line in text.split("\n")]
     _line_up_comments(rows)
     lines: list[str] = []
     for place, row in enumerate(rows):
@@ -75,12 +88,12 @@ class _Row:
     shifts: list[tuple[int, int]]
 
     @classmethod
-    def of(cls, line: str) -> _Row:
+    def of(cls, line: str, number_format: str) -> _Row:
         parts: list[str] = []
         shifts = [(0, 0)]
         end = shift = 0
         for found in _TOKENS.finditer(line):
-            word = _written_out(found)
+            word = _written_out(found, number_format)
             parts += [line[end : found.start()], word]
             end = found.end()
             shift += len(word) - len(found[0])
@@ -118,12 +131,12 @@ class _Row:
         return None if found is None or found[1].lstrip().startswith("/*") else found.start(3)
 
 
-def _written_out(found: re.Match[str]) -> str:
+def _written_out(found: re.Match[str], number_format: str) -> str:
     if found["name"]:
-        return f"{found['name'].strip()}_f32"
+        return f"{found['name'].strip()}_{number_format}"
     if found["number"]:
         return f"{found['number']}f"
-    return "float" if found["real"] else EPSILON
+    return REAL[number_format] if found["real"] else EPSILON
 
 
 def _width(line: str) -> int:

@@ -10,9 +10,11 @@ from textwrap import fill
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from anhyst.compile.controller import ControllerPlan
+from anhyst.compile.controllersource import told
 from anhyst.compile.core import join, read_core, section_names
 from anhyst.compile.floating import RealBlock
-from anhyst.compile.memory import parameters_bytes, state_bytes
+from anhyst.compile.memory import controller_bytes, parameters_bytes, state_bytes
 from anhyst.compile.parameters import parameters_source
 from anhyst.compile.plan import Plan
 from anhyst.compile.realsource import c_parameters_f32
@@ -24,7 +26,9 @@ TYPES = {"q15": "int16_t", "q31": "int32_t", "f32": "float"}
 ONES = {"q15": 2**15, "q31": 2**31, "f32": 1}
 
 
-def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
+def sources(
+    plan: Plan, sha256: str, version: str, controller: ControllerPlan | None = None
+) -> dict[str, str]:
     """Return the C files and what helps to build them.
 
     Parameters
@@ -35,6 +39,8 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
         Of the model file.
     version : str
         Of anhyst.
+    controller : ControllerPlan, optional
+        Of the position, around the compensator.
 
     Returns
     -------
@@ -43,7 +49,7 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
     """
     model, block, io = plan.model, plan.block, plan.request.io
     real = isinstance(block, RealBlock)
-    joined = join(block.kind, single=real)
+    joined = join(block.kind, single=real, control=controller is not None)
     common = {
         "kind": block.kind,
         "version": version,
@@ -55,6 +61,7 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
         "output": model.output.name.replace("_", " "),
         "type": TYPES[io],
         "one": ONES[io],
+        "control": controller is not None,
     }
     header = common | {
         "system": joined.system,
@@ -72,11 +79,29 @@ def sources(plan: Plan, sha256: str, version: str) -> dict[str, str]:
         "anhyst_parameters.h": render("anhyst_parameters.h.j2", parameters),
         "anhyst_parameters.c": render("anhyst_parameters.c.j2", parameters),
         "main.c": render("main.c.j2", common),
-        "DROP_IN.md": render("DROP_IN.md.j2", common | _guide(plan)),
         "anhyst.mk": render("anhyst.mk.j2", common),
         "anhyst.cmake": render("anhyst.cmake.j2", common),
     }
+    guide = common | _guide(plan)
+    if controller is not None:
+        files |= _controller_files(common, controller)
+        guide |= told(controller) | {"controller_bytes": controller_bytes(controller.magnets)}
+    files["DROP_IN.md"] = render("DROP_IN.md.j2", guide)
     return files if real else {**files, PORT: read_core(f"port/{PORT}")}
+
+
+def _controller_files(common: Mapping[str, object], controller: ControllerPlan) -> dict[str, str]:
+    """Return the files of the position controller; its example stands for the compensator's."""
+    values = dict(common) | told(controller)
+    values["controller"] = _in_comment(str(values["controller"]))
+    return {
+        name: render(f"{template}.j2", values)
+        for name, template in (
+            ("anhyst_controller.h", "anhyst_controller.h"),
+            ("anhyst_controller.c", "anhyst_controller.c"),
+            ("main.c", "main_controller.c"),
+        )
+    }
 
 
 def _parameters(plan: Plan) -> dict[str, object]:

@@ -66,4 +66,4 @@ anhyst_status ANHYST_NAME(anhyst_position_init)(
 /* One tick. The currents stay within the limits whatever the sample says. */
 void ANHYST_NAME(anhyst_position_tick)(ANHYST_NAME(anhyst_position) *c,
                                        const ANHYST_NAME(anhyst_position_sample) *sample,
-                                       ANHYST_NAME(anhyst_position_answer) *answer);
+                                       ANHYST_NAME(anhyst_position_answer) *out);

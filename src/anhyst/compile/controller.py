@@ -1,0 +1,196 @@
+"""The position controller that goes into an output folder beside the compensator."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import FixedDrive, FixedPosition
+from anhyst.atomic import PathLike
+from anhyst.compile.bearing import bearing_model
+from anhyst.compile.block import Block
+from anhyst.compile.plan import Plan, Request
+from anhyst.control.position import DriveScales, PositionControl, Settings
+from anhyst.controllerfile import ControllerFile, ControllerTable, read_controller
+from anhyst.errors import InputError
+from anhyst.model import ActuatorModel
+from anhyst.tomlfile import Fault, faults_error
+
+KINDS = ("full", "simplified")
+"""Variants that are compiled; the others exist to be compared with."""
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A controller file, read and found to fit what is asked for.
+
+    Parameters
+    ----------
+    file : ControllerFile
+        Where it stands, and what it says.
+    """
+
+    file: ControllerFile
+
+    @property
+    def table(self) -> ControllerTable:
+        """What the file says."""
+        return self.file.settings
+
+    @property
+    def magnets(self) -> int:
+        """One, or two that pull against each other."""
+        return 1 if self.table.pair is None else 2
+
+    @property
+    def sha256(self) -> str:
+        """Of the file."""
+        return hashlib.sha256(self.file.path.read_bytes()).hexdigest()
+
+    def narrowed(self, model: ActuatorModel) -> ActuatorModel:
+        """Return the model for forces, currents and gaps of this controller alone.
+
+        Raises
+        ------
+        InputError
+            It is not one of a bearing.
+        """
+        table = self.table
+        seen = None if model.valid is None else model.valid.schedule
+        limits = table.limits.gap_low_m, table.limits.gap_high_m
+        gaps = limits if seen is None else table.working_gaps(table.pair, seen)
+        force_max = table.force_max(table.pair)
+        return bearing_model(model, table.limits.current_high_A, force_max, gaps)
+
+    def around(self, plan: Plan) -> ControllerPlan:
+        """Return the controller around the compensator of a plan."""
+        table, scales = self.table, plan.block.scales
+        control = table.position_control(
+            DriveScales(scales.demand, scales.current, scales.gap_low, scales.gap_high),
+            table.converter_of_currents(),
+            table.pair,
+        )
+        assert isinstance(plan.block, Block)
+        try:
+            return ControllerPlan(self, control, plan.block, control.settings("fixed"))
+        except InputError as error:
+            raise InputError(f"{self.file.path}: {error}") from error
+
+
+@dataclass(frozen=True)
+class ControllerPlan:
+    """A position controller in fixed point.
+
+    Parameters
+    ----------
+    source : Controller
+        What it was made from.
+    control : PositionControl
+        In SI units.
+    block : Block
+        Of the compensator.
+    settings : mapping of str to float
+        As the core takes them, by name.
+    """
+
+    source: Controller
+    control: PositionControl
+    block: Block
+    settings: Settings
+
+    @property
+    def magnets(self) -> int:
+        """How many drives it has."""
+        return self.source.magnets
+
+    @property
+    def gains(self) -> NDArray[np.int32]:
+        """Words of the gains, as the core takes them."""
+        return np.asarray(self.control.gains("fixed"), dtype=np.int32)
+
+    def start(self) -> FixedPosition:
+        """Return the very controller, just switched on, with drives that remember nothing."""
+        drives = [
+            FixedDrive.compensator(self.block.kind, self.block.words) for _ in range(self.magnets)
+        ]
+        return FixedPosition(self.gains, drives, dict(self.settings))
+
+
+def read_fitting(path: PathLike, request: Request, model_path: PathLike) -> Controller:
+    """Read a controller file for a folder.
+
+    Parameters
+    ----------
+    path : path-like
+        ``controller.toml``.
+    request : Request
+        What is compiled.
+    model_path : path-like
+        From which model.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or asks for something else than the request.
+    """
+    file = read_controller(path)
+    faults = [*_faults(file.settings, request), *_model_faults(file, model_path)]
+    if faults:
+        raise faults_error(file.path, faults)
+    _check_format(file.settings, request)
+    return Controller(file)
+
+
+def _faults(table: ControllerTable, request: Request) -> list[Fault]:
+    chosen = table.compensation
+    faults: list[Fault] = []
+    if table.rate_Hz != request.rate:
+        text = f"is {table.rate_Hz:g} Hz here and {request.rate:g} Hz in --rate; make them equal"
+        faults.append((("rate_Hz",), text))
+    if chosen.variant not in KINDS:
+        text = f'"{chosen.variant}" is for comparison in simulations; write "full" or "simplified"'
+        faults.append((("compensation", "variant"), text))
+    elif chosen.variant != request.kind:
+        text = f'is "{chosen.variant}" here and {request.kind} in --kind; make them equal'
+        faults.append((("compensation", "variant"), text))
+    if chosen.format != "fixed":
+        text = f'"{chosen.format}" is for simulations; write "fixed", which goes with --io q31'
+        faults.append((("compensation", "format"), text))
+    if table.pair is None and table.limits.force_low_N < 0.0:
+        text = "a single magnet cannot push; raise it to 0, or describe the second in [pair]"
+        faults.append((("limits", "force_low_N"), text))
+    return faults
+
+
+def _model_faults(file: ControllerFile, model_path: PathLike) -> list[Fault]:
+    """Refuse another model than the one that the controller file names."""
+    if file.model is None:
+        return []
+    try:
+        same = file.model.read_bytes() == Path(model_path).read_bytes()
+    except OSError as error:
+        text = f"{error.filename}: {error.strerror}; name the model file that is compiled"
+    else:
+        text = "" if same else f"is not {model_path}; compile the model that is named here"
+    return [(("compensation", "model"), text)] if text else []
+
+
+def _check_format(table: ControllerTable, request: Request) -> None:
+    """Refuse what cannot carry a position."""
+    if request.io == "q15":
+        limits = table.limits
+        step = 1.25 * (limits.gap_high_m - limits.gap_low_m) / 2**16
+        speed = step * table.rate_Hz
+        raise InputError(
+            f"--io: in q15 a gap has steps of {1e9 * step:.2g} nm and its speed of "
+            f"{1e3 * speed:.2g} mm/s, too coarse to control it; give q31"
+        )
+    if request.io != "q31":
+        raise InputError(
+            f"--io: {request.io} is not for a position controller, which is compiled in fixed "
+            "point; give q31"
+        )
