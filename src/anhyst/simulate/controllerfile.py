@@ -69,7 +69,7 @@ def check_controller(controller: ControllerFile, rig: BearingRig) -> None:
     ------
     InputError
         Another rate, limits beyond the amplifier, a reference or the rest outside the limits,
-        force limits of the wrong arrangement, measured flux without a probe.
+        force limits of the wrong arrangement or below the load, measured flux without a probe.
     """
     faults = _rig_faults(controller.settings, rig)
     if faults:
@@ -92,6 +92,9 @@ def _rig_faults(settings: ControllerTable, rig: BearingRig) -> list[Fault]:
     if plant.magnet.arrangement == "single" and limits.force_low_N < 0.0:
         text = "a single magnet cannot push; raise it to 0 or more"
         faults.append((("limits", "force_low_N"), text))
+    if plant.magnet.arrangement == "single" and not rig.load < limits.force_high_N:
+        text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.load:g} N"
+        faults.append((("limits", "force_high_N"), f"{text}; raise it"))
     if settings.compensation.variant == "flux" and plant.hall_probe is None:
         text = f'"flux" needs the table [hall_probe], {rig.path} has none; add it'
         faults.append((("compensation", "variant"), text))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -147,14 +147,16 @@ def simulate(
     names = _variants(rig, own)
     others = make_setups(rig, controller, knowledge, tuple(n for n in names if n != own))
     setups = {name: mine if name == own else others[name] for name in names}
-    report = _stages(progress, 6)
+    tried = rig.settings.simulate
+    beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
+    stages = _stages(progress, 2 + beside_steps)
     cells = compare(
         list(setups.values()),
         _gaps(rig),
         _heights(rig),
         [_load(rig)],
         default_seeds(rig),
-        report(0),
+        next(stages),
     )
     scenario = steps_up_and_down(rig, rig.settings.simulate.gap_m, _heights(rig))
     shown = {name: Loop(setup).run(scenario) for name, setup in setups.items()}
@@ -171,7 +173,7 @@ def simulate(
         "delay_ticks": rig.settings.timing.delay_ticks,
         "operating_point": _point(at),
         "steps": as_rows(cells),
-        **_experiments(rig, setups, report),
+        **_experiments(rig, setups, stages),
         "loop": {name: asdict(loop.margins) for name, loop in loops.items()},
         "sensitivity": {
             name: {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
@@ -277,8 +279,8 @@ def _refuse_lost(rig: BearingRig, recording: Recording, out: PathLike) -> None:
         )
 
 
-def _stages(progress: Progress | None, count: int) -> Callable[[int], Callable[[int, int], None]]:
-    """Return what makes the progress of one stage a part of the whole."""
+def _stages(progress: Progress | None, count: int) -> Iterator[Callable[[int, int], None]]:
+    """Yield for one stage after the other what makes its progress a part of the whole."""
 
     def of_stage(stage: int) -> Callable[[int, int], None]:
         def update(done: int, total: int) -> None:
@@ -287,39 +289,43 @@ def _stages(progress: Progress | None, count: int) -> Callable[[int], Callable[[
 
         return update
 
-    return of_stage
+    return map(of_stage, range(count))
 
 
 def _experiments(
     rig: BearingRig,
     setups: Mapping[Variant, Setup],
-    report: Callable[[int], Callable[[int, int], None]],
+    stages: Iterator[Callable[[int, int], None]],
 ) -> dict[str, Any]:
     """Try everything beside steps, with every variant."""
     seeds: Sequence[int] = default_seeds(rig)
     tried = rig.settings.simulate
     found: dict[str, Any] = {
-        "standstill": experiments.of_all(experiments.stand_still, setups, seeds, None, report(1))
+        "standstill": experiments.of_all(experiments.stand_still, setups, seeds, None, next(stages))
     }
     found["trajectories"] = [
         {
             "kind": shape.kind,
             "amplitude_m": shape.amplitude_m,
             "frequency_Hz": shape.frequency_Hz,
-            "variants": experiments.of_all(experiments.follow, setups, seeds[:5], shape, report(2)),
+            "variants": experiments.of_all(
+                experiments.follow, setups, seeds[:5], shape, next(stages)
+            ),
         }
         for shape in tried.trajectories
     ]
     found["load_steps"] = [
         {
             "force_N": force,
-            "variants": experiments.of_all(experiments.step_load, setups, seeds, force, report(3)),
+            "variants": experiments.of_all(
+                experiments.step_load, setups, seeds, force, next(stages)
+            ),
         }
         for force in tried.load_steps_N
     ]
     found["events"] = {
-        event: experiments.of_all(experiments.recover, setups, seeds[:5], event, report(4 + i // 2))
-        for i, event in enumerate(experiments.EVENTS)
+        event: experiments.of_all(experiments.recover, setups, seeds[:5], event, next(stages))
+        for event in experiments.EVENTS
     }
     return found
 

@@ -1,0 +1,215 @@
+"""The verb's function: what it writes, when it writes it, and what it says to bad gains."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import loadmat
+
+from anhyst.errors import InputError, NegativeResult
+from anhyst.modelfile import write_model
+from anhyst.simulate import simulate as module
+from anhyst.simulate.recording import COLUMNS, FAULT, HOVER
+from anhyst.simulate.responses import FIGURES
+from anhyst.simulate.simulate import Simulation, simulate
+
+from . import bearings
+
+SHORT = {
+    "also_gaps_m = [0.42e-3, 0.48e-3]": "also_gaps_m = []",
+    "steps_m = [10e-6, 20e-6, 50e-6, 100e-6]": "steps_m = [50e-6]",
+    "frequency_Hz = 1.0": "frequency_Hz = 20.0",
+    "noise_seeds = 20": "noise_seeds = 2",
+}
+STATIC = {'variant = "full"': 'variant = "static"\nmodel = "model.toml"'}
+
+
+def change(path: Path, changes: dict[str, str]) -> None:
+    text = path.read_text()
+    for old, new in changes.items():
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    path.write_text(text)
+
+
+def make_folder(folder: Path) -> Path:
+    """The example, shortened, with a controller that is quick to fit."""
+    for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
+        shutil.copy(bearings.EXAMPLE / name, folder)
+    write_model(bearings.knowledge().model, folder / "model.toml")
+    change(folder / "rig.toml", SHORT)
+    change(folder / "controller.toml", STATIC)
+    (folder / "out").mkdir()
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return make_folder(tmp_path)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def compared() -> Iterator[None]:
+    """Compare with what is quick to fit."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "COMPARED", ("ratio", "flux"))
+        yield
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Simulation, list[float]]:
+    folder = make_folder(tmp_path_factory.mktemp("bearing"))
+    done: list[float] = []
+    found = simulate(
+        folder / "rig.toml",
+        folder / "out" / "run.csv",
+        progress=lambda part, whole: done.append(part / whole),
+    )
+    return folder / "out", found, done
+
+
+def written(folder: Path) -> set[str]:
+    return {path.name for path in (folder / "out").iterdir()}
+
+
+def test_it_writes_the_recording_as_a_table(run: tuple[Path, Simulation, list[float]]) -> None:
+    out, found, _ = run
+    table = pd.read_csv(out / "run.csv")
+    assert tuple(table.columns) == COLUMNS
+    assert len(table) == len(found.recording)
+    for name in COLUMNS:
+        np.testing.assert_array_equal(table[name].to_numpy(), found.recording[name], name)
+    assert np.diff(table["t_s"]) == pytest.approx(1.0 / 20e3)
+    assert table["state"].iloc[-1] == 48
+    lifted = table[table["state"] == HOVER]
+    assert lifted["gap_m"].between(0.41e-3, 0.49e-3).all()
+
+
+def test_figures_are_json_and_those_that_were_found(
+    run: tuple[Path, Simulation, list[float]],
+) -> None:
+    out, found, done = run
+    text = (out / "figures.json").read_text()
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    figures = json.loads(text, parse_constant=refuse)
+    assert set(figures) == set(found.figures)
+    assert figures["variant"] == "static"
+    assert figures["operating_point"]["gap_m"] == 0.45e-3
+    steps: list[dict[str, Any]] = figures["steps"]
+    assert [row["variant"] for row in steps] == ["ratio", "flux", "static"]
+    for row, cell in zip(steps, found.cells, strict=True):
+        assert set(FIGURES) < set(row)
+        assert row["lost"] == 0
+        for name in FIGURES:
+            assert row[name]["count"] == 2
+            assert row[name]["mean"] == cell.figures[name].mean
+    assert steps[0]["overshoot_percent"]["mean"] > steps[2]["overshoot_percent"]["mean"]
+    assert set(figures["sensitivity"]) == set(figures["loop"]) == {"ratio", "flux", "static"}
+    assert done == sorted(done)
+    assert 0.0 < done[0] < done[-1] <= 1.0
+
+
+def test_nothing_but_recording_and_figures_is_written(
+    run: tuple[Path, Simulation, list[float]],
+) -> None:
+    out, _, _ = run
+    assert written(out.parent) == {"run.csv", "figures.json"}
+
+
+def test_what_was_not_reached_is_null(folder: Path) -> None:
+    """A converter of the position too coarse to settle on: no infinity in the file."""
+    coarse = {"\nstep_m = 50e-9": "\nstep_m = 4e-6", "noise_seeds = 2": "noise_seeds = 3"}
+    change(folder / "rig.toml", coarse)
+    found = simulate(folder / "rig.toml", folder / "out" / "run.mat")
+    figures = json.loads((folder / "out" / "figures.json").read_text())
+    settling = [row["settling_time_s"]["mean"] for row in figures["steps"]]
+    assert [row.figures["settling_time_s"].mean for row in found.cells] == [np.inf] * 3
+    assert settling == [None] * 3
+    table = loadmat(folder / "out" / "run.mat")
+    assert {name for name in table if not name.startswith("__")} == set(COLUMNS)
+    for name in COLUMNS:
+        np.testing.assert_array_equal(table[name].ravel(), found.recording[name], name)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        pytest.param("damping = 1.0", "damping = 0.02", "lost at", id="ringing"),
+        pytest.param("bandwidth_Hz = 120.0", "bandwidth_Hz = 400.0", "lost at", id="fast"),
+        pytest.param("bandwidth_Hz = 120.0", "bandwidth_Hz = 3.0", "lost at", id="weak"),
+        pytest.param("force_high_N = 300.0", "force_high_N = 151.0", "lost at", id="no reserve"),
+        pytest.param("damping = 1.0", "damping = 10.0", "oscillates by", id="noisy"),
+    ],
+)
+def test_gains_that_do_not_hold_it_are_told_and_the_recording_is_kept(
+    folder: Path, old: str, new: str, said: str
+) -> None:
+    change(folder / "controller.toml", {old: new})
+    out = folder / "out" / "run.csv"
+    with pytest.raises(NegativeResult, match=said) as caught:
+        simulate(folder / "rig.toml", out)
+    text = str(caught.value)
+    assert str(out) in text
+    assert "\n" not in text
+    assert written(folder) == {"run.csv"}
+    table = pd.read_csv(out)
+    assert tuple(table.columns) == COLUMNS
+    time = re.search(r"at (\d+\.\d+) s", text)
+    assert time
+    row = table.iloc[np.argmin(np.abs(table["t_s"] - float(time[1])))]
+    touches = not 0.35e-3 < row["gap_m"] < 0.55e-3
+    assert said != "lost at" or touches or row["state"] >= 16 * FAULT
+
+
+def test_a_loop_that_is_late_is_told(folder: Path) -> None:
+    change(folder / "rig.toml", {"delay_ticks = 1.0": "delay_ticks = 8.0"})
+    change(folder / "controller.toml", {"bandwidth_Hz = 120.0": "bandwidth_Hz = 250.0"})
+    with pytest.raises(NegativeResult, match=r"lost at|oscillates"):
+        simulate(folder / "rig.toml", folder / "out" / "run.csv")
+
+
+@pytest.mark.parametrize("name", ["figures.json", "run.csv"])
+def test_a_place_that_cannot_be_written_is_told_before_the_work(folder: Path, name: str) -> None:
+    (folder / "out" / name).mkdir()
+    with pytest.raises(InputError, match=name):
+        simulate(folder / "rig.toml", folder / "out" / "run.csv")
+    assert written(folder) == {name}
+
+
+@pytest.mark.parametrize("name", ["loops.csv", "flux.csv"])
+def test_a_file_that_is_read_is_not_written_over(folder: Path, name: str) -> None:
+    magnet = 'force = "model"   # cells'
+    change(folder / "rig.toml", {'force = "cells" ': magnet})
+    extra = '[magnet.model]\nfile = "model.toml"\nflux_table = "flux.csv"\n'
+    (folder / "rig.toml").write_text((folder / "rig.toml").read_text() + extra)
+    (folder / "flux.csv").write_text("here")
+    before = (folder / name).read_text()
+    with pytest.raises(InputError, match="is read by this command"):
+        simulate(folder / "rig.toml", folder / name)
+    assert (folder / name).read_text() == before
+
+
+def test_an_interrupted_run_leaves_what_there_was(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "out" / "figures.json").write_text("before")
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "json_text", stop)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(folder / "rig.toml", folder / "out" / "run.csv")
+    assert (folder / "out" / "figures.json").read_text() == "before"
+    assert written(folder) == {"run.csv", "figures.json"}
