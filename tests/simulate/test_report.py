@@ -35,9 +35,9 @@ from anhyst.simulate.report.over_runs import (
     Spread,
     Tuning,
     figure_benefit,
+    figure_drift,
     figure_pareto,
     pareto_front,
-    percentile,
 )
 from anhyst.simulate.report.over_time import StepPanel, figure_forces, figure_steps
 from anhyst.simulate.report.page import render
@@ -508,7 +508,11 @@ def test_the_pareto_picture_shows_what_was_chosen_and_leaves_out_what_never_sett
     assert sum(np.asarray(points.get_offsets()).shape[0] for points in ax.collections) == 2
 
 
-def test_percentiles_count_failed_plants() -> None:
-    values = np.array([*range(1, 99), math.inf, math.inf], dtype=np.float64)
-    assert (percentile(values, 50.0), percentile(values, 98.0)) == (50.0, 98.0)
-    assert math.isinf(percentile(values, 99.0))
+def test_plants_that_were_lost_stay_below_nothing(subject: Subject) -> None:
+    values = np.array([*range(1, 91), *[math.inf] * 10], dtype=np.float64)
+    (ax,) = figure_drift([Spread("overshoot (%)", {"full": values})]).axes
+    shares = np.asarray(ax.lines[0].get_ydata())
+    assert shares.max() == pytest.approx(90.0)
+    text = Page(render(replace(subject, drift=(Spread("overshoot (%)", {"full": values}),)))).text
+    assert "overshoot (%) full 5.00 50.0 ∞ ∞" in text
+    assert "pinning 10 %, reversible fraction 20 %" in text

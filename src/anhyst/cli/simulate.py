@@ -9,8 +9,10 @@ import typer
 
 from anhyst.cli.console import print_json, progress_bar, show, table
 from anhyst.cli.options import AsJson
+from anhyst.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
+    from anhyst.simulate.montecarlo import MonteCarlo
     from anhyst.simulate.simulate import Simulation
 
 
@@ -30,6 +32,16 @@ def simulate(
             help="Controller file; 'controller.toml' beside the rig file if left out.",
         ),
     ] = None,
+    monte_carlo: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Instead, fly N plants that have drifted as [drift] of the rig file says; FILE "
+            "then ends in '.jsonl' and holds a line for each of them. The same command goes on "
+            "with what is there.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a magnetic bearing with and without compensation of its hysteresis.
@@ -40,7 +52,19 @@ def simulate(
     compensation behind the same gains.
 
     Example: anhyst simulate examples/bearing/rig.toml --out run/run.csv
+
+    Example: anhyst simulate examples/bearing/rig.toml --out plants/plants.jsonl --monte-carlo 1000
     """
+    chosen = "" if controller is None else f" --controller {controller}"
+    command = f"anhyst simulate {rig}{chosen} --out {out}"
+    if monte_carlo is None:
+        _simulate(rig, out, controller, command, as_json)
+    else:
+        command = f"{command} --monte-carlo {monte_carlo}"
+        _fly(rig, out, controller, monte_carlo, command, as_json)
+
+
+def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_json: bool) -> None:
     from anhyst.atomic import check_writable
     from anhyst.simulate.report import write_simulation_report
     from anhyst.simulate.report.from_simulation import subject_of
@@ -49,13 +73,73 @@ def simulate(
     check_writable(out.parent / REPORT)
     with progress_bar("simulate") as progress:
         found = run(rig, out, controller, progress)
-    chosen = "" if controller is None else f" --controller {controller}"
-    command = f"anhyst simulate {rig}{chosen} --out {out}"
     write_simulation_report(out.parent / REPORT, subject_of(found, command))
     if as_json:
         print_json(found.figures)
     else:
         _show(found, out)
+
+
+def _fly(
+    rig_path: Path, out: Path, controller_path: Path | None, count: int, command: str, as_json: bool
+) -> None:
+    from anhyst.atomic import atomic_writer, check_writable
+    from anhyst.compile.folder import json_text
+    from anhyst.simulate.controllerfile import read_controller
+    from anhyst.simulate.montecarlo import FLOWN, monte_carlo
+    from anhyst.simulate.operating import find_operating_point
+    from anhyst.simulate.report import write_simulation_report
+    from anhyst.simulate.report.from_plants import subject_of_plants
+    from anhyst.simulate.rigfile import read_bearing
+
+    rig = read_bearing(rig_path)
+    controller = read_controller(controller_path or rig_path.parent / "controller.toml")
+    if out.suffix != ".jsonl":
+        raise InputError(f"{out}: results of a Monte Carlo are written as .jsonl; name it so")
+    figures_path, report_path = out.parent / "montecarlo.json", out.parent / REPORT
+    for path in (figures_path, report_path):
+        check_writable(path, reads=[rig.path, controller.path])
+    find_operating_point(rig)
+    own = controller.settings.compensation.variant
+    flown = tuple(dict.fromkeys((*FLOWN, own)))
+    with progress_bar("monte carlo") as progress:
+        found = monte_carlo(rig, controller, out, count, flown, progress=progress)
+    figures = found.as_dict()
+    with atomic_writer(figures_path) as stream:
+        stream.write(json_text(figures))
+    write_simulation_report(report_path, subject_of_plants(rig, controller, found, command))
+    if as_json:
+        print_json(figures)
+    else:
+        _show_plants(found, own, out)
+    lost = figures["variants"][own]["lost"]
+    if lost:
+        raise NegativeResult(f"{lost} of {count} plants lost levitation with '{own}'")
+
+
+def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:
+    from anhyst.simulate.montecarlo import percentile
+
+    rows = table(
+        "overshoot that 50 and 95 % of the plants stay below, %",
+        ["", *(f"{1e6 * height:g} um" for height in found.heights), "standstill, 95 %, nm", "lost"],
+    )
+    for name, flights in found.flights.items():
+        spreads = [
+            found.values(name, "overshoot_percent", place) for place in range(len(found.heights))
+        ]
+        standstill = percentile(found.values(name, "standstill_rms_m"), 95)
+        rows.add_row(
+            f"{name} *" if name == own else name,
+            *(f"{percentile(one, 50):.2f}, {percentile(one, 95):.2f}" for one in spreads),
+            f"{1e9 * standstill:.1f}",
+            str(sum(flight.lost is not None for flight in flights)),
+        )
+    show(
+        rows,
+        f"* of the controller file; {len(found.drifts)} plants, seed {found.seed}",
+        f"written: {out}, {out.parent / 'montecarlo.json'}, {out.parent / REPORT}",
+    )
 
 
 def _show(found: Simulation, out: Path) -> None:

@@ -27,6 +27,9 @@ from anhyst.version import running_version
 
 PERCENTILES = (5, 50, 95, 99)
 STANDSTILL_S = 0.25
+FLOWN: tuple[Variant, ...] = ("ratio", "static")
+"""Flown beside the variant of the controller file: without compensation, and without memory."""
+
 FIGURES = ("overshoot_percent", "settling_s", "standstill_rms_m")
 """Of a plant: the first two for each step height, the larger one of up and down."""
 

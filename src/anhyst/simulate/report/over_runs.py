@@ -16,6 +16,7 @@ from matplotlib.patches import Rectangle
 from anhyst.report.style import ALARM, new_figure, panels, styled
 from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.metrics import Interval
+from anhyst.simulate.montecarlo import PERCENTILES, percentile
 from anhyst.simulate.report.look import (
     COLOURS,
     INK,
@@ -24,9 +25,6 @@ from anhyst.simulate.report.look import (
     line_of,
     ordered,
 )
-
-PERCENTILES = (50.0, 90.0, 99.0)
-"""Marked in distributions."""
 
 
 @dataclass(frozen=True)
@@ -262,17 +260,10 @@ def figure_drift(spreads: Sequence[Spread]) -> Figure:
             share = 100.0 * np.arange(1, values.size + 1) / values.size
             finite = np.isfinite(values)
             ax.plot(values[finite], share[finite], **line_of(name), label=name)
-            marks = [percentile(values, part) for part in PERCENTILES]
+            marks = [percentile(values.tolist(), part) for part in PERCENTILES]
             ax.plot(marks, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
         ax.set_title(spread.title)
         ax.set_ylim(0.0, 102.0)
-        ax.set_xlim(left=min(0.0, ax.get_xlim()[0]))
     axes[0].set_ylabel("plants below (%)")
     legend_below(figure, *axes)
     return figure
-
-
-def percentile(values: Floats, share: float) -> float:
-    """Return the smallest value that so many percent do not exceed; infinite ones count."""
-    ordinal = max(math.ceil(share / 100.0 * values.size), 1)
-    return float(np.sort(values)[ordinal - 1])

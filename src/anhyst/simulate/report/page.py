@@ -12,16 +12,15 @@ from anhyst.report.headline import Headline, Tile
 from anhyst.report.numbers import NBSP, number
 from anhyst.report.page import render_page
 from anhyst.report.style import svg_text
+from anhyst.simulate.montecarlo import PERCENTILES, percentile
 from anhyst.simulate.report.block_diagram import figure_structure
 from anhyst.simulate.report.force_current import figure_force_current
 from anhyst.simulate.report.look import interval_text, ordered
 from anhyst.simulate.report.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
 from anhyst.simulate.report.over_runs import (
-    PERCENTILES,
     figure_benefit,
     figure_drift,
     figure_pareto,
-    percentile,
 )
 from anhyst.simulate.report.over_time import (
     figure_forces,
@@ -40,6 +39,7 @@ from anhyst.simulate.report.tables import (
     settling_sentence,
     step_tables,
 )
+from anhyst.simulate.rigfile import DriftTable
 from anhyst.simulate.zones import zone
 from anhyst.version import running_version
 
@@ -110,16 +110,17 @@ def _headline(subject: Subject) -> Headline:
     )
     basis = (
         f"Simulated with {plant.timing.delay_ticks:g} tick of delay, DAC, ADC, sensor noise and a "
-        f"supply of {plant.amplifier.supply_V:g}{NBSP}V; intervals are those of 95 % confidence "
-        f"over {subject.seeds} noise seeds."
+        f"supply of {plant.amplifier.supply_V:g}{NBSP}V"
     )
+    if subject.steps:
+        basis += f"; intervals are those of 95 % confidence over {subject.seeds} noise seeds"
     notes = sorted(
         (*subject.notes, *_lost(subject), *_verdict(subject)), key=lambda note: note.tone != "bad"
     )
     return Headline(
         title=plant.name,
         what=what,
-        basis=basis,
+        basis=f"{basis}.",
         notes=tuple(sorted(notes, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=benefit_table(subject),
@@ -202,7 +203,6 @@ def _sentence(text: str) -> str:
 
 
 def _structure(subject: Subject) -> Section:
-    variants = ordered({subject.variant, *subject.baselines})
     caption = (
         "Structure of the simulation (the paper's Fig. 10) with the numbers of rig and controller "
         "file. Blue boxes are the compiled program, as it would be flashed; grey ones the plant."
@@ -216,7 +216,7 @@ def _structure(subject: Subject) -> Section:
     return Section(
         "structure",
         "Structure and numbers",
-        (_picture(figure, "structure", alt, caption), legend_table(variants)),
+        (_picture(figure, "structure", alt, caption), legend_table(subject.variants)),
     )
 
 
@@ -367,22 +367,28 @@ def _drift(subject: Subject) -> Section:
     blocks: list[Block] = []
     if subject.drift:
         rows = [
-            [spread.title, name, *(number(percentile(values, part)) for part in PERCENTILES)]
+            [
+                spread.title,
+                name,
+                *(number(percentile(values.tolist(), part)) for part in PERCENTILES),
+            ]
             for spread in subject.drift
             for name, values in ((key, spread.values[key]) for key in ordered(spread.values))
         ]
         blocks = [
             Text(
-                f"{subject.plants} plants with hysteresis, mass, resistance, sensor gain and gap "
-                "off by chance; the controller knows nothing of it."
+                f"{subject.plants} plants, each with a noise of its own, whose properties are off "
+                f"by chance: {_spreads(subject.rig.settings.drift)} (standard deviations). The "
+                "controller, fitted to the nominal plant, knows nothing of it."
             ),
             _picture(
                 figure_drift(subject.drift),
                 "drift",
                 "Shares of plants that stay below a figure, with percentiles marked: "
                 f"{', '.join(spread.title for spread in subject.drift)}.",
-                "Share of plants below each figure; dots at 50, 90 and 99 %. A plant that is lost "
-                "counts as infinitely bad.",
+                "Share of plants below each figure; dots at "
+                f"{', '.join(str(part) for part in PERCENTILES)} %. A plant that is lost counts as "
+                "infinitely bad.",
             ),
             table(
                 "Percentiles",
@@ -392,6 +398,20 @@ def _drift(subject: Subject) -> Section:
             ),
         ]
     return Section("drift", "Drifted plants", (*blocks, *_more(subject, "drift")))
+
+
+def _spreads(drift: DriftTable) -> str:
+    """Say by how much plants drift."""
+    shares = (
+        ("pinning", drift.pinning_percent),
+        ("reversible fraction", drift.reversible_percent),
+        ("saturation", drift.saturation_percent),
+        ("mass", drift.mass_percent),
+        ("resistance", drift.resistance_percent),
+        ("gain of every sensor", drift.sensor_gain_percent),
+    )
+    told = [f"{name} {value:g}{NBSP}%" for name, value in shares]
+    return f"{', '.join(told)}, gap {1e6 * drift.gap_offset_m:g}{NBSP}µm"
 
 
 def _benefit(subject: Subject) -> Section:

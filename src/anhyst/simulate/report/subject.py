@@ -191,6 +191,12 @@ class Subject:
         found = {name for step in self.steps for name in step.cells}
         return [name for name in ordered(found) if name != self.variant]
 
+    @property
+    def variants(self) -> list[Variant]:
+        """All that the page speaks of."""
+        shown = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
+        return ordered({self.variant, *shown, *(name for one in self.drift for name in one.values)})
+
     def situation(self, step: Steps) -> str:
         """Say in words what a step was; the load only if there are several."""
         place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
