@@ -11,6 +11,7 @@ import pytest
 from tests.page import Page
 
 from anhyst.cli.app import main
+from anhyst.report.numbers import number
 from anhyst.simulate.metrics import Interval
 from anhyst.simulate.report.look import interval_text
 
@@ -69,3 +70,27 @@ def test_the_page_shows_the_figures_of_the_run(run: Path, page: Page) -> None:
 def test_the_page_says_how_to_make_it_again(small: Path, page: Page) -> None:
     assert f"anhyst simulate {small / 'rig.toml'} --out {small / 'run.csv'}" in page.text
     assert "controller.toml" in page.text
+
+
+def test_drifted_plants_go_on_and_are_reported(small: Path) -> None:
+    out = small / "plants.jsonl"
+    command = ["simulate", str(small / "rig.toml"), "--out", str(out), "--monte-carlo"]
+    assert main([*command, "2"]) == 0
+    first = out.read_bytes()
+    assert main([*command, "3"]) == 0
+    assert out.read_bytes().startswith(first)
+    figures = json.loads((small / "montecarlo.json").read_text(encoding="utf-8"))
+    assert figures["plants"] == 3
+    page = Page((small / "report.html").read_text(encoding="utf-8"))
+    assert page.sections() == ["structure", "drift", "origin"]
+    assert f"{command[-2]} --monte-carlo 3" in page.text
+    for name, found in figures["variants"].items():
+        median = number(found["standstill_rms_m"]["p50"] * 1e9)
+        row = rf"standstill, rms \(nm\) {name} \S+ {re.escape(median)} "
+        assert re.search(row, page.text)
+
+
+def test_plants_are_written_as_lines(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(small / "plants.csv")
+    assert main(["simulate", str(small / "rig.toml"), "--out", out, "--monte-carlo", "2"]) == 2
+    assert "plants.csv: results of a Monte Carlo are written as .jsonl" in capsys.readouterr().err
