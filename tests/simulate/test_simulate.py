@@ -18,6 +18,8 @@ from anhyst.errors import InputError, NegativeResult
 from anhyst.modelfile import write_model
 from anhyst.simulate import simulate as module
 from anhyst.simulate.recording import COLUMNS, FAULT, HOVER
+from anhyst.simulate.report import write_simulation_report
+from anhyst.simulate.report.from_simulation import subject_of
 from anhyst.simulate.responses import FIGURES
 from anhyst.simulate.simulate import Simulation, simulate
 
@@ -177,6 +179,22 @@ def test_a_loop_that_is_late_is_told(folder: Path) -> None:
     change(folder / "controller.toml", {"bandwidth_Hz = 120.0": "bandwidth_Hz = 250.0"})
     with pytest.raises(NegativeResult, match=r"lost at|oscillates"):
         simulate(folder / "rig.toml", folder / "out" / "run.csv")
+
+
+def test_a_variant_that_does_not_hold_it_is_told_beside_the_others(folder: Path) -> None:
+    """At 50 Hz nothing holds the armature but what cancels the negative stiffness."""
+    change(folder / "controller.toml", {"bandwidth_Hz = 120.0": "bandwidth_Hz = 50.0"})
+    found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
+    figures = json.loads((folder / "out" / "figures.json").read_text())
+    lost = {row["variant"]: row["lost"] for row in figures["steps"]}
+    assert lost == {"ratio": 2, "flux": 0, "static": 0}
+    assert figures["standstill"]["ratio"] == {"lost": 2}
+    assert figures["sensitivity"]["ratio"] is None
+    assert figures["sensitivity"]["static"]["peak"] > 1.0
+    assert set(found.sensitivity) == {"flux", "static"}
+    assert not figures["loop"]["ratio"]["stable"]
+    assert figures["loop"]["static"]["stable"]
+    write_simulation_report(folder / "out" / "report.html", subject_of(found, "anhyst simulate"))
 
 
 @pytest.mark.parametrize("name", ["figures.json", "run.csv"])

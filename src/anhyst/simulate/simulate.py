@@ -75,7 +75,7 @@ class Simulation:
     loops : mapping of str to linear.Loop
         For small movements, by variant.
     sensitivity : mapping of str to Sensitivity
-        As measured, by variant.
+        As measured, by variant; without those that lost levitation.
     figures : dict
         What ``figures.json`` holds; infinite where a level was not reached, null in the file.
     """
@@ -129,13 +129,10 @@ def simulate(
     NegativeResult
         Levitation was lost; the recording is kept.
     """
-    rig = read_bearing(rig_path)
-    beside = Path(rig_path).parent / "controller.toml"
-    controller = read_controller(beside if controller_path is None else controller_path)
-    check_controller(controller, rig)
+    rig, controller = _read(rig_path, controller_path)
     check_ending(out)
-    beside_out = Path(out).parent / FIGURES
-    for path in (out, beside_out):
+    figures_file = Path(out).parent / FIGURES
+    for path in (out, figures_file):
         check_writable(path, reads=_read_files(rig, controller))
     at = find_operating_point(rig)
     knowledge = read_knowledge(rig, controller)
@@ -147,6 +144,32 @@ def simulate(
     names = _variants(rig, own)
     others = make_setups(rig, controller, knowledge, tuple(n for n in names if n != own))
     setups = {name: mine if name == own else others[name] for name in names}
+    found = _compare(controller, knowledge, setups, at, recording, progress)
+    with atomic_writer(figures_file) as stream:
+        stream.write(json_text(_finite(found.figures)))
+    return found
+
+
+def _read(
+    rig_path: PathLike, controller_path: PathLike | None
+) -> tuple[BearingRig, ControllerFile]:
+    rig = read_bearing(rig_path)
+    beside = rig.path.parent / "controller.toml"
+    controller = read_controller(beside if controller_path is None else controller_path)
+    check_controller(controller, rig)
+    return rig, controller
+
+
+def _compare(
+    controller: ControllerFile,
+    knowledge: Knowledge,
+    setups: Mapping[Variant, Setup],
+    at: OperatingPoint,
+    recording: Recording,
+    progress: Progress | None,
+) -> Simulation:
+    """Try everything with every variant."""
+    rig = setups[controller.settings.compensation.variant].rig
     tried = rig.settings.simulate
     beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
     stages = _stages(progress, 2 + beside_steps)
@@ -158,30 +181,20 @@ def simulate(
         default_seeds(rig),
         next(stages),
     )
-    scenario = steps_up_and_down(rig, rig.settings.simulate.gap_m, _heights(rig))
-    shown = {name: Loop(setup).run(scenario) for name, setup in setups.items()}
+    scenario = steps_up_and_down(rig, tried.gap_m, _heights(rig))
     loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
-    sensitivity = {name: sweep(setup) for name, setup in setups.items()}
+    swept = {name: sweep(setup) for name, setup in setups.items()}
     figures = {
-        "format": "anhyst-simulation",
-        "rig": rig.settings.name,
-        "controller": controller.settings.name,
-        "variant": own,
-        "number_format": controller.settings.compensation.format,
-        "supply_V": rig.settings.amplifier.supply_V,
-        "rate_Hz": rig.settings.timing.rate_Hz,
-        "delay_ticks": rig.settings.timing.delay_ticks,
+        **_head(rig, controller),
         "operating_point": _point(at),
         "steps": as_rows(cells),
         **_experiments(rig, setups, stages),
         "loop": {name: asdict(loop.margins) for name, loop in loops.items()},
         "sensitivity": {
-            name: {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
-            for name, one in sensitivity.items()
+            name: one and {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
+            for name, one in swept.items()
         },
     }
-    with atomic_writer(beside_out) as stream:
-        stream.write(json_text(_finite(figures)))
     return Simulation(
         rig=rig,
         controller=controller,
@@ -189,26 +202,56 @@ def simulate(
         setups=setups,
         at=at,
         recording=recording,
-        shown=shown,
+        shown={name: Loop(setup).run(scenario) for name, setup in setups.items()},
         scenario=scenario,
         cells=cells,
         loops=loops,
-        sensitivity=sensitivity,
+        sensitivity={name: one for name, one in swept.items() if one is not None},
         figures=figures,
     )
 
 
-def sweep(setup: Setup, seed: int = 0) -> Sensitivity:
-    """Measure the sensitivity of a loop at its operating point by a swept sine."""
+def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
+    """Return what was simulated."""
+    return {
+        "format": "anhyst-simulation",
+        "rig": rig.settings.name,
+        "controller": controller.settings.name,
+        "variant": controller.settings.compensation.variant,
+        "number_format": controller.settings.compensation.format,
+        "supply_V": rig.settings.amplifier.supply_V,
+        "rate_Hz": rig.settings.timing.rate_Hz,
+        "delay_ticks": rig.settings.timing.delay_ticks,
+    }
+
+
+class _LostError(Exception):
+    """Levitation was lost in a sweep."""
+
+
+def sweep(setup: Setup, seed: int = 0) -> Sensitivity | None:
+    """Measure the sensitivity of a loop at its operating point by a swept sine.
+
+    Returns
+    -------
+    Sensitivity or None
+        None if levitation was lost: what lies on its stop answers to no controller.
+    """
     rig = setup.rig
     loop = Loop(setup, seed)
     loop.run(Script(rig, rig.settings.simulate.gap_m).lift_off().build())
 
     def run(inject: Floats) -> Recording:
-        return loop.run(Script(rig, rig.settings.simulate.gap_m).hold(0.0, inject).build())
+        recording = loop.run(Script(rig, rig.settings.simulate.gap_m).hold(0.0, inject).build())
+        if len(recording) < inject.size or lost_at(rig, recording) is not None:
+            raise _LostError
+        return recording
 
     rate = rig.settings.timing.rate_Hz
-    return measure_sensitivity(run, sweep_frequencies(rig), SINE_M, rate)
+    try:
+        return measure_sensitivity(run, sweep_frequencies(rig), SINE_M, rate)
+    except _LostError:
+        return None
 
 
 def _variants(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
