@@ -1,0 +1,95 @@
+"""How much of its slope an output has left just after the input was turned back."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.branches import Branch, branches, folded, is_even
+from anhyst.data.loopset import LoopSet
+from anhyst.data.verdict import loop_width
+
+Floats = NDArray[np.float64]
+
+_REACH = 0.5
+"""Widths of the loop after a reversal that count as just after it."""
+_LEVELS = (0.25, 0.9)
+"""Outputs, in parts of the largest, between which reversals count: not where hardly anything
+answers, nor in saturation."""
+_AROUND = 0.1
+"""Share of the range, to either side, over which the slope without memory is taken."""
+_BEFORE = 4
+"""Samples that tell where a branch ended."""
+_FEWEST = 8
+"""Samples from which something is told."""
+_UNSURE = 0.05
+"""Standard error above which nothing is told."""
+
+
+def reversal_share(loopset: LoopSet) -> float | None:
+    """Slope of the output just after a rising input was turned back, in parts of the static slope.
+
+    Without hysteresis it is one; an iron that is all pinned does not answer at all at first. The
+    static slope is that of all branches together around the same input. Reversals of all loops are
+    taken together, by least squares. A falling input that is turned leaves more of the slope.
+
+    Returns
+    -------
+    float or None
+        ``None`` where the loops have too few reversals, or too few samples just after them, for a
+        standard error below 0.05.
+
+    Raises
+    ------
+    InputError
+        The scheduling variable moves within a loop.
+    """
+    even = is_even(loopset)
+    reach = _REACH * max(loop_width(loop, even=even).width for loop in loopset.loops)
+    expected: list[Floats] = []
+    answered: list[Floats] = []
+    for loops in loopset.by_schedule().values():
+        curves = [folded(loop, even=even) for loop in loops]
+        every = np.concatenate([size for size, _ in curves])
+        answers = np.concatenate([answer for _, answer in curves])
+        low, high = (level * float(np.max(np.abs(answers))) for level in _LEVELS)
+        for size, answer in curves:
+            for one, two in itertools.pairwise(branches(size)):
+                if not (one.rising and low <= abs(answer[two.start]) <= high):
+                    continue
+                back, change = _after(size, answer, one, two, reach)
+                expected.append(back * _slope(every, answers, float(size[two.start])))
+                answered.append(change)
+    return _share(np.concatenate(expected), np.concatenate(answered)) if expected else None
+
+
+def _slope(every: Floats, answers: Floats, at: float) -> float:
+    near = np.abs(every - at) <= _AROUND * float(np.ptp(every))
+    # A parabola, so that the bend of the curve does not tilt its slope.
+    return float(np.polynomial.Polynomial.fit(every[near] - at, answers[near], 2).deriv()(0.0))
+
+
+def _after(
+    size: Floats, answer: Floats, before: Branch, after: Branch, reach: float
+) -> tuple[Floats, Floats]:
+    """Return how far input and output went back just after a reversal, sample by sample."""
+    tip = after.start
+    rows = slice(max(before.start, tip + 1 - _BEFORE), tip + 1)
+    line = np.polynomial.Polynomial.fit(np.arange(rows.stop - rows.start), answer[rows], 1)
+    end = float(line(rows.stop - rows.start - 1))
+    back = size[tip + 1 : after.stop] - size[tip]
+    beyond = np.flatnonzero(np.abs(back) > reach)
+    count = int(beyond[0]) if beyond.size else back.size
+    return back[:count], answer[tip + 1 : tip + 1 + count] - end
+
+
+def _share(expected: Floats, answered: Floats) -> float | None:
+    weight = float(expected @ expected)
+    if expected.size < _FEWEST or weight == 0.0:
+        return None
+    share = float(expected @ answered) / weight
+    error = float(np.std(answered - share * expected)) / math.sqrt(weight)
+    return min(max(share, 0.0), 1.0) if error < _UNSURE else None

@@ -1,0 +1,185 @@
+"""The map of what compensation gains: measured magnets, paired seeds, honest marks."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data.reversal import reversal_share
+from anhyst.errors import InputError
+from anhyst.simulate.benefit import RIVALS, Benefit, Cell, Comparison, benefit
+from anhyst.simulate.controllerfile import ControllerFile, read_controller
+from anhyst.simulate.measuring import measure_loops
+from anhyst.simulate.metrics import Interval, mean_interval
+from anhyst.simulate.operating import find_operating_point
+from anhyst.simulate.ratio import quotient
+from anhyst.simulate.rigfile import BearingRig, read_bearing
+from anhyst.simulate.variations import changed, with_iron
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+HEIGHTS = (10e-6, 100e-6)
+
+
+@pytest.fixture(scope="module")
+def rig() -> BearingRig:
+    return read_bearing(EXAMPLE / "rig.toml")
+
+
+@pytest.fixture(scope="module")
+def controller() -> ControllerFile:
+    return read_controller(EXAMPLE / "controller.toml")
+
+
+@pytest.fixture(scope="module")
+def found(rig: BearingRig, controller: ControllerFile) -> Benefit:
+    return benefit(rig, controller, (1.0, 2.0), (0.05, 0.3), HEIGHTS, seeds=3)
+
+
+def cell(found: Benefit, scale: float, fraction: float, height: float) -> Cell:
+    (one,) = (
+        cell
+        for cell in found.cells
+        if (cell.iron.scale, cell.iron.reversible_fraction, cell.height)
+        == (scale, fraction, height)
+    )
+    return one
+
+
+def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BearingRig) -> None:
+    assert len(found.cells) == 8
+    for one in found.cells:
+        iron = one.iron
+        slopes = find_operating_point(with_iron(rig, iron.reversible_fraction, iron.scale)).slopes
+        assert iron.after_reversal_true == pytest.approx(slopes.share)
+        assert iron.label == ("pathological" if slopes.share < 0.25 else "regular")
+    narrow, wide = (cell(found, scale, 0.3, 10e-6).iron for scale in (1.0, 2.0))
+    assert wide.loop_width == pytest.approx(2.0 * narrow.loop_width, rel=0.15)
+    assert found.row_width(2.0) > 1.8 * found.row_width(1.0)
+    assert cell(found, 1.0, 0.05, 10e-6).iron.label == "pathological"
+    assert cell(found, 1.0, 0.3, 10e-6).iron.label == "regular"
+
+
+def test_against_a_constant_ratio_compensation_gains_everywhere(found: Benefit) -> None:
+    for one in found.cells:
+        against = one.ratio["overshoot_percent"]
+        assert against.rival == "ratio"
+        assert against.outcome == "gain"
+        assert against.quotient is not None
+        assert against.quotient.high < 1.0
+
+
+def test_the_strongest_rival_is_the_one_with_the_least_of_that_figure(found: Benefit) -> None:
+    for one in found.cells:
+        for measure, against in one.strongest.items():
+            means = {name: one.figures[name][measure].mean for name in RIVALS}
+            assert against.rival == min(means, key=lambda name: means[name])
+            assert against.quotient is not None
+            own = one.figures["full"][measure].mean
+            assert against.quotient.value == pytest.approx(own / min(means.values()))
+
+
+def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
+    """Where nothing overshoots there is nothing to gain; with wide, pathological loops there is."""
+    nothing = cell(found, 1.0, 0.3, 10e-6).strongest["overshoot_percent"]
+    assert nothing.outcome == "nothing to gain"
+    assert nothing.rival in ("linearised", "static")
+    wide = cell(found, 2.0, 0.05, 10e-6)
+    assert wide.iron.label == "pathological"
+    assert wide.figures["linearised"]["overshoot_percent"].mean > 10.0
+    assert wide.strongest["settling_in_noise_s"].outcome == "gain"
+
+
+def test_a_cell_does_not_depend_on_its_neighbours(
+    found: Benefit, rig: BearingRig, controller: ControllerFile
+) -> None:
+    alone = benefit(rig, controller, (2.0,), (0.3,), (100e-6,), seeds=3, jobs=1)
+    kept = cell(found, 2.0, 0.3, 100e-6)
+    assert alone.cells[0].iron == kept.iron
+    # The step before leaves its traces in the iron, small ones.
+    for name, rows in alone.cells[0].figures.items():
+        for measure, one in rows.items():
+            assert one.mean == pytest.approx(kept.figures[name][measure].mean, rel=0.1, abs=0.2)
+
+
+def test_it_is_written_as_json(found: Benefit) -> None:
+    kept = found.as_dict()
+    assert json.loads(json.dumps(kept, allow_nan=False)) == kept
+    assert len(kept["cells"]) == 8
+    row = kept["cells"][0]
+    against = row["against_strongest"]["overshoot_percent"]
+    assert against["ratio_low"] <= against["ratio"] <= against["ratio_high"]
+    assert against["outcome"] in ("gain", "nothing to gain", "no gain")
+
+
+def test_a_law_is_no_iron_to_vary(rig: BearingRig, controller: ControllerFile) -> None:
+    law = changed(rig, {"magnet.force": "model"})
+    with pytest.raises(InputError, match=r'rig\.toml: magnet\.force: other irons .* "cells"'):
+        benefit(law, controller)
+
+
+def test_what_is_lost_does_not_count_as_a_rival() -> None:
+    lost = Comparison(None, None, None)
+    assert lost.outcome == "no gain"
+    certain = Comparison("static", quotient([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
+    assert certain.outcome == "gain"
+    doubtful = Comparison("static", quotient([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 1.1, 2))
+    assert doubtful.outcome == "no gain"
+
+
+def test_the_interval_of_a_ratio_holds_one_where_the_difference_may_be_zero() -> None:
+    rng = np.random.default_rng(3)
+    apart = 0
+    for shift in np.linspace(-0.5, 0.5, 41):
+        common = rng.standard_normal(12)
+        upper, lower = 3.0 + common + 0.3 * rng.standard_normal(12), 3.0 + shift + common
+        ratio, difference = quotient(upper, lower), mean_interval(lower - upper)
+        gains = difference.mean - difference.half_width > 0.0
+        assert gains == (ratio.high < 1.0)
+        assert ratio.low <= ratio.value <= ratio.high
+        apart += gains
+    assert 5 < apart < 35
+
+
+def test_the_interval_of_a_ratio_covers_it() -> None:
+    rng = np.random.default_rng(5)
+    inside = 0
+    for _ in range(400):
+        upper, lower = 2.0 + 0.5 * rng.standard_normal(20), 4.0 + 0.8 * rng.standard_normal(20)
+        found = quotient(upper, lower)
+        inside += found.low <= 0.5 <= found.high
+    assert 0.92 < inside / 400 < 0.98
+
+
+def test_a_ratio_over_what_may_be_zero_is_open() -> None:
+    found = quotient([1.0, 1.1, 0.9], [1.0, -1.0, 0.1])
+    assert (found.low, found.high) == (0.0, math.inf)
+    assert quotient([1.0, 1.0], [0.0, 0.0]).value == math.inf
+
+
+@pytest.mark.parametrize(("scale", "fraction"), [(0.5, 0.15), (1.0, 0.05), (1.0, 0.3), (1.0, 0.5)])
+def test_measured_loops_tell_the_slope_after_a_reversal(
+    rig: BearingRig, scale: float, fraction: float
+) -> None:
+    other = with_iron(rig, fraction, scale)
+    told = reversal_share(measure_loops(other))
+    assert told == pytest.approx(find_operating_point(other).slopes.share, abs=0.08)
+
+
+def test_wide_loops_tell_it_less_well_but_in_order(rig: BearingRig) -> None:
+    told = [
+        reversal_share(measure_loops(with_iron(rig, fraction, 2.0))) for fraction in (0.05, 0.15)
+    ]
+    assert told[0] is not None
+    assert told[1] is not None
+    assert 0.08 < told[0] < 0.3 < told[1] < 0.5
+
+
+def test_loops_without_reversals_near_enough_tell_nothing(rig: BearingRig) -> None:
+    coarse = changed(rig, {"measurement.sample_s": 0.05})
+    assert reversal_share(measure_loops(coarse)) is None
+    single = rig.settings.measurement.records[0].model_copy(update={"turns": [0.0, 1.0]})
+    assert reversal_share(measure_loops(changed(rig, {"measurement.records": [single]}))) is None
