@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,81 +16,99 @@ from matplotlib.patches import Rectangle
 
 from anhyst.report.style import ALARM, new_figure, panels, styled
 from anhyst.simulate.controllerfile import Variant
-from anhyst.simulate.metrics import Interval
 from anhyst.simulate.montecarlo import PERCENTILES, percentile
 from anhyst.simulate.report.look import (
     COLOURS,
     INK,
+    SHADE,
     Floats,
     legend_below,
     line_of,
     ordered,
 )
 
+_DARK = 0.45  # ratio below which its colour asks for white letters
+
+Outcome = Literal["gain", "nothing to gain", "no gain"]
+
 
 @dataclass(frozen=True)
 class BenefitCell:
-    """Overshoot with compensation over that with a baseline, for one iron and one step.
+    """A figure with compensation over that of a rival, for one iron and one step.
 
     Parameters
     ----------
+    measure : str
+        The figure, such as "overshoot".
+    against : str
+        Which rival, such as "ratio" or "the strongest rival".
+    rival : str
+        Variant that this is here; empty if none kept the armature in the air.
     loop_width : float
-        Of the iron's force loop, as a share of the largest force.
+        Of the iron, as a share of the largest current; one number for a row of the map.
     reversible : float
         Reversible fraction of the iron.
+    pathological : bool
+        Whether the iron hardly answers just after a reversal.
     height : float
         Of the step, m.
-    baseline : str
-        Variant that is compared with.
-    ratio : Interval
-        Below 1 where compensation gains.
+    ratio : float
+        Below 1 where compensation gains; not a number where one of them was lost.
+    outcome : str
+        ``"gain"`` only if it is certain.
     """
 
+    measure: str
+    against: str
+    rival: str
     loop_width: float
     reversible: float
+    pathological: bool
     height: float
-    baseline: Variant
-    ratio: Interval
-
-    @property
-    def gains(self) -> bool:
-        """Whether a gain is certain: the whole confidence interval lies below 1."""
-        return self.ratio.mean + self.ratio.half_width < 1.0
+    ratio: float
+    outcome: Outcome
 
 
 @styled
 def figure_benefit(cells: Sequence[BenefitCell], variant: str) -> Figure:
-    """Draw the ratio of overshoots over irons: one row a baseline, one column a step height.
+    """Draw ratios over irons: one row of maps a rival, one column a step height.
 
     Parameters
     ----------
     cells : sequence of BenefitCell
-        At least one; where one is missing the map stays white.
+        Of one measure, at least one; where one is missing the map stays white.
     variant : str
-        Whose overshoot is divided by that of the baseline.
+        Whose figure is divided by that of the rival.
     """
-    baselines = ordered(cell.baseline for cell in cells)
+    rivals = list(dict.fromkeys(cell.against for cell in cells))
     heights = sorted({cell.height for cell in cells})
-    figure = new_figure(1.1 + 2.3 * len(baselines), width=max(6.4, 1.2 + 2.3 * len(heights)))
-    axes = figure.subplots(len(baselines), len(heights), squeeze=False, sharex=True, sharey=True)
+    figure = new_figure(1.2 + 2.4 * len(rivals), width=max(6.4, 1.2 + 2.4 * len(heights)))
+    axes = figure.subplots(len(rivals), len(heights), squeeze=False, sharex=True, sharey=True)
     mesh: QuadMesh | None = None
-    for row, baseline in zip(axes, baselines, strict=True):
+    for row, against in zip(axes, rivals, strict=True):
         for ax, height in zip(row, heights, strict=True):
-            chosen = [c for c in cells if c.baseline == baseline and c.height == height]
+            chosen = [c for c in cells if c.against == against and c.height == height]
             mesh = _map(ax, cells, chosen)
-            ax.set_title(f"{1e6 * height:g} µm, against {baseline}", fontsize=8.5)
-        row[0].set_ylabel("loop width (% of largest force)")
+            ax.set_title(f"{1e6 * height:g} µm, against {against}", fontsize=8.0)
+        row[0].set_ylabel("loop width (% of largest current)")
     for ax in axes[-1]:
         ax.set_xlabel("reversible fraction")
     assert mesh is not None
     bar = figure.colorbar(mesh, ax=axes, shrink=0.8, extend="max")
-    bar.set_label(f"overshoot of {variant} / overshoot of the baseline")
+    bar.set_label(f"{cells[0].measure} of {variant} / that of the rival")
     figure.legend(
-        [Rectangle((0, 0), 1, 1, fc="none", ec=ALARM, hatch="////", lw=0.8)],
-        ["no certain gain: the confidence interval reaches 1"],
+        [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _HATCHES.values()],
+        ["no certain gain", "nothing to gain: both are small"],
         loc="outside lower center",
+        ncols=2,
     )
     return figure
+
+
+_HATCHES: Mapping[str, dict[str, Any]] = {
+    "no gain": {"ec": ALARM, "hatch": "////"},
+    "nothing to gain": {"ec": SHADE, "hatch": "...."},
+}
 
 
 def _map(ax: Axes, cells: Sequence[BenefitCell], chosen: Sequence[BenefitCell]) -> QuadMesh:
@@ -98,25 +117,8 @@ def _map(ax: Axes, cells: Sequence[BenefitCell], chosen: Sequence[BenefitCell]) 
     ratios = np.full((len(widths), len(shares)), np.nan)
     for cell in chosen:
         y, x = widths.index(cell.loop_width), shares.index(cell.reversible)
-        ratios[y, x] = cell.ratio.mean
-        dark = not 0.35 < cell.ratio.mean < 1.7
-        text = f"{cell.ratio.mean:.2f}" if math.isfinite(cell.ratio.mean) else "never"
-        ax.text(
-            x,
-            y,
-            text,
-            ha="center",
-            va="center",
-            fontsize=8.0,
-            color="#FFFFFF" if dark and cell.gains else INK,
-            bbox=None if cell.gains else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
-        )
-        if not cell.gains:
-            ax.add_patch(
-                Rectangle(
-                    (x - 0.48, y - 0.48), 0.96, 0.96, fill=False, ec=ALARM, hatch="////", lw=0.8
-                )
-            )
+        ratios[y, x] = cell.ratio
+        _write(ax, (x, y), cell)
     # Squares and not an image: a page has each of its identifiers once.
     mesh = ax.pcolormesh(
         np.arange(len(shares) + 1) - 0.5,
@@ -130,6 +132,30 @@ def _map(ax: Axes, cells: Sequence[BenefitCell], chosen: Sequence[BenefitCell]) 
     ax.set_xticks(range(len(shares)), [f"{share:g}" for share in shares])
     ax.set_yticks(range(len(widths)), [f"{100.0 * width:.2g}" for width in widths])
     return mesh
+
+
+def _write(ax: Axes, place: tuple[int, int], cell: BenefitCell) -> None:
+    """Write the ratio into its square; hatch the square where there is no gain."""
+    x, y = place
+    text = "lost" if math.isnan(cell.ratio) else f"{cell.ratio:.2f}"
+    if cell.pathological:
+        text += "†"
+    if cell.rival and cell.rival != cell.against:
+        text += f"\n{cell.rival}"
+    plain = cell.outcome == "gain"
+    ax.text(
+        x,
+        y,
+        text,
+        ha="center",
+        va="center",
+        fontsize=7.5,
+        color="#FFFFFF" if plain and cell.ratio < _DARK else INK,
+        bbox=None if plain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
+    )
+    if not plain:
+        corner = (x - 0.48, y - 0.48)
+        ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, lw=0.8, **_HATCHES[cell.outcome]))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from matplotlib.figure import Figure
 
@@ -18,6 +18,7 @@ from anhyst.simulate.report.force_current import figure_force_current
 from anhyst.simulate.report.look import interval_text, ordered
 from anhyst.simulate.report.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
 from anhyst.simulate.report.over_runs import (
+    BenefitCell,
     figure_benefit,
     figure_drift,
     figure_pareto,
@@ -416,34 +417,44 @@ def _spreads(drift: DriftTable) -> str:
 
 def _benefit(subject: Subject) -> Section:
     blocks: list[Block] = []
-    if subject.benefit:
-        for baseline in ordered(cell.baseline for cell in subject.benefit):
-            cells = [cell for cell in subject.benefit if cell.baseline == baseline]
-            gained = [cell for cell in cells if cell.gains]
-            text = (
-                f"Against {baseline} there is a certain gain in {len(gained)} of {len(cells)} cells"
-            )
-            if gained:
-                best = min(gained, key=lambda cell: cell.ratio.mean)
-                text += (
-                    f", at best {100.0 * (1.0 - best.ratio.mean):.0f}{NBSP}% less overshoot than "
-                    f"{baseline} (step of {1e6 * best.height:g}{NBSP}µm, reversible fraction "
-                    f"{best.reversible:g}, loop width {100.0 * best.loop_width:.2g}{NBSP}%)"
-                )
-            blocks.append(Text(f"{text}."))
+    for place, measure in enumerate(dict.fromkeys(cell.measure for cell in subject.benefit)):
+        cells = [cell for cell in subject.benefit if cell.measure == measure]
+        for against in dict.fromkeys(cell.against for cell in cells):
+            mine = [cell for cell in cells if cell.against == against]
+            blocks.append(Text(_gains(mine)))
         blocks.append(
             _picture(
-                figure_benefit(subject.benefit, subject.variant),
-                "benefit",
-                "Maps of the ratio of overshoots over loop width and reversible fraction, one "
-                "column a step height, one row a baseline; hatched where there is no gain.",
-                f"Overshoot of {subject.variant} over that of the baseline, same gains; below 1 "
-                "(violet) compensation gains. Hatched: no certain gain, the 95 % confidence "
-                "interval reaches 1.",
+                figure_benefit(cells, subject.variant),
+                f"benefit{place}",
+                f"Maps of the ratio of {measure} over loop width and reversible fraction, one "
+                "column a step height, one row a rival; hatched where there is no gain.",
+                f"{_sentence(measure)} of {subject.variant} over that of the rival, same gains; "
+                "below 1 (violet) compensation gains. Hatched red: no certain gain, the 95 % "
+                "confidence interval of the difference reaches zero; dotted: both are so small "
+                "that there is nothing to gain. †: pathological iron, which hardly answers just "
+                "after a reversal.",
             )
         )
     title = "Where compensation gains, and where not"
     return Section("benefit", title, (*blocks, *_more(subject, "benefit")))
+
+
+def _gains(cells: Sequence[BenefitCell]) -> str:
+    """Say how many cells of one map gain, and the best of them."""
+    gained = [cell for cell in cells if cell.outcome == "gain"]
+    idle = sum(cell.outcome == "nothing to gain" for cell in cells)
+    text = (
+        f"{_sentence(cells[0].measure)} against {cells[0].against}: a certain gain in "
+        f"{len(gained)} of {len(cells)} cells, in {idle} there is nothing to gain"
+    )
+    if gained:
+        best = min(gained, key=lambda cell: cell.ratio)
+        text += (
+            f"; at best {100.0 * (1.0 - best.ratio):.0f}{NBSP}% less than {best.rival} (step of "
+            f"{1e6 * best.height:g}{NBSP}µm, reversible fraction {best.reversible:g}, loop width "
+            f"{100.0 * best.loop_width:.2g}{NBSP}%)"
+        )
+    return f"{text}."
 
 
 def _tuning(subject: Subject) -> Section:
