@@ -6,11 +6,6 @@
 #define TWO_OVER_PI 0.63661977236758134308
 #define ITERATIONS 100
 
-static double clip(double x, double low, double high)
-{
-  return x < low ? low : (x > high ? high : x);
-}
-
 /* Polarisation of a cell of weight 1, T, and its derivative by the cell's field. */
 static double polarisation(const anhyst_plant_steel *steel, double h, double *slope)
 {
@@ -23,78 +18,71 @@ static double polarisation(const anhyst_plant_steel *steel, double h, double *sl
   return steel->sharp * h * inverse + slow * atan(ratio);
 }
 
-/* Flux density if the field moved there, and its slope on the way. A cell at the edge of its play
-   counts as moving: where the field stands, the slope is that of going on. */
-static double density_at(const anhyst_plant_steel *steel, const anhyst_plant_cells *cells,
-                         double field, double *slope)
+/* Looks at goal->field; returns the slope of the flux density on the way there. A cell at the edge
+   of its play counts as moving: where the field stands, the slope is that of going on. */
+static double look(const anhyst_plant_steel *steel, const anhyst_plant_cells *cells,
+                   anhyst_plant_goal *goal)
 {
-  double density = ANHYST_PLANT_MU0 * field;
+  double density = ANHYST_PLANT_MU0 * goal->field;
+  double slope = ANHYST_PLANT_MU0;
   int i;
-  *slope = ANHYST_PLANT_MU0;
   for (i = 0; i < steel->cells; i++) {
+    const double away = goal->field - cells->place[i];
     const double r = steel->threshold[i];
     double steep;
-    if (fabs(field - cells->place[i]) < r) {
+    if (away < r && away > -r) {
       break;
     }
-    density +=
-        steel->weight[i] * polarisation(steel, clip(cells->place[i], field - r, field + r), &steep);
-    *slope += steel->weight[i] * steep;
+    goal->part[i] = steel->weight[i] *
+                    polarisation(steel, away > 0.0 ? goal->field - r : goal->field + r, &steep);
+    density += goal->part[i];
+    slope += steel->weight[i] * steep;
   }
-  for (; i < steel->cells; i++) {
-    density += cells->part[i];
-  }
-  return density;
+  goal->moved = i;
+  goal->density = density + cells->rest[i];
+  return slope;
 }
 
-double anhyst_plant_field(const anhyst_plant_steel *steel, const anhyst_plant_cells *cells,
-                          double a, double b, double r, double tolerance, double *density)
+void anhyst_plant_field(const anhyst_plant_steel *steel, const anhyst_plant_cells *cells, double a,
+                        double b, double r, double tolerance, anhyst_plant_goal *goal)
 {
-  double field = cells->field + cells->stride;
   double low = -HUGE_VAL;
   double high = HUGE_VAL;
   int i;
+  goal->field = cells->field + cells->stride;
   for (i = 0; i < ITERATIONS; i++) {
-    double slope;
-    double left;
-    *density = density_at(steel, cells, field, &slope);
-    left = r - a * field - b * *density;
+    const double slope = look(steel, cells, goal);
+    const double left = r - a * goal->field - b * goal->density;
     if (fabs(left) <= tolerance) {
       break;
     }
     /* What is left falls by at least a for each A/m: a bracket. */
     if (left > 0.0) {
-      low = field;
-      high = fmin(high, field + left / a);
+      const double end = goal->field + left / a;
+      low = goal->field;
+      high = end < high ? end : high;
     } else {
-      high = field;
-      low = fmax(low, field + left / a);
+      const double end = goal->field + left / a;
+      high = goal->field;
+      low = end > low ? end : low;
     }
-    field += left / (a + b * slope);
-    if (!(field > low && field < high)) {
-      field = 0.5 * (low + high);
+    goal->field += left / (a + b * slope);
+    if (!(goal->field > low && goal->field < high)) {
+      goal->field = 0.5 * (low + high);
     }
   }
-  return field;
 }
 
-void anhyst_plant_move(const anhyst_plant_steel *steel, anhyst_plant_cells *cells, double field)
+void anhyst_plant_move(const anhyst_plant_steel *steel, anhyst_plant_cells *cells,
+                       const anhyst_plant_goal *goal)
 {
-  double density = ANHYST_PLANT_MU0 * field;
   int i;
-  for (i = 0; i < steel->cells; i++) {
+  for (i = goal->moved - 1; i >= 0; i--) {
     const double r = steel->threshold[i];
-    double steep;
-    if (fabs(field - cells->place[i]) <= r && r > 0.0) {
-      break;
-    }
-    cells->place[i] = clip(cells->place[i], field - r, field + r);
-    cells->part[i] = steel->weight[i] * polarisation(steel, cells->place[i], &steep);
+    cells->place[i] = goal->field > cells->place[i] ? goal->field - r : goal->field + r;
+    cells->rest[i] = cells->rest[i + 1] + goal->part[i];
   }
-  for (i = 0; i < steel->cells; i++) {
-    density += cells->part[i];
-  }
-  cells->stride = field - cells->field;
-  cells->field = field;
-  cells->density = density;
+  cells->stride = goal->field - cells->field;
+  cells->field = goal->field;
+  cells->density = ANHYST_PLANT_MU0 * goal->field + cells->rest[0];
 }

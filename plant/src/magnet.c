@@ -9,10 +9,10 @@
 #define ITERATIONS 100
 
 typedef struct {
-  double outer;  /* reluctance that the flux of the iron passes outside it, 1/H */
-  double share;  /* of it that passes the gaps */
-  double area;   /* of a gap, fringes included, m^2 */
-  double widens; /* 1 - gap*(change of the area for each metre)/area */
+  double outer;    /* reluctance that the flux of the iron passes outside it, 1/H */
+  double share;    /* of it that passes the gaps */
+  double per_area; /* 1/(area of a gap, fringes included), 1/m^2 */
+  double widens;   /* 1 - gap*(change of the area for each metre)/area */
 } around;
 
 /* Where a step ends. */
@@ -20,33 +20,34 @@ typedef struct {
   around around; /* the iron; cells only */
   double gap;    /* m */
   double half;   /* of the step, s */
+  double eddies; /* what they take of the current, A for each V that is induced */
   double begun;  /* flux linkage there, but for what the end itself adds, Wb */
 } ending;
 
 /* What is found there. */
 typedef struct {
-  double field;   /* in the iron, A/m; cells only */
-  double steady;  /* current that the field needs, A */
-  double current; /* with that of the eddies, A */
+  anhyst_plant_goal goal; /* of the iron; cells only */
+  double steady;          /* current that the field needs, A */
+  double current;         /* with that of the eddies, A */
 } reached;
 
 static around around_iron(const anhyst_plant_circuit *c, double gap)
 {
   around found;
-  double reluctance;
-  found.area = (c->pole_width + gap) * (c->pole_depth + gap);
-  reluctance = 2.0 * gap / (ANHYST_PLANT_MU0 * found.area);
-  found.outer = 1.0 / (1.0 / reluctance + c->leakage);
-  found.share = found.outer / reluctance;
-  found.widens = 1.0 - gap * (c->pole_width + c->pole_depth + 2.0 * gap) / found.area;
+  const double area = (c->pole_width + gap) * (c->pole_depth + gap);
+  const double permeance = 0.5 * ANHYST_PLANT_MU0 * area / gap;
+  found.outer = 1.0 / (permeance + c->leakage);
+  found.share = permeance * found.outer;
+  found.per_area = 1.0 / area;
+  found.widens = 1.0 - gap * (c->pole_width + c->pole_depth + 2.0 * gap) * found.per_area;
   return found;
 }
 
 static void pull(const anhyst_plant_circuit *c, const around *at, anhyst_plant_coil *coil)
 {
   const double flux = coil->cells.density * c->iron_area * at->share;
-  coil->density = flux / at->area;
-  coil->force = flux * coil->density / ANHYST_PLANT_MU0 * at->widens;
+  coil->density = flux * at->per_area;
+  coil->force = flux * coil->density * (1.0 / ANHYST_PLANT_MU0) * at->widens;
 }
 
 /* psi(current) at a gap, and its slope. */
@@ -134,16 +135,17 @@ static void law_moves(const anhyst_plant_law *law, anhyst_plant_coil *coil, doub
 static double eddy_share(const anhyst_plant_magnet *magnet)
 {
   const anhyst_plant_circuit *c = magnet->circuit;
-  return c ? c->eddy * c->iron_length / (magnet->turns * magnet->turns * c->iron_area) : 0.0;
+  return c && c->eddy > 0.0
+             ? c->eddy * c->iron_length / (magnet->turns * magnet->turns * c->iron_area)
+             : 0.0;
 }
 
 /* Current that flows where the field alone needs so much of it. */
-static double current_under(const anhyst_plant_magnet *magnet, double steady,
+static double current_under(const anhyst_plant_magnet *magnet, double eddies, double steady,
                             const anhyst_plant_source *s)
 {
-  const double share = eddy_share(magnet);
-  return (steady + share * (s->gain * s->reference + s->voltage)) /
-         (1.0 + share * (s->gain + magnet->resistance));
+  return (steady + eddies * (s->gain * s->reference + s->voltage)) /
+         (1.0 + eddies * (s->gain + magnet->resistance));
 }
 
 /* Where its voltage is beyond the limit, makes of a source one that gives the limit; tells whether
@@ -168,27 +170,26 @@ static void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil
   const double taken = s->gain + magnet->resistance;
   if (magnet->circuit) {
     const anhyst_plant_circuit *c = magnet->circuit;
-    const double half = end->half / (1.0 + eddy_share(magnet) * taken);
+    const double half = end->half / (1.0 + end->eddies * taken);
     const double per_field = c->iron_length / magnet->turns;
     const double per_density = end->around.outer * c->iron_area / magnet->turns;
     const double weight = magnet->turns * c->iron_area;
-    double density;
-    found->field = anhyst_plant_field(&c->steel, &coil->cells, half * taken * per_field,
-                                      weight + half * taken * per_density,
-                                      end->begun + half * given, weight * TOLERANCE, &density);
-    found->steady = per_field * found->field + per_density * density;
+    anhyst_plant_field(&c->steel, &coil->cells, half * taken * per_field,
+                       weight + half * taken * per_density, end->begun + half * given,
+                       weight * TOLERANCE, &found->goal);
+    found->steady = per_field * found->goal.field + per_density * found->goal.density;
   } else {
     found->steady = current_for(&magnet->law->table, end->gap, end->half * taken,
                                 end->begun + end->half * given, coil->steady);
   }
-  found->current = current_under(magnet, found->steady, s);
+  found->current = current_under(magnet, end->eddies, found->steady, s);
 }
 
 static void iron_follows(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
-                         const ending *end, double field)
+                         const ending *end, const anhyst_plant_goal *goal)
 {
   if (magnet->circuit) {
-    anhyst_plant_move(&magnet->circuit->steel, &coil->cells, field);
+    anhyst_plant_move(&magnet->circuit->steel, &coil->cells, goal);
     pull(magnet->circuit, &end->around, coil);
   } else {
     law_moves(magnet->law, coil, end->gap, 0.5 / end->half);
@@ -200,15 +201,16 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
 {
   const double half = 0.5 * seconds;
   anhyst_plant_source s = *source;
-  ending end = {{0.0, 0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
-  reached found = {0.0, 0.0, 0.0};
+  ending end = {{0.0, 0.0, 0.0, 0.0}, 0.0, 0.0, 0.0, 0.0};
+  reached found;
   double before;
   double voltage;
   int beyond;
+  end.eddies = eddy_share(magnet);
   s.voltage += coil->integral;
-  before = current_under(magnet, coil->steady, &s);
+  before = current_under(magnet, end.eddies, coil->steady, &s);
   beyond = limited(&s, before);
-  before = current_under(magnet, coil->steady, &s);
+  before = current_under(magnet, end.eddies, coil->steady, &s);
   voltage = s.gain * (s.reference - before) + s.voltage;
   end.begun = coil->psi + half * (voltage - magnet->resistance * before);
   coil->heat += half * magnet->resistance * before * before;
@@ -237,7 +239,7 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
   if (!beyond) {
     coil->integral += half * source->reset * (2.0 * source->reference - before - found.current);
   }
-  iron_follows(magnet, coil, &end, found.field);
+  iron_follows(magnet, coil, &end, &found.goal);
 }
 
 void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
@@ -250,10 +252,10 @@ void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil
     const anhyst_plant_circuit *c = magnet->circuit;
     const around at = around_iron(c, gap);
     const double b = at.outer * c->iron_area;
-    double density;
-    const double field = anhyst_plant_field(&c->steel, &coil->cells, c->iron_length, b,
-                                            magnet->turns * current, b * TOLERANCE, &density);
-    anhyst_plant_move(&c->steel, &coil->cells, field);
+    anhyst_plant_goal goal;
+    anhyst_plant_field(&c->steel, &coil->cells, c->iron_length, b, magnet->turns * current,
+                       b * TOLERANCE, &goal);
+    anhyst_plant_move(&c->steel, &coil->cells, &goal);
     pull(c, &at, coil);
     coil->psi = magnet->turns * c->iron_area * coil->cells.density;
   } else {

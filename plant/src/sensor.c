@@ -64,7 +64,7 @@ double anhyst_plant_normal(anhyst_plant_noise *noise)
 
 double anhyst_plant_convert(double value, double low, double high, double step)
 {
-  const double held = fmin(fmax(value, low), high);
+  const double held = value > low ? (value < high ? value : high) : low; /* low for NaN */
   return step > 0.0 ? low + floor((held - low) / step + 0.5) * step : held;
 }
 

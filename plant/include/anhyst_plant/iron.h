@@ -31,19 +31,29 @@ typedef struct {
 /* All zero: demagnetised. */
 typedef struct {
   double place[ANHYST_PLANT_CELLS]; /* fields of the cells, A/m */
-  double part[ANHYST_PLANT_CELLS];  /* what each cell adds to the polarisation, T */
-  double field;                     /* at the last commit, A/m */
+  double
+      rest[ANHYST_PLANT_CELLS + 1]; /* what this cell and all beyond add to the polarisation, T */
+  double field;                     /* at the last move, A/m */
   double stride;                    /* by which the field moved then */
   double density;                   /* flux density, T */
 } anhyst_plant_cells;
 
-/* The field H for which a*H + b*B(H) = r, for a > 0 and b >= 0, if the field moves there in a
-   straight line; the memory is not touched. |a*H + b*B - r| <= tolerance. *density is B. */
-double anhyst_plant_field(const anhyst_plant_steel *steel, const anhyst_plant_cells *cells,
-                          double a, double b, double r, double tolerance, double *density);
+/* Where the field may move to. */
+typedef struct {
+  double field;                    /* A/m */
+  double density;                  /* flux density there, T */
+  int moved;                       /* cells that move, the first ones */
+  double part[ANHYST_PLANT_CELLS]; /* what each of them adds to the polarisation there, T */
+} anhyst_plant_goal;
 
-/* Moves to a field. */
-void anhyst_plant_move(const anhyst_plant_steel *steel, anhyst_plant_cells *cells, double field);
+/* The field H for which a*H + b*B(H) = r, for a > 0 and b >= 0, if the field moves there in a
+   straight line; the memory is not touched. |a*H + b*B - r| <= tolerance. */
+void anhyst_plant_field(const anhyst_plant_steel *steel, const anhyst_plant_cells *cells, double a,
+                        double b, double r, double tolerance, anhyst_plant_goal *goal);
+
+/* Moves there. */
+void anhyst_plant_move(const anhyst_plant_steel *steel, anhyst_plant_cells *cells,
+                       const anhyst_plant_goal *goal);
 
 #ifdef __cplusplus
 }
