@@ -35,7 +35,7 @@ SECONDS = 0.2
 """Simulated by everyone."""
 HOLD_S = 0.02
 HEIGHTS = (10e-6, 20e-6, 50e-6, 20e-6, 10e-6)
-REPETITIONS = 15
+REPETITIONS = 40
 METHODS: tuple[Method, ...] = ("RK23", "RK45", "LSODA", "Radau")
 TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 

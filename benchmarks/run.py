@@ -67,6 +67,7 @@ def bundled_example() -> list[Row]:
 def main() -> None:
     """Measure everything and print the table."""
     import bearing
+    import closed_loop
     import compiled
     import force
     import initial_state
@@ -78,6 +79,7 @@ def main() -> None:
     rows += initial_state.rows()
     rows += force.rows()
     rows += bearing.rows()
+    rows += closed_loop.rows()
     folder = measurements()
     if folder is None:
         console.print("real measurements are not here: set ANHYST_DATA to their folder")
