@@ -9,7 +9,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-C_SOURCES := $(shell find core plant firmware tests/core tests/firmware -name '*.c' -o -name '*.h') \
+C_SOURCES := $(shell find core plant firmware tests/core tests/firmware tests/plant -name '*.c' -o -name '*.h') \
 	$(wildcard src/anhyst/_core/*.cpp src/anhyst/_core/*.h)
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')

@@ -1,0 +1,155 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Bearings of both kinds through commands of every size, for the sanitizers to watch. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "anhyst_plant/bearing.h"
+
+#define CELLS 25
+#define POINTS 5
+#define TICKS 3000
+
+static const double psi[2 * POINTS] = {0.0, 0.04, 0.07, 0.09, 0.1, 0.0, 0.02, 0.04, 0.055, 0.065};
+static const anhyst_plant_row rows[2] = {{8e3, 4e-3, 60.0, 0.1, 0.02},
+                                         {6e3, 6e-3, 60.0, 0.1, 0.02}};
+
+static void make_circuit(anhyst_plant_circuit *c)
+{
+  int i;
+  memset(c, 0, sizeof *c);
+  c->steel.cells = CELLS;
+  for (i = 0; i < CELLS; i++) {
+    c->steel.threshold[i] = 12.0 * (double)i;
+    c->steel.weight[i] = 1.0 / (double)CELLS;
+  }
+  c->steel.sharp = 1.3;
+  c->steel.knee_sharp = 120.0;
+  c->steel.slow = 0.75;
+  c->steel.knee_slow = 3000.0;
+  c->iron_length = 0.2;
+  c->iron_area = 0.016 * 0.014;
+  c->pole_width = 0.016;
+  c->pole_depth = 0.014;
+  c->leakage = 1.2e-8;
+  c->eddy = 10.0;
+}
+
+static anhyst_plant_sensor sensor(double low, double high, int delay)
+{
+  anhyst_plant_sensor s = {0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.5, 0};
+  s.low = low;
+  s.high = high;
+  s.step = (high - low) / 65535.0;
+  s.noise = 10.0 * s.step;
+  s.delay = delay;
+  return s;
+}
+
+static void make_bearing(anhyst_plant_bearing *b, int magnets, int substeps, int by_current)
+{
+  memset(b, 0, sizeof *b);
+  b->magnets = magnets;
+  b->amplifier.limit = 150.0;
+  b->amplifier.gain = by_current ? 300.0 : 0.0;
+  b->amplifier.reset = by_current ? 5e5 : 0.0;
+  b->amplifier.low = by_current ? 0.0 : -150.0;
+  b->amplifier.high = by_current ? 4.5 : 150.0;
+  b->amplifier.step = 1e-4;
+  b->load.share = 0.04;
+  b->load.encoder_step = 50e-9;
+  b->load.velocity_share = 0.06;
+  b->load.stiffness = 1e4;
+  b->load.rest = 0.45e-3;
+  b->gap_total = 0.9e-3;
+  b->mass = 2.0;
+  b->stop_low = 0.35e-3;
+  b->stop_high = 0.55e-3;
+  b->stop_stiffness = 2e8;
+  b->stop_damping = 2e4;
+  b->tick = 50e-6;
+  b->substeps = substeps;
+  b->delay = ANHYST_PLANT_DELAY_MOST / 2;
+  b->gap_sensor = sensor(0.0, 1e-3, 0);
+  b->current_sensor = sensor(-0.5, 5.0, 3);
+  b->force_sensor = sensor(-500.0, 500.0, ANHYST_PLANT_DELAY_MOST - 1);
+  b->hall_probe = sensor(-2.0, 2.0, 1);
+}
+
+/* A command that may be anything; the same every time. */
+static double command(unsigned *seed)
+{
+  static const double extremes[4] = {1e300, -1e300, HUGE_VAL, 0.0};
+  *seed = *seed * 1664525U + 1013904223U;
+  if (*seed >> 28U == 0U) {
+    return extremes[(*seed >> 20U) & 3U];
+  }
+  return 5.0 * (double)(*seed >> 8U) / 16777216.0;
+}
+
+static int fly(const anhyst_plant_bearing *b, const char *name)
+{
+  static anhyst_plant_state state;
+  unsigned seed = 1;
+  int tick;
+  anhyst_plant_start(b, &state, 7);
+  for (tick = 0; tick < TICKS; tick++) {
+    anhyst_plant_readings r;
+    double commands[ANHYST_PLANT_MAGNETS];
+    commands[0] = command(&seed);
+    commands[1] = command(&seed);
+    anhyst_plant_read(b, &state, &r);
+    anhyst_plant_advance(b, &state, commands, 100.0 * (command(&seed) > 2.0 ? 2.0 : 1.0));
+    if (!(isfinite(r.gap) && isfinite(r.current[0]) && isfinite(r.density[0]) &&
+          isfinite(state.force) && state.gap > 0.2e-3 && state.gap < 0.7e-3)) {
+      (void)printf("%s: tick %d: gap %g, force %g\n", name, tick, state.gap, state.force);
+      return 1;
+    }
+  }
+  (void)printf("ok %s\n", name);
+  return 0;
+}
+
+int main(void)
+{
+  anhyst_plant_circuit circuit;
+  anhyst_plant_law law;
+  anhyst_iron_f64 iron;
+  anhyst_plant_magnet magnets[2];
+  int failed = 0;
+  int choice;
+  make_circuit(&circuit);
+  memset(&law, 0, sizeof law);
+  memset(magnets, 0, sizeof magnets);
+  if (anhyst_iron_init_f64(&iron, ANHYST_STEP_LINEAR, 1.3e6, 400.0, 300.0, 0.15, 0.0, 0.0, 0) !=
+      ANHYST_OK) {
+    return 1;
+  }
+  law.iron = &iron;
+  law.rows = rows;
+  law.row_count = 2;
+  law.eddy = 1.0;
+  law.table.psi = psi;
+  law.table.currents = POINTS;
+  law.table.gaps = 2;
+  law.table.current_high = 4.0;
+  law.table.gap_low = 0.3e-3;
+  law.table.gap_high = 0.6e-3;
+  magnets[0].circuit = &circuit;
+  magnets[1].law = &law;
+  for (choice = 0; choice < 2; choice++) {
+    magnets[choice].turns = 250.0;
+    magnets[choice].resistance = 1.2;
+  }
+  for (choice = 0; choice < 8; choice++) {
+    anhyst_plant_bearing bearing;
+    char name[40];
+    make_bearing(&bearing, choice & 4 ? 2 : 1, choice & 4 ? 4 : 1, choice & 1);
+    bearing.magnet[0] = magnets[(choice >> 1) & 1];
+    bearing.magnet[1] = bearing.magnet[0];
+    (void)snprintf(name, sizeof name, "%s, %d magnets, %s", choice & 2 ? "law" : "cells",
+                   bearing.magnets, choice & 1 ? "current" : "voltage");
+    failed += fly(&bearing, name);
+  }
+  return failed;
+}

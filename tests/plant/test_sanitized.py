@@ -1,0 +1,45 @@
+"""The plant's C under sanitizers, through commands of every size."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
+
+CORE = ("circuit", "operator", "solver", "branch", "langevin")
+"""What of the core the plant stands on."""
+PLANT = ("iron", "magnet", "sensor", "bearing")
+WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")
+
+
+def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
+    compiler = tool("cc", "gcc")
+    if not can_sanitize(compiler, tmp_path):
+        pytest.skip(f"{compiler} has no sanitizers here")
+    sources = [
+        *(ROOT / "core" / "src" / f"{name}.c" for name in CORE),
+        *(ROOT / "plant" / "src" / f"{name}.c" for name in PLANT),
+        Path(__file__).with_name("test_bearing.c"),
+    ]
+    program = tmp_path / "test_bearing"
+    quietly(
+        compiler,
+        "-std=c99",
+        "-O1",
+        *WARNINGS,
+        "-Werror",
+        "-fsanitize=address,undefined,float-cast-overflow,float-divide-by-zero",
+        "-fno-sanitize-recover=all",
+        *(f"-I{ROOT / part / 'include'}" for part in ("core", "plant")),
+        f"-I{ROOT / 'core' / 'src'}",
+        *map(str, sources),
+        "-lm",
+        "-o",
+        str(program),
+    )
+    done = subprocess.run([program], capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("ok ") == 8
