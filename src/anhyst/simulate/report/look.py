@@ -41,7 +41,7 @@ DASHES: Mapping[Variant, Any] = {
     "full": "-",
     "flux": (0, (2, 1, 1, 1)),
 }
-_WIDTH_DIGITS, _MEAN_DIGITS = 2, 4
+_WIDTH_DIGITS, _MEAN_DIGITS, _PLACES = 2, 4, 3
 MOST_POINTS = 1200
 """Points of a curve in a figure at most."""
 
@@ -100,7 +100,7 @@ def interval_text(found: Interval | None, unit: str = "", factor: float = 1.0) -
         digits = _WIDTH_DIGITS - 1 - math.floor(math.log10(width))
         if mean != 0.0:
             digits = min(digits, _MEAN_DIGITS - 1 - math.floor(math.log10(abs(mean))))
-        places = max(digits, 0)
+        places = min(max(digits, 0), _PLACES)
         unsure = math.ceil(width * 10.0**places - 1e-9) / 10.0**places
         rounded = round(mean, places) + 0.0  # a negative zero becomes a plain one
         text = f"{rounded:.{places}f} ± {unsure:.{places}f}".replace("-", MINUS)

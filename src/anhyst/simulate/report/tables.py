@@ -126,9 +126,9 @@ def benefit_table(subject: Subject) -> Table | None:
             text = NOT_TOLD if found is None else found.text
             row.append(Cell(text, strong=found is not None and found.less))
         rows.append(row)
-    head = ["step", f"overshoot of {subject.variant}", *(f"against {name}" for name in baselines)]
+    head = ["step", "overshoot", *baselines]
     return table(
-        "What is gained, and against what",
+        f"Overshoot of {subject.variant} against that of each baseline",
         head,
         rows,
         f"Overshoot of {subject.variant} in % of the height, and what it is against each baseline: "
