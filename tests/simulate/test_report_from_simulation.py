@@ -12,8 +12,13 @@ from tests.page import Page
 
 from anhyst.cli.app import main
 from anhyst.report.numbers import number
+from anhyst.simulate.benefit import benefit
+from anhyst.simulate.controllerfile import read_controller
 from anhyst.simulate.metrics import Interval
+from anhyst.simulate.report.from_benefit import subject_of_benefit
 from anhyst.simulate.report.look import interval_text
+from anhyst.simulate.report.page import render
+from anhyst.simulate.rigfile import read_bearing
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 
@@ -94,3 +99,33 @@ def test_plants_are_written_as_lines(small: Path, capsys: pytest.CaptureFixture[
     out = str(small / "plants.csv")
     assert main(["simulate", str(small / "rig.toml"), "--out", out, "--monte-carlo", "2"]) == 2
     assert "plants.csv: results of a Monte Carlo are written as .jsonl" in capsys.readouterr().err
+
+
+def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
+    rig = read_bearing(small / "rig.toml")
+    controller = read_controller(small / "controller.toml")
+    found = benefit(rig, controller, scales=(1.0,), fractions=(0.05, 0.3), jobs=1)
+    page = Page(render(subject_of_benefit(rig, controller, found, "anhyst simulate")))
+    assert page.sections() == ["structure", "benefit", "origin"]
+    for measure, title in (
+        ("overshoot_percent", "Overshoot"),
+        ("settling_in_noise_s", "Settling time"),
+    ):
+        gains = sum(cell.ratio[measure].outcome == "gain" for cell in found.cells)  # type: ignore[index]
+        assert f"{title} against ratio: a certain gain in {gains} of 2 cells" in page.text
+        gains = sum(cell.strongest[measure].outcome == "gain" for cell in found.cells)  # type: ignore[index]
+        assert f"{title} against the strongest rival: a certain gain in {gains} of 2" in page.text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--out", "map.csv", "--benefit"], "map.csv: the map is written as .json"),
+        (["--out", "map.json", "--benefit", "--monte-carlo", "2"], "do not go together"),
+    ],
+)
+def test_a_map_that_cannot_be_made_is_refused_at_once(
+    small: Path, arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", str(small / "rig.toml"), *arguments]) == 2
+    assert told in capsys.readouterr().err

@@ -12,7 +12,10 @@ from anhyst.cli.options import AsJson
 from anhyst.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
+    from anhyst.simulate.benefit import Benefit
+    from anhyst.simulate.controllerfile import ControllerFile
     from anhyst.simulate.montecarlo import MonteCarlo
+    from anhyst.simulate.rigfile import BearingRig
     from anhyst.simulate.simulate import Simulation
 
 
@@ -42,6 +45,14 @@ def simulate(
             "with what is there.",
         ),
     ] = None,
+    benefit: Annotated[
+        bool,
+        typer.Option(
+            "--benefit",
+            help="Instead, map what compensation gains over loop width, reversible part of the "
+            "iron and step height; FILE then ends in '.json'.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a magnetic bearing with and without compensation of its hysteresis.
@@ -54,14 +65,20 @@ def simulate(
     Example: anhyst simulate examples/bearing/rig.toml --out run/run.csv
 
     Example: anhyst simulate examples/bearing/rig.toml --out plants/plants.jsonl --monte-carlo 1000
+
+    Example: anhyst simulate examples/bearing/rig.toml --out map/benefit.json --benefit
     """
     chosen = "" if controller is None else f" --controller {controller}"
     command = f"anhyst simulate {rig}{chosen} --out {out}"
-    if monte_carlo is None:
-        _simulate(rig, out, controller, command, as_json)
-    else:
+    if benefit and monte_carlo is not None:
+        raise InputError("--benefit and --monte-carlo do not go together; give one of them")
+    if benefit:
+        _map(rig, out, controller, f"{command} --benefit", as_json)
+    elif monte_carlo is not None:
         command = f"{command} --monte-carlo {monte_carlo}"
         _fly(rig, out, controller, monte_carlo, command, as_json)
+    else:
+        _simulate(rig, out, controller, command, as_json)
 
 
 def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_json: bool) -> None:
@@ -85,15 +102,12 @@ def _fly(
 ) -> None:
     from anhyst.atomic import atomic_writer, check_writable
     from anhyst.compile.folder import json_text
-    from anhyst.simulate.controllerfile import read_controller
     from anhyst.simulate.montecarlo import FLOWN, monte_carlo
     from anhyst.simulate.operating import find_operating_point
     from anhyst.simulate.report import write_simulation_report
     from anhyst.simulate.report.from_plants import subject_of_plants
-    from anhyst.simulate.rigfile import read_bearing
 
-    rig = read_bearing(rig_path)
-    controller = read_controller(controller_path or rig_path.parent / "controller.toml")
+    rig, controller = _read(rig_path, controller_path)
     if out.suffix != ".jsonl":
         raise InputError(f"{out}: results of a Monte Carlo are written as .jsonl; name it so")
     figures_path, report_path = out.parent / "montecarlo.json", out.parent / REPORT
@@ -115,6 +129,63 @@ def _fly(
     lost = figures["variants"][own]["lost"]
     if lost:
         raise NegativeResult(f"{lost} of {count} plants lost levitation with '{own}'")
+
+
+def _map(
+    rig_path: Path, out: Path, controller_path: Path | None, command: str, as_json: bool
+) -> None:
+    from anhyst.atomic import atomic_writer, check_writable
+    from anhyst.compile.folder import json_text
+    from anhyst.simulate.benefit import benefit
+    from anhyst.simulate.report import write_simulation_report
+    from anhyst.simulate.report.from_benefit import subject_of_benefit
+
+    rig, controller = _read(rig_path, controller_path)
+    if out.suffix != ".json":
+        raise InputError(f"{out}: the map is written as .json; name it so")
+    report_path = out.parent / REPORT
+    for path in (out, report_path):
+        check_writable(path, reads=[rig.path, controller.path])
+    with progress_bar("benefit") as progress:
+        found = benefit(rig, controller, progress=progress)
+    figures = found.as_dict()
+    with atomic_writer(out) as stream:
+        stream.write(json_text(figures))
+    write_simulation_report(report_path, subject_of_benefit(rig, controller, found, command))
+    if as_json:
+        print_json(figures)
+    else:
+        _show_map(found, out)
+
+
+def _read(rig: Path, controller: Path | None) -> tuple[BearingRig, ControllerFile]:
+    from anhyst.simulate.controllerfile import read_controller
+    from anhyst.simulate.rigfile import read_bearing
+
+    return read_bearing(rig), read_controller(controller or rig.parent / "controller.toml")
+
+
+def _show_map(found: Benefit, out: Path) -> None:
+    heights = list(dict.fromkeys(cell.height for cell in found.cells))
+    rows = table(
+        "overshoot of 'full' over that of its strongest rival without hysteresis",
+        ["loop width, reversible part", *(f"{1e6 * height:g} um" for height in heights)],
+    )
+    for iron in dict.fromkeys(cell.iron for cell in found.cells):
+        cells = [cell.strongest["overshoot_percent"] for cell in found.cells if cell.iron == iron]
+        rows.add_row(
+            f"{100.0 * iron.loop_width:.1f} %, {iron.reversible_fraction:g}",
+            *(
+                "lost" if one.quotient is None else f"{one.quotient.value:.2f} {one.outcome}"
+                for one in cells
+            ),
+        )
+    show(
+        rows,
+        f"'gain' where it is certain over {found.seeds} noise seeds, 'nothing to gain' where both "
+        "overshoot by less than 1 %",
+        f"written: {out}, {out.parent / REPORT}",
+    )
 
 
 def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:

@@ -29,6 +29,8 @@ from anhyst.simulate.report.look import (
 
 _DARK = 0.45  # ratio below which its colour asks for white letters
 
+_SHORT = {"linearised": "lin."}  # where squares are narrow
+
 Outcome = Literal["gain", "nothing to gain", "no gain"]
 
 
@@ -141,7 +143,7 @@ def _write(ax: Axes, place: tuple[int, int], cell: BenefitCell) -> None:
     if cell.pathological:
         text += "†"
     if cell.rival and cell.rival != cell.against:
-        text += f"\n{cell.rival}"
+        text += f"\n{_SHORT.get(cell.rival, cell.rival)}"
     plain = cell.outcome == "gain"
     ax.text(
         x,
@@ -149,7 +151,7 @@ def _write(ax: Axes, place: tuple[int, int], cell: BenefitCell) -> None:
         text,
         ha="center",
         va="center",
-        fontsize=7.5,
+        fontsize=7.0,
         color="#FFFFFF" if plain and cell.ratio < _DARK else INK,
         bbox=None if plain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
     )

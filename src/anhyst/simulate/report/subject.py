@@ -195,7 +195,9 @@ class Subject:
     def variants(self) -> list[Variant]:
         """All that the page speaks of."""
         shown = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
-        return ordered({self.variant, *shown, *(name for one in self.drift for name in one.values)})
+        drifted = (name for one in self.drift for name in one.values)
+        rivals = (cell.rival for cell in self.benefit)
+        return ordered({self.variant, *shown, *drifted, *rivals})
 
     def situation(self, step: Steps) -> str:
         """Say in words what a step was; the load only if there are several."""
