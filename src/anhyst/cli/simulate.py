@@ -87,7 +87,8 @@ def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_js
     from anhyst.simulate.report.from_simulation import subject_of
     from anhyst.simulate.simulate import simulate as run
 
-    check_writable(out.parent / REPORT)
+    for path in (out, out.parent / REPORT):
+        check_writable(path)
     with progress_bar("simulate") as progress:
         found = run(rig, out, controller, progress)
     write_simulation_report(out.parent / REPORT, subject_of(found, command))
@@ -240,5 +241,6 @@ def _show(found: Simulation, out: Path) -> None:
         f"* of the controller file; mean of {found.rig.settings.simulate.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
         f"{label}; unstable pole {found.at.point.pole_at_current:.0f} Hz",
+        *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import Coil
-from anhyst.errors import InputError
 from anhyst.simulate import linear
 from anhyst.simulate.plant import current_gains, make_magnet, static_map
 from anhyst.simulate.rigfile import BearingRig, check_load, check_rate
 from anhyst.simulate.setup import Setup
 from anhyst.simulate.slopes import Reversal, measure_reversal
+from anhyst.tomlfile import faults_error
 
 Floats = NDArray[np.float64]
 
@@ -65,13 +65,14 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
     path = np.concatenate([up, up[::-1]])
     force, psi, _ = static_map(rig, path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENTS - 1]))
+    key = ("magnet", "bias_force_N") if pair else ("load", "force_N")
     wanted = settings.magnet.bias_force_N if pair else rig.load
     assert wanted is not None
-    if not float(force[0]) < wanted < float(force[_CURRENTS - 1]):
-        raise InputError(
-            f"{rig.path}: load.force_N: {wanted:g} N is not within what the magnet pulls at "
-            f"{gap:g} m, 0 to {float(force[_CURRENTS - 1]):.4g} N; a single magnet needs a load"
-        )
+    least, most = float(force[0]), float(force[_CURRENTS - 1])
+    if not least < wanted < most:
+        text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
+        text += f", {least:.4g} to {most:.4g} N; correct it"
+        raise faults_error(rig.path, [(key, text)])
     rising = float(np.interp(wanted, force[:_CURRENTS], up))
     falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
     current = 0.5 * (rising + falling)

@@ -547,11 +547,13 @@ def _simulate_faults(settings: BearingTable) -> list[Fault]:
     low, high = settings.mechanics.stop_low_m, settings.mechanics.stop_high_m
     tried = settings.simulate
 
-    def check(key: KeyPath, what: str, lowest: float, highest: float) -> None:
-        if not (low < lowest and highest < high):
-            goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
-            text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
-            faults.append((("simulate", *key), f"{text}; lower it or move the stops"))
+    def check(key: KeyPath, what: str, lowest: float, highest: float) -> bool:
+        if low < lowest and highest < high:
+            return True
+        goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
+        text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
+        faults.append((("simulate", *key), f"{text}; lower it or move the stops"))
+        return False
 
     check(("gap_m",), "the reference", tried.gap_m, tried.gap_m)
     for place, gap in enumerate(tried.also_gaps_m):
@@ -559,7 +561,8 @@ def _simulate_faults(settings: BearingTable) -> list[Fault]:
     for place, height in enumerate(tried.steps_m):
         for gap in (tried.gap_m, *tried.also_gaps_m):
             lower, upper = step_ends(gap, height)
-            check(("steps_m", place), f"the step around {gap:g} m", upper, lower)
+            if not check(("steps_m", place), f"the step around {gap:g} m", upper, lower):
+                break
     for place, trajectory in enumerate(tried.trajectories):
         away = trajectory.amplitude_m
         ends = tried.gap_m - away, tried.gap_m + away

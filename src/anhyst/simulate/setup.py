@@ -47,7 +47,7 @@ class Setup:
     drive: Drive
 
     @property
-    def name(self) -> str:
+    def name(self) -> Variant:
         """Of the variant."""
         return self.drive.variant
 
@@ -79,14 +79,28 @@ def read_knowledge(rig: BearingRig, controller: ControllerFile) -> Knowledge:
     Raises
     ------
     InputError
-        A file cannot be read, or the loops are none of force over current at several gaps.
+        A file cannot be read, the loops are none of force over current at gaps around the
+        operating gap, or the model is of another device.
     """
     loops = LoopSet.from_csv(rig.loops)
     if (loops.input.name, loops.output.name) != ("current", "force") or loops.schedule is None:
         raise InputError(f"{rig.loops}: a bearing needs columns I_A, F_N and gap_m")
+    gaps = list(loops.by_schedule())
+    middle = rig.settings.simulate.gap_m
+    if not min(gaps) < middle < max(gaps):
+        raise InputError(
+            f"{rig.loops}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} works at "
+            f"{middle:g} m; measure loops around it"
+        )
     if controller.model is None:
         return learn(loops)
-    return Knowledge(loops, read_model(controller.model))
+    model = read_model(controller.model)
+    if (model.input.name, model.output.name) != ("current", "force") or not model.needs_schedule:
+        raise InputError(
+            f"{controller.model}: a bearing needs a model of force over current and gap; identify "
+            f"one from {rig.loops}"
+        )
+    return Knowledge(loops, model)
 
 
 def make_setup(
@@ -126,13 +140,24 @@ def make_setups(
     knowledge: Knowledge,
     variants: tuple[Variant, ...],
 ) -> Mapping[Variant, Setup]:
-    """Fit several variants in the number format of a controller file."""
+    """Fit several variants in the number format of a controller file.
+
+    Raises
+    ------
+    InputError
+        The controller does not fit the rig, or what is known does not make a drive; names the file
+        that it comes from.
+    """
     check_controller(controller, rig)
     table = controller.settings
-    return {
-        variant: make_setup(rig, table, knowledge, variant, table.compensation.format)
-        for variant in variants
-    }
+    found = {}
+    for variant in variants:
+        modelled = variant in ("simplified", "full") and controller.model is not None
+        try:
+            found[variant] = make_setup(rig, table, knowledge, variant, table.compensation.format)
+        except InputError as error:
+            raise InputError(f"{controller.model if modelled else rig.loops}: {error}") from error
+    return found
 
 
 def with_gains(setup: Setup, controller: ControllerTable) -> Setup:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from anhyst.atomic import PathLike, atomic_writer, check_writable
 from anhyst.compile.folder import json_text
-from anhyst.errors import NegativeResult
+from anhyst.errors import InputError, NegativeResult
 from anhyst.simulate import experiments, linear
 from anhyst.simulate.controllerfile import (
     ControllerFile,
@@ -135,16 +135,16 @@ def simulate(
     for path in (out, figures_file):
         check_writable(path, reads=_read_files(rig, controller))
     at = find_operating_point(rig)
+    check_controller(controller, rig)
     knowledge = read_knowledge(rig, controller)
     own = controller.settings.compensation.variant
     mine = make_setups(rig, controller, knowledge, (own,))[own]
     recording = _whole_run(mine)
     write_recording(out, recording)
     _refuse_lost(rig, recording, out)
-    names = _variants(rig, own)
-    others = make_setups(rig, controller, knowledge, tuple(n for n in names if n != own))
-    setups = {name: mine if name == own else others[name] for name in names}
+    setups, left_out = _beside(mine, controller, knowledge)
     found = _compare(controller, knowledge, setups, at, recording, progress)
+    found.figures["left_out"] = left_out
     with atomic_writer(figures_file) as stream:
         stream.write(json_text(_finite(found.figures)))
     return found
@@ -156,8 +156,28 @@ def _read(
     rig = read_bearing(rig_path)
     beside = rig.path.parent / "controller.toml"
     controller = read_controller(beside if controller_path is None else controller_path)
-    check_controller(controller, rig)
     return rig, controller
+
+
+def _beside(
+    mine: Setup, controller: ControllerFile, knowledge: Knowledge
+) -> tuple[dict[Variant, Setup], dict[Variant, str]]:
+    """Fit what is compared with a setup; where something cannot be made, tell why.
+
+    A magnet without hysteresis to speak of has no simplified law, and is worth a simulation.
+    """
+    setups: dict[Variant, Setup] = {}
+    left_out: dict[Variant, str] = {}
+    for name in _variants(mine.rig, mine.name):
+        try:
+            setups |= (
+                {name: mine}
+                if name == mine.name
+                else make_setups(mine.rig, controller, knowledge, (name,))
+            )
+        except InputError as error:
+            left_out[name] = str(error)
+    return setups, left_out
 
 
 def _compare(
