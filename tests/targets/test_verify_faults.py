@@ -11,7 +11,7 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.verify import TargetResult, verify
 from anhyst.verify.bundle import read_bundle
-from anhyst.verify.protocol import RANDOM, RECORD, START, Request
+from anhyst.verify.protocol import COMPENSATOR, RANDOM, START, Request
 from anhyst.verify.targets import reference
 from anhyst.verify.workshop import Workshop
 
@@ -75,7 +75,7 @@ def demand_at(folder: Path, step: int, scratch: Path) -> int:
     reply = program.run(
         [Request(START, seed=1), Request(RANDOM, steps=step + 1, window_first=step)]
     )[-1]
-    word = int(reply.window[0, RECORD.index("demand")])
+    word = int(reply.window[0, COMPENSATOR.record.index("demand")])
     return word - (1 << 32) if word >> 31 else word
 
 

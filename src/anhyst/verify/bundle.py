@@ -16,6 +16,9 @@ FORMAT = 1
 MANIFEST = "manifest.json"
 SOURCES = ("anhyst.h", "anhyst.c", "anhyst_parameters.h", "anhyst_parameters.c")
 VECTORS = "vectors.csv"
+CONTROLLER_SOURCES = ("anhyst_controller.h", "anhyst_controller.c")
+FLIGHT = "controller.csv"
+"""What a folder with a position controller holds beside the compensator."""
 PORT_HEADER = "anhyst_port_cortex_m4.h"
 FORMATS = {"q15": "15", "q31": "31", "f32": "32"}
 AGAIN = "run 'anhyst compile' again"
@@ -48,10 +51,15 @@ class Bundle:
 
     def copy_sources(self, folder: Path) -> None:
         """Copy the C and the port header to a folder, to be compiled there."""
-        for name in (*SOURCES, PORT_HEADER):
+        for name in (*SOURCES, *CONTROLLER_SOURCES, PORT_HEADER):
             source = self.folder / name
             if source.exists():
                 shutil.copyfile(source, folder / name)
+
+    @property
+    def has_controller(self) -> bool:
+        """Whether a whole position controller comes with it."""
+        return self.manifest.get("controller") is not None
 
     @property
     def has_port(self) -> bool:
@@ -113,7 +121,10 @@ def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None
     files = manifest.get("files")
     if not isinstance(files, dict):
         raise InputError(f"{place}: key 'files' is missing; {AGAIN}")
-    for name in (*SOURCES, VECTORS):
+    needed: tuple[str, ...] = (*SOURCES, VECTORS)
+    if manifest.get("controller") is not None:
+        needed += (*CONTROLLER_SOURCES, FLIGHT)
+    for name in needed:
         if name not in files:
             raise InputError(f"{place}: key 'files' does not name {name}; {AGAIN}")
     for name, wanted in files.items():

@@ -9,11 +9,12 @@ import numpy as np
 from anhyst.verify.protocol import (
     CHECKPOINTS,
     RANDOM,
-    RECORD,
+    RECORD_WORDS,
     STACK,
     START,
     VECTORS,
     WINDOW,
+    Form,
     Reply,
     Request,
     Words,
@@ -95,12 +96,12 @@ def run(program: Program, vectors: GoldenVectors, steps: int, seed: int) -> Outc
     seed : int
         Of the generator, not 0.
     """
-    rows = vectors.inputs
+    rows, places = vectors.inputs, vectors.form.places
     batches = [rows[at : at + WINDOW] for at in range(0, len(rows), WINDOW)]
     replies = program.run(
         [
             Request(START, seed=seed),
-            *(Request(VECTORS, steps=len(batch), rows=batch) for batch in batches),
+            *(Request(VECTORS, steps=len(batch), rows=batch, places=places) for batch in batches),
             Request(START, seed=seed),
             Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps)),
             Request(STACK, steps=min(steps, STACK_STEPS)),
@@ -109,7 +110,7 @@ def run(program: Program, vectors: GoldenVectors, steps: int, seed: int) -> Outc
     answers = [
         reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
     ]
-    empty = np.zeros((0, len(RECORD)), dtype=np.uint32)
+    empty = np.zeros((0, RECORD_WORDS), dtype=np.uint32)
     return Outcome(
         replies[0], replies[-2], np.concatenate([empty, *answers]), replies[-1].stack_bytes
     )
@@ -146,19 +147,19 @@ def compare(
     for name in ("status", "words", "hash"):
         wanted, found = getattr(host.start, name), getattr(target.start, name)
         if wanted != found:
-            quantity = "hash of the conditioning sequence" if name == "hash" else name
+            quantity = f"hash of the {vectors.form.start}" if name == "hash" else name
             return Difference("start", 0, quantity, wanted, found)
     if (difference := _against_file(target, vectors)) is not None:
         return difference
     if (wrong := _first_wrong(host.vectors, target.vectors)) is not None:
-        return _difference("vectors", 0, wrong, host.vectors, target.vectors)
+        return _difference(vectors.form, "vectors", 0, wrong, host.vectors, target.vectors)
     if host.random.hash == target.random.hash:
         return None
-    return _locate(programs, (host.random, target.random), steps, seed)
+    return _locate(vectors.form, programs, (host.random, target.random), steps, seed)
 
 
 def _against_file(outcome: Outcome, vectors: GoldenVectors) -> Difference | None:
-    places = [RECORD.index(name) for name in vectors.outputs]
+    places = [vectors.form.record.index(name) for name in vectors.outputs]
     found = outcome.vectors[:, places]
     wanted = np.stack(list(vectors.outputs.values()), axis=1)
     wrong = _first_wrong(wanted, found)
@@ -170,7 +171,11 @@ def _against_file(outcome: Outcome, vectors: GoldenVectors) -> Difference | None
 
 
 def _locate(
-    programs: tuple[Program, Program], replies: tuple[Reply, Reply], steps: int, seed: int
+    form: Form,
+    programs: tuple[Program, Program],
+    replies: tuple[Reply, Reply],
+    steps: int,
+    seed: int,
 ) -> Difference:
     """Narrow down the first difference by checkpoints until a window of records holds it."""
     first, last = 0, steps
@@ -191,7 +196,7 @@ def _locate(
             if found is None:
                 hashes = (reply.hash for reply in replies)
                 return Difference("random", first, "not repeatable: the hash", *hashes)
-            return _difference("random", first, found, *records)
+            return _difference(form, "random", first, found, *records)
 
 
 def _marks(first: int, last: int, stride: int) -> list[int]:
@@ -221,11 +226,11 @@ def _first_wrong(host: Words, target: Words) -> tuple[int, int] | None:
 
 
 def _difference(
-    part: str, first: int, place: tuple[int, int], host: Words, target: Words
+    form: Form, part: str, first: int, place: tuple[int, int], host: Words, target: Words
 ) -> Difference:
     row, word = place
     return Difference(
-        part, first + row, RECORD[word], _signed(host[row, word]), _signed(target[row, word])
+        part, first + row, form.record[word], _signed(host[row, word]), _signed(target[row, word])
     )
 
 

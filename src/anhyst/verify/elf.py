@@ -11,7 +11,7 @@ FLASH = 0x08000000
 """Where the code of a Cortex-M stands, as in ``harness/cortex_m.ld``."""
 
 PARAMETERS = "anhyst_parameters.c"
-OURS = ("anhyst.c", PARAMETERS, "anhyst_pidd2.c")
+OURS = ("anhyst.c", PARAMETERS, "anhyst_pidd2.c", "anhyst_controller.c")
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,37 +16,102 @@ WINDOW = 48
 START, RANDOM, VECTORS, STACK = range(4)
 AS_SOLVED, AS_GIVEN = range(2)
 
-RECORD = (
-    "demand",
-    "gap",
-    "how",
-    "current",
-    "flags",
-    "flux",
-    "applied",
-    "applied gap",
-    "output",
-    "applied flux",
-    "memory a",
-    "memory b",
-    "memory c",
-    "memory d",
-    "memory e",
-    "pidd2",
-    "pidd2 integral",
-    "pidd2 velocity",
+RECORD_WORDS = 18
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What the words of a record and the sections mean; as in ``harness/harness.h``.
+
+    Parameters
+    ----------
+    record : tuple of str
+        Names of the words, RECORD_WORDS of them.
+    inputs : tuple of str
+        Those that go in.
+    sections : tuple of str
+        What is timed; nothing where a section is not used.
+    calls : mapping of str to int
+        How often the clock was started and stopped for one count of a section, where not once.
+    start : str
+        What of a start is compared by its hash.
+    """
+
+    record: tuple[str, ...]
+    inputs: tuple[str, ...]
+    sections: tuple[str, ...]
+    calls: Mapping[str, int]
+    start: str
+
+    @property
+    def places(self) -> list[int]:
+        """Where the inputs stand in a record."""
+        return [self.record.index(name) for name in self.inputs]
+
+
+COMPENSATOR = Form(
+    record=(
+        "demand",
+        "gap",
+        "how",
+        "current",
+        "flags",
+        "flux",
+        "applied",
+        "applied gap",
+        "output",
+        "applied flux",
+        "memory a",
+        "memory b",
+        "memory c",
+        "memory d",
+        "memory e",
+        "pidd2",
+        "pidd2 integral",
+        "pidd2 velocity",
+    ),
+    inputs=("demand", "gap", "how", "applied", "applied gap"),
+    sections=("clock", "solve", "commit, solved", "commit, other", "pidd2", "tick"),
+    # A tick is made of four parts: PIDD2 and compensator, solve and commit each.
+    calls={"tick": 4, "pidd2": 2},
+    start="conditioning sequence",
 )
-INPUTS = ("demand", "gap", "how", "applied", "applied gap")
-INPUT_PLACES = [RECORD.index(name) for name in INPUTS]
-SECTIONS = ("clock", "solve", "commit, solved", "commit, other", "pidd2", "tick")
+
+CONTROLLER = Form(
+    record=(
+        "position",
+        "target",
+        "load",
+        "measured current 1",
+        "measured current 2",
+        "event",
+        "current 1",
+        "current 2",
+        "reference",
+        "demand",
+        "state",
+        "flags",
+        "fault",
+        "integral",
+        "velocity",
+        "memory a",
+        "memory b",
+        "memory c",
+    ),
+    inputs=("position", "target", "load", "measured current 1", "measured current 2", "event"),
+    sections=("clock", "tick, controls", "tick, ramps", "tick, rests", "", "tick"),
+    calls={},
+    start="limits",
+)
 
 _REQUEST = 6
 _REPLY = 8
 _SECTION_WORDS = 6
+SECTIONS = 6
 _SECTIONS_AT = _REQUEST + _REPLY
-_CHECKPOINTS_AT = _SECTIONS_AT + _SECTION_WORDS * len(SECTIONS)
+_CHECKPOINTS_AT = _SECTIONS_AT + _SECTION_WORDS * SECTIONS
 _WINDOW_AT = _CHECKPOINTS_AT + CHECKPOINTS
-BOX_WORDS = _WINDOW_AT + WINDOW * len(RECORD)
+BOX_WORDS = _WINDOW_AT + WINDOW * RECORD_WORDS
 BOX_BYTES = 4 * BOX_WORDS
 
 
@@ -65,8 +131,10 @@ class Request:
         The hash is kept before this step and every so many steps after it, CHECKPOINTS times.
     window_first : int
         Records are kept from this step on, WINDOW of them.
-    rows : array of uint32, shape (steps, len(INPUTS)), or None
+    rows : array of uint32, shape (steps, n), or None
         Inputs, for VECTORS.
+    places : sequence of int
+        Where they stand in a record, n places.
     """
 
     mode: int
@@ -76,6 +144,7 @@ class Request:
     checkpoint_stride: int = 1
     window_first: int = 0
     rows: Words | None = None
+    places: Sequence[int] = ()
 
     def pack(self) -> bytes:
         """Lay the request out as the target reads it: the words from the start of the box."""
@@ -91,9 +160,9 @@ class Request:
 
     def pack_rows(self) -> bytes:
         """Lay the inputs out as the target reads them: the words from WINDOW_OFFSET on."""
-        window = np.zeros((WINDOW, len(RECORD)), dtype="<u4")
+        window = np.zeros((WINDOW, RECORD_WORDS), dtype="<u4")
         if self.rows is not None:
-            window[: len(self.rows), INPUT_PLACES] = self.rows
+            window[: len(self.rows), list(self.places)] = self.rows
         return window.tobytes()
 
 
@@ -140,7 +209,7 @@ class Reply:
         if len(words) != BOX_WORDS or words[_REQUEST] != BOX_WORDS:
             raise ValueError("the target lays the box out otherwise")
         _, status, *numbers = (int(word) for word in words[_REQUEST:_SECTIONS_AT])
-        table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(len(SECTIONS), _SECTION_WORDS)
+        table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(SECTIONS, _SECTION_WORDS)
         sections = tuple(
             Section(count, least, most, most_at, low + (high << 32))
             for count, least, most, most_at, low, high in table.tolist()
@@ -156,5 +225,5 @@ class Reply:
             folded,
             sections,
             checkpoints=words[_CHECKPOINTS_AT:_WINDOW_AT],
-            window=words[_WINDOW_AT:].reshape(WINDOW, len(RECORD)),
+            window=words[_WINDOW_AT:].reshape(WINDOW, RECORD_WORDS),
         )

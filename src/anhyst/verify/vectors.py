@@ -1,16 +1,16 @@
-"""The golden vectors of a bundle: inputs and what the compensator has to answer."""
+"""The golden vectors of a bundle: inputs and what has to be answered."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from anhyst.errors import InputError
-from anhyst.verify.protocol import AS_GIVEN, INPUTS, Words
+from anhyst.verify.protocol import AS_GIVEN, COMPENSATOR, CONTROLLER, Form, Words
 
 NEEDED = ("demand", "gap", "current")
 OUTPUTS = {
@@ -24,6 +24,17 @@ OUTPUTS = {
     "memory_c": "memory c",
 }
 
+TOLD = ("position", "target", "load", "current_1", "current_2", "dropped", "command")
+ANSWERED = {
+    "drive_1": "current 1",
+    "drive_2": "current 2",
+    "reference": "reference",
+    "demand": "demand",
+    "state": "state",
+    "flags": "flags",
+}
+"""Columns of a controller's vectors, and what they are called in a record."""
+
 
 @dataclass(frozen=True, slots=True)
 class GoldenVectors:
@@ -31,14 +42,17 @@ class GoldenVectors:
 
     Parameters
     ----------
-    inputs : array of uint32, shape (rows, len(INPUTS))
-        In that order: demand, gap, how, applied, gap of applied.
+    inputs : array of uint32, shape (rows, n)
+        In the order of the form.
     outputs : mapping of arrays of uint32, shape (rows,)
         By the names of a record.
+    form : Form
+        Of the records.
     """
 
     inputs: Words
     outputs: Mapping[str, Words]
+    form: Form = COMPENSATOR
 
 
 def read_vectors(path: Path, floating: bool) -> GoldenVectors:
@@ -59,11 +73,39 @@ def read_vectors(path: Path, floating: bool) -> GoldenVectors:
     InputError
         A column is missing, or a cell is not an integer of 32 bits, or not a number.
     """
+    columns = _columns(path, NEEDED, floating)
+    inputs = np.empty((len(columns["demand"]), len(COMPENSATOR.inputs)), dtype=np.uint32)
+    inputs[:, 0] = columns["demand"]
+    inputs[:, 1] = columns["gap"]
+    inputs[:, 2] = AS_GIVEN
+    inputs[:, 3] = columns.get("applied", columns["current"])
+    inputs[:, 4] = columns.get("applied_gap", columns["gap"])
+    outputs = {OUTPUTS[name]: columns[name] for name in columns if name in OUTPUTS}
+    return GoldenVectors(inputs, outputs)
+
+
+def read_flight(path: Path) -> GoldenVectors:
+    """Read ``controller.csv``: what a position controller is told and has to answer.
+
+    Raises
+    ------
+    InputError
+        A column is missing, or a cell is not an integer of 32 bits.
+    """
+    columns = _columns(path, (*TOLD, *ANSWERED), floating=False)
+    event = columns["dropped"] << np.uint32(16) | columns["command"]
+    inputs = np.stack([*(columns[name] for name in TOLD[:-2]), event], axis=1)
+    outputs = {ANSWERED[name]: columns[name] for name in ANSWERED}
+    return GoldenVectors(inputs, outputs, CONTROLLER)
+
+
+def _columns(path: Path, needed: Iterable[str], floating: bool) -> dict[str, Words]:
+    """Read a file of vectors."""
     with path.open(encoding="utf-8", newline="") as stream:
         lines = csv.reader(row for row in stream if not row.startswith("#"))
         names = [name.strip() for name in next(lines, [])]
         rows = list(lines)
-    for name in NEEDED:
+    for name in needed:
         if name not in names:
             raise InputError(f"{path}: column '{name}' is missing; run 'anhyst compile' again")
     try:
@@ -72,15 +114,7 @@ def read_vectors(path: Path, floating: bool) -> GoldenVectors:
     except (ValueError, OverflowError) as error:
         what = "a number of 32 bits" if floating else "an integer of 32 bits"
         raise InputError(f"{path}: a cell is not {what}; run 'anhyst compile' again") from error
-    columns = {name: words[:, place] for place, name in enumerate(names)}
-    inputs = np.empty((len(rows), len(INPUTS)), dtype=np.uint32)
-    inputs[:, 0] = columns["demand"]
-    inputs[:, 1] = columns["gap"]
-    inputs[:, 2] = AS_GIVEN
-    inputs[:, 3] = columns.get("applied", columns["current"])
-    inputs[:, 4] = columns.get("applied_gap", columns["gap"])
-    outputs = {OUTPUTS[name]: columns[name] for name in names if name in OUTPUTS}
-    return GoldenVectors(inputs, outputs)
+    return {name: words[:, place] for place, name in enumerate(names)}
 
 
 def _words_of_codes(rows: list[list[str]]) -> Words:

@@ -12,18 +12,18 @@ from functools import partial
 from pathlib import Path
 
 from anhyst.errors import InputError, NegativeResult
-from anhyst.verify.bundle import VECTORS, Bundle, read_bundle
+from anhyst.verify.bundle import FLIGHT, VECTORS, read_bundle
 from anhyst.verify.compare import Outcome, compare, run
 from anhyst.verify.cortexm import CortexProgram
 from anhyst.verify.elf import measure_sizes
 from anhyst.verify.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
 from anhyst.verify.firmware import TARGET as FIRMWARE
 from anhyst.verify.firmware import check_tools, verify_firmware
-from anhyst.verify.protocol import SECTIONS, Reply
+from anhyst.verify.protocol import Form, Reply
 from anhyst.verify.result import Cost, TargetResult, Verification
 from anhyst.verify.stackdepth import stack_below
 from anhyst.verify.targets import CORTEX, TARGETS, cortex_m, parse_targets, reference
-from anhyst.verify.vectors import GoldenVectors, read_vectors
+from anhyst.verify.vectors import GoldenVectors, read_flight, read_vectors
 from anhyst.verify.workshop import Variant, Workshop
 
 HOST_STEPS = 1_000_000
@@ -42,7 +42,9 @@ def verify(
     seed: int = SEED,
     progress: Progress | None = None,
 ) -> Verification:
-    """Compare a compiled compensator bit for bit on several targets, and measure it there.
+    """Compare compiled C bit for bit on several targets, and measure it there.
+
+    The compensator, and the position controller where the folder holds one.
 
     Parameters
     ----------
@@ -75,13 +77,21 @@ def verify(
     names = parse_targets(on, bundle)
     vectors = read_vectors(folder / VECTORS, bundle.io == "f32")
     with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
+        numbers = (host_steps, target_steps, seed)
         workshop = Workshop.set_up(bundle, Path(scratch))
-        job = _Job(workshop, vectors, host_steps, target_steps, seed)
+        job = _Job(workshop, vectors, *numbers)
+        jobs = [job]
+        if bundle.has_controller:
+            place = Path(scratch) / "controller"
+            around = Workshop.set_up(bundle, place, "controller")
+            jobs.append(_Job(around, read_flight(folder / FLIGHT), *numbers))
         alone = [name for name in names if name in TARGETS]
-        orders = [(name, order) for name in alone for order in TARGETS[name](workshop)]
+        orders = [each.orders(alone) for each in jobs]
         if FIRMWARE in names:
             check_tools()
-        results = job.run_all(alone, orders, progress)
+        results: list[TargetResult] = []
+        for each, own in zip(jobs, orders, strict=True):
+            results += each.run_all(alone, own, progress)
         if FIRMWARE in names:
             results.append(verify_firmware(bundle, Path(scratch), target_steps, seed))
         estimates = _estimates(job) if SOURCE in names else ()
@@ -111,6 +121,10 @@ class _Job:
     def steps(self, target: str) -> int:
         return self.host_steps if target == "host" else self.target_steps
 
+    def orders(self, names: Sequence[str]) -> list[tuple[str, Callable[[], Variant]]]:
+        """Return the builds for these targets; tools that are missing are told now."""
+        return [(name, order) for name in names for order in TARGETS[name](self.workshop)]
+
     def run_all(
         self,
         names: Sequence[str],
@@ -136,7 +150,10 @@ class _Job:
             variant = order()
         except NegativeResult as error:
             return TargetResult(target, "build", "", "", 0, 0, failure=str(error))
-        head = (target, variant.name, variant.processor, variant.compiler)
+        name = variant.name
+        if self.workshop.subject == "controller":
+            name = f"{name}, controller"
+        head = (target, name, variant.processor, variant.compiler)
         try:
             outcome = run(variant.program, self.vectors, steps, self.seed)
             difference = compare(
@@ -156,32 +173,34 @@ class _Job:
             len(self.vectors.inputs),
             warnings=variant.warnings,
             unit=variant.unit,
-            costs=costs(outcome.random) if counted else (),
+            costs=costs(outcome.random, self.vectors.form) if counted else (),
             sizes=measure_sizes(image, constants_in_data=target == "avr") if image else None,
             state_bytes=outcome.random.state_bytes,
             control_bytes=outcome.random.control_bytes,
             stack_measured=outcome.stack if counted else None,
-            stack_static=_static_stack(variant, self.workshop.bundle),
+            stack_static=_static_stack(variant, self.workshop),
             difference=difference,
             seconds=time.monotonic() - began,
         )
 
 
-def _static_stack(variant: Variant, bundle: Bundle) -> int | None:
+def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
     if variant.image is None or variant.target not in CORTEX:
         return None
-    roots = [f"anhyst_compensator_{part}_{bundle.io}" for part in ("solve", "commit")]
+    if workshop.subject == "controller":
+        return stack_below(variant.image, ["anhyst_controller_tick"])
+    io = workshop.bundle.io
+    roots = [f"anhyst_compensator_{part}_{io}" for part in ("solve", "commit")]
     return stack_below(variant.image, roots)
 
 
-def costs(reply: Reply) -> tuple[Cost, ...]:
+def costs(reply: Reply, form: Form) -> tuple[Cost, ...]:
     """Take the clock's own share off what was counted."""
     clock = reply.sections[0].least
     found = []
-    for name, section in zip(SECTIONS[1:], reply.sections[1:], strict=True):
+    for name, section in zip(form.sections[1:], reply.sections[1:], strict=True):
         if section.count:
-            # A tick is made of four parts: PIDD2 and compensator, solve and commit each.
-            own = {"tick": 4, "pidd2": 2}.get(name, 1) * clock
+            own = form.calls.get(name, 1) * clock
             mean = section.total / section.count - own
             found.append(Cost(name, section.least - own, mean, section.most - own, section.most_at))
     return tuple(found)
@@ -206,6 +225,7 @@ def _estimates(job: _Job) -> tuple[Estimate, ...]:
     found: list[Estimate] = []
     for name, reply in replies.items():
         found += [
-            Estimate(cost.part, name, cost.most, CLOCK_HZ / cost.most) for cost in costs(reply)
+            Estimate(cost.part, name, cost.most, CLOCK_HZ / cost.most)
+            for cost in costs(reply, job.vectors.form)
         ]
     return tuple(found)

@@ -6,10 +6,10 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 from anhyst.compile.core import core_folder
-from anhyst.verify.bundle import FORMATS, SOURCES, Bundle
+from anhyst.verify.bundle import CONTROLLER_SOURCES, FORMATS, SOURCES, Bundle
 from anhyst.verify.elf import Image
 from anhyst.verify.protocol import Reply, Request
 from anhyst.verify.toolchain import Build
@@ -17,6 +17,8 @@ from anhyst.verify.toolchain import Build
 HARNESS = Path(__file__).resolve().parent / "harness"
 WITHOUT_LIBRARY = "msp430"
 """The port for which the compiler brings no run-time routines."""
+
+Subject = Literal["compensator", "controller"]
 
 SECTIONS_APART = ("-ffunction-sections", "-fdata-sections")
 ONE_ROUNDING_EACH = "-ffp-contract=off"
@@ -76,13 +78,16 @@ class Workshop:
         What is verified.
     folder : Path
         Scratch folder; the C lies in ``c``, programs beside it.
+    subject : str
+        What of it is run: ``compensator`` or ``controller``.
     """
 
     bundle: Bundle
     folder: Path
+    subject: Subject = "compensator"
 
     @classmethod
-    def set_up(cls, bundle: Bundle, folder: Path) -> Workshop:
+    def set_up(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> Workshop:
         """Copy the C of the bundle and the harness into a scratch folder."""
         place = folder / "c"
         place.mkdir(parents=True)
@@ -90,16 +95,18 @@ class Workshop:
         for source in HARNESS.iterdir():
             shutil.copyfile(source, place / source.name)
         _add_control(place, bundle)
-        return cls(bundle, folder)
+        return cls(bundle, folder, subject)
 
     def build(self, port: str, *flags: str) -> Build:
         """Return what to compile for a port of the harness, such as ``cortex_m``."""
         place = self.folder / "c"
         ports = [port, "freestanding"] if port == WITHOUT_LIBRARY else [port]
+        sources = SOURCES if self.subject == "compensator" else SOURCES + CONTROLLER_SOURCES
         names = [
             "harness.c",
+            f"{self.subject}.c",
             *(f"{name}.c" for name in ports),
-            *(name for name in SOURCES if name.endswith(".c")),
+            *(name for name in sources if name.endswith(".c")),
         ]
         if not self.bundle.has_control:
             names.append(CONTROL_SOURCE)

@@ -26,7 +26,7 @@ enum {
   HARNESS_AS_GIVEN = 1   /* applied and its gap stand in the record */
 };
 
-/* One step: what goes in and what comes out, in the order in which it does. */
+/* One step of a compensator: what goes in and what comes out, in the order in which it does. */
 enum {
   HARNESS_DEMAND,
   HARNESS_GAP,
@@ -49,6 +49,29 @@ enum {
   HARNESS_RECORD_WORDS
 };
 
+/* One step of a position controller. */
+enum {
+  HARNESS_AT_POSITION,
+  HARNESS_AT_TARGET,
+  HARNESS_AT_LOAD,
+  HARNESS_AT_CURRENT_1, /* measured */
+  HARNESS_AT_CURRENT_2,
+  HARNESS_AT_EVENT, /* 65536*dropped + command */
+  HARNESS_AT_DRIVE_1,
+  HARNESS_AT_DRIVE_2,
+  HARNESS_AT_REFERENCE,
+  HARNESS_AT_DEMAND,
+  HARNESS_AT_STATE,
+  HARNESS_AT_FLAGS,
+  HARNESS_AT_FAULT,
+  HARNESS_AT_INTEGRAL,
+  HARNESS_AT_VELOCITY,
+  HARNESS_AT_MEMORY_A, /* of the iron of magnet 1 */
+  HARNESS_AT_MEMORY_B,
+  HARNESS_AT_MEMORY_C,
+  HARNESS_AT_END
+};
+
 /* What is timed. */
 enum {
   HARNESS_EMPTY, /* the clock itself: to be taken off the others */
@@ -56,8 +79,15 @@ enum {
   HARNESS_COMMIT_SOLVED,
   HARNESS_COMMIT_OTHER,
   HARNESS_CONTROL_BLOCK,
-  HARNESS_TICK, /* all of one step: control, solve and commit */
+  HARNESS_TICK, /* all of one step */
   HARNESS_SECTIONS
+};
+
+/* And of a position controller, beside the tick: by what it does at it. */
+enum {
+  HARNESS_CONTROLS = HARNESS_SOLVE,      /* controls the position */
+  HARNESS_RAMPS = HARNESS_COMMIT_SOLVED, /* demands a force of its own: lift-off, setting down */
+  HARNESS_RESTS = HARNESS_COMMIT_OTHER   /* neither */
 };
 
 typedef struct {
@@ -74,8 +104,8 @@ typedef struct {
   uint32_t window_first;      /* records are kept from this step on */
   /* Filled by the target. */
   uint32_t box_words;
-  uint32_t status;        /* of anhyst_compensator_init */
-  uint32_t state_bytes;   /* sizeof(anhyst_compensator) */
+  uint32_t status;        /* of the subject's start */
+  uint32_t state_bytes;   /* sizeof(anhyst_compensator), sizeof(anhyst_controller) */
   uint32_t control_bytes; /* sizeof(anhyst_pidd2_state_q31) */
   uint32_t words;         /* of the parameter block */
   uint32_t
@@ -102,6 +132,26 @@ uint32_t harness_clock_stop(void);
 uintptr_t harness_stack_pointer(void);
 uintptr_t harness_stack_end(void);
 
+/* Supplied by the subject, compensator.c or controller.c. Each keeps the inputs of one step. */
+
+/* Forgets everything; tells status, sizes and words in the box. */
+void subject_start(void);
+/* Folds what else of a start is compared. */
+void subject_fold_start(void);
+/* Takes the inputs of a step from the generator, or from a record. */
+void subject_draw(uint32_t step);
+void subject_read(const volatile uint32_t *row);
+/* Runs a step, measures its parts, and fills the record. */
+void subject_step(uint32_t *record);
+/* Runs a step; the bytes of stack that it took. */
+uint32_t subject_stack(void);
+
+/* Supplied by harness.c. */
+
+/* xorshift32: 1 .. 2^32 - 1. */
+uint32_t harness_draw(void);
+void harness_fold(uint32_t word);
+void harness_measured(uint16_t section, uint32_t elapsed);
 /* Never returns but on the host. */
 int harness_main(void);
 

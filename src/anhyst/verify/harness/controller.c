@@ -1,0 +1,146 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the harness runs: a whole position controller, tick by tick. */
+#include "anhyst_controller.h"
+#include "steps.h"
+
+#define PHASE_STEPS 128U
+
+typedef char same_size[(int)HARNESS_AT_END == (int)HARNESS_RECORD_WORDS ? 1 : -1];
+
+/* What the generator is at. */
+typedef struct {
+  int32_t position;
+  uint32_t way; /* how the position goes in this phase */
+} generator;
+
+static anhyst_controller controller;
+static generator inputs;
+static anhyst_controller_sample in;
+
+void subject_start(void)
+{
+  harness_box.state_bytes = sizeof controller;
+  harness_box.control_bytes = sizeof controller.position.state;
+  harness_box.words = ANHYST_PARAMETERS_WORDS;
+  inputs.position = 0;
+  inputs.way = 0;
+  harness_box.status = (uint32_t)(int32_t)anhyst_controller_init(&controller);
+}
+
+/* Limits and settings are part of what is compared, as far as they are of one size. */
+void subject_fold_start(void)
+{
+  const anhyst_position_limits_q31 *limits = &anhyst_controller_limits;
+  harness_fold((uint32_t)limits->levitation.low);
+  harness_fold((uint32_t)limits->levitation.high);
+  harness_fold((uint32_t)limits->current_low);
+  harness_fold((uint32_t)limits->current_high);
+  harness_fold((uint32_t)limits->current_step);
+}
+
+static int32_t moved(int32_t position)
+{
+  const anhyst_levitation_limits *limits = &anhyst_controller_limits.levitation;
+  const int32_t part = draw_q30(inputs.way % 4U == 0U ? 9 : 3) / 65536;
+  const int32_t step = limits->step / 16384 * part;
+  return within(position / 2 + step / 2, limits->low / 2, limits->high / 2) * 2;
+}
+
+/* Lift-off as soon as it may be; the rest now and then. */
+static uint16_t next_command(void)
+{
+  const uint32_t kind = harness_draw() % 1024U;
+  if (kind < 96U) {
+    return kind < 32U   ? (uint16_t)ANHYST_COMMAND_LIFT
+           : kind < 64U ? (uint16_t)ANHYST_COMMAND_DEMAGNETISED
+                        : (uint16_t)ANHYST_COMMAND_CLEAR;
+  }
+  return kind < 104U ? (uint16_t)(kind - 96U) : (uint16_t)ANHYST_COMMAND_NONE;
+}
+
+void subject_draw(uint32_t step)
+{
+  if (step % PHASE_STEPS == 0) {
+    inputs.way = harness_draw() % 32U;
+    in.target = double_q30(draw_q30(0));
+  }
+  inputs.position = moved(inputs.position);
+  in.position = inputs.way == 31U ? double_q30(draw_q30(0)) : inputs.position;
+  in.dropped = inputs.way == 30U || harness_draw() % 64U == 0U ? 1U : 0U;
+  in.command = next_command();
+  in.load = double_q30(draw_q30(4));
+  for (uint16_t i = 0; i < ANHYST_CONTROLLER_MAGNETS; i++) {
+    in.current[i] = double_q30(draw_q30(0));
+  }
+}
+
+void subject_read(const volatile uint32_t *row)
+{
+  in.position = as_signed(row[HARNESS_AT_POSITION]);
+  in.target = as_signed(row[HARNESS_AT_TARGET]);
+  in.load = as_signed(row[HARNESS_AT_LOAD]);
+  for (uint16_t i = 0; i < ANHYST_CONTROLLER_MAGNETS; i++) {
+    in.current[i] = as_signed(row[HARNESS_AT_CURRENT_1 + i]);
+  }
+  in.dropped = (uint16_t)(row[HARNESS_AT_EVENT] >> 16);
+  in.command = (uint16_t)(row[HARNESS_AT_EVENT] & 0xFFFFU);
+}
+
+/* By what the controller did at this tick. */
+static uint16_t section(void)
+{
+  const uint16_t phase = controller.position.levitation.phase;
+  if (anhyst_levitation_controls(&controller.position.levitation)) {
+    return HARNESS_CONTROLS;
+  }
+  return phase == ANHYST_PHASE_BREAKAWAY || phase == ANHYST_PHASE_SET_DOWN ? HARNESS_RAMPS
+                                                                           : HARNESS_RESTS;
+}
+
+static void record_inputs(uint32_t *record)
+{
+  record[HARNESS_AT_POSITION] = (uint32_t)in.position;
+  record[HARNESS_AT_TARGET] = (uint32_t)in.target;
+  record[HARNESS_AT_LOAD] = (uint32_t)in.load;
+  record[HARNESS_AT_CURRENT_2] = 0;
+  for (uint16_t i = 0; i < ANHYST_CONTROLLER_MAGNETS; i++) {
+    record[HARNESS_AT_CURRENT_1 + i] = (uint32_t)in.current[i];
+  }
+  record[HARNESS_AT_EVENT] = (uint32_t)in.dropped << 16 | in.command;
+}
+
+void subject_step(uint32_t *record)
+{
+  anhyst_controller_answer answer;
+  harness_clock_start();
+  anhyst_controller_tick(&controller, &in, &answer);
+  const uint32_t elapsed = harness_clock_stop();
+  harness_measured(section(), elapsed);
+  harness_measured(HARNESS_TICK, elapsed);
+  record_inputs(record);
+  record[HARNESS_AT_DRIVE_2] = 0;
+  for (uint16_t i = 0; i < ANHYST_CONTROLLER_MAGNETS; i++) {
+    record[HARNESS_AT_DRIVE_1 + i] = (uint32_t)answer.current[i];
+  }
+  record[HARNESS_AT_REFERENCE] = (uint32_t)answer.reference;
+  record[HARNESS_AT_DEMAND] = (uint32_t)answer.demand;
+  record[HARNESS_AT_STATE] = answer.state;
+  record[HARNESS_AT_FLAGS] = answer.flags;
+  record[HARNESS_AT_FAULT] = controller.position.levitation.fault;
+  record[HARNESS_AT_INTEGRAL] = (uint32_t)controller.position.state.integral;
+  record[HARNESS_AT_VELOCITY] = (uint32_t)controller.position.state.velocity;
+  record[HARNESS_AT_MEMORY_A] = (uint32_t)controller.drive[0].compensator.memory.a;
+  record[HARNESS_AT_MEMORY_B] = (uint32_t)controller.drive[0].compensator.memory.b;
+  record[HARNESS_AT_MEMORY_C] = (uint32_t)controller.drive[0].compensator.memory.c;
+}
+
+/* Bytes of stack that a tick uses, its return address included. */
+uint32_t subject_stack(void)
+{
+  anhyst_controller_answer answer;
+  const uintptr_t top = harness_stack_pointer();
+  const uintptr_t low = painted_from(top);
+  paint(low, top);
+  anhyst_controller_tick(&controller, &in, &answer);
+  return (uint32_t)(top - deepest(low, top));
+}

@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What subjects have in common: numbers of the generator, and painted stack. */
+#ifndef STEPS_H
+#define STEPS_H
+
+#include "harness.h"
+
+#define Q30_ONE ((int32_t)1073741824)
+#define PAINT 0xA5U
+#define PAINTED_BYTES 1024U
+
+/* The number whose two's complement is u, without leaving it to the compiler. */
+static inline int32_t as_signed(uint32_t u)
+{
+  return u <= 0x7FFFFFFFU ? (int32_t)u : -(int32_t)(0xFFFFFFFFU - u) - 1;
+}
+
+/* Uniform over q30 -1..1, shifted right by n. */
+static inline int32_t draw_q30(uint16_t n)
+{
+  const int32_t r = (int32_t)(harness_draw() >> 1) - Q30_ONE;
+  return r / (int32_t)((uint32_t)1 << n);
+}
+
+static inline int32_t within(int32_t a, int32_t low, int32_t high)
+{
+  if (a < low) {
+    return low;
+  }
+  return a > high ? high : a;
+}
+
+/* q31 of a q30 within -1..1; 1.0 becomes the largest number. */
+static inline int32_t double_q30(int32_t a) { return a >= Q30_ONE ? INT32_MAX : a * 2; }
+
+/* Where to paint from, below a stack pointer; the stack pointer itself where there is no stack to
+   measure. These three are part of the function that calls what is measured: a frame of their own
+   would lie where they paint. */
+static inline __attribute__((always_inline)) uintptr_t painted_from(uintptr_t top)
+{
+  const uintptr_t end = harness_stack_end();
+  if (end == 0) {
+    return top;
+  }
+  return top - end > PAINTED_BYTES ? top - PAINTED_BYTES : end;
+}
+
+/* Volatile, or the compiler calls memset, whose frame lies where it paints. */
+static inline __attribute__((always_inline)) void paint(uintptr_t low, uintptr_t top)
+{
+  for (uintptr_t at = low; at < top; at++) {
+    *(volatile unsigned char *)at = PAINT;
+  }
+}
+
+static inline __attribute__((always_inline)) uintptr_t deepest(uintptr_t low, uintptr_t top)
+{
+  uintptr_t at = low;
+  while (at < top && *(volatile unsigned char *)at == PAINT) {
+    at++;
+  }
+  return at;
+}
+
+#endif
