@@ -43,10 +43,12 @@ def subject_of(simulation: Simulation, command: str) -> Subject:
     steps = grouped(simulation.cells)
     up = [step for step in simulation.scenario.steps if step.after < step.before]
     here = {step.height: step for step in steps if step.gap == tried.gap_m}
+    whole = simulation.scenario.ticks
+    shown = {name: run for name, run in simulation.shown.items() if len(run) == whole}
     panels = tuple(
         StepPanel(
             step,
-            simulation.shown,
+            shown,
             next(
                 found.of(OVERSHOOT)
                 for height, found in here.items()
@@ -56,9 +58,7 @@ def subject_of(simulation: Simulation, command: str) -> Subject:
         for step in up
     )
     still = experiments.standing(simulation.setups[simulation.own])
-    chosen = {
-        name: run for name, run in simulation.shown.items() if name in (*_COLUMNS, simulation.own)
-    }
+    chosen = {name: run for name, run in shown.items() if name in (*_COLUMNS, simulation.own)}
     linear_gain, linear_sensitivity = _linear(simulation)
     single = rig.settings.magnet.arrangement == "single"
     loops, current = simulation.knowledge.loops, rig.settings.measurement.current_max_A
@@ -74,7 +74,7 @@ def subject_of(simulation: Simulation, command: str) -> Subject:
         identified=identified_loop(simulation.knowledge.model, tried.gap_m, 0.0, current)
         if single
         else None,
-        tracked=tuple(_tracked(simulation.setups, rig.settings.simulate)),
+        tracked=tuple(one for one in _tracked(simulation.setups, tried) if one.recordings),
         standstill=_seen(simulation.setups, *still),
         sensitivity={
             name: Response(one.frequency, one.ratio) for name, one in simulation.sensitivity.items()

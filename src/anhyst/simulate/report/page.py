@@ -432,7 +432,8 @@ def _benefit(subject: Subject) -> Section:
                 "below 1 (violet) compensation gains. Hatched red: no certain gain, the 95 % "
                 "confidence interval of the difference reaches zero; dotted: both are so small "
                 "that there is nothing to gain. †: pathological iron, which hardly answers just "
-                "after a reversal. The name in a square is that of the rival there; lin. is linearised.",
+                "after a reversal. The name in a square is that of the rival there; lin. is "
+                "linearised.",
             )
         )
     title = "Where compensation gains, and where not"
