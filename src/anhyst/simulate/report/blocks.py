@@ -208,7 +208,7 @@ def _short(value: float) -> str:
     if value == 0.0:
         return "0"
     power = 3 * math.floor(math.log10(abs(value)) / 3.0)
-    if -3 < power <= 3:
+    if 1e-2 <= abs(value) < 1e5:
         return number(value, 4, short=True)
     digits = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
     return f"{number(value / 10.0**power, 3, short=True)}·10{str(power).translate(digits)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 from matplotlib.figure import Figure
@@ -159,9 +160,11 @@ def _verdict(subject: Subject) -> Iterable[Note]:
             for row in (step.of(OVERSHOOT) for step in subject.steps)
             if {subject.variant, baseline} <= set(row)
         ]
-        found = [difference(mine, other) for mine, other in pairs]
+        found = [difference(*pair) for pair in pairs if not math.isnan(pair[0].mean + pair[1].mean)]
         less, more = [one for one in found if one.less], [one for one in found if one.more]
         if not found:
+            text = f"Nothing to compare: {baseline} or {subject.variant} lost the armature always."
+            yield Note("info", f"Against {baseline}", text)
             continue
         text = (
             f"At {len(less)} of {len(found)} steps {subject.variant} certainly overshoots less "
