@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.branches import Branch, branches, folded, is_even
+from anhyst.data.branches import Branch, branches, folded, is_even, smooth
 from anhyst.data.loopset import LoopSet
 from anhyst.data.verdict import loop_width
 
@@ -23,6 +23,7 @@ _AROUND = 0.1
 """Share of the range, to either side, over which the slope without memory is taken."""
 _BEFORE = 4
 """Samples that tell where a branch ended."""
+_BINS = 400
 _FEWEST = 8
 """Samples from which something is told."""
 _UNSURE = 0.05
@@ -56,20 +57,23 @@ def reversal_share(loopset: LoopSet) -> float | None:
         every = np.concatenate([size for size, _ in curves])
         answers = np.concatenate([answer for _, answer in curves])
         low, high = (level * float(np.max(np.abs(answers))) for level in _LEVELS)
+        middle = smooth(every, answers, _BINS)
         for size, answer in curves:
             for one, two in itertools.pairwise(branches(size)):
                 if not (one.rising and low <= abs(answer[two.start]) <= high):
                     continue
                 back, change = _after(size, answer, one, two, reach)
-                expected.append(back * _slope(every, answers, float(size[two.start])))
+                expected.append(back * _slope(*middle, float(size[two.start])))
                 answered.append(change)
     return _share(np.concatenate(expected), np.concatenate(answered)) if expected else None
 
 
-def _slope(every: Floats, answers: Floats, at: float) -> float:
-    near = np.abs(every - at) <= _AROUND * float(np.ptp(every))
+def _slope(size: Floats, answer: Floats, at: float) -> float:
+    near = np.abs(size - at) <= _AROUND * float(np.ptp(size))
+    if np.count_nonzero(near) < _FEWEST:
+        return 0.0
     # A parabola, so that the bend of the curve does not tilt its slope.
-    return float(np.polynomial.Polynomial.fit(every[near] - at, answers[near], 2).deriv()(0.0))
+    return float(np.polynomial.Polynomial.fit(size[near] - at, answer[near], 2).deriv()(0.0))
 
 
 def _after(
