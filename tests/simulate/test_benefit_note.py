@@ -52,21 +52,22 @@ def note_of(loops: LoopSet) -> BenefitNote:
 
 
 def test_a_magnet_of_the_table_comes_out_again(tool: ModuleType, rig: BearingRig) -> None:
-    made = benefit(rig, read_controller(EXAMPLE / "controller.toml"), (2.0,), (0.15,))
+    made = benefit(rig, read_controller(EXAMPLE / "controller.toml"), (1.0,), (0.15,))
     kept = [
-        row for row in table() if (row["pinning_scale"], row["reversible_fraction"]) == (2, 0.15)
+        row for row in table() if (row["pinning_scale"], row["reversible_fraction"]) == (1.0, 0.15)
     ]
     again = tool.rows(made)
     assert len(again) == len(kept) == 4
     for one, other in zip(again, kept, strict=True):
-        for name in ("height_m", "iron", "rival", "outcome", "settling_rival"):
+        for name in ("height_m", "iron", "outcome", "settling_outcome"):
             assert one[name] == other[name], "run tools/make_benefit_table.py again"
         for name in ("loop_width_percent", "after_reversal", "after_reversal_true"):
-            assert one[name] == pytest.approx(other[name], rel=1e-3)
+            assert one[name] == pytest.approx(other[name], rel=0.01)
+        # A last bit of a loop makes another model; so does other noise, by about a tenth.
         for variant, value in other["overshoot_percent"].items():
-            assert one["overshoot_percent"][variant] == pytest.approx(value, rel=0.02, abs=0.02)
+            assert one["overshoot_percent"][variant] == pytest.approx(value, rel=0.1, abs=0.1)
         for variant, value in other["settling_s"].items():
-            assert one["settling_s"][variant] == pytest.approx(value, rel=0.02)
+            assert one["settling_s"][variant] == pytest.approx(value, rel=0.03)
 
 
 def test_the_table_holds_the_whole_map(rig: BearingRig) -> None:
@@ -86,7 +87,7 @@ def test_the_example_finds_itself(rig: BearingRig) -> None:
     }
     assert len(found.nearest) == 4
     assert "\n" not in found.sentence
-    assert "anhyst simulate RIG --benefit" in found.sentence
+    assert "anhyst simulate --benefit" in found.sentence
     overshoot = [row["overshoot_percent"]["ratio"] for row in found.nearest]
     assert f"{min(overshoot):.2g} to {max(overshoot):.2g} % with a constant" in found.sentence
 
@@ -106,25 +107,25 @@ def test_where_the_reversible_part_is_unknown_all_of_that_width_count(rig: Beari
     found = note_of(coarse)
     assert found.after_reversal is None
     assert len({row["reversible_fraction"] for row in found.nearest}) > 1
-    assert "slope" not in found.sentence
+    assert "not told by these loops" in found.sentence
 
 
 def test_nothing_is_told_of_loops_unlike_all_of_them(rig: BearingRig) -> None:
     found = note_of(measure_loops(with_iron(rig, 0.15, 12.0)))
     assert found.nearest == ()
-    assert found.sentence.startswith("No magnet that compensation was mapped for")
+    assert found.sentence.startswith("Compensation was mapped for no magnet with loops like these")
     assert "--benefit" in found.sentence
 
 
 def words_for(outcomes: list[str]) -> str:
     if set(outcomes) == {"gain"}:
-        return "it gains over both"
+        return "it gained over both"
     if set(outcomes) == {"nothing to gain"}:
-        return "beside the second there is nothing left to gain"
+        return "beside the second nothing was left to gain"
     gains = outcomes.count("gain")
     if gains:
         return f"over the second in {gains} of {len(outcomes)} cases"
-    return "it gains over the first and not over the second"
+    return "it gained over the first and not over the second"
 
 
 def test_the_words_follow_the_rows(rig: BearingRig) -> None:
@@ -152,7 +153,7 @@ def test_only_a_bearing_gets_the_sentence(rig: BearingRig) -> None:
 def test_inspect_says_it(rig: BearingRig) -> None:
     found = quick("inspect", rig.loops, cwd=ROOT)
     assert found.returncode == 0
-    assert "position control of the example bearing" in found.stdout
+    assert "On the simulated example bearing" in found.stdout
     told = json.loads(quick("inspect", rig.loops, "--json", cwd=ROOT).stdout)
     assert told["benefit"]["loop_width_percent"] == pytest.approx(
         100.0 * told["verdict"]["width_relative"]

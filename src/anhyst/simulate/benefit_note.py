@@ -92,9 +92,7 @@ def _nearest(width: float, share: float | None) -> tuple[Row, ...]:
         wider = math.log2(max(width, 1e-9) / row["loop_width_percent"])
         if share is None:
             return abs(wider)
-        known = row["after_reversal"]
-        other = row["after_reversal_true"] if known is None else known
-        return math.hypot(wider, (share - other) / _SHARE)
+        return math.hypot(wider, (share - _known(row)) / _SHARE)
 
     if share is None:
         return tuple(row for row in rows if distance(row) < 0.5 * _FAR)
@@ -103,26 +101,30 @@ def _nearest(width: float, share: float | None) -> tuple[Row, ...]:
 
 
 def _sentence(width: float, share: float | None, rows: Sequence[Row]) -> str:
-    told = f"{width:.1f} % of the current" + ("" if share is None else f"; {share:.2f}")
-    own = "'anhyst simulate RIG --benefit' maps it for your own bearing"
-    like = "wide" if share is None else "wide and have as much of their slope left at a reversal"
+    here = f"{width:.1f} %, {'not told by these loops' if share is None else f'{share:.2f}'}"
+    own = "'anhyst simulate --benefit' maps it for your own bearing"
+    loops = "loops like these (width in % of the current, slope left at a reversal: "
     if not rows:
-        return (
-            f"No magnet that compensation was mapped for has loops as {like} as these ({told}): "
-            f"nothing can be told here of position control; {own}."
-        )
+        return f"Compensation was mapped for no magnet with {loops}{here}); {own}."
     heights = sorted({1e6 * row["height_m"] for row in rows})
-    steps = f"steps of {heights[0]:g} to {heights[-1]:g} um"
     full, ratio, best = (
         _span(row["overshoot_percent"][name or row["rival"]] for row in rows)
         for name in ("full", "ratio", None)
     )
+    widths = _span(row["loop_width_percent"] for row in rows)
+    shares = _span(_known(row) for row in rows)
     return (
-        f"In the simulated position control of the example bearing, with loops about as {like} as "
-        f"these ({told}), {steps} overshot by {full} % with hysteresis compensation, {ratio} % "
-        f"with a constant force-current ratio and {best} % with the best drive without memory: "
-        f"{_conclusion(rows)}; {own}."
+        f"On the simulated example bearing, a magnet with {loops}{widths} %, {shares}; here {here})"
+        f" overshot steps of {heights[0]:g} to {heights[-1]:g} um by {full} % with hysteresis "
+        f"compensation, by {ratio} % with a constant force-current ratio and by {best} % with the "
+        f"best drive without memory: {_conclusion(rows)}; {own}."
     )
+
+
+def _known(row: Row) -> float:
+    """Return the slope after a reversal as loops would tell it, or else as it is."""
+    told = row["after_reversal"]
+    return float(row["after_reversal_true"] if told is None else told)
 
 
 def _conclusion(rows: Sequence[Row]) -> str:
@@ -130,15 +132,15 @@ def _conclusion(rows: Sequence[Row]) -> str:
     beyond = [row["settling_s"]["full"] / row["settling_s"][row["settling_rival"]] for row in rows]
     gains, total = outcomes.count("gain"), len(outcomes)
     if gains == total:
-        over = "it gains over both"
+        over = "it gained over both"
     elif outcomes.count("nothing to gain") == total:
-        over = "it gains over the first, and beside the second there is nothing left to gain"
+        over = "it gained over the first, and beside the second nothing was left to gain"
     elif gains == 0:
-        over = "it gains over the first and not over the second"
+        over = "it gained over the first and not over the second"
     else:
-        over = f"it gains over the first, and over the second in {gains} of {total} cases"
-    low, high = min(beyond), max(beyond)
-    return f"{over}, in settling time it took {low:.2f} to {high:.2f} of the quickest of them"
+        over = f"it gained over the first, and over the second in {gains} of {total} cases"
+    low, high = f"{min(beyond):.2f}", f"{max(beyond):.2f}"
+    return f"{over}, and settled within {low} to {high} of the time of the quickest of them"
 
 
 def _span(values: Iterable[float]) -> str:
