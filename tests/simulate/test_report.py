@@ -44,7 +44,7 @@ from anhyst.simulate.report.page import render
 from anhyst.simulate.report.subject import LOST, Comparison, Tracking, grouped
 from anhyst.simulate.report.tables import difference
 from anhyst.simulate.responses import Cell
-from anhyst.simulate.rigfile import BearingRig, read_bearing
+from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, read_bearing
 from anhyst.simulate.scenario import Step
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -330,7 +330,11 @@ def fullest(rig: BearingRig) -> BearingRig:
         }
     )  # fmt: skip
     load = rig.settings.load.model_copy(
-        update={"stiffness_N_per_m": 12500.0, "damping_N_s_per_m": 12.5}
+        update={
+            "stiffness_N_per_m": 12500.0,
+            "damping_N_s_per_m": 12.5,
+            "disturbance": [DisturbanceTable(kind="sine", force_N=12.5, frequency_Hz=50.0)] * 3,
+        }
     )
     mechanics = rig.settings.mechanics.model_copy(
         update={"damping_N_s_per_m": 12.5, "gravity_m_per_s2": 9.81}

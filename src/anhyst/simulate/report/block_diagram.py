@@ -16,8 +16,8 @@ from anhyst.simulate.rigfile import BearingRig
 
 # Everything in inches of the figure, so that text and boxes keep their proportion.
 _WIDE, _HIGH, _APART = 2.02, 1.28, 0.46
-_LEFT, _TOP, _MIDDLE, _LOW = 0.62, 3.95, 1.95, 0.45
-_LOAD_HIGH = 0.74
+_LEFT, _TOP, _MIDDLE, _LOW = 0.62, 3.95, 1.95, 0.56
+_LOAD_HIGH = 0.96
 _FIGURE = (_LEFT + 4 * _WIDE + 3 * _APART + 0.5, 4.8)
 _TITLE, _TEXT = 8.5, 7.5  # points
 _LINE = 0.155  # inches from line to line
