@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 from scipy.io import loadmat
 
+from anhyst.control.position import Flag, Phase, State
 from anhyst.errors import InputError, NegativeResult
 from anhyst.modelfile import write_model
 from anhyst.simulate import simulate as module
@@ -23,6 +24,7 @@ from anhyst.simulate.report import write_simulation_report
 from anhyst.simulate.report.from_simulation import subject_of
 from anhyst.simulate.responses import FIGURES
 from anhyst.simulate.simulate import Simulation, simulate
+from anhyst.simulate.variants import TITLES
 
 from . import bearings
 
@@ -128,6 +130,57 @@ def test_nothing_but_recording_and_figures_is_written(
 ) -> None:
     out, _, _ = run
     assert written(out.parent) == {"run.csv", "figures.json"}
+
+
+DOCUMENT = (Path(__file__).resolve().parents[2] / "docs" / "simulate.md").read_text()
+
+
+def documented(heading: str) -> dict[str, str]:
+    """First and second cell of every row of the tables below a heading; names without quotes."""
+    (part,) = re.findall(rf"^## {re.escape(heading)}$(.*?)(?:^## |\Z)", DOCUMENT, re.M | re.S)
+    rows = [line.split("|") for line in part.splitlines() if line.startswith("| ")]
+    return {row[1].strip(): row[2].strip() for row in rows}
+
+
+def test_every_column_is_documented_with_its_unit() -> None:
+    rows = {name.strip("`"): unit for name, unit in documented("Recording").items() if "`" in name}
+    assert tuple(rows) == COLUMNS
+    for name, unit in rows.items():
+        _, _, ending = name.removesuffix("_per_s").partition("_")
+        own = ending.rpartition("_")[2] + "/s" * name.endswith("_per_s")
+        assert unit == (own if ending else ""), name
+
+
+def test_every_state_phase_and_flag_is_documented() -> None:
+    rows = {name: number for name, number in documented("Recording").items() if number.isdigit()}
+    members = [*State, *Phase, *(flag for flag in Flag)]
+    assert rows == {str(member.name): str(member.value) for member in members}
+
+
+def names_in(value: Any) -> set[str]:
+    """Names of all figures; variants are none."""
+    if isinstance(value, list):
+        return set().union(*map(names_in, value))
+    if not isinstance(value, dict):
+        return set()
+    return {name for name in value if name not in TITLES}.union(*map(names_in, value.values()))
+
+
+def test_every_figure_is_documented(run: tuple[Path, Simulation, list[float]]) -> None:
+    out, _, _ = run
+    figures = json.loads((out / "figures.json").read_text())
+    words = {
+        word
+        for row in documented("figures.json").items()
+        for cell in row
+        for word in re.findall(r"`([\w ]+)`", cell)
+    }
+    repeated = {"mean", "half_width", "count", "variants"}
+    found = names_in(figures) - repeated
+    assert found - words == set(), "not documented"
+    assert words - found - {"null"} == set(), "not there"
+    for name in repeated:
+        assert f"`{name}`" in DOCUMENT
 
 
 def test_what_was_not_reached_is_null(folder: Path) -> None:
