@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -17,6 +17,8 @@ from anhyst._core import Coil, Magnet
 from anhyst.plants.magnet import cell_magnet, flux_table_of, law_magnet
 from anhyst.simulate.plant import make_bearing
 
+EDDY = 20.0
+"""Of a law, A s/(m T)."""
 VOLTAGES = ((60.0, 1.5e-3), (-40.0, 1.0e-3), (30.0, 1.0e-3))
 """V and s; the field turns round at each jump and nowhere else."""
 
@@ -62,7 +64,7 @@ def law(eddy: float) -> Magnet:
     return law_magnet(example_poles(), model().iron_at(GAP), rows, eddy, table)
 
 
-@pytest.mark.parametrize("eddy", [0.0, 20.0])
+@pytest.mark.parametrize("eddy", [0.0, EDDY])
 def test_the_pull_of_a_law_converges_with_the_square_of_the_step(eddy: float) -> None:
     start = float(model().over_schedule("in_0", np.array([GAP]))[0])
     magnet = law(eddy)
@@ -73,6 +75,28 @@ def test_the_pull_of_a_law_converges_with_the_square_of_the_step(eddy: float) ->
     assert np.all(errors[-1] < 1e-4 * np.max(finest[:, 2]))
     if eddy:
         assert np.all(np.abs(stepped(law(0.0), 2560, start) - finest)[:, 2] > 0.3)
+
+
+def test_eddy_currents_of_a_law_are_those_of_its_model() -> None:
+    """The same currents through the model, whose backward steps are of first order."""
+    with_eddies = replace(model(), parameters={**model().parameters, "gamma": EDDY})
+    start = float(model().over_schedule("in_0", np.array([GAP]))[0])
+    off = []
+    for steps in (200, 400):
+        coil, h = Coil(law(EDDY)), 1.5e-3 / (3 * steps)
+        coil.hold(start, GAP)
+        rows = [(coil.current, coil.force)]
+        for _ in range(3 * steps):
+            coil.step(60.0, GAP, h)
+            rows.append((coil.current, coil.force))
+        current, force = np.array(rows).T
+        at, gap = h * np.arange(current.size), np.full(current.size, GAP)
+        slow = model().predict(current, gap, history="demagnetised").output
+        expected = with_eddies.predict(current, gap, at, history="demagnetised").output
+        assert np.max(np.abs(slow - expected)) > 20.0
+        off.append(float(np.max(np.abs(force - expected))))
+    assert off[1] < 0.6 * off[0]
+    assert off[1] < 0.5
 
 
 @dataclass(frozen=True)
