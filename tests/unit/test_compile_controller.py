@@ -239,6 +239,25 @@ def test_the_manifest_tells_what_the_codes_mean(compiled: Compiled) -> None:
     assert COLUMNS.index("drive_1") == INPUTS
 
 
+def test_fragments_for_make_and_cmake_name_its_source(compiled: Compiled, tmp_path: Path) -> None:
+    (tmp_path / "Makefile").write_text(
+        f"include {compiled.out}/anhyst.mk\nall:\n"
+        f"\tcc $(ANHYST_CPPFLAGS) $(ANHYST_SOURCES) {compiled.out}/main.c -o example\n"
+    )
+    subprocess.run([tool("make")], cwd=tmp_path, check=True, capture_output=True)
+    vectors = (compiled.out / "controller.csv").read_text()
+    assert " 0 differ" in played(str(tmp_path / "example"), vectors)
+    cmake = (compiled.out / "anhyst.cmake").read_text()
+    assert '"${CMAKE_CURRENT_LIST_DIR}/anhyst_controller.c")\n' in cmake
+
+
+def test_the_guide_tells_both_widths(compiled: Compiled) -> None:
+    guide = (compiled.out / "DROP_IN.md").read_text()
+    assert "a converter of 16 bits" in guide
+    assert "a signed 32-bit integer" in guide
+    assert "{" not in guide.split("## The position controller")[1].split("```c")[0]
+
+
 def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> None:
     converter = "[converter]\nlow_A = -0.5\nhigh_A = 5.5\nbits = 12\n[safety]"
     path = changed(place, "converter.toml", ("[safety]", converter))
@@ -287,6 +306,11 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
             [('format = "fixed"', 'format = "fixed"\nmodel = "none.toml"')],
             ["--io", "q31"],
             r":31: compensation\.model: .*none\.toml: No such file",
+        ),
+        (
+            [("current_high_A = 4.5", "current_high_A = 4.6")],
+            ["--io", "q31"],
+            r":23: limits\.current_high_A: the model was seen up to 4\.50\d+ A; lower it",
         ),
         (
             [("gap_high_m = 0.57e-3", "gap_high_m = 2.57e-3")],

@@ -23,6 +23,9 @@ from anhyst.tomlfile import Fault, faults_error
 KINDS = ("full", "simplified")
 """Variants that are compiled; the others exist to be compared with."""
 
+BEYOND = 1.01
+"""Largest current of a controller, by the largest that was measured; as much for noise."""
+
 
 @dataclass(frozen=True)
 class Controller:
@@ -65,6 +68,20 @@ class Controller:
         gaps = limits if seen is None else table.working_gaps(table.pair, seen)
         force_max = table.force_max(table.pair)
         return bearing_model(model, table.limits.current_high_A, force_max, gaps)
+
+    def check_current(self, model: ActuatorModel) -> None:
+        """Refuse currents that the model was never seen at.
+
+        Raises
+        ------
+        InputError
+            With line and key of the file.
+        """
+        highest = self.table.limits.current_high_A
+        if model.valid is not None and highest > BEYOND * model.valid.input[1]:
+            seen = model.valid.input[1]
+            text = f"the model was seen up to {seen:g} A; lower it, or measure further"
+            raise faults_error(self.file.path, [(("limits", "current_high_A"), text)])
 
     def around(self, plan: Plan) -> ControllerPlan:
         """Return the controller around the compensator of a plan."""

@@ -138,7 +138,7 @@ def told(plan: ControllerPlan) -> dict[str, object]:
         f"{_current(plan, 'current_high'):.6g} A",
         "step_uA": f"{1e6 * converter.step:.4g}",
         "first_word": round((first - converter.low) / converter.step),
-        "bits": converter.bits,
+        "converter_bits": converter.bits,
         "measured": control.measured,
         "limits_rows": limits_rows(plan),
         "settings_rows": settings_rows(plan),

@@ -97,6 +97,7 @@ def compile_model(
     controller = None
     if controller_path is not None:
         controller = read_fitting(controller_path, request, model_path)
+        controller.check_current(model)
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
     try:
         plan, budget = _planned(model, request, int(sha256[:8], 16), controller)
