@@ -6,7 +6,8 @@ anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
 {
   const int range = limits->low < limits->high && limits->step > 0 && limits->selftest > 0U;
   const int rates = settings->detect > 0 && settings->rise > 0 && settings->descend > 0 &&
-                    settings->lift > 0 && settings->set_down > 0 && settings->most > 0;
+                    settings->lift > 0 && settings->set_down > 0 && settings->most > 0 &&
+                    settings->press <= 0;
   return range && rates ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
@@ -210,8 +211,8 @@ static void break_away(anhyst_levitation *l, const anhyst_levitation_settings *s
 
 static void set_down(anhyst_levitation *l, const anhyst_levitation_settings *settings)
 {
-  if (l->demand != 0) {
-    l->demand = towards(l->demand, 0, settings->set_down);
+  if (l->demand != settings->press) {
+    l->demand = towards(l->demand, settings->press, settings->set_down);
     return;
   }
   l->phase = ANHYST_PHASE_REST;

@@ -23,14 +23,14 @@ static anhyst_position_limits_q31 read_limits(const int32_t *w)
 
 static anhyst_position_settings_q31 read_settings(const int32_t *w)
 {
-  const int32_t *g = w + 14;
+  const int32_t *g = w + 15;
   const anhyst_position_settings_q31 settings = {
-      {w[0], w[1], w[2], w[3], w[4], w[5]},
+      {w[0], w[1], w[2], w[3], w[4], w[5], w[6]},
       {factor_at(g), factor_at(g + 2), factor_at(g + 4), factor_at(g + 6), factor_at(g + 8),
        factor_at(g + 10), factor_at(g + 12), factor_at(g + 14), (int16_t)g[16], 0, g[17], g[18]},
-      {{{w[8], factor_at(w + 9)}, {w[11], factor_at(w + 12)}}},
-      w[6],
-      (uint16_t)w[7]};
+      {{{w[9], factor_at(w + 10)}, {w[12], factor_at(w + 13)}}},
+      w[7],
+      (uint16_t)w[8]};
   return settings;
 }
 

@@ -65,6 +65,7 @@ static anhyst_position_settings_q31 any_settings(void)
   settings.levitation.lift = any_within(1, 1 << any_within(0, 30));
   settings.levitation.set_down = any_within(1, ANHYST_Q31_MAX);
   settings.levitation.most = any_within(1, ANHYST_Q31_MAX);
+  settings.levitation.press = any_within(ANHYST_Q31_MIN, 0);
   settings.gains = any_gains();
   for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
     settings.units.gap[i].offset = any_code();
@@ -185,9 +186,9 @@ static void unsound_settings_are_refused(void)
 {
   const anhyst_position_limits_q31 limits = any_limits();
   const anhyst_position_settings_q31 sound = any_settings();
-  anhyst_position_settings_q31 wrong[8];
+  anhyst_position_settings_q31 wrong[9];
   CHECK(!are_refused(&limits, &sound));
-  for (int i = 0; i < 8; i++) {
+  for (int i = 0; i < 9; i++) {
     wrong[i] = sound;
   }
   wrong[0].units.gap[0].factor.shift = 17;
@@ -199,7 +200,8 @@ static void unsound_settings_are_refused(void)
   wrong[5].levitation.lift = 0;
   wrong[6].levitation.set_down = 0;
   wrong[7].levitation.most = 0;
-  for (int i = 0; i < 8; i++) {
+  wrong[8].levitation.press = 1;
+  for (int i = 0; i < 9; i++) {
     CHECK(are_refused(&limits, &wrong[i]));
   }
 }

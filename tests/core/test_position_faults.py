@@ -27,7 +27,10 @@ LIMITS = (
     *("position_low", "position_high", "position_step", "patience", "hold", "selftest"),
     *("current_low", "current_high", "current_step", "release"),
 )
-SETTINGS = ("detect", "rise", "descend", "lift", "set_down", "most", "bias", "measured")
+SETTINGS = (
+    *("detect", "rise", "descend", "lift", "set_down", "most", "press"),
+    *("bias", "measured"),
+)
 GAP = ("gap_offset", "gap_mantissa", "gap_shift")
 FASTER = {"lift_rate": 4e5, "set_down_rate": 6e5, "rise_speed": 0.5, "descend_speed": 0.8}
 FLIGHTS = [

@@ -61,7 +61,7 @@ def pair_rig() -> BearingRig:
             "magnet.arrangement": "pair",
             "magnet.gap_total_m": TOTAL,
             "magnet.bias_force_N": 75.0,
-            "load.force_N": 20.0,
+            "load.force_N": 0.0,
             "simulate.load_steps_N": [],
         },
     )
@@ -75,7 +75,7 @@ def pair_controller() -> ControllerTable:
 
 @cache
 def pair(variant: Variant = "full", number_format: Format = "fixed") -> Setup:
-    """Two magnets against each other and a weight."""
+    """Two magnets against each other, and nothing else that pushes."""
     return make_setup(pair_rig(), pair_controller(), knowledge(), variant, number_format)
 
 

@@ -170,7 +170,6 @@ def test_a_pair_is_symmetrical(number_format: Format) -> None:
     Before, the first steps show what lift-off left in the two irons, which is no mirror image.
     """
     silent = {
-        "load.force_N": 0.0,
         "position_sensor": bearings.sensor("capacitive", noise_m=0.0, step_m=1e-13),
         "current_sensor.noise_A": 0.0,
         "amplifier.dac_bits": 20,

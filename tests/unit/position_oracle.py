@@ -192,11 +192,11 @@ class Flight:
         if self.phase == BREAKAWAY:
             self.break_away()
         elif self.phase == SET_DOWN:
-            if self.demand == 0:
+            if self.demand == self.number("press"):
                 self.phase = REST
                 self.state = READY if self.state == RUN else self.state
             else:
-                self.demand = self.towards(self.demand, 0, "set_down")
+                self.demand = self.towards(self.demand, self.number("press"), "set_down")
         elif self.phase == HOLD:
             self.count += 1
             if self.count > self.number("hold"):

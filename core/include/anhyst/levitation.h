@@ -10,7 +10,7 @@
      rise       controlled; the reference goes to the target at a limited speed
      hover      controlled; the reference is the target, so that steps are steps
      descend    controlled; the reference goes to the rest at a limited speed
-     set down   the demanded force falls to zero
+     set down   the demanded force falls to `press`, so that currents going to zero let nothing go
      hold       the position is lost in mid-air: the current stays for `hold` ticks, then falls
 
    Rest is the position at which the armature was when `lift` came. A fault in the air lands as long
@@ -79,7 +79,7 @@ typedef struct {
   uint16_t selftest; /* plausible samples in a row until the self-test has passed, > 0 */
 } anhyst_levitation_limits;
 
-/* How it lifts and lands; all above zero, rates for one tick. */
+/* How it lifts and lands; all but the last above zero, rates for one tick. */
 typedef struct {
   int32_t detect;   /* distance from the rest that counts as having left it */
   int32_t rise;     /* speed of the reference */
@@ -87,6 +87,7 @@ typedef struct {
   int32_t lift;     /* rate of the demand in breakaway */
   int32_t set_down; /* and in set down */
   int32_t most;     /* demand at which breakaway gives up */
+  int32_t press;    /* demand at which set down ends: 0, or below it, for a pair of magnets */
 } anhyst_levitation_settings;
 
 /* What happens at one tick. */

@@ -90,7 +90,8 @@ anhyst_levitation_settings levitation_settings(Settings &from)
 {
   return {from.take<int32_t>("detect"),   from.take<int32_t>("rise"),
           from.take<int32_t>("descend"),  from.take<int32_t>("lift"),
-          from.take<int32_t>("set_down"), from.take<int32_t>("most")};
+          from.take<int32_t>("set_down"), from.take<int32_t>("most"),
+          from.take<int32_t>("press")};
 }
 
 template <class F> class Position : public LoopController {

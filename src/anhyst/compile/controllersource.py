@@ -56,6 +56,7 @@ def _settings(plan: ControllerPlan) -> Rows:
     yield _member(plan, "lift", "  .lift"), f"{levitation.lift_rate:.6g} N/s"
     yield _member(plan, "set_down", "  .set_down"), f"{levitation.set_down_rate:.6g} N/s"
     yield _member(plan, "most", "  .most"), f"{control.pidd2.high:.6g} N"
+    yield _member(plan, "press", "  .press"), f"{control.press:.6g} N"
     yield "},", ""
     yield ".gains = {", ""
     yield from _gains(plan)

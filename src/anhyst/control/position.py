@@ -254,6 +254,14 @@ class PositionControl:
             raise InputError("high: the largest force must be above zero to lift anything")
 
     @property
+    def press(self) -> float:
+        """Net force at which a landing ends, N: the other magnet of a pair holds the armature then.
+
+        Nothing else would, for both currents go to zero at one rate and the first is the larger.
+        """
+        return min(0.0, max(self.pidd2.low, -2.0 * self.bias))
+
+    @property
     def gap_middle(self) -> float:
         """Gap at position zero, m."""
         return 0.5 * (self.limits.gap_low + self.limits.gap_high)
@@ -299,6 +307,7 @@ class PositionControl:
             "lift": force("lift_rate", levitation.lift_rate * tick),
             "set_down": force("set_down_rate", levitation.set_down_rate * tick),
             "most": force("high", self.pidd2.high),
+            "press": _code(self.press / self.scales.demand),
         }
 
     def _gap_lines(self) -> list[tuple[float, float]]:

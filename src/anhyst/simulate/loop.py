@@ -41,8 +41,10 @@ class Loop:
         rig = setup.rig
         bearing = bearing or make_bearing(rig, seed)
         if largest_first:
-            for current in (rig.settings.amplifier.current_high_A, 0.0):
-                bearing.hold(current, 0)
+            pair = rig.settings.magnet.arrangement == "pair"
+            for magnet in range(2 if pair else 1):
+                for current in (rig.settings.amplifier.current_high_A, 0.0):
+                    bearing.hold(current, magnet)
         self._loop = BearingLoop(
             bearing,
             make_position(setup),
