@@ -75,6 +75,19 @@ def test_cortex_m4_gives_the_bits_of_the_host(folder: Path) -> None:
     assert port.costs[-1].most < portable.costs[-1].most
 
 
+def test_a_dsc_is_estimated_for_the_tick_too(folder: Path) -> None:
+    found = verify(folder, "cortex-m0plus", target_steps=2_000)
+    (result,) = ticks_of(found)
+    plausible(result, folder)
+    cycles = {(each.prices, each.part): each.cycles for each in found.estimates}
+    for part in TICKS:
+        at_best, cautious = (
+            cycles[name, f"controller: {part}"] for name in ("at best", "cautious")
+        )
+        assert 0 < at_best < cautious
+    assert cycles["at best", "controller: tick"] > cycles["at best", "solve"]
+
+
 def test_random_steps_lift_land_and_rest(folder: Path, tmp_path: Path) -> None:
     program = reference(Workshop.set_up(read_bundle(folder), tmp_path / "w", "controller")).program
     reply = program.run([Asked(START), Asked(RANDOM, steps=10_000)])[-1]

@@ -94,7 +94,7 @@ def verify(
             results += each.run_all(alone, own, progress)
         if FIRMWARE in names:
             results.append(verify_firmware(bundle, Path(scratch), target_steps, seed))
-        estimates = _estimates(job) if SOURCE in names else ()
+        estimates = tuple(e for each in jobs for e in _estimates(each)) if SOURCE in names else ()
     return Verification(
         str(folder), bundle.kind, bundle.io, bundle.rate, seed, tuple(results), estimates
     )
@@ -223,9 +223,10 @@ def _estimates(job: _Job) -> tuple[Estimate, ...]:
     except NegativeResult:
         return ()  # told as a failure of the target where it was asked for
     found: list[Estimate] = []
+    whose = "controller: " if job.workshop.subject == "controller" else ""
     for name, reply in replies.items():
         found += [
-            Estimate(cost.part, name, cost.most, CLOCK_HZ / cost.most)
+            Estimate(f"{whose}{cost.part}", name, cost.most, CLOCK_HZ / cost.most)
             for cost in costs(reply, job.vectors.form)
         ]
     return tuple(found)
