@@ -47,6 +47,7 @@ def test_options_of_the_readme_exist() -> None:
         "verify",
         "force-control",
         "simulate",
+        "tune",
     }
     for verb, options in shown.items():
         found = subprocess.run(

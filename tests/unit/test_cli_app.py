@@ -25,6 +25,7 @@ VERBS = (
     "verify",
     "force-control",
     "simulate",
+    "tune",
 )
 
 

@@ -19,6 +19,7 @@ from anhyst.cli.identify import identify
 from anhyst.cli.inspect import inspect
 from anhyst.cli.report import report
 from anhyst.cli.simulate import simulate
+from anhyst.cli.tune import tune
 from anhyst.cli.use import invert, predict
 from anhyst.cli.verify import verify
 from anhyst.errors import InputError, Interrupted, NegativeResult
@@ -48,6 +49,7 @@ app.command("compile", no_args_is_help=True)(compile_)
 app.command(no_args_is_help=True)(verify)
 app.command(no_args_is_help=True)(force_control)
 app.command(no_args_is_help=True)(simulate)
+app.command(no_args_is_help=True)(tune)
 
 
 def _print_version(wanted: bool) -> None:

@@ -1,0 +1,115 @@
+"""The verb ``tune``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from anhyst.cli.console import print_json, progress_bar, show, table
+from anhyst.cli.options import AsJson
+from anhyst.errors import Interrupted, NegativeResult
+
+if TYPE_CHECKING:
+    from anhyst.tune.tuning import Tuning
+
+
+def tune(
+    rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
+    controller: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Controller file to begin with; 'controller.toml' beside the rig file if left "
+            "out.",
+        ),
+    ] = None,
+    all_variants: Annotated[
+        bool,
+        typer.Option(
+            "--all-variants", help="Tune every kind of compensation for itself, and compare."
+        ),
+    ] = False,
+    overshoot: Annotated[
+        float, typer.Option(metavar="PERCENT", help="Largest overshoot of any step.")
+    ] = 2.0,
+    peak: Annotated[
+        float, typer.Option(metavar="RATIO", help="Largest peak of the sensitivity.")
+    ] = 3.0,
+    settling: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Longest settling time; the least is sought anyway."),
+    ] = None,
+    standstill: Annotated[
+        float | None, typer.Option(metavar="METRES", help="Largest rms of the gap at standstill.")
+    ] = None,
+    effort: Annotated[
+        float | None,
+        typer.Option(metavar="A/S", help="Largest rms rate of change of the current in a step."),
+    ] = None,
+    budget: Annotated[
+        int, typer.Option(metavar="N", help="Sets of gains to try in the nonlinear loop.")
+    ] = 150,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Find the gains of a magnetic bearing for stated aims, and say what limits them.
+
+    All gaps and steps of the rig file are tried, with its load and two thirds of it, at once: first
+    in linear loops, then in the nonlinear one with hysteresis, noise, delay and limits; the winner
+    with every noise seed and a swept sine. Written are the new controller file, tuning.json,
+    tuning.md and pareto.png. Exit code 1 where no gains meet the aims. Ctrl-C keeps the best so
+    far.
+
+    Example: anhyst tune examples/bearing/rig.toml --out tuned
+    """
+    from anhyst.tune.aims import Aims
+    from anhyst.tune.output import figures_of
+    from anhyst.tune.tuning import tune as run
+
+    aims = Aims(overshoot, peak, settling, standstill, effort)
+    with progress_bar("tuning") as progress:
+        found = run(
+            rig,
+            out,
+            controller,
+            aims=aims,
+            all_variants=all_variants,
+            budget=budget,
+            seed=seed,
+            progress=progress,
+        )
+    if as_json:
+        print_json(figures_of(found))
+    else:
+        _show(found, out)
+    if found.interrupted:
+        kept = ", ".join(str(place) for place in found.written.values())
+        raise Interrupted(f"the best so far, not checked, is in {kept}")
+    if found.verdict is not None:
+        raise NegativeResult(found.verdict)
+
+
+def _show(found: Tuning, out: Path) -> None:
+    from anhyst.tune.output import aims_text, heads, rows
+
+    head = heads()[:-1]
+    drawn = table(f"tuned for {aims_text(found.aims)}; then the least settling time", head)
+    for row in rows(found):
+        drawn.add_row(*row[: len(head)])
+    limits = [
+        f"what limits '{name}': {one.text}"
+        for name, tuned in found.tuned.items()
+        for one in tuned.limits
+    ]
+    show(
+        drawn,
+        f"worst of {len(found.conditions)} gaps and loads and of all steps, mean of "
+        f"{found.rig.settings.simulate.noise_seeds} noise seeds with its 95 % interval",
+        *limits,
+        f"{found.seconds:.0f} s, {found.cpu_seconds:.0f} s of processor time",
+        *(f"written: {place}" for place in found.written.values()),
+        f"written: {out / 'tuning.json'}, {out / 'tuning.md'}, {out / 'pareto.png'}",
+    )

@@ -1,0 +1,1 @@
+"""Gains for stated aims, over gaps, step heights and loads at once."""
