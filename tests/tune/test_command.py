@@ -89,7 +89,7 @@ def test_aims_that_cannot_be_met_are_a_negative_result_that_says_why(here: Path)
     assert result.returncode == 1
     figures = json.loads((here / "tuned" / "tuning.json").read_text(encoding="utf-8"))
     assert json.loads(result.stdout) == figures
-    assert figures["variants"]["linearised"]["misses"] == ["settling_time_s"]
+    assert "settling_time_s" in figures["variants"]["linearised"]["misses"]
     assert result.stderr.count("\n") == 1
     assert result.stderr.startswith(
         "anhyst: no gains of 'linearised' meet the aims, the best reach"

@@ -63,7 +63,7 @@ def test_a_limit_of_the_peak_is_kept_by_the_measured_one() -> None:
 def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
     aims = Aims(settling_time_s=1e-3)
     result = Search(setup(), HERE[:1], aims, 10, jobs=1).run()
-    assert set(aims.misses(result.figures)) == {"settling_time_s"}
+    assert "settling_time_s" in aims.misses(result.figures)
     assert result.check is not None
     limits = find_limits(result.setup, HERE[:1], aims, result.check, seed=0, jobs=1)
     missed = next(one for one in limits if one.what == "settling_time_s")

@@ -51,7 +51,7 @@ def tune(
     ] = None,
     budget: Annotated[
         int, typer.Option(metavar="N", help="Sets of gains to try in the nonlinear loop.")
-    ] = 150,
+    ] = 240,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 0,
     as_json: AsJson = False,
 ) -> None:

@@ -26,7 +26,7 @@ from anhyst.tune.trial import Condition, Outcome, Trial, run_trial
 Floats = NDArray[np.float64]
 Progress = Callable[[float, float], None]
 
-BUDGET = 150
+BUDGET = 240
 """Sets of gains tried in the nonlinear loop."""
 
 CHILDREN = 10

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.errors import InputError
-from anhyst.simulate.loop import Loop
+from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.responses import Run, StepResult, run_steps
 from anhyst.simulate.rigfile import BearingRig
@@ -174,6 +174,10 @@ def check_frequencies(rig: BearingRig) -> Floats:
     return np.geomspace(rate / 500.0, rate / 8.0, 40)
 
 
+class _LostError(Exception):
+    """What lies on its stop answers to no controller."""
+
+
 def sweep(setup: Setup, condition: Condition, frequencies: Floats, seed: int) -> Sensitivity | None:
     """Measure the sensitivity at one condition; None if the armature was not held."""
     rig = setup.rig
@@ -181,11 +185,15 @@ def sweep(setup: Setup, condition: Condition, frequencies: Floats, seed: int) ->
     loop.run(Script(rig, condition.gap, condition.load).lift_off().build())
 
     def run(inject: Floats) -> Recording:
-        return loop.run(Script(rig, condition.gap, condition.load).hold(0.0, inject).build())
+        script = Script(rig, condition.gap, condition.load).hold(0.0, inject)
+        recording = loop.run(script.build())
+        if len(recording) < inject.size or lost_at(rig, recording) is not None:
+            raise _LostError
+        return recording
 
     try:
         return measure_sensitivity(run, frequencies, SINE_M, rig.settings.timing.rate_Hz)
-    except ValueError:  # the run ended before its time
+    except _LostError:
         return None
 
 
