@@ -251,6 +251,26 @@ def test_fragments_for_make_and_cmake_name_its_source(compiled: Compiled, tmp_pa
     assert '"${CMAKE_CURRENT_LIST_DIR}/anhyst_controller.c")\n' in cmake
 
 
+def test_every_setting_of_the_core_is_given(compiled: Compiled) -> None:
+    """What an initialiser leaves out is zero in C, without a word."""
+    header = (compiled.out / "anhyst.h").read_text()
+    source = (compiled.out / "anhyst_controller.c").read_text()
+    for structure in (
+        "anhyst_levitation_limits",
+        "anhyst_levitation_settings",
+        "anhyst_pidd2_gains_q31",
+        "anhyst_position_limits_q31",
+        "anhyst_position_settings_q31",
+    ):
+        body = re.search(rf"typedef struct {{([^}}]*)}} {structure};", header)
+        assert body
+        plain = re.sub(r"/\*.*?\*/", "", body[1], flags=re.S)
+        members = set(re.findall(r"(\w+);", plain)) - {"reserved"}
+        assert len(members) >= 5
+        missing = {name for name in members if f".{name} = " not in source}
+        assert not missing, structure
+
+
 def test_the_guide_tells_both_widths(compiled: Compiled) -> None:
     guide = (compiled.out / "DROP_IN.md").read_text()
     assert "a converter of 16 bits" in guide
