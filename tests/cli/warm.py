@@ -30,7 +30,10 @@ def serve() -> None:
 
 def load() -> None:
     """Import what the verbs import, and keep the children from looking through all of it."""
-    names = ("cli.app", "data.inspection", "diff", "identify", "report", "runfile")
+    names = (
+        *("cli.app", "data.inspection", "diff", "identify", "report", "runfile"),
+        *("simulate.report.from_simulation", "simulate.simulate"),
+    )
     for name in (*(f"anhyst.{name}" for name in names), "scipy.stats", "scipy.interpolate"):
         importlib.import_module(name)
     gc.collect()
