@@ -115,7 +115,7 @@ def _least_play(model: ActuatorModel, rig: Rig) -> float:
 
 def _polish(model: ActuatorModel, loops: LoopSet, least_play: float) -> ActuatorModel:
     """Move pinning, reversible fraction and play to the least high power of the deviation."""
-    records = _thinned(loops)
+    records = thinned(loops)
     k, c = float(model.parameters["k"]), float(model.parameters["c"])  # type: ignore[arg-type]
     c = min(max(c, 0.01), 0.99)
     odds = math.log(c / (1.0 - c))
@@ -140,7 +140,7 @@ def _polish(model: ActuatorModel, loops: LoopSet, least_play: float) -> Actuator
     return changed(minimize(cost, start, method="Nelder-Mead", options=options).x)
 
 
-def _thinned(loops: LoopSet) -> LoopSet:
+def thinned(loops: LoopSet) -> LoopSet:
     """Leave out samples evenly; where a record turns, that costs less than a step of its drive."""
     every = -(-sum(loop.n for loop in loops.loops) // _SAMPLES)
     if every == 1:

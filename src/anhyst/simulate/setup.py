@@ -24,6 +24,7 @@ from anhyst.simulate.controllerfile import (
 from anhyst.simulate.drive import Drive
 from anhyst.simulate.flux import FluxCalibration
 from anhyst.simulate.plant import static_map
+from anhyst.simulate.play import with_widest_play
 from anhyst.simulate.rigfile import BearingRig
 from anhyst.simulate.variants import Operating, fit_drive
 
@@ -69,8 +70,19 @@ class Knowledge:
 
 
 def learn(loops: LoopSet) -> Knowledge:
-    """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
-    return Knowledge(loops, identify(loops, gap_map="circuit").model)
+    """Identify the model of a bearing's magnet from its loops; the armature may move under it.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Force over current at several gaps.
+
+    Returns
+    -------
+    Knowledge
+        The model has a play against creep, since noise of the position reaches it.
+    """
+    return Knowledge(loops, with_widest_play(identify(loops, gap_map="circuit").model, loops))
 
 
 def read_knowledge(rig: BearingRig, controller: ControllerFile) -> Knowledge:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from anhyst.atomic import PathLike, atomic_writer, check_writable
 from anhyst.compile.folder import json_text
 from anhyst.errors import InputError, NegativeResult
+from anhyst.modelfile import write_model
 from anhyst.simulate import experiments, linear
 from anhyst.simulate.controllerfile import (
     ControllerFile,
@@ -141,6 +142,8 @@ def simulate(
     mine = make_setups(rig, controller, knowledge, (own,))[own]
     recording = _whole_run(mine)
     write_recording(out, recording)
+    if controller.model is None:
+        write_model(knowledge.model, Path(out).with_suffix(".model.toml"))
     _refuse_lost(rig, recording, out)
     setups, left_out = _beside(mine, controller, knowledge)
     found = _compare(controller, knowledge, setups, at, recording, progress)
