@@ -11,6 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.errors import NegativeResult
 from anhyst.simulate.controllerfile import ControllerTable
 from anhyst.simulate.pool import all_of
 from anhyst.simulate.setup import Setup, with_gains
@@ -145,6 +146,8 @@ class Search:
         ------
         KeyboardInterrupt
             Too early for any gains.
+        NegativeResult
+            No gains hold the armature at all conditions.
         """
         before = run_trial(Trial(self._brief, self.conditions, self.aims, seed=self.seed))
         checked: list[tuple[float, Candidate, Check]] = []
@@ -197,6 +200,12 @@ class Search:
         work = partial(_refine, self._space, self.setup.controller, self.seed)
         places = all_of(work, list(product(screens, stricter)), jobs=self.jobs)
         self._try(np.array(places), self.conditions, self.aims, math.inf)
+        if not self._candidates:
+            raise NegativeResult(
+                f"none of {len(places)} sets of gains that linear loops like best holds the "
+                "armature at every gap, load and step; 'anhyst simulate' tells how levitation is "
+                "lost: look at [lift_off], [limits] and the load"
+            )
 
     def _search(self, aims: Aims, generations: int, round_: int) -> None:
         """Search around the best, at first around several of them, then where it went best."""

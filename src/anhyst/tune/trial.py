@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst.errors import InputError
 from anhyst.simulate.loop import Loop, lost_at
+from anhyst.simulate.position import make_position
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.responses import Run, StepResult, run_steps
 from anhyst.simulate.rigfile import BearingRig
@@ -110,11 +111,12 @@ def run_trial(trial: Trial) -> Outcome:
     """
     figures: dict[Condition, Figures] = {}
     cost = 0.0
+    try:
+        make_position(trial.setup)
+    except InputError:  # gains that fixed point cannot hold
+        return Outcome(LOST + len(trial.conditions), figures, complete=False)
     for place, condition in enumerate(trial.conditions):
-        try:
-            found = _figures(trial, condition)
-        except InputError:  # gains that fixed point cannot hold
-            found = None
+        found = _figures(trial, condition)
         if found is None:
             return Outcome(LOST + len(trial.conditions) - place, figures, complete=False)
         figures[condition] = found
