@@ -73,6 +73,7 @@ def main() -> None:
     import initial_state
     import serial_link
     import speed
+    import tuned
 
     console = Console()
     rows = [*speed.rows(), *bundled_example(), *compiled.rows(), *serial_link.rows()]
@@ -80,6 +81,7 @@ def main() -> None:
     rows += force.rows()
     rows += bearing.rows()
     rows += closed_loop.rows()
+    rows += tuned.rows()
     folder = measurements()
     if folder is None:
         console.print("real measurements are not here: set ANHYST_DATA to their folder")

@@ -1,0 +1,92 @@
+"""The bearing with every variant tuned for itself, and drifted plants: figures and times.
+
+``python benchmarks/tuned.py`` prints the table of docs/bearing.md; it takes a quarter of an hour.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from anhyst.simulate.controllerfile import Variant
+from anhyst.simulate.montecarlo import monte_carlo
+from anhyst.tune.aims import Aims
+from anhyst.tune.search import Found, Search
+from anhyst.tune.trial import default_conditions
+from bearing import IRONS, Iron, make_iron, read
+from rows import Row
+
+AIMS = Aims()
+SETTLING_S = 6e-3
+PLANTS = 1000
+COMPARED: tuple[Variant, ...] = ("ratio", "linearised", "static", "flux", "simplified", "full")
+
+
+def tune(iron: Iron, variant: Variant) -> tuple[Found, float]:
+    """Tune one variant over 3 gaps, 4 heights and 2 loads; wall time beside."""
+    began = time.perf_counter()
+    found = Search(iron.setups[variant], default_conditions(iron.rig), AIMS).run()
+    return found, time.perf_counter() - began
+
+
+def rows() -> list[Row]:
+    """Tuned figures of ``full`` with every iron, and the times."""
+    rig, controller = read()
+    found = []
+    longest = 0.0
+    for fraction in IRONS:
+        iron = make_iron(rig, controller, fraction)
+        best, spent = tune(iron, "full")
+        longest = max(longest, spent)
+        reached = best.figures
+        found.append(
+            Row(
+                f"bearing, full tuned for itself, iron {iron.title}",
+                "overshoot <= 2 % at every height, settling <= 6 ms, peak sensitivity <= 3",
+                f"{reached.overshoot_percent:.2f} %, {1e3 * reached.settling_time_s:.2f} ms, "
+                f"{reached.peak_sensitivity:.2f}; worst of 3 gaps, 2 loads, 4 heights",
+                not AIMS.misses(reached) and reached.settling_time_s <= SETTLING_S,
+            )
+        )
+    found.append(
+        Row("tuning one variant: wall time", "<= 60 s", f"{longest:.0f} s", longest <= 60.0)
+    )
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        monte_carlo(rig, controller, Path(folder) / "plants.jsonl", PLANTS)
+    spent = time.perf_counter() - began
+    found.append(
+        Row(
+            f"Monte Carlo of {PLANTS} drifted plants: wall time",
+            "<= 180 s",
+            f"{spent:.0f} s",
+            spent <= 180.0,
+        )
+    )
+    return found
+
+
+def main() -> None:
+    """Print the table of all variants, each tuned for itself."""
+    rig, controller = read()
+    print("| iron | variant | overshoot | settling | peak sensitivity | standstill | aims |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    for fraction in IRONS:
+        iron = make_iron(rig, controller, fraction)
+        for variant in COMPARED:
+            best, spent = tune(iron, variant)
+            reached = best.figures
+            met = "missed" if AIMS.misses(reached) else "met"
+            print(
+                f"| {iron.title} | `{variant}` | {reached.overshoot_percent:.2f} % | "
+                f"{1e3 * reached.settling_time_s:.2f} ms | {reached.peak_sensitivity:.2f} | "
+                f"{1e9 * reached.standstill_rms_m:.0f} nm | {met} |",
+                flush=True,
+            )
+            print(f"{iron.title} {variant}: {spent:.0f} s", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
