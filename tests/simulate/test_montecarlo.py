@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from anhyst.simulate.drift import (
 from anhyst.simulate.loop import Loop
 from anhyst.simulate.montecarlo import FIGURES, MonteCarlo, Plant, monte_carlo, percentile
 from anhyst.simulate.plant import static_map
+from anhyst.simulate.plantrow import fault_of
 from anhyst.simulate.responses import Run, run_steps
 from anhyst.simulate.rigfile import BearingRig, DriftTable, read_bearing
 from anhyst.simulate.scenario import Script
@@ -159,14 +161,15 @@ def test_results_of_something_else_are_refused(
     assert path.read_bytes() == before
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".toml"])
 def test_a_changed_file_of_loops_is_told(
-    folder: Path, controller: ControllerFile, tmp_path: Path
+    folder: Path, controller: ControllerFile, tmp_path: Path, suffix: str
 ) -> None:
     place = tmp_path / "rig"
     shutil.copytree(folder, place)
     rig = read_bearing(place / "rig.toml")
     monte_carlo(rig, controller, place / "p.jsonl", 1, ("linearised",), jobs=1)
-    with rig.loops.open("a") as stream:
+    with rig.loops.with_suffix(suffix).open("a") as stream:
         stream.write("\n")
     with pytest.raises(InputError, match="line 1: rig: is "):
         monte_carlo(rig, controller, place / "p.jsonl", 1, ("linearised",), jobs=1)
@@ -184,6 +187,62 @@ def test_a_damaged_file_is_told_with_its_line(
     path.write_text("I_A,F_N\n0,0\n")
     with pytest.raises(InputError, match=r"plants\.jsonl: line 1: cannot be read"):
         monte_carlo(rig, controller, path, 2, ("linearised",), jobs=1)
+
+
+FLIGHT = {
+    "lost_s": None,
+    "overshoot_percent": [1.0, 1.0, 1.0, 1.0],
+    "settling_s": [0.01, None, 0.01, 0.01],
+    "standstill_rms_m": 1e-8,
+}
+LINE = {"plant": 0, "drift": {"pinning_percent": 1.0}, "variants": {"linearised": FLIGHT}}
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"drift": None}, "drift: "),
+        ({"variants": None}, "variants: "),
+        ({"plant": True}, "plant: "),
+        ({"plant": -1}, "plant: "),
+        ({"variants": {}}, "variants.linearised: is missing"),
+        ({"variants": {"linearised": {}}}, "variants.linearised.lost_s: "),
+        ({"lost_s": "never"}, "variants.linearised.lost_s: "),
+        ({"overshoot_percent": [1.0]}, "overshoot_percent: must have 4 values"),
+        ({"overshoot_percent": [1.0, None, 1.0, 1.0]}, "variants.linearised.overshoot_percent.1: "),
+        ({"settling_s": None}, "variants.linearised.settling_s: must have 4 values"),
+        ({"settling_s": [0.1, 0.1, 0.1, math.nan]}, "variants.linearised.settling_s.3: "),
+        ({"standstill_rms_m": None}, "variants.linearised.standstill_rms_m: is missing"),
+        ({"standstill_rms_m": -1.0}, "variants.linearised.standstill_rms_m: "),
+    ],
+)
+def test_a_line_that_is_no_result_is_told_with_its_key(changes: dict[str, Any], told: str) -> None:
+    assert fault_of(LINE, ("linearised",), 4) is None
+    whole = {key: changes.get(key, value) for key, value in LINE.items()}
+    if not set(changes) & set(LINE):
+        whole["variants"] = {"linearised": FLIGHT | changes}
+    fault = fault_of(whole, ("linearised",), 4)
+    assert fault is not None
+    assert told in fault
+    assert "\n" not in fault
+
+
+def test_a_lost_plant_needs_no_figures() -> None:
+    lost = LINE | {"variants": {"linearised": {"lost_s": 0.5}}}
+    assert fault_of(lost, ("linearised",), 4) is None
+
+
+def test_a_file_with_such_a_line_is_refused(
+    rig: BearingRig, controller: ControllerFile, tmp_path: Path
+) -> None:
+    path = tmp_path / "plants.jsonl"
+    monte_carlo(rig, controller, path, 1, ("linearised",), jobs=1)
+    header, _ = path.read_text().splitlines()
+    path.write_text(f'{header}\n{{"plant": 0}}\n')
+    told = r"plants\.jsonl: line 2: drift: .*; remove this line, so that its work is done again"
+    with pytest.raises(InputError, match=told) as caught:
+        monte_carlo(rig, controller, path, 1, ("linearised",), jobs=1)
+    assert "\n" not in str(caught.value)
 
 
 def test_drawn_plants_have_the_spreads_of_the_file() -> None:

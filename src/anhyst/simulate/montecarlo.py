@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 
 from anhyst.atomic import PathLike
+from anhyst.data.reading import files_read
 from anhyst.errors import Interrupted
 from anhyst.simulate.controllerfile import ControllerFile, Variant
 from anhyst.simulate.drift import Drift, draw_drift, drifted_bearing, drifted_rig
 from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.metrics import step_figures
+from anhyst.simulate.plantrow import fault_of
 from anhyst.simulate.pool import Progress, each
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.resuming import ResultsFile
@@ -172,33 +174,46 @@ def monte_carlo(
     seed = rig.settings.seed if seed is None else seed
     knowledge = read_knowledge(rig, controller)
     setups = tuple(make_setups(rig, controller, knowledge, tuple(variants)).values())
-    header = _header(rig, controller, variants, seed)
-    with ResultsFile(path, header, "plant") as results:
-        left = [Plant(setups, seed, index) for index in range(count) if index not in results.done]
+    plants = [Plant(setups, seed, index) for index in range(count)]
+    heights = tuple(rig.settings.simulate.steps_m)
 
-        def report(done: int, total: int) -> None:
-            if progress is not None:
-                progress(count - total + done, count)
+    def fault(row: Mapping[str, Any]) -> str | None:
+        return fault_of(row, variants, len(heights))
 
-        try:
-            for _, result in each(fly, left, report, jobs):
-                results.add(result)
-        except KeyboardInterrupt:
-            kept = sum(index in results.done for index in range(count))
-            raise Interrupted(
-                f"{kept} of {count} plants are kept in {path}; the same command goes on from there"
-            ) from None
-        flown = [results.done[index] for index in range(count)]
-    heights = len(rig.settings.simulate.steps_m)
+    with ResultsFile(path, _header(rig, controller, variants, seed), "plant", fault) as results:
+        flown = _fly_missing(plants, results, progress, jobs)
     return MonteCarlo(
-        heights=tuple(rig.settings.simulate.steps_m),
-        drifts=tuple(Plant(setups, seed, index).drift for index in range(count)),
+        heights=heights,
+        drifts=tuple(plant.drift for plant in plants),
         flights={
-            name: tuple(_flight(one["variants"][name], heights) for one in flown)
+            name: tuple(_flight(one["variants"][name], len(heights)) for one in flown)
             for name in variants
         },
         seed=seed,
     )
+
+
+def _fly_missing(
+    plants: Sequence[Plant], results: ResultsFile, progress: Progress | None, jobs: int | None
+) -> list[Mapping[str, Any]]:
+    """Fly the plants that have no result yet, and return the results of all in their order."""
+    count = len(plants)
+    left = [plant for plant in plants if plant.index not in results.done]
+
+    def report(done: int, total: int) -> None:
+        if progress is not None:
+            progress(count - total + done, count)
+
+    try:
+        for _, result in each(fly, left, report, jobs):
+            results.add(result)
+    except KeyboardInterrupt:
+        kept = sum(plant.index in results.done for plant in plants)
+        raise Interrupted(
+            f"{kept} of {count} plants are kept in {results.path}; the same command goes on from "
+            "there"
+        ) from None
+    return [results.done[plant.index] for plant in plants]
 
 
 @dataclass(frozen=True)
@@ -302,7 +317,9 @@ def _header(
         "format": "anhyst-montecarlo",
         "version": 1,
         "anhyst": running_version(),
-        "rig": _hash(rig.settings.model_dump_json(), [rig.loops, rig.model, rig.flux_table]),
+        "rig": _hash(
+            rig.settings.model_dump_json(), [*files_read(rig.loops), rig.model, rig.flux_table]
+        ),
         "controller": _hash(controller.settings.model_dump_json(), [controller.model]),
         "variants": list(variants),
         "seed": seed,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
@@ -26,6 +26,9 @@ class ResultsFile:
         What results depend on; a file with another one is refused.
     key : str
         Names a result: the value under it is a whole number and tells results apart.
+    fault : callable
+        Takes a line of the file and says what keeps it from being a result, by key; None if
+        nothing.
 
     Attributes
     ----------
@@ -38,9 +41,15 @@ class ResultsFile:
         The file belongs to something else, is none of these, or cannot be written.
     """
 
-    def __init__(self, path: PathLike, header: Mapping[str, Any], key: str) -> None:
+    def __init__(
+        self,
+        path: PathLike,
+        header: Mapping[str, Any],
+        key: str,
+        fault: Callable[[Mapping[str, Any]], str | None],
+    ) -> None:
         self.path = Path(path)
-        self._key = key
+        self._key, self._fault = key, fault
         self.done: dict[int, dict[str, Any]] = {}
         if not self.path.exists():
             with atomic_writer(self.path) as stream:
@@ -60,8 +69,9 @@ class ResultsFile:
         self._check(self._parse(rows[0], 1) if rows else {}, header)
         for number, row in enumerate(rows[1:], start=2):
             result = self._parse(row, number)
-            if not isinstance(result.get(self._key), int):
-                raise InputError(f"{self.path}: line {number}: is no result; {_OTHER}")
+            wrong = self._fault(result)
+            if wrong is not None:
+                raise InputError(f"{self.path}: line {number}: {wrong}; {_AGAIN}")
             self.done[result[self._key]] = result
 
     def _parse(self, row: bytes, number: int) -> dict[str, Any]:
@@ -105,6 +115,7 @@ class ResultsFile:
 
 
 _OTHER = "name another file or remove this one"
+_AGAIN = "remove this line, so that its work is done again, or name another file"
 
 
 def _line(row: Mapping[str, Any]) -> str:
