@@ -112,13 +112,17 @@ static int32_t commit_compensator(anhyst_drive_q31 *drive, int32_t applied, int3
   return anhyst_add_q31(drive->demand, anhyst_sub_q31(output, solved));
 }
 
+/* Only a limit leads the integral back: a current that was measured differs from the wanted one by
+   the error of its sensor too, and by how far the amplifier is behind. */
 static void advance_flux(anhyst_drive_q31 *drive, int32_t applied)
 {
   const anhyst_flux_loop_q31 *loop = drive->loop;
   const int32_t behind = drive->expected - drive->flux;
-  const int32_t missing = (applied >> 1) - (drive->wanted >> 1);
-  const int32_t learnt = anhyst_add_q31(anhyst_pidd2_product(drive->error, loop->integral),
-                                        anhyst_pidd2_product(missing, loop->back));
+  int32_t learnt = anhyst_pidd2_product(drive->error, loop->integral);
+  if ((drive->flags & ANHYST_CURRENT_LIMITED) != 0U) {
+    const int32_t missing = (applied >> 1) - (drive->wanted >> 1);
+    learnt = anhyst_add_q31(learnt, anhyst_pidd2_product(missing, loop->back));
+  }
   drive->expected += anhyst_pidd2_product(behind, loop->smoothing);
   drive->integral = anhyst_add_q31(drive->integral, learnt);
 }

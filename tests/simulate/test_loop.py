@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedPosition, Position, SinglePosition
+from anhyst.control import Command
 from anhyst.simulate.controllerfile import Format
 from anhyst.simulate.plant import current_loop, make_bearing
 from anhyst.simulate.pool import all_of
 from anhyst.simulate.position import make_position
 from anhyst.simulate.recording import COLUMNS, HOVER, Recording
 from anhyst.simulate.responses import Run, run_steps
-from anhyst.simulate.scenario import DROP, Command, Scenario, Script
+from anhyst.simulate.scenario import DROP, Scenario, Script
 from anhyst.simulate.setup import Setup
 
 from . import bearings

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from anhyst.control import Command
 from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.experiments import BACK_M, EVENTS, Event, Trial, recover
 from anhyst.simulate.loop import Loop, hovers_from, lost_at
 from anhyst.simulate.recording import HOVER
-from anhyst.simulate.scenario import DROP, LIFT_S, Command
+from anhyst.simulate.scenario import DROP, LIFT_S
 
 from . import bearings
 from .bearings import GAP

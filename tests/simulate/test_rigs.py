@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from anhyst.control import Command
 from anhyst.data.files import write_csv
 from anhyst.modelfile import write_model
+from anhyst.simulate.controllerfile import Format
 from anhyst.simulate.loop import lost_at
 from anhyst.simulate.operating import find_operating_point
 from anhyst.simulate.plant import flux_table
 from anhyst.simulate.recording import HOVER, Recording
 from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, ModelTable
-from anhyst.simulate.scenario import LIFT_S, Command
-from anhyst.simulate.setup import Setup
+from anhyst.simulate.scenario import LIFT_S
+from anhyst.simulate.setup import Setup, make_setup
 from anhyst.simulate.variations import changed
 
 from . import bearings
@@ -29,9 +31,11 @@ Changes = dict[str, Any]
 FULL = bearings.single
 
 
-def fly(rig: BearingRig, seconds: float = 0.3) -> tuple[Recording, Recording]:
+def fly(
+    rig: BearingRig, seconds: float = 0.3, setup: Setup | None = None
+) -> tuple[Recording, Recording]:
     """Lift, hang, step up, land; return what is in the air and what hangs still."""
-    setup = Setup(rig, FULL().controller, FULL().drive)
+    setup = setup or Setup(rig, FULL().controller, FULL().drive)
     script = bearings.lifted(setup)
     begin = script.ticks
     script.hold(seconds)
@@ -52,6 +56,25 @@ def hangs(still: Recording, load: float, most: float) -> None:
     assert set(still["state"]) == {HOVER}
     assert np.abs(still["gap_m"] - GAP).max() < most
     assert still["force_N"].mean() == pytest.approx(load, abs=0.2)
+
+
+@pytest.mark.parametrize("number_format", bearings.FORMATS)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        pytest.param({}, id="example"),
+        pytest.param({"magnet.eddy_time_s": 1e-4}, id="eddy currents"),
+        pytest.param({"amplifier.mode": "voltage"}, id="voltage"),
+        pytest.param({"amplifier.mode": "voltage", "magnet.eddy_time_s": 1e-4}, id="both"),
+    ],
+)
+def test_the_measured_flux_hangs_still(changes: Changes, number_format: Format) -> None:
+    rig = changed(bearings.example(), changes)
+    table = bearings.controller().settings
+    setup = make_setup(rig, table, bearings.knowledge(), "flux", number_format)
+    _, still = fly(rig, setup=setup)
+    hangs(still, 150.0, 0.1e-6)
+    assert still["flux_density_T"].std() < 2e-3
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import cont2discrete
 from tests.actuators import GAPS, magnet, triangles
 
 from anhyst.data import History, Loop, LoopSet
@@ -261,15 +262,46 @@ def test_every_variant_has_a_title() -> None:
 
 def test_the_flux_loop_is_as_fast_as_its_delay_allows() -> None:
     loops, _, calibration = known()
-    slower = replace(calibration, delay=2.0 / RATE, lag=1.0 / RATE)
+    delayed = replace(calibration, delay=2.0 / RATE)
+    lagging = replace(delayed, lag=1.0 / RATE)
     drives = [
-        fit_drive("flux", loops, None, POINT, "f64", given) for given in (calibration, slower)
+        fit_drive("flux", loops, None, POINT, "f64", given)
+        for given in (calibration, delayed, lagging)
     ]
     crossovers = [2.0 * np.pi * drive.numbers["crossover_Hz"] for drive in drives]
-    assert crossovers == pytest.approx([0.5 * RATE / 1.5, 0.5 * RATE / 3.5])
-    first, second = (drive.numbers for drive in drives)
-    assert first["k_p_A_per_T"] == 0.0  # no lag to take away
-    assert second["k_p_A_per_T"] == pytest.approx(second["k_i_A_per_T_s"] / RATE)
+    # The proportional part takes the lag away, so that it does not count a second time.
+    assert crossovers == pytest.approx([0.5 * RATE / 1.5, 0.5 * RATE / 2.5, 0.5 * RATE / 2.5])
+    first, _, third = (drive.numbers for drive in drives)
+    assert first["k_p_A_per_T"] == 0.0
+    assert third["k_p_A_per_T"] == pytest.approx(third["k_i_A_per_T_s"] / RATE)
+
+
+@pytest.mark.parametrize(
+    ("lags", "least"),
+    [
+        pytest.param([], 60.0, id="none"),
+        pytest.param([64e-6, 32e-6], 51.0, id="amplifier and probe of the example"),
+        pytest.param([64e-6, 32e-6, 100e-6], 33.0, id="eddy currents on top"),
+    ],
+)
+def test_the_flux_loop_keeps_its_phase_margin(lags: list[float], least: float) -> None:
+    """Around an iron of one slope, its low-passes held at zero order."""
+    loops, _, calibration = known()
+    tick = 1.0 / RATE
+    numbers = fit_drive(
+        "flux", loops, None, POINT, "f64", replace(calibration, delay=tick, lag=sum(lags))
+    ).numbers
+    above = below = np.ones(1)
+    if lags:
+        slow = np.poly([-1.0 / lag for lag in lags])
+        above, below, _ = cont2discrete((slow[-1:], slow), tick)
+    omega = 2.0 * np.pi * np.linspace(50.0, 0.45 * RATE, 20000)
+    z = np.exp(1j * omega * tick)
+    slope = 2.0 * np.pi * numbers["crossover_Hz"] / numbers["k_i_A_per_T_s"]
+    controller = numbers["k_p_A_per_T"] + numbers["k_i_A_per_T_s"] * tick / (z - 1.0)
+    loop = slope * controller * np.polyval(np.ravel(above), z) / np.polyval(below, z) / z
+    last = int(np.flatnonzero(np.abs(loop) > 1.0)[-1])
+    assert 180.0 + np.degrees(np.unwrap(np.angle(loop))[last]) > least
 
 
 def test_the_calibration_is_the_best_constant_over_the_root_of_the_force() -> None:

@@ -17,6 +17,7 @@ from anhyst.cli.app import main
 from anhyst.compile.lifting import COLUMNS, INPUTS
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.compile.plan import Request
+from anhyst.control import Command
 from anhyst.control.position import Flag, Phase, State
 from anhyst.controllerfile import read_controller
 from anhyst.data import LoopSet
@@ -24,7 +25,7 @@ from anhyst.modelfile import read_model, write_model
 from anhyst.simulate.loop import Loop
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.scenario import DROP, Command, Scenario, Script
+from anhyst.simulate.scenario import DROP, Scenario, Script
 from anhyst.simulate.setup import Knowledge, learn, make_setup
 
 ROOT = Path(__file__).resolve().parents[2]

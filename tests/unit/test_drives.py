@@ -342,14 +342,28 @@ def test_the_flux_loop_does_not_wind_up_while_the_current_is_limited() -> None:
     assert after(20) == pytest.approx(after(5000), abs=1e-3)
 
 
-def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers() -> None:
+@pytest.mark.parametrize("shunt", [1.02, 0.98])
+def test_a_shunt_that_reads_wrong_leaves_the_flux_where_it_is_wanted(shunt: float) -> None:
+    """A measured current that no limit has cut tells the integral nothing."""
+    drive = of_flux(0.2, 0.1, 0.2, 1.0)
+    density = 0.0
+    for _ in range(600):
+        current = drive.solve(120.0, WIDE, density)
+        drive.commit(shunt * current, WIDE)
+        density = 0.5 * current / of_map(Drive).solve(120.0, WIDE, NAN)
+    assert density == pytest.approx(0.8 * 120.0 / FORCE, rel=1e-9)
+
+
+@pytest.mark.parametrize("limit", [1.0, 0.25])
+def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers(limit: float) -> None:
+    """Whether its limits are in the way or not, with currents that were measured wrong."""
     current_scale, flux_scale = 4.0, 1.0
     entries, wanted = words(table(), current_scale), words(densities(), flux_scale)
     loop = np.array([[20000, 0], [20000, -3], [20000, 0], [-30000, 1]], dtype=np.int16)
     factors = loop[:, 0] / 65536.0 * 2.0 ** loop[:, 1]
     across = current_scale / flux_scale
     exact = [factors[0] * across, factors[1] * across, factors[2], -factors[3]]
-    fixed = FixedDrive.flux(entries, wanted, loop, 0, ONE - 1)
+    fixed = FixedDrive.flux(entries, wanted, loop, 0, int(limit * (ONE - 1)))
     real = Drive.flux(
         entries / 32768.0 * current_scale,
         wanted / 32768.0 * flux_scale,
@@ -358,17 +372,19 @@ def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers() ->
         0.0,
         1.0,
         0.0,
-        current_scale,
+        limit * current_scale,
     )
     rng = np.random.default_rng(6)
-    worst = 0.0
+    worst, limited = 0.0, 0
     for demand, gap, density in rng.uniform(0.1, 0.7, (2000, 3)).tolist():
         code = fixed.solve(int(demand * ONE), int(gap * ONE), int(density * ONE))
         current = real.solve(demand, gap, density)
         worst = max(worst, abs(code / ONE * current_scale - current))
-        fixed.commit(code, int(gap * ONE))
-        real.commit(current, gap)
+        limited += code == int(limit * (ONE - 1))
+        fixed.commit(int(0.98 * code), int(gap * ONE))
+        real.commit(0.98 * current, gap)
     assert worst < 100.0 * current_scale / ONE
+    assert (limited > 100) == (limit < 1.0)
 
 
 # Refusals

@@ -32,7 +32,8 @@ typedef struct {
   anhyst_map_q31 wanted;      /* flux density of a force */
   anhyst_factor proportional; /* k_p*B/U */
   anhyst_factor integral;     /* k_i*T*B/U */
-  anhyst_factor back;         /* share of applied - solved that the integral takes in a tick */
+  anhyst_factor back;         /* share of applied - wanted that the integral takes in a tick in
+                                 which the drive's limits cut the current */
   anhyst_factor smoothing;    /* minus the share of a step that is expected to show in a tick,
                                  -1..0, shift 0 or 1 */
 } anhyst_flux_loop_q31;

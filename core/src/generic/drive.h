@@ -107,11 +107,16 @@ static ANHYST_REAL ANHYST_NAME(commit_compensator)(ANHYST_NAME(anhyst_drive) *dr
   return drive->demand + (output - solved);
 }
 
+/* Only a limit leads the integral back: a current that was measured differs from the wanted one by
+   the error of its sensor too, and by how far the amplifier is behind. */
 static void ANHYST_NAME(advance_flux)(ANHYST_NAME(anhyst_drive) *drive, ANHYST_REAL applied)
 {
   const ANHYST_NAME(anhyst_flux_loop) *loop = drive->loop;
   drive->expected += loop->smoothing * (drive->flux - drive->expected);
-  drive->integral += loop->integral * drive->error + loop->back * (applied - drive->wanted);
+  drive->integral += loop->integral * drive->error;
+  if ((drive->flags & ANHYST_CURRENT_LIMITED) != 0U) {
+    drive->integral += loop->back * (applied - drive->wanted);
+  }
 }
 
 ANHYST_REAL ANHYST_NAME(anhyst_drive_commit)(ANHYST_NAME(anhyst_drive) *drive, ANHYST_REAL applied,

@@ -180,7 +180,25 @@ class Converter:
         return (self.high - self.low) / float(2**self.bits - 1)
 
     def within(self, low: float, high: float) -> tuple[float, int]:
-        """Return the least current of a range, A, and the number of steps to the largest."""
+        """Return where the steps within a range begin, and how many follow.
+
+        Parameters
+        ----------
+        low, high : float
+            Range of the current, A.
+
+        Returns
+        -------
+        least : float
+            Current of the first step, A.
+        steps : int
+            From there to the largest current.
+
+        Raises
+        ------
+        InputError
+            Not even one step fits.
+        """
         first = math.ceil((max(low, self.low) - self.low) / self.step - 1e-6)
         last = math.floor((min(high, self.high) - self.low) / self.step + 1e-6)
         if last <= first:
@@ -272,14 +290,47 @@ class PositionControl:
         return _POSITION_REACH * (self.limits.gap_high - self.limits.gap_low)
 
     def gains(self, number_format: Format) -> NDArray[np.float64] | NDArray[np.int32]:
-        """Return the gains as the core takes them in this format."""
+        """Return the gains as the core takes them.
+
+        Parameters
+        ----------
+        number_format : str
+            ``"f64"``, ``"f32"`` or ``"fixed"``.
+
+        Returns
+        -------
+        ndarray
+            A gain a tick each, in SI units; in fixed point the words of the structure.
+
+        Raises
+        ------
+        InputError
+            In fixed point, a gain is too large or too small for the full scales.
+        """
         if number_format != "fixed":
             return self.pidd2.per_tick
         scales = FullScales(self.position_full, self.scales.demand, self.scales.load)
         return self.pidd2.fixed(scales).words
 
     def settings(self, number_format: Format) -> Settings:
-        """Return everything else as the core takes it in this format, by name."""
+        """Return everything else as the core takes it.
+
+        Parameters
+        ----------
+        number_format : str
+            ``"f64"``, ``"f32"`` or ``"fixed"``.
+
+        Returns
+        -------
+        mapping of str to float
+            By name: positions and demands of the levitation are q31 in every format; the rest is
+            in SI units, or q31 in fixed point.
+
+        Raises
+        ------
+        InputError
+            A setting is too small to be told from zero, or does not fit the number format.
+        """
         common = self._levitation() | {"measured": self.measured}
         return common | (self._fixed() if number_format == "fixed" else self._real())
 

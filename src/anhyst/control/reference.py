@@ -29,9 +29,11 @@ def respond(
     Parameters
     ----------
     gains : Pidd2
+        In SI units.
     reference, position : ndarray, shape (n,)
         Metres.
     load : ndarray, shape (n,)
+        That is fed forward, in the unit that `K_load` is for.
     limit : callable
         What becomes of an output behind the controller, N to N.
 

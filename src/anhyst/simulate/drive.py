@@ -162,7 +162,7 @@ class Drive:
         return self.law.full_scale if isinstance(self.law, FluxLaw) else 1.0
 
     def solve(self, demand: float, gap: float, flux: float = math.nan) -> float:
-        """Return the current for a force, A; nothing is remembered.
+        """Return the current for a force; nothing is remembered.
 
         Parameters
         ----------
@@ -172,6 +172,11 @@ class Drive:
             m.
         flux : float, optional
             Measured flux density, T; NaN without.
+
+        Returns
+        -------
+        float
+            A.
         """
         native, scales = self.native, self.scales
         if not isinstance(native, _core.FixedDrive):
@@ -181,7 +186,20 @@ class Drive:
         return found / _Q31 * scales.current
 
     def commit(self, applied: float, gap: float) -> float:
-        """Go on with the current that was applied, A; return the force to expect, N."""
+        """Go on with the current that was applied.
+
+        Parameters
+        ----------
+        applied : float
+            A.
+        gap : float
+            m.
+
+        Returns
+        -------
+        float
+            Force to expect, N.
+        """
         native, scales = self.native, self.scales
         if not isinstance(native, _core.FixedDrive):
             return native.commit(applied, gap)
@@ -189,7 +207,7 @@ class Drive:
         return expected / _Q31 * scales.demand
 
     def gap_code(self, gap: float) -> int:
-        """Return a gap as the fixed-point drive takes it."""
+        """Return a gap, m, as the fixed-point drive takes it."""
         return code(gap - self.scales.gap_low, self.scales.gap_high - self.scales.gap_low)
 
 

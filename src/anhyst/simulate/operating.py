@@ -104,6 +104,17 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
 
     Constants are those of the drive where it has any; a constant ratio cancels no negative
     stiffness. Every other drive counts as knowing the static slopes.
+
+    Parameters
+    ----------
+    setup : Setup
+        Controller, drive and rig.
+    at : OperatingPoint
+        Of the same rig.
+
+    Returns
+    -------
+    linear.Loop
     """
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier

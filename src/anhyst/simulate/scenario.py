@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from anhyst.control.position import Command
 from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, step_ends
 
 Floats = NDArray[np.float64]
@@ -20,18 +20,6 @@ DROP = 256
 
 LIFT_S = 0.45
 """Time from power on until the armature hangs still, s: self-test, force ramp, rise, settling."""
-
-
-class Command(IntEnum):
-    """Commands to the position controller."""
-
-    NONE = 0
-    CONDITION = 1
-    DEMAGNETISED = 2
-    LIFT = 3
-    LAND = 4
-    STOP = 5
-    CLEAR = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,12 +121,38 @@ class Script:
         return self.hold(seconds - 0.006)
 
     def hold(self, seconds: float, inject: Floats | None = None) -> Script:
-        """Let time pass, perhaps with something added to the sensor."""
+        """Let time pass, perhaps with something added to the sensor.
+
+        Parameters
+        ----------
+        seconds : float
+            How long, s; does not count where something is added.
+        inject : ndarray, shape (n,), optional
+            Added to the gap that the controller sees, m, for n ticks.
+
+        Returns
+        -------
+        Script
+            This one.
+        """
         count = self.count(seconds) if inject is None else inject.size
         return self._add(np.full(count, self.gap), inject)
 
     def step(self, gap: float, seconds: float) -> Script:
-        """Step the reference and let time pass."""
+        """Step the reference and let time pass.
+
+        Parameters
+        ----------
+        gap : float
+            Wanted from now on, m.
+        seconds : float
+            How long it is held, s.
+
+        Returns
+        -------
+        Script
+            This one.
+        """
         begin, before, self.gap = self.ticks, self.gap, gap
         self.hold(seconds)
         self._steps.append(Step(begin, self.ticks, before, gap))

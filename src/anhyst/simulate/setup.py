@@ -88,6 +88,17 @@ def learn(loops: LoopSet) -> Knowledge:
 def read_knowledge(rig: BearingRig, controller: ControllerFile) -> Knowledge:
     """Read the loops of a rig, and the model that a controller file names or else identify one.
 
+    Parameters
+    ----------
+    rig : BearingRig
+        Names the loops, and the gap that they must lie around.
+    controller : ControllerFile
+        Names the model, if any.
+
+    Returns
+    -------
+    Knowledge
+
     Raises
     ------
     InputError
@@ -131,6 +142,15 @@ def make_setup(
         Its own variant and format do not count.
     knowledge : Knowledge
     variant, number_format : str
+
+    Returns
+    -------
+    Setup
+
+    Raises
+    ------
+    InputError
+        What is known does not make a drive of this variant.
     """
     drive = fit_drive(
         variant,
@@ -153,6 +173,19 @@ def make_setups(
     variants: tuple[Variant, ...],
 ) -> Mapping[Variant, Setup]:
     """Fit several variants in the number format of a controller file.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    controller : ControllerFile
+        Its own variant does not count.
+    knowledge : Knowledge
+    variants : tuple of str
+
+    Returns
+    -------
+    mapping of str to Setup
+        By variant.
 
     Raises
     ------
@@ -178,7 +211,21 @@ def with_gains(setup: Setup, controller: ControllerTable) -> Setup:
 
 
 def operating_point(rig: BearingRig, controller: ControllerTable, loops: LoopSet) -> Operating:
-    """Return where a bearing works: each magnet of a pair around its bias."""
+    """Return where a bearing works: each magnet of a pair around its bias.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        Operating gap and load, or the bias of a pair.
+    controller : ControllerTable
+        Rate and limits.
+    loops : LoopSet
+        For the gaps that were measured.
+
+    Returns
+    -------
+    Operating
+    """
     pair = pair_of(rig)
     measured = [gap for gap in loops.by_schedule() if gap is not None]
     return Operating(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from anhyst.atomic import PathLike, atomic_writer, check_writable
 from anhyst.compile.folder import json_text
+from anhyst.control.position import Command
 from anhyst.errors import InputError, NegativeResult
 from anhyst.modelfile import write_model
 from anhyst.simulate import experiments, linear
@@ -32,7 +33,7 @@ from anhyst.simulate.operating import (
 from anhyst.simulate.recording import Recording, check_ending, write_recording
 from anhyst.simulate.responses import Cell, as_rows, compare, default_seeds
 from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.scenario import LIFT_S, Command, Scenario, Script, steps_up_and_down
+from anhyst.simulate.scenario import LIFT_S, Scenario, Script, steps_up_and_down
 from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity
 from anhyst.simulate.setup import Knowledge, Setup, make_setups, read_knowledge
 

@@ -55,7 +55,20 @@ class Surface:
     current: Floats
 
     def at(self, force: Floats, gap: float) -> Floats:
-        """Return the current for forces at one gap, A; straight lines between the steps."""
+        """Return the current for forces at one gap; straight lines between the steps.
+
+        Parameters
+        ----------
+        force : ndarray, shape (n,)
+            N; beyond the steps as at the nearest one.
+        gap : float
+            m; likewise.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            A.
+        """
         row = [np.interp(gap, self.gap, column) for column in self.current.T]
         return np.asarray(np.interp(force, self.force, row))
 
@@ -64,8 +77,9 @@ def fit_surface(loops: LoopSet, force_high: float, gap_range: tuple[float, float
     """Fit the best current without memory.
 
     At every level of force it lies midway between the least and the largest current that the loops
-    of a gap show there: nothing single-valued has a smaller worst error. Noise is smoothed away.
-    Beyond what the loops of a gap reach it goes on straight. Over the gap runs a monotone cubic.
+    of a gap show there. Nothing single-valued has a smaller worst error than that; smoothing it,
+    which takes the noise away, costs a little of it. Beyond what the loops of a gap reach it goes
+    on straight. Over the gap runs a monotone cubic.
 
     Parameters
     ----------
