@@ -7,11 +7,13 @@ Everything is SI and the unit stands in the key. Every key is described in docs/
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from anhyst.atomic import PathLike, atomic_writer
 from anhyst.control.design import Gains, design
@@ -34,14 +36,18 @@ from anhyst.tomlfile import (
     faults_error,
     read_toml,
 )
+from anhyst.tomltext import Path as KeyPath
 from anhyst.tomltext import toml_value
 
 Variant = Literal["ratio", "ratio-chord", "linearised", "static", "simplified", "full", "flux"]
 Format = Literal["f64", "f32", "fixed"]
-Ticks = Annotated[int, Field(ge=0, le=1_000_000)]
+Ticks = Annotated[int, Field(ge=0, le=65535)]
 
 RELEASE_S = 0.1
 """Time in which the largest current goes to zero when nothing is controlled, s."""
+
+FINEST_STEP = 1e-9
+"""Least that a gap may be allowed to change from tick to tick, m."""
 
 CONVERTER_BITS = 16
 """Of the converter of the current references, where the file does not tell."""
@@ -87,7 +93,17 @@ class LimitsTable(Table):
     current_high_A: Number
     gap_low_m: NotNegative
     gap_high_m: Positive
-    step_m: Positive
+    step_m: Number
+
+    @field_validator("step_m")
+    @classmethod
+    def _above_rounding(cls, step: float) -> float:
+        if step < FINEST_STEP:
+            raise ValueError(
+                f"{step:g} m is below {FINEST_STEP:g} m, less than any position sensor's noise: no "
+                "reading would count; raise it"
+            )
+        return step
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -217,16 +233,34 @@ class ControllerTable(Table):
         return Converter(self.converter.low_A, self.converter.high_A, self.converter.bits)
 
     def force_max(self, pair: PairTable | None) -> float:
-        """Return the largest force of one magnet, N."""
+        """Return the largest force of one magnet, N.
+
+        Parameters
+        ----------
+        pair : PairTable or None
+            What is to know of a second magnet.
+        """
         high = self.limits.force_high_N
         return high if pair is None else pair.bias_force_N + 0.5 * high
 
     def working_gaps(
         self, pair: PairTable | None, measured: tuple[float, float]
     ) -> tuple[float, float]:
-        """Return the gaps of either magnet for which its drive is made, m.
+        """Return the gaps of either magnet for which its drive is made.
 
         Beyond the gaps that were measured a drive goes on as at the last one.
+
+        Parameters
+        ----------
+        pair : PairTable or None
+            What is to know of a second magnet.
+        measured : tuple of float
+            Least and largest gap that was measured, m.
+
+        Returns
+        -------
+        low, high : float
+            m.
         """
         low, high = self.limits.gap_low_m, self.limits.gap_high_m
         if pair is not None:
@@ -236,7 +270,27 @@ class ControllerTable(Table):
     def position_control(
         self, scales: DriveScales, converter: Converter, pair: PairTable | None
     ) -> PositionControl:
-        """Return the controller of the position around drives with these scales."""
+        """Return the controller of the position around its drives.
+
+        Parameters
+        ----------
+        scales : DriveScales
+            Of the drives.
+        converter : Converter
+            Of the current references.
+        pair : PairTable or None
+            What is to know of a second magnet.
+
+        Returns
+        -------
+        PositionControl
+            In SI units.
+
+        Raises
+        ------
+        InputError
+            What the file says does not fit together, or the scales.
+        """
         limits = self.limits
         return PositionControl(
             pidd2=self.pidd2(),
@@ -324,7 +378,62 @@ def _own_faults(settings: ControllerTable) -> list[Fault]:
         if cutoff >= settings.rate_Hz / 2.0:
             text = f"{cutoff:g} Hz is not below half of rate_Hz, {settings.rate_Hz / 2.0:g} Hz"
             faults.append((("filter", key), f"{text}; lower it"))
+    limits = settings.limits
+    if limits.current_low_A > 0.0:
+        text = f"{limits.current_low_A:g} A is above 0, but at rest no current flows; lower it"
+        faults.append((("limits", "current_low_A"), text))
+    for key, unit, what in (("force_high_N", "N", "force"), ("current_high_A", "A", "current")):
+        value = getattr(limits, key)
+        if not value > 0.0:
+            text = f"{value:g} {unit} is not above 0, and no other {what} lifts; raise it"
+            faults.append((("limits", key), text))
     return faults
+
+
+_KEYS: Mapping[str, tuple[str, str]] = {
+    **{name: ("limits", f"{name}_m") for name in ("step", "gap_low", "gap_high")},
+    **{name: ("limits", f"{name}_A") for name in ("current_low", "current_high")},
+    **{name: ("limits", f"force_{name}_N") for name in ("low", "high")},
+    **{name: ("filter", f"{name}_Hz") for name in ("cutoff", "cutoff_2")},
+    "detect": ("lift_off", "detect_m"),
+    "rise_speed": ("lift_off", "speed_m_per_s"),
+    "lift_rate": ("lift_off", "force_rate_N_per_s"),
+    "descend_speed": ("landing", "speed_m_per_s"),
+    "set_down_rate": ("landing", "force_rate_N_per_s"),
+    "bits": ("converter", "bits"),
+    "bias": ("pair", "bias_force_N"),
+    "proportional": ("gains", "K_p_N_per_m"),
+    "integral": ("gains", "K_i_N_per_m_s"),
+    "derivative": ("gains", "K_d_N_s_per_m"),
+    "second": ("gains", "K_dd_N_s2_per_m"),
+    "back": ("gains", "K_i_N_per_m_s"),
+}
+"""Where in the file stands what :mod:`anhyst.control` names."""
+
+
+@contextmanager
+def told_by_key(file: ControllerFile) -> Iterator[None]:
+    """Name file, line and key where a controller cannot be made from a file.
+
+    Parameters
+    ----------
+    file : ControllerFile
+        What the controller is made from.
+
+    Raises
+    ------
+    InputError
+        In place of one that names nothing of the file.
+    """
+    try:
+        yield
+    except InputError as error:
+        name, _, text = str(error).partition(": ")
+        key: KeyPath = _KEYS.get(name, ())
+        if key[:1] == ("gains",) and file.settings.gains is None:
+            key = ("design", "bandwidth_Hz")  # all gains grow with it
+            text = str(error)
+        raise faults_error(file.path, [(key, text if key else str(error))]) from error
 
 
 HEADS = {

@@ -7,14 +7,16 @@ import shutil
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 import pytest
 from pydantic import BaseModel
 
 from anhyst.control import design
+from anhyst.data import LoopSet
 from anhyst.errors import InputError
+from anhyst.model import ActuatorModel
 from anhyst.simulate.controllerfile import (
     ControllerTable,
     GainsTable,
@@ -33,6 +35,7 @@ from anhyst.simulate.rigfile import (
     read_bearing,
     step_ends,
 )
+from anhyst.simulate.setup import Knowledge, make_setups
 from anhyst.tomlfile import TomlFileError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -365,6 +368,18 @@ def test_measured_flux_needs_a_probe(folder: Path) -> None:
     (folder / "rig.toml").write_text(without)
     with pytest.raises(InputError, match=rf"toml:{line}: compensation.variant: .flux. needs"):
         check_controller(controller, read_bearing(folder / "rig.toml"))
+
+
+def test_gains_that_fixed_point_cannot_hold_are_told_with_their_key(folder: Path) -> None:
+    path = folder / "controller.toml"
+    line = change(path, "bandwidth_Hz = 120.0", "bandwidth_Hz = 1e6")
+    rig, where = read_bearing(folder / "rig.toml"), rf"{path}:{line}: design\.bandwidth_Hz: prop"
+    loops = LoopSet.from_csv(EXAMPLE / "loops.csv")
+    known = Knowledge(loops, cast(ActuatorModel, None))  # no variant below looks at a model
+    with pytest.raises(InputError, match=rf"{where}.* too large"):
+        make_setups(rig, read_controller(path), known, ("static",))
+    change(path, 'format = "fixed"', 'format = "f64"')
+    make_setups(rig, read_controller(path), known, ("static",))
 
 
 def test_a_written_controller_reads_back_to_the_same_settings(tmp_path: Path) -> None:

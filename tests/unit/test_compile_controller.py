@@ -336,7 +336,27 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
         (
             [("gap_high_m = 0.57e-3", "gap_high_m = 2.57e-3")],
             ["--io", "q31"],
-            r"wrong\.toml: the gaps of the drive cover too little of those that can be; widen",
+            r":25: limits\.gap_high_m: the drive covers too little of the gaps that can be; narrow",
+        ),
+        (
+            [("current_low_A = 0.0", "current_low_A = 0.5")],
+            ["--io", "q31"],
+            r":22: limits\.current_low_A: 0\.5 A is above 0, .*; lower it",
+        ),
+        (
+            [("patience_ticks = 3", "patience_ticks = 100000")],
+            ["--io", "q31"],
+            r": safety\.patience_ticks: .* less than or equal to 65535",
+        ),
+        (
+            [("bandwidth_Hz = 120.0", "bandwidth_Hz = 1e6")],
+            ["--io", "q31"],
+            r":12: design\.bandwidth_Hz: proportional: the gain is too large .*; lower the rate",
+        ),
+        (
+            [("step_m = 20e-6", "step_m = 1e-12")],
+            ["--io", "q31"],
+            r":26: limits\.step_m: 1e-12 m is below 1e-09 m, .*; raise it",
         ),
     ],
 )

@@ -81,7 +81,7 @@ def changed(**change: Any) -> PositionControl:
     ("change", "text"),
     [
         ({"limits__step": 0.0}, "step: 0.0 is not above zero"),
-        ({"limits__gap_low": 0.6e-3}, "gap_low must be below gap_high"),
+        ({"limits__gap_low": 0.6e-3}, "gap_low: must be below gap_high"),
         ({"limits__current_low": 1.0}, "zero must lie within the limits"),
         ({"limits__patience": 70000}, "patience: 70000 ticks"),
         ({"levitation__rise_speed": -1.0}, "rise_speed: -1.0 is not above zero"),
@@ -101,7 +101,7 @@ def test_what_has_no_meaning_is_refused(change: dict[str, Any], text: str) -> No
     ("change", "text"),
     [
         ({"converter": Converter(0.0, 4.5e-3, 16)}, "bits: the converter is too fine"),
-        ({"scales": DriveScales(300.0, 5.0, 0.44e-3, 0.46e-3)}, "cover too little"),
+        ({"scales": DriveScales(300.0, 5.0, 0.44e-3, 0.46e-3)}, "covers too little"),
         ({"levitation__rise_speed": 1e-10}, "rise_speed: too small"),
         ({"converter": Converter(5.0, 9.0, 12)}, "no step of the converter"),
     ],

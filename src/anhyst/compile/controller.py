@@ -15,7 +15,7 @@ from anhyst.compile.bearing import bearing_model
 from anhyst.compile.block import Block
 from anhyst.compile.plan import Plan, Request
 from anhyst.control.position import DriveScales, PositionControl, Settings
-from anhyst.controllerfile import ControllerFile, ControllerTable, read_controller
+from anhyst.controllerfile import ControllerFile, ControllerTable, read_controller, told_by_key
 from anhyst.errors import InputError
 from anhyst.model import ActuatorModel
 from anhyst.tomlfile import Fault, faults_error
@@ -84,18 +84,23 @@ class Controller:
             raise faults_error(self.file.path, [(("limits", "current_high_A"), text)])
 
     def around(self, plan: Plan) -> ControllerPlan:
-        """Return the controller around the compensator of a plan."""
+        """Return the controller around the compensator of a plan.
+
+        Raises
+        ------
+        InputError
+            It does not fit into fixed point; with line and key of the file.
+        """
         table, scales = self.table, plan.block.scales
-        control = table.position_control(
-            DriveScales(scales.demand, scales.current, scales.gap_low, scales.gap_high),
-            table.converter_of_currents(),
-            table.pair,
-        )
         assert isinstance(plan.block, Block)
-        try:
+        with told_by_key(self.file):
+            control = table.position_control(
+                DriveScales(scales.demand, scales.current, scales.gap_low, scales.gap_high),
+                table.converter_of_currents(),
+                table.pair,
+            )
+            control.gains("fixed")
             return ControllerPlan(self, control, plan.block, control.settings("fixed"))
-        except InputError as error:
-            raise InputError(f"{self.file.path}: {error}") from error
 
 
 @dataclass(frozen=True)

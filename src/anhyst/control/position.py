@@ -123,9 +123,9 @@ class Limits:
             if not 0 <= getattr(self, name) <= 65535:
                 raise InputError(f"{name}: {getattr(self, name)} ticks are not within 0..65535")
         if not 0.0 <= self.gap_low < self.gap_high:
-            raise InputError("gap_low must be below gap_high, and not below zero")
+            raise InputError("gap_low: must be below gap_high, and not below zero")
         if not self.current_low <= 0.0 < self.current_high:
-            raise InputError("zero must lie within the limits of the current")
+            raise InputError("current_low: zero must lie within the limits of the current")
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ class Converter:
         first = math.ceil((max(low, self.low) - self.low) / self.step - 1e-6)
         last = math.floor((min(high, self.high) - self.low) / self.step + 1e-6)
         if last <= first:
-            raise InputError("the limits of the current hold no step of the converter")
+            raise InputError("current_high: the limits hold no step of the converter; widen them")
         return self.low + first * self.step, last - first
 
 
@@ -415,7 +415,7 @@ class PositionControl:
             mantissa, shift = as_factor("range of the drive's gaps", factor)
             if shift > 0:
                 raise InputError(
-                    "the gaps of the drive cover too little of those that can be; widen them"
+                    "gap_high: the drive covers too little of the gaps that can be; narrow them"
                 )
             numbers |= {
                 f"gap_offset_{i}": _code((offset - scales.gap_low) / span),

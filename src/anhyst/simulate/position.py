@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from anhyst._core import FixedPosition, LoopController, Position, SinglePosition
 from anhyst.control.position import Converter, DriveScales, PositionControl
 from anhyst.simulate.controllerfile import pair_of
-from anhyst.simulate.setup import Setup
+
+if TYPE_CHECKING:
+    from anhyst.simulate.setup import Setup
 
 _CLASSES = {"f64": Position, "f32": SinglePosition, "fixed": FixedPosition}
 
@@ -23,8 +27,41 @@ def make_position(setup: Setup) -> LoopController:
     return controller
 
 
+def check_position(setup: Setup) -> None:
+    """Refuse a controller that does not fit its drive or its number format.
+
+    Parameters
+    ----------
+    setup : Setup
+        What is to run.
+
+    Raises
+    ------
+    InputError
+        It cannot be made.
+    """
+    control = position_control(setup)
+    control.gains(setup.drive.format)
+    control.settings(setup.drive.format)
+
+
 def position_control(setup: Setup) -> PositionControl:
-    """Return the controller of a setup in SI units."""
+    """Return the controller of a setup in SI units.
+
+    Parameters
+    ----------
+    setup : Setup
+        Gains and limits, drive and rig.
+
+    Returns
+    -------
+    PositionControl
+
+    Raises
+    ------
+    InputError
+        The gains do not fit the scales of the drive.
+    """
     amplifier, scales = setup.rig.settings.amplifier, setup.drive.scales
     return setup.controller.position_control(
         DriveScales(

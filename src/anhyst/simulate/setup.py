@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anhyst.controllerfile import told_by_key
 from anhyst.data import LoopSet
 from anhyst.errors import InputError
 from anhyst.identify import identify
@@ -25,6 +26,7 @@ from anhyst.simulate.drive import Drive
 from anhyst.simulate.flux import FluxCalibration
 from anhyst.simulate.plant import static_map
 from anhyst.simulate.play import with_widest_play
+from anhyst.simulate.position import check_position
 from anhyst.simulate.rigfile import BearingRig
 from anhyst.simulate.variants import Operating, fit_drive
 
@@ -202,6 +204,8 @@ def make_setups(
             found[variant] = make_setup(rig, table, knowledge, variant, table.compensation.format)
         except InputError as error:
             raise InputError(f"{controller.model if modelled else rig.loops}: {error}") from error
+        with told_by_key(controller):
+            check_position(found[variant])
     return found
 
 
