@@ -9,12 +9,13 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from anhyst.simulate import experiments
 from anhyst.simulate.controllerfile import ControllerFile, Format, Variant, read_controller
 from anhyst.simulate.measuring import measure_loops
 from anhyst.simulate.operating import OperatingPoint, find_operating_point
-from anhyst.simulate.responses import Cell, compare
+from anhyst.simulate.responses import Cell, compare, default_seeds
 from anhyst.simulate.rigfile import BearingRig, PositionTable, TrajectoryTable, read_bearing
 from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
 from anhyst.simulate.variations import changed, with_iron
@@ -32,7 +33,6 @@ VARIANTS: tuple[Variant, ...] = (
     "simplified",
     "full",
 )
-SEEDS = range(20)
 
 
 @dataclass(frozen=True)
@@ -73,12 +73,12 @@ def same_gains(iron: Iron) -> list[Cell]:
     """Run steps of every height with every variant behind the same gains."""
     gap = iron.rig.settings.simulate.gap_m
     load = iron.rig.settings.load.force_N
-    return compare(list(iron.setups.values()), [gap], HEIGHTS, [load], SEEDS)
+    return compare(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
 
 
 def overshoot(cells: Sequence[Cell], variant: Variant) -> list[float]:
-    """Mean overshoot of a variant at every height, per cent."""
-    return [one.figures["overshoot_percent"].mean for one in cells if one.variant == variant]
+    """Mean overshoot of a variant at every height, per cent; not a number where a run was lost."""
+    return [one.of("overshoot_percent").mean for one in cells if one.variant == variant]
 
 
 def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[Cell]]) -> str:
@@ -90,20 +90,36 @@ def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[Cell]]) -> str
         for variant in VARIANTS:
             mine = [one for one in cells if one.variant == variant]
             shown = [_percent(one) for one in mine]
-            at_50 = mine[2].figures
-            settling = at_50["settling_time_s"].mean
-            rest = at_50["standstill_rms_m"].mean
+            settling, rest = (_mean(mine[2], *one) for one in (_SETTLING, _STANDSTILL))
             lines.append(
-                f"| {iron.title} | `{variant}` | {' | '.join(shown)} | {1e3 * settling:.2f} ms | "
-                f"{1e9 * rest:.0f} nm |"
+                f"| {iron.title} | `{variant}` | {' | '.join(shown)} | {settling} | {rest} |"
             )
     return "\n".join(lines)
 
 
+_SETTLING = "settling_in_noise_s", 1e3, ".2f", "ms"
+_STANDSTILL = "standstill_rms_m", 1e9, ".0f", "nm"
+
+
 def _percent(cell: Cell) -> str:
-    one = cell.figures["overshoot_percent"]
-    lost = f" ({cell.lost} lost)" if cell.lost else ""
-    return f"{one.mean:.2f} ± {one.half_width:.2f} %{lost}"
+    """Overshoot with its interval, and whether it is no more than the noise of a standstill."""
+    if cell.lost:
+        return f"{cell.lost} of {cell.runs} lost"
+    one = cell.of("overshoot_percent")
+    return f"{one.mean:.2f} ± {one.half_width:.2f} %{'' if cell.overshoots else ' ≤ noise'}"
+
+
+def _mean(cell: Cell, name: str, factor: float, form: str, unit: str) -> str:
+    if cell.lost:
+        return f"{cell.lost} of {cell.runs} lost"
+    return f"{factor * cell.of(name).mean:{form}} {unit}"
+
+
+def _tried(found: Mapping[str, Any], name: str, factor: float, form: str, unit: str) -> str:
+    """Mean of an experiment beside steps."""
+    if found["lost"]:
+        return f"{found['lost']} of {found['runs']} lost"
+    return f"{factor * found[name]['mean']:{form}} {unit}"
 
 
 def quiet(rig: BearingRig) -> BearingRig:
@@ -129,15 +145,16 @@ def slow_table(irons: Sequence[Iron]) -> str:
     for iron in irons:
         rig = quiet(iron.rig)
         setups = {name: Setup(rig, s.controller, s.drive) for name, s in iron.setups.items()}
-        tried = experiments.of_all(experiments.follow, setups, SEEDS[:5], shape)
+        seeds = default_seeds(rig)
+        tried = experiments.of_all(experiments.follow, setups, seeds, shape)
         gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
-        small = compare(list(setups.values()), [gap], [1e-6], [load], SEEDS)
+        small = compare(list(setups.values()), [gap], [1e-6], [load], seeds)
         for name, cell in zip(setups, small, strict=True):
-            found = tried[name]
+            off = _tried(tried[name], "tracking_rms_m", 1e9, ".0f", "nm")
+            force = _tried(tried[name], "force_error_rms_N", 1.0, ".2f", "N")
             lines.append(
-                f"| {iron.title} | `{name}` | {1e9 * found['tracking_rms_m']['mean']:.0f} nm | "
-                f"{found['force_error_rms_N']['mean']:.2f} N | {_percent(cell)} | "
-                f"{1e3 * cell.figures['settling_in_noise_s'].mean:.1f} ms |"
+                f"| {iron.title} | `{name}` | {off} | {force} | {_percent(cell)} | "
+                f"{_mean(cell, *_SETTLING)} |"
             )
     return "\n".join(lines)
 
@@ -171,7 +188,7 @@ def _claims(irons: Sequence[Iron], results: Sequence[Sequence[Cell]]) -> list[Ro
                 "<= 0.5 at every height",
                 f"{max(ratios):.2f} at worst; "
                 + ", ".join(f"{name} {max(values):.2f} %" for name, values in told.items()),
-                max(ratios) <= 0.5,
+                all(ratio <= 0.5 for ratio in ratios),
             )
         )
     return found
@@ -184,20 +201,26 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
             name: Setup(quiet(iron.rig), one.controller, one.drive)
             for name, one in iron.setups.items()
         }
-        tried = experiments.of_all(experiments.stand_still, setups, SEEDS[:10], None)
+        tried = experiments.of_all(experiments.stand_still, setups, default_seeds(iron.rig), None)
         full = tried["full"]
-        told = ", ".join(f"{name} {1e9 * one['rms_m']['mean']:.1f}" for name, one in tried.items())
-        reached = full["rms_m"]["mean"] <= 10e-9 and full["limit_cycle_m"]["mean"] == 0.0
+        told = ", ".join(_standstill_text(name, one) for name, one in tried.items())
+        reached = not full["lost"] and full["rms_m"]["mean"] <= 10e-9 and not full["limit_cycles"]
         asked = iron.rig.settings.magnet.iron is not None and iron is not irons[0]
         found.append(
             Row(
                 f"bearing, standstill with a 5 nm sensor, iron {iron.title}",
                 "full <= 10 nm rms, no limit cycle" if asked else "",
-                f"{told} nm",
+                told,
                 reached if asked else None,
             )
         )
     return found
+
+
+def _standstill_text(name: str, found: Mapping[str, Any]) -> str:
+    cycles = found.get("limit_cycles", 0)
+    cycling = f" (limit cycle in {cycles} of {found['runs']})" if cycles else ""
+    return f"{name} {_tried(found, 'rms_m', 1e9, '.1f', 'nm')}{cycling}"
 
 
 def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
@@ -207,14 +230,15 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
     worst, told = 0.0, []
     for variant in variants:
         setups = {name: in_format(iron, controller, variant, name) for name in formats}
-        cells = compare(list(setups.values()), [gap], HEIGHTS, [load], SEEDS)
+        seeds = default_seeds(iron.rig)
+        cells = compare(list(setups.values()), [gap], HEIGHTS, [load], seeds)
         by = [cells[4 * place : 4 * place + 4] for place in range(len(formats))]
         apart = max(
-            abs(a.figures["overshoot_percent"].mean - b.figures["overshoot_percent"].mean)
+            abs(a.of("overshoot_percent").mean - b.of("overshoot_percent").mean)
             for a, b in zip(by[0], by[2], strict=True)
         )
         still = [
-            experiments.of_all(experiments.stand_still, {variant: one}, SEEDS, None)[variant][
+            experiments.of_all(experiments.stand_still, {variant: one}, seeds, None)[variant][
                 "rms_m"
             ]["mean"]
             for one in (setups["f64"], setups["fixed"])
@@ -237,16 +261,16 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
 def _events(iron: Iron) -> list[Row]:
     found = []
     for event in experiments.EVENTS:
-        tried = experiments.of_all(experiments.recover, iron.setups, SEEDS[:5], event)
+        seeds = default_seeds(iron.rig)
+        tried = experiments.of_all(experiments.recover, iron.setups, seeds, event)
         told = ", ".join(
-            f"{name} {1e3 * one['recovery_s']['mean']:.1f}" if one["lost"] == 0 else f"{name} lost"
-            for name, one in tried.items()
+            f"{name} {_tried(one, 'recovery_s', 1e3, '.1f', 'ms')}" for name, one in tried.items()
         )
         found.append(
             Row(
                 f"bearing, {event}: back within 1 um after",
                 "no loss of levitation",
-                f"{told} ms",
+                told,
                 all(one["lost"] == 0 for one in tried.values()),
             )
         )

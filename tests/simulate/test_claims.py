@@ -7,9 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from anhyst.simulate import responses
 from anhyst.simulate.controllerfile import Format, Variant
-from anhyst.simulate.experiments import Trial, stand_still
-from anhyst.simulate.responses import Cell, compare
+from anhyst.simulate.experiments import Outcome, Trial, of_all, stand_still
+from anhyst.simulate.limitcycle import LimitCycle
+from anhyst.simulate.responses import Cell, Run, StepResult, compare
 from anhyst.simulate.setup import Setup
 
 from . import bearings
@@ -63,13 +65,70 @@ def standstill(setup: Setup) -> float:
     """Mean rms over the seeds, m; no limit cycle in any."""
     found = [stand_still(Trial(setup, seed)) for seed in SEEDS]
     assert not any(one.lost for one in found)
-    assert [one.figures["limit_cycle_m"] for one in found] == [0.0] * len(SEEDS)
+    assert [one.cycles for one in found] == [()] * len(SEEDS)
     return float(np.mean([one.figures["rms_m"] for one in found]))
 
 
 @pytest.mark.parametrize("fraction", [0.15, 0.3])
 def test_it_stands_still_to_ten_nanometres_without_a_limit_cycle(fraction: float) -> None:
     assert standstill(quiet(bearings.single("full", fraction=fraction))) <= 10e-9
+
+
+def test_what_overshoots_is_told_from_what_only_moves_about() -> None:
+    """A constant ratio overshoots; of the best curve without memory the noise is all there is."""
+    assert all(cell.overshoots for cell in cells("ratio", "fixed", 0.15))
+    least = cells("static", "fixed", 0.15)[0]
+    assert not least.overshoots
+    assert least.of("overshoot_percent").mean == pytest.approx(
+        least.of("noise_percent").mean, rel=0.3
+    )
+
+
+def falls_once(trial: Trial) -> Outcome:
+    return Outcome({"rms_m": 1.0}, trial.seed == 1)
+
+
+def test_where_a_run_is_lost_there_is_no_mean_of_the_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    setup = bearings.single("ratio")
+    found = of_all(falls_once, {"ratio": setup}, SEEDS, None)
+    assert found == {"ratio": {"lost": 1, "runs": len(SEEDS)}}
+    real = responses.run_steps
+
+    def but_once(run: Run) -> tuple[list[StepResult], float | None]:
+        return ([], 0.7) if run.seed == 1 else real(run)
+
+    monkeypatch.setattr(responses, "run_steps", but_once)
+    (cell,) = compare([setup], [GAP], [50e-6], [150.0], SEEDS, jobs=1)
+    assert (cell.lost, cell.runs, cell.figures) == (1, len(SEEDS), {})
+    assert np.isnan(cell.of("overshoot_percent").mean)
+    (row,) = responses.as_rows([cell])
+    assert set(row) == {"variant", "gap_m", "height_m", "load_N", "lost", "runs"}
+
+
+def cycles_twice(trial: Trial) -> Outcome:
+    cycles = (LimitCycle(100e-9, 8e-3, 0.8), LimitCycle(60e-9, 10e-3, 0.7))
+    return Outcome({"rms_m": 1.0}, False, cycles[trial.seed : trial.seed + 1])
+
+
+def rests(trial: Trial) -> Outcome:
+    del trial
+    return Outcome({"rms_m": 1.0}, False, ())
+
+
+def test_a_limit_cycle_is_told_by_its_runs_and_not_by_a_mean_with_zeros() -> None:
+    setups: dict[Variant, Setup] = {"ratio": bearings.single("ratio")}
+    found = of_all(cycles_twice, setups, range(5), None)["ratio"]
+    assert (found["limit_cycles"], found["runs"]) == (2, 5)
+    assert found["limit_cycle_m"] == pytest.approx(80e-9)
+    assert found["limit_cycle_s"] == pytest.approx(9e-3)
+    still = of_all(rests, setups, range(5), None)["ratio"]
+    assert (still["limit_cycles"], still["limit_cycle_m"], still["limit_cycle_s"]) == (
+        0,
+        None,
+        None,
+    )
 
 
 def test_fixed_point_does_as_f64() -> None:

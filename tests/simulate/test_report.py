@@ -22,7 +22,7 @@ from anhyst.data.units import QUANTITIES
 from anhyst.report.blocks import Items, Note
 from anhyst.simulate.controllerfile import ControllerTable, Variant, read_controller
 from anhyst.simulate.linear import Margins
-from anhyst.simulate.metrics import Interval
+from anhyst.simulate.metrics import Interval, no_mean
 from anhyst.simulate.recording import COLUMNS, Recording
 from anhyst.simulate.report import Subject, write_simulation_report
 from anhyst.simulate.report.block_diagram import figure_structure
@@ -41,7 +41,7 @@ from anhyst.simulate.report.over_runs import (
 )
 from anhyst.simulate.report.over_time import StepPanel, figure_forces, figure_steps
 from anhyst.simulate.report.page import render
-from anhyst.simulate.report.subject import LOST, Comparison, Tracking, grouped
+from anhyst.simulate.report.subject import Comparison, Tracking, grouped
 from anhyst.simulate.report.tables import difference
 from anhyst.simulate.responses import Cell
 from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, read_bearing
@@ -56,6 +56,7 @@ OVERSHOOT: Mapping[Variant, tuple[tuple[float, float], ...]] = {
     "static": ((10.0, 0.3), (7.125, 0.3)),
     "full": ((12.1, 0.25), (7.25, 0.25)),
 }
+NOISE = 0.5
 
 
 @pytest.fixture(scope="module")
@@ -105,10 +106,12 @@ def cells() -> list[Cell]:
             150.0,
             {
                 "overshoot_percent": Interval(*OVERSHOOT[name][place], 20),
+                "noise_percent": Interval(NOISE, 0.05, 20),
                 "settling_in_noise_s": Interval(6.25e-3, 0.1e-3, 20),
                 "steady_error_m": Interval(1e-9, 2e-9, 20),
             },
             lost=0,
+            runs=20,
         )
         for place, height in enumerate((10e-6, 50e-6))
         for name in SHOWN
@@ -162,7 +165,7 @@ def subject(
                     "Standstill <rms>",
                     "nm",
                     1e9,
-                    {"still": {"full": Interval(14.25e-9, 5e-10, 20), "ratio": LOST}},
+                    {"still": {"full": Interval(14.25e-9, 5e-10, 20), "ratio": no_mean(3, 20)}},
                 ),
             )
         },
@@ -235,7 +238,7 @@ def test_figures_stand_with_their_intervals(page: Page) -> None:
     for told in ("30.25 ± 0.40", "10.00 ± 0.30", "12.10 ± 0.25", "6.25 ± 0.10", "14.25 ± 0.50"):
         assert told in page.text
     assert "Mean and 95 % confidence interval over 20 noise seeds" in page.text
-    assert "lost" in page.text  # the variant that fell
+    assert "3 of 20 lost" in page.text  # the variant that fell
     assert "The encoder of 50 nm limits." in page.text
 
 
@@ -261,25 +264,61 @@ def test_zones_follow_the_peak(page: Page) -> None:
 
 
 def test_lost_levitation_is_told_first(subject: Subject) -> None:
-    fallen = [replace(cell, lost=7) if cell.variant == "ratio" else cell for cell in cells()]
+    fallen = [
+        replace(cell, figures={}, lost=7) if cell.variant == "ratio" else cell for cell in cells()
+    ]
     text = Page(render(replace(subject, steps=grouped(fallen)))).text
     assert "ratio at 10 µm at 0.45 mm: 7 of 20 runs" in text
     assert text.index("Levitation lost") < text.index("Against static")
+    assert "7 of 20 lost" in text
+    assert "Against ratio. Nothing to compare: ratio or full lost the armature" in text
+    assert "nan" not in text
+
+
+def test_an_overshoot_that_is_noise_is_marked(subject: Subject) -> None:
+    same = Interval(OVERSHOOT["full"][1][0], 0.3, 20)
+    noisy = [
+        replace(cell, figures={**cell.figures, "noise_percent": same})
+        if (cell.variant, cell.height) == ("full", 50e-6)
+        else cell
+        for cell in cells()
+    ]
+    text = Page(render(replace(subject, steps=grouped(noisy)))).text
+    assert "7.25 ± 0.25 % ≤ noise" in text.replace("\N{NO-BREAK SPACE}", " ")
+    assert "12.10 ± 0.25 % ≤ noise" not in text.replace("\N{NO-BREAK SPACE}", " ")
+    assert "24.75 ± 0.30 7.12 ± 0.30 7.25 ± 0.25 ≤ noise" in text
+
+
+def test_no_difference_within_the_noise_of_a_standstill_is_certain(subject: Subject) -> None:
+    loud = Interval(2.5, 0.05, 20)
+    noisy = [
+        replace(cell, figures={**cell.figures, "noise_percent": loud})
+        if cell.variant == "static"
+        else cell
+        for cell in cells()
+    ]
+    text = Page(render(replace(subject, steps=grouped(noisy)))).text
+    assert (
+        "Against static. At 0 of 2 steps full certainly overshoots less than static, at 0 more"
+        in text
+    )
+    assert "Against ratio. At 2 of 2 steps full certainly overshoots less than ratio" in text
 
 
 @pytest.mark.parametrize(
-    ("mine", "other", "text"),
+    ("mine", "other", "floor", "text"),
     [
-        ((5.0, 0.1), (10.0, 0.1), "50 % less"),
-        ((5.0, 3.0), (8.0, 1.0), "alike"),
-        ((1.5, 0.1), (1.0, 0.1), "+0.50 points"),
-        ((math.nan, math.nan), (1.0, 0.1), "–"),
+        ((5.0, 0.1), (10.0, 0.1), 0.2, "50 % less"),
+        ((5.0, 3.0), (8.0, 1.0), 0.2, "alike"),
+        ((1.5, 0.1), (1.0, 0.1), 0.2, "+0.50 points"),
+        ((1.5, 0.1), (1.0, 0.1), 0.6, "alike"),
+        ((math.nan, math.nan), (1.0, 0.1), math.nan, "–"),
     ],
 )
 def test_a_difference_within_the_noise_is_none(
-    mine: tuple[float, float], other: tuple[float, float], text: str
+    mine: tuple[float, float], other: tuple[float, float], floor: float, text: str
 ) -> None:
-    found = difference(Interval(*mine, 20), Interval(*other, 20))
+    found = difference(Interval(*mine, 20), Interval(*other, 20), floor)
     assert found.text.replace("\N{NO-BREAK SPACE}", " ") == text
 
 
@@ -290,7 +329,7 @@ def test_a_difference_within_the_noise_is_none(
         ((1234.0, 0.5), "1234 ± 1"),
         ((-0.0001, 0.02), "0.000 ± 0.020"),
         ((math.inf, math.nan), "never"),
-        ((math.nan, math.nan), "lost"),
+        ((math.nan, math.nan), "–"),
         ((7.5, 0.0), "7.5"),
     ],
 )

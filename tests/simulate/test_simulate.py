@@ -115,12 +115,14 @@ def test_figures_are_json_and_those_that_were_found(
     assert [row["variant"] for row in steps] == ["ratio", "flux", "static"]
     for row, cell in zip(steps, found.cells, strict=True):
         assert set(FIGURES) < set(row)
-        assert row["lost"] == 0
+        assert (row["lost"], row["runs"]) == (0, 2)
         for name in FIGURES:
             assert row[name]["count"] == 2
             assert row[name]["mean"] == cell.figures[name].mean
     assert steps[0]["overshoot_percent"]["mean"] > steps[2]["overshoot_percent"]["mean"]
     assert set(figures["sensitivity"]) == set(figures["loop"]) == {"ratio", "flux", "static"}
+    assert figures["loop"]["ratio"]["stable"]
+    assert figures["loop"]["flux"] is figures["loop"]["static"] is None, "one loop for both"
     assert done == sorted(done)
     assert 0.0 < done[0] < done[-1] <= 1.0
 
@@ -258,12 +260,12 @@ def test_a_variant_that_does_not_hold_it_is_told_beside_the_others(folder: Path)
     figures = json.loads((folder / "out" / "figures.json").read_text())
     lost = {row["variant"]: row["lost"] for row in figures["steps"]}
     assert lost == {"ratio": 2, "flux": 0, "static": 0}
-    assert figures["standstill"]["ratio"] == {"lost": 2}
+    assert figures["standstill"]["ratio"] == {"lost": 2, "runs": 2}
     assert figures["sensitivity"]["ratio"] is None
     assert figures["sensitivity"]["static"]["peak"] > 1.0
     assert set(found.sensitivity) == {"flux", "static"}
     assert not figures["loop"]["ratio"]["stable"]
-    assert figures["loop"]["static"]["stable"]
+    assert found.loops["static"].stable
     write_simulation_report(folder / "out" / "report.html", subject_of(found, "anhyst simulate"))
 
 

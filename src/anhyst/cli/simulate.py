@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from anhyst.simulate.benefit import Benefit
     from anhyst.simulate.controllerfile import ControllerFile
     from anhyst.simulate.montecarlo import MonteCarlo
+    from anhyst.simulate.responses import Cell
     from anhyst.simulate.rigfile import BearingRig
     from anhyst.simulate.simulate import Simulation
 
@@ -214,6 +215,13 @@ def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:
     )
 
 
+def _overshoot(cell: Cell) -> str:
+    if cell.lost:
+        return f"{cell.lost} of {cell.runs} lost"
+    one = cell.of("overshoot_percent")
+    return f"{one.mean:.2f} ± {one.half_width:.2f}{'' if cell.overshoots else ' ≤ noise'}"
+
+
 def _show(found: Simulation, out: Path) -> None:
     heights = list(dict.fromkeys(cell.height for cell in found.cells))
     gap = found.rig.settings.simulate.gap_m
@@ -223,16 +231,12 @@ def _show(found: Simulation, out: Path) -> None:
     )
     for name in found.setups:
         mine = [cell for cell in found.cells if cell.variant == name and cell.gap == gap]
-        if any(not cell.figures for cell in mine):
-            rows.add_row(name, *["lost"] * (len(heights) + 2))
-            continue
-        overshoot = [cell.figures["overshoot_percent"] for cell in mine]
-        last = mine[-1].figures
+        last = mine[-1]
         rows.add_row(
             f"{name} *" if name == found.own else name,
-            *(f"{one.mean:.2f} ± {one.half_width:.2f}" for one in overshoot),
-            f"{1e3 * last['settling_in_noise_s'].mean:.2f}",
-            f"{1e9 * last['standstill_rms_m'].mean:.0f}",
+            *(_overshoot(cell) for cell in mine),
+            f"{1e3 * last.of('settling_in_noise_s').mean:.2f}" if not last.lost else "",
+            f"{1e9 * last.of('standstill_rms_m').mean:.0f}" if not last.lost else "",
         )
     iron = found.at.slopes
     label = f"{iron.label} iron: just after a reversal {100.0 * iron.share:.0f} % of the static N/A"
@@ -240,6 +244,7 @@ def _show(found: Simulation, out: Path) -> None:
         rows,
         f"* of the controller file; mean of {found.rig.settings.simulate.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
+        "≤ noise: not certainly more than the armature moves about at a standstill",
         f"{label}; unstable pole {found.at.point.pole_at_current:.0f} Hz",
         *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",

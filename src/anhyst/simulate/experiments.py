@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.simulate.controllerfile import Variant
-from anhyst.simulate.limitcycle import limit_cycle
+from anhyst.simulate.limitcycle import LimitCycle, limit_cycle
 from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.metrics import deviation, mean_interval, recovery_time
 from anhyst.simulate.pool import Progress, all_of
@@ -43,10 +44,21 @@ class Trial:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What an experiment gave: numbers by name, and whether levitation was lost."""
+    """What an experiment gave.
+
+    Parameters
+    ----------
+    figures : dict of str to float
+        Numbers by name.
+    lost : bool
+        Whether levitation was lost.
+    cycles : tuple of LimitCycle, optional
+        The limit cycle if there was one; None where nobody looked for any.
+    """
 
     figures: dict[str, float]
     lost: bool
+    cycles: tuple[LimitCycle, ...] | None = None
 
 
 def of_all(
@@ -61,8 +73,10 @@ def of_all(
     Returns
     -------
     dict
-        By variant and name of the figure ``mean``, ``half_width`` (of the 95 % interval) and
-        ``count``; ``lost``: seeds in which levitation was lost, which do not count otherwise.
+        By variant ``runs``, how many seeds, and ``lost``, in how many of them levitation was lost.
+        Only if in none, by name of the figure ``mean``, ``half_width`` (of the 95 % interval) and
+        ``count``; and of limit cycles ``limit_cycles``, in how many seeds there was one, with the
+        medians of these.
     """
     trials = [Trial(setup, seed, what) for setup in setups.values() for seed in seeds]
     outcomes = all_of(work, trials, progress)
@@ -73,12 +87,26 @@ def of_all(
 
 
 def _sum_up(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    kept = [one.figures for one in outcomes if not one.lost]
-    found: dict[str, Any] = {"lost": len(outcomes) - len(kept)}
-    for name in kept[0] if len(kept) > 1 else ():
-        one = mean_interval([figures[name] for figures in kept])
+    lost = sum(one.lost for one in outcomes)
+    found: dict[str, Any] = {"lost": lost, "runs": len(outcomes)}
+    if lost:
+        return found
+    for name in outcomes[0].figures:
+        one = mean_interval([outcome.figures[name] for outcome in outcomes])
         found[name] = {"mean": one.mean, "half_width": one.half_width, "count": one.count}
-    return found
+    return found | _cycles([one.cycles for one in outcomes if one.cycles is not None])
+
+
+def _cycles(found: Sequence[tuple[LimitCycle, ...]]) -> dict[str, Any]:
+    """Sum up limit cycles: a mean over runs with and without one would be neither."""
+    cycles = [cycle for one in found for cycle in one]
+    if not found:
+        return {}
+    return {
+        "limit_cycles": len(cycles),
+        "limit_cycle_m": statistics.median(one.amplitude for one in cycles) if cycles else None,
+        "limit_cycle_s": statistics.median(one.period for one in cycles) if cycles else None,
+    }
 
 
 def standing(setup: Setup) -> tuple[Scenario, int]:
@@ -122,10 +150,8 @@ def stand_still(trial: Trial) -> Outcome:
         "rms_m": float(np.std(gap)),
         "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.simulate.gap_m,
         "current_rms_A": float(np.std(part["current_A"])),
-        "limit_cycle_m": 0.0 if cycle is None else cycle.amplitude,
-        "limit_cycle_s": 0.0 if cycle is None else cycle.period,
     }
-    return Outcome(figures, False)
+    return Outcome(figures, False, () if cycle is None else (cycle,))
 
 
 def follow(trial: Trial) -> Outcome:

@@ -16,8 +16,11 @@ from scipy import stats
 _Array = NDArray[np.float64]
 
 SETTLED = 0.02  # of a step's height
-_NOISES = 3.0  # standard deviations of the standstill within which a position counts as arrived
+_RESOLUTIONS = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived
 _REST = 0.25  # last part of a hold, taken for standstill
+# Last part of a hold, taken for what a standstill adds to an overshoot. Deviations to both sides
+# count, beyond a reference only one does: half the hold draws as many chances as the whole of it.
+_NOISE = 0.5
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,9 @@ class StepFigures:
     overshoot : float
         Largest way beyond the new reference, % of the height, noise included; 0 if it was not
         reached.
+    noise : float
+        Largest deviation of the gap from its mean over the last half of the hold, % of the height:
+        an overshoot that is no larger tells nothing of the step.
     undershoot : float
         Largest way back behind the old reference, % of the height.
     rise_time : float
@@ -41,9 +47,9 @@ class StepFigures:
         From the step until the gap stays within :data:`SETTLED` of the height around the new
         reference, s; infinite if it did not within the hold.
     settling_time_in_noise : float
-        The same for the wider one of that band and three times the standstill noise, s.
+        The same for :func:`settling_band`, s.
     band : float
-        Half width of that wider band, m.
+        Half width of that band, m.
     steady_error : float
         Mean of gap less reference over the last quarter of the hold, m.
     standstill : float
@@ -53,6 +59,7 @@ class StepFigures:
     start: float
     height: float
     overshoot: float
+    noise: float
     undershoot: float
     rise_time: float
     settling_time: float
@@ -101,21 +108,58 @@ class Interval:
     half_width : float
         Of the confidence interval.
     count : int
-        Of the values behind it.
+        Of the runs behind it.
+    lost : int, optional
+        Of these, the ones in which levitation was lost. If there are any, there is no mean: what
+        the others did would flatter.
     """
 
     mean: float
     half_width: float
     count: int
+    lost: int = 0
+
+    def exceeds(self, floor: Interval) -> bool:
+        """Whether it is certainly above another mean, noise of both taken as independent."""
+        return self.mean - floor.mean > math.hypot(self.half_width, floor.half_width)
 
 
-def step_figures(time: ArrayLike, reference: ArrayLike, gap: ArrayLike) -> StepFigures:
+def no_mean(lost: int, count: int) -> Interval:
+    """Return what stands in place of a mean of runs of which some lost levitation."""
+    return Interval(math.nan, math.nan, count, lost)
+
+
+def settling_band(height: float, resolution: float) -> float:
+    """Return within which distance of its reference a position counts as arrived.
+
+    It depends on the step and the sensor alone: whoever trembles more gets no wider one.
+
+    Parameters
+    ----------
+    height : float
+        Of the step, m.
+    resolution : float
+        Of the position sensor, rms, m: what no controller can tell from the reference.
+
+    Returns
+    -------
+    float
+        Half width, m: :data:`SETTLED` of the height, or three times the resolution if that is more.
+    """
+    return max(SETTLED * abs(height), _RESOLUTIONS * resolution)
+
+
+def step_figures(
+    time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
+) -> StepFigures:
     """Judge one step: one sample of the old level, then the hold at the new one.
 
     Parameters
     ----------
     time, reference, gap : array_like, shape (n,)
         From the last sample before the step to the last one of the hold.
+    resolution : float
+        Of the position sensor, rms, m.
 
     Returns
     -------
@@ -133,20 +177,21 @@ def step_figures(time: ArrayLike, reference: ArrayLike, gap: ArrayLike) -> StepF
     way = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
     since = t[1:] - t[1]
     rest = y[1 + int((1.0 - _REST) * len(way)) :]
-    standstill = float(np.std(rest))
-    band = max(SETTLED * abs(height), _NOISES * standstill)
+    late = way[int((1.0 - _NOISE) * len(way)) :]
+    band = settling_band(height, resolution)
     error = np.abs(y[1:] - r[1])
     return StepFigures(
         start=float(t[1]),
         height=height,
         overshoot=100.0 * max(0.0, float(np.max(way)) - 1.0),
+        noise=100.0 * float(np.max(np.abs(late - np.mean(late)))),
         undershoot=100.0 * max(0.0, -float(np.min(way))),
         rise_time=_reached(since, way, 0.9) - min(_reached(since, way, 0.1), since[-1]),
         settling_time=_stays_from(since, error, SETTLED * abs(height)),
         settling_time_in_noise=_stays_from(since, error, band),
         band=band,
         steady_error=float(np.mean(rest)) - float(r[1]),
-        standstill=standstill,
+        standstill=float(np.std(rest)),
     )
 
 

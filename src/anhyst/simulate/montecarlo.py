@@ -21,6 +21,7 @@ from anhyst.simulate.metrics import step_figures
 from anhyst.simulate.plantrow import fault_of
 from anhyst.simulate.pool import Progress, each
 from anhyst.simulate.recording import Recording
+from anhyst.simulate.responses import position_resolution
 from anhyst.simulate.resuming import ResultsFile
 from anhyst.simulate.rigfile import BearingRig
 from anhyst.simulate.scenario import LIFT_S, Scenario, steps_up_and_down
@@ -45,7 +46,7 @@ class Flight:
     overshoot : tuple of float
         One a step height, %; larger one of up and down. Infinite where levitation was lost.
     settling : tuple of float
-        Likewise, s; into 2 % of the step or three times the standstill noise.
+        Likewise, s; into the band of :func:`anhyst.simulate.metrics.settling_band`.
     standstill : float
         Rms of the gap, m.
     lost : float or None
@@ -273,7 +274,7 @@ def _judge(rig: BearingRig, scenario: Scenario, recording: Recording) -> dict[st
     overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
     for number, step in enumerate(scenario.steps):
         rows = slice(step.begin - 1, step.end)
-        found = step_figures(time[rows], reference[rows], read[rows])
+        found = step_figures(time[rows], reference[rows], read[rows], position_resolution(rig))
         place = number // 2
         overshoot[place] = max(overshoot[place], found.overshoot)
         settling[place] = max(settling[place], found.settling_time_in_noise)

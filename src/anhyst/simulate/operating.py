@@ -99,6 +99,15 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
     return OperatingPoint(gap, wanted, current, float(force[_CURRENTS - 1]), slopes, point)
 
 
+def has_constants(setup: Setup) -> bool:
+    """Whether the drive of a setup is made of constants, so that its loop is linear by itself.
+
+    What any other drive does to small movements, at the static slopes or at the much smaller ones
+    just after a reversal, no linear loop can tell.
+    """
+    return "k_i_N_per_A" in setup.drive.numbers
+
+
 def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
     """Return the loop of a setup for small movements.
 
@@ -122,9 +131,9 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
     magnets = 2.0 if rig.settings.magnet.arrangement == "pair" else 1.0
     late = timing.delay_ticks + (amplifier.delay_s + sensor.delay) * timing.rate_Hz
     numbers = setup.drive.numbers
-    k_i = magnets * numbers["k_i_N_per_A"] if "k_i_N_per_A" in numbers else at.point.k_i
-    k_s = at.point.k_s
-    if "k_i_N_per_A" in numbers:
+    k_i, k_s = at.point.k_i, at.point.k_s
+    if has_constants(setup):
+        k_i = magnets * numbers["k_i_N_per_A"]
         k_s = magnets * numbers.get("k_s_N_per_m", 0.0)
     return linear.Loop(
         point=at.point,

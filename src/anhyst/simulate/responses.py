@@ -14,20 +14,21 @@ from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.metrics import (
     Interval,
-    StepFigures,
     deviation,
     effort,
     mean_interval,
+    no_mean,
     step_figures,
 )
 from anhyst.simulate.pool import Progress, all_of
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.rigfile import BearingRig
-from anhyst.simulate.scenario import LIFT_S, Scenario, Step, steps_up_and_down
+from anhyst.simulate.scenario import LIFT_S, Step, steps_up_and_down
 from anhyst.simulate.setup import Setup
 
 FIGURES = (
     "overshoot_percent",
+    "noise_percent",
     "undershoot_percent",
     "rise_time_s",
     "settling_time_s",
@@ -41,6 +42,9 @@ FIGURES = (
     "heat_W",
 )
 """Of one step, by name; docs/simulate.md says what each is."""
+
+_LARGEST = ("overshoot_percent", "noise_percent")
+"""Of a step up and one down, the larger one counts; of all other figures the mean."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +84,10 @@ class Cell:
         N.
     figures : dict of str to Interval
         By :data:`FIGURES`: mean over the seeds, and half the width of its 95 % interval. Both
-        directions of a seed count as one value, their mean; of the overshoot, the larger one.
-    lost : int
-        Seeds in which levitation was lost.
+        directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
+        Empty if levitation was lost in any of them.
+    lost, runs : int
+        Seeds in which levitation was lost, and all seeds.
     """
 
     variant: Variant
@@ -91,6 +96,22 @@ class Cell:
     load: float
     figures: Mapping[str, Interval]
     lost: int
+    runs: int
+
+    def of(self, name: str) -> Interval:
+        """Return a figure; one without a mean if levitation was lost in any run."""
+        return self.figures.get(name) or no_mean(self.lost, self.runs)
+
+    @property
+    def overshoots(self) -> bool:
+        """Whether the overshoot is certainly more than what the standstill adds to it."""
+        return self.of("overshoot_percent").exceeds(self.of("noise_percent"))
+
+
+def position_resolution(rig: BearingRig) -> float:
+    """Return what the position sensor of a rig cannot tell apart, rms of noise and steps, m."""
+    sensor = rig.settings.position_sensor.sensor()
+    return math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
 
 
 def run_steps(run: Run) -> tuple[list[StepResult], float | None]:
@@ -109,18 +130,18 @@ def run_steps(run: Run) -> tuple[list[StepResult], float | None]:
     lost = lost_at(rig, recording, round(LIFT_S / rig.dt))
     if lost is not None or len(recording) < scenario.ticks:
         return [], lost if lost is not None else float(recording["t_s"][-1])
-    return [_judge(run, scenario, recording, step) for step in scenario.steps], None
+    return [_judge(run, recording, step) for step in scenario.steps], None
 
 
-def _judge(run: Run, scenario: Scenario, recording: Recording, step: Step) -> StepResult:
-    del scenario
+def _judge(run: Run, recording: Recording, step: Step) -> StepResult:
     part = recording.part(step.begin - 1, step.end)
     time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
-    found: StepFigures = step_figures(time, reference, gap)
+    found = step_figures(time, reference, gap, position_resolution(run.setup.rig))
     off = deviation(gap, reference)
     cost = effort(time, part["current_A"], run.setup.rig.settings.magnet.resistance_ohm)
     values = (
         found.overshoot,
+        found.noise,
         found.undershoot,
         found.rise_time,
         found.settling_time,
@@ -192,16 +213,16 @@ def compare(
 def _sum_up(
     setup: Setup, gap: float, load: float, height: float, runs: Sequence[Sequence[StepResult]]
 ) -> Cell:
+    lost = sum(not steps for steps in runs)
     pairs = [
         [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
         for steps in runs
-        if steps
     ]
     figures = {}
-    for name in FIGURES if len(pairs) > 1 else ():
-        merge = max if name == "overshoot_percent" else np.mean
+    for name in () if lost else FIGURES:
+        merge = max if name in _LARGEST else np.mean
         figures[name] = mean_interval([float(merge([one[name] for one in pair])) for pair in pairs])
-    return Cell(setup.drive.variant, gap, height, load, figures, len(runs) - len(pairs))
+    return Cell(setup.drive.variant, gap, height, load, figures, lost, len(runs))
 
 
 def as_rows(cells: Sequence[Cell]) -> list[dict[str, Any]]:
@@ -213,6 +234,7 @@ def as_rows(cells: Sequence[Cell]) -> list[dict[str, Any]]:
             "height_m": cell.height,
             "load_N": cell.load,
             "lost": cell.lost,
+            "runs": cell.runs,
             **{
                 name: {"mean": one.mean, "half_width": one.half_width, "count": one.count}
                 for name, one in cell.figures.items()

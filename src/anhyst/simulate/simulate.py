@@ -27,6 +27,7 @@ from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.operating import (
     OperatingPoint,
     find_operating_point,
+    has_constants,
     linear_loop,
     sweep_frequencies,
 )
@@ -40,7 +41,15 @@ from anhyst.simulate.setup import Knowledge, Setup, make_setups, read_knowledge
 Floats = NDArray[np.float64]
 Progress = Callable[[float, float], None]
 
-COMPARED: tuple[Variant, ...] = ("ratio", "linearised", "static", "flux", "simplified", "full")
+COMPARED: tuple[Variant, ...] = (
+    "ratio",
+    "ratio-chord",
+    "linearised",
+    "static",
+    "flux",
+    "simplified",
+    "full",
+)
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
 
 FIGURES = "figures.json"
@@ -213,7 +222,10 @@ def _compare(
         "operating_point": _point(at),
         "steps": as_rows(cells),
         **_experiments(rig, setups, stages),
-        "loop": {name: asdict(loop.margins) for name, loop in loops.items()},
+        "loop": {
+            name: asdict(loops[name].margins) if has_constants(setup) else None
+            for name, setup in setups.items()
+        },
         "sensitivity": {
             name: one and {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
             for name, one in swept.items()
@@ -375,9 +387,7 @@ def _experiments(
             "kind": shape.kind,
             "amplitude_m": shape.amplitude_m,
             "frequency_Hz": shape.frequency_Hz,
-            "variants": experiments.of_all(
-                experiments.follow, setups, seeds[:5], shape, next(stages)
-            ),
+            "variants": experiments.of_all(experiments.follow, setups, seeds, shape, next(stages)),
         }
         for shape in tried.trajectories
     ]
@@ -391,7 +401,7 @@ def _experiments(
         for force in tried.load_steps_N
     ]
     found["events"] = {
-        event: experiments.of_all(experiments.recover, setups, seeds[:5], event, next(stages))
+        event: experiments.of_all(experiments.recover, setups, seeds, event, next(stages))
         for event in experiments.EVENTS
     }
     return found

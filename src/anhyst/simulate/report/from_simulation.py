@@ -8,16 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.report.numbers import NBSP
+from anhyst.report.blocks import Table, table
+from anhyst.report.numbers import NBSP, NOT_TOLD, number
 from anhyst.simulate import experiments
 from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.loop import Loop, lost_at
-from anhyst.simulate.metrics import Interval
+from anhyst.simulate.metrics import Interval, no_mean
+from anhyst.simulate.operating import has_constants
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.report.force_current import identified_loop, nearest_loops
+from anhyst.simulate.report.look import interval_text, ordered
 from anhyst.simulate.report.over_frequency import Response
 from anhyst.simulate.report.over_time import StepPanel
-from anhyst.simulate.report.subject import LOST, Comparison, Intervals, Subject, Tracking, grouped
+from anhyst.simulate.report.subject import Comparison, Intervals, Subject, Tracking, grouped
 from anhyst.simulate.report.tables import OVERSHOOT
 from anhyst.simulate.rigfile import SimulateTable
 from anhyst.simulate.scenario import LIFT_S, Scenario, Step
@@ -81,8 +84,13 @@ def subject_of(simulation: Simulation, command: str) -> Subject:
         },
         linear_sensitivity=linear_sensitivity,
         loop_gain=linear_gain,
-        margins={name: simulation.loops[name].margins for name in linear_gain},
+        margins={
+            name: simulation.loops[name].margins
+            for name, setup in simulation.setups.items()
+            if has_constants(setup)
+        },
         tables=_tables(simulation.figures),
+        blocks={"standstill": (_cycles(simulation.figures["standstill"]),)},
         files={
             path.name: hashlib.sha256(path.read_bytes()).hexdigest()
             for path in (rig.path, simulation.controller.path, rig.loops)
@@ -100,14 +108,18 @@ def _part(
 
 
 def _linear(simulation: Simulation) -> tuple[dict[Variant, Response], dict[Variant, Response]]:
-    """Return loop gain and sensitivity, linearised: all variants that compensate have one loop."""
+    """Return loop gain and sensitivity, linearised, of the own variant and the paper's case.
+
+    A variant that is no constant is drawn as if it knew the static slopes.
+    """
     rate = simulation.rig.settings.timing.rate_Hz
     frequency = np.geomspace(5.0, 0.4 * rate, _FREQUENCIES)
     gains: dict[Variant, Response] = {}
     sensitivities: dict[Variant, Response] = {}
     for name in ("ratio", simulation.own):
         loop = simulation.loops[name]
-        note = "" if loop.stable else "unstable"
+        known = "" if has_constants(simulation.setups[name]) else "as if it knew the static slopes"
+        note = known if loop.stable else f"{known}, unstable".removeprefix(", ")
         gains[name] = Response(frequency, loop.response(frequency), note)
         sensitivities[name] = Response(frequency, loop.sensitivity(frequency), note)
     return gains, sensitivities
@@ -143,7 +155,6 @@ def _tracked(setups: Mapping[Variant, Setup], tried: SimulateTable) -> Iterator[
 _FIGURES: Mapping[str, tuple[str, str, float]] = {
     "rms_m": ("Position at a standstill, rms", "nm", 1e9),
     "mean_error_m": ("Mean error at a standstill", "nm", 1e9),
-    "limit_cycle_m": ("Amplitude of a limit cycle; 0: there is none", "nm", 1e9),
     "tracking_rms_m": ("Deviation from the trajectory, rms", "nm", 1e9),
     "tracking_peak_m": ("Deviation from the trajectory, largest", "nm", 1e9),
     "force_error_rms_N": ("Force error on the trajectory, rms", "N", 1.0),
@@ -151,6 +162,11 @@ _FIGURES: Mapping[str, tuple[str, str, float]] = {
     "recovery_s": ("Time until the error stays within 1 µm", "ms", 1e3),
 }
 """Title, unit as shown and factor to it."""
+
+_CAPTIONS = {
+    "force_error_rms_N": "True less wanted force of the same tick: it holds the tick of delay and "
+    "the lag of the amplifier, which no compensation takes away."
+}
 
 
 def _tables(figures: Mapping[str, Any]) -> dict[str, tuple[Comparison, ...]]:
@@ -166,7 +182,7 @@ def _tables(figures: Mapping[str, Any]) -> dict[str, tuple[Comparison, ...]]:
     recovery = {**loads, **figures["events"]}
     return {
         "standstill": _comparisons(
-            {"hanging still": figures["standstill"]}, "rms_m", "mean_error_m", "limit_cycle_m"
+            {"hanging still": figures["standstill"]}, "rms_m", "mean_error_m"
         ),
         "tracking": (
             *_comparisons(follow, "tracking_rms_m", "tracking_peak_m", "force_error_rms_N"),
@@ -181,7 +197,9 @@ def _comparisons(rows: Mapping[str, Any], *names: str) -> tuple[Comparison, ...]
         return ()
     return tuple(
         Comparison(
-            *_FIGURES[name], {title: _intervals(found, name) for title, found in rows.items()}
+            *_FIGURES[name],
+            {title: _intervals(found, name) for title, found in rows.items()},
+            _CAPTIONS.get(name, ""),
         )
         for name in names
     )
@@ -189,5 +207,26 @@ def _comparisons(rows: Mapping[str, Any], *names: str) -> tuple[Comparison, ...]
 
 def _intervals(found: Mapping[Variant, Any], name: str) -> Intervals:
     return {
-        variant: Interval(**one[name]) if name in one else LOST for variant, one in found.items()
+        variant: Interval(**one[name]) if name in one else no_mean(one["lost"], one["runs"])
+        for variant, one in found.items()
     }
+
+
+def _cycles(found: Mapping[Variant, Any]) -> Table:
+    """Tell under which variants the armature never came to rest, and in how many runs."""
+    rows = [[name, *_cycle_row(found[name])] for name in ordered(found)]
+    return table(
+        "Limit cycles at a standstill",
+        ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
+        rows,
+        "Amplitude and period: medians of the runs that have a cycle.",
+    )
+
+
+def _cycle_row(one: Mapping[str, Any]) -> tuple[str, str, str]:
+    if one["lost"]:
+        return interval_text(no_mean(one["lost"], one["runs"])), NOT_TOLD, NOT_TOLD
+    count = f"{one['limit_cycles']} of {one['runs']}"
+    if not one["limit_cycles"]:
+        return count, NOT_TOLD, NOT_TOLD
+    return count, number(1e9 * one["limit_cycle_m"], 3), number(1e3 * one["limit_cycle_s"], 3)

@@ -80,20 +80,24 @@ def thinned(*rows: Floats) -> tuple[Floats, ...]:
 def interval_text(found: Interval | None, unit: str = "", factor: float = 1.0) -> str:
     """Write a mean with the half width of its confidence interval, rounded up.
 
-    An infinite time is "never"; a figure that is not a number is that of a bearing that was lost.
+    An infinite time is "never"; where levitation was lost, it is told how often.
 
     Examples
     --------
     >>> interval_text(Interval(8.1234, 0.213, 20), "%").replace(NBSP, " ")
     '8.12 ± 0.22 %'
+    >>> interval_text(Interval(math.nan, math.nan, 20, lost=7))
+    '7 of 20 lost'
     >>> interval_text(Interval(3.6157, 0.00098, 20)), interval_text(Interval(2e-4, 0.01, 20))
     ('3.616 ± 0.001', '0.000 ± 0.010')
     """
     if found is None:
         return NOT_TOLD
+    if found.lost:
+        return f"{found.lost} of {found.count} lost"
     mean, width = factor * found.mean, abs(factor) * found.half_width
     if not math.isfinite(mean):
-        return "lost" if math.isnan(mean) else "never"
+        return NOT_TOLD if math.isnan(mean) else "never"
     if not math.isfinite(width) or width <= 1e-9 * abs(mean):
         text = number(mean, 4, short=True)
     else:

@@ -16,7 +16,7 @@ from anhyst.report.style import svg_text
 from anhyst.simulate.montecarlo import PERCENTILES, percentile
 from anhyst.simulate.report.block_diagram import figure_structure
 from anhyst.simulate.report.force_current import figure_force_current
-from anhyst.simulate.report.look import interval_text, ordered
+from anhyst.simulate.report.look import ordered
 from anhyst.simulate.report.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
 from anhyst.simulate.report.over_runs import (
     BenefitCell,
@@ -35,10 +35,11 @@ from anhyst.simulate.report.tables import (
     OVERSHOOT,
     benefit_table,
     comparison_table,
-    difference,
     legend_table,
     margin_table,
+    overshoot_text,
     settling_sentence,
+    step_difference,
     step_tables,
 )
 from anhyst.simulate.rigfile import DriftTable
@@ -145,8 +146,8 @@ def _tiles(subject: Subject) -> tuple[Tile, ...]:
                 Tile(
                     f"{number(mine.mean, 2)}{NBSP}%",
                     f"overshoot, {1e6 * step.height:g}{NBSP}µm",
-                    f"{subject.variant}: {interval_text(mine, '%')}; without compensation "
-                    f"(ratio): {interval_text(other, '%')}",
+                    f"{subject.variant}: {overshoot_text(step, subject.variant)}; without "
+                    f"compensation (ratio): {overshoot_text(step, 'ratio')}",
                 )
             )
     return tuple(tiles[:_TILES])
@@ -155,20 +156,21 @@ def _tiles(subject: Subject) -> tuple[Tile, ...]:
 def _verdict(subject: Subject) -> Iterable[Note]:
     """Say for every baseline at how many of the steps there is a gain."""
     for baseline in subject.baselines:
-        pairs = [
-            (row[subject.variant], row[baseline])
-            for row in (step.of(OVERSHOOT) for step in subject.steps)
-            if {subject.variant, baseline} <= set(row)
+        both = [
+            step_difference(step, subject.variant, baseline)
+            for step in subject.steps
+            if {subject.variant, baseline} <= set(step.cells)
         ]
-        found = [difference(*pair) for pair in pairs if not math.isnan(pair[0].mean + pair[1].mean)]
+        found = [one for one in both if not math.isnan(one.mine + one.baseline)]
         less, more = [one for one in found if one.less], [one for one in found if one.more]
         if not found:
-            text = f"Nothing to compare: {baseline} or {subject.variant} lost the armature always."
+            text = f"Nothing to compare: {baseline} or {subject.variant} lost the armature."
             yield Note("info", f"Against {baseline}", text)
             continue
         text = (
             f"At {len(less)} of {len(found)} steps {subject.variant} certainly overshoots less "
-            f"than {baseline}, at {len(more)} more."
+            f"than {baseline}, at {len(more)} more: beyond what noise leaves open and what either "
+            "moves about at a standstill."
         )
         if less:
             text += (
@@ -193,7 +195,7 @@ def _lost(subject: Subject) -> Iterable[Note]:
         if cell.lost
     ]
     if runs:
-        text = f"{'; '.join(runs)}. Lost runs count in no mean."
+        text = f"{'; '.join(runs)}. A figure of which a run was lost has no mean."
         yield Note("bad", "Levitation lost", text)
 
 
@@ -347,9 +349,10 @@ def _frequency(subject: Subject) -> Section:
                 "bode",
                 f"Bode plot of the linearised loop gain, magnitude and phase: {names}.",
                 "Loop gain of the loop linearised at the operating point, delay, amplifier and "
-                "sensor included. Linearised, hysteresis drops out, and a variant that compensates "
-                "is taken to cancel the static slopes exactly: all of these have one loop. The "
-                "magnet is unstable by itself, at low frequencies the gain must stay above 1.",
+                "sensor included. A variant that is no constant is shown as if it knew the "
+                "static slopes and cancelled them exactly: hysteresis drops out, all of these have "
+                "one loop, and margins are told only of constants. The magnet is unstable by "
+                "itself, at low frequencies the gain must stay above 1.",
             )
         )
         blocks.append(

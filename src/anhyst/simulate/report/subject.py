@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -46,12 +45,21 @@ class Steps:
     cells: Mapping[Variant, Cell]
 
     def of(self, name: str) -> Intervals:
-        """Return a figure of every variant, not a number where levitation was always lost."""
-        return {key: cell.figures.get(name, LOST) for key, cell in self.cells.items()}
+        """Return a figure of every variant, without a mean where levitation was lost."""
+        return {key: cell.of(name) for key, cell in self.cells.items()}
+
+    @property
+    def remarks(self) -> Mapping[Variant, str]:
+        """What is to stand beside overshoots that are the noise of a standstill."""
+        return {
+            key: WITHIN_NOISE
+            for key, cell in self.cells.items()
+            if not cell.overshoots and not cell.lost
+        }
 
 
-LOST = Interval(math.nan, math.nan, 0)
-"""In place of a figure that no run gave."""
+WITHIN_NOISE = "≤ noise"
+"""Beside an overshoot that is not certainly more than what the standstill adds to it."""
 
 
 def grouped(cells: Iterable[Cell]) -> tuple[Steps, ...]:
@@ -77,6 +85,8 @@ class Comparison:
     rows : mapping of str to mapping of str to Interval
         By situation, then by variant; SI.
     caption : str, optional
+    remarks : mapping of str to mapping of str to str, optional
+        What stands beside a figure, in the same order.
     """
 
     title: str
@@ -84,6 +94,7 @@ class Comparison:
     factor: float
     rows: Mapping[str, Intervals]
     caption: str = ""
+    remarks: Mapping[str, Mapping[Variant, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

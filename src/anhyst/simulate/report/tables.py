@@ -12,17 +12,27 @@ from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.linear import Margins
 from anhyst.simulate.metrics import SETTLED, Interval
 from anhyst.simulate.report.look import interval_text, ordered
-from anhyst.simulate.report.subject import Comparison, Subject
+from anhyst.simulate.report.subject import WITHIN_NOISE, Comparison, Steps, Subject
 from anhyst.simulate.variants import TITLES
 
-OVERSHOOT = "overshoot_percent"
+OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
 STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
     (
         OVERSHOOT,
         "Overshoot",
         "%",
         1.0,
-        "Of the height of the step, noise included; of a step up and one down, the larger.",
+        "Of the height of the step, noise included; of a step up and one down, the larger. "
+        f"“{WITHIN_NOISE}”: not certainly more than the noise below, so that it tells nothing of "
+        "the step.",
+    ),
+    (
+        NOISE,
+        "Noise in the overshoot",
+        "%",
+        1.0,
+        "Largest deviation of the gap from its mean in the last half of the hold, to both sides, "
+        "of the height of the step; of a step up and one down, the larger.",
     ),
     ("rise_time_s", "Rise time, 10 to 90 %", "ms", 1e3, ""),
     (
@@ -31,11 +41,19 @@ STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
         "ms",
         1e3,
         f"Until the gap stays within {100.0 * SETTLED:g} % of the height, or three times the "
-        "standstill noise where that is more.",
+        "resolution of the position sensor (rms of its noise and its steps) where that is more: "
+        "one band for all variants.",
     ),
     ("steady_error_m", "Steady-state error", "nm", 1e9, "Of the gap, over the end of the hold."),
     ("tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6, "Over the whole step."),
-    ("force_error_rms_N", "Force error, rms", "N", 1.0, "True less wanted force."),
+    (
+        "force_error_rms_N",
+        "Force error, rms",
+        "N",
+        1.0,
+        "True less wanted force of the same tick: it holds the tick of delay and the lag of the "
+        "amplifier, which no compensation takes away.",
+    ),
     (
         "current_rate_rms_A_per_s",
         "Current effort",
@@ -56,7 +74,8 @@ class Difference:
     mine, baseline : float
         Means, %.
     certain : bool
-        Whether the difference is larger than what noise leaves open.
+        Whether the difference is larger than what noise leaves open, and than what either of them
+        moves about at a standstill.
     """
 
     mine: float
@@ -93,7 +112,7 @@ class Difference:
         return "alike" if math.isfinite(self.mine + self.baseline) else NOT_TOLD
 
 
-def difference(mine: Interval, baseline: Interval) -> Difference:
+def difference(mine: Interval, baseline: Interval, floor: float) -> Difference:
     """Compare two overshoots.
 
     The half widths are added as if the noise of both were independent; seeds are shared, so that
@@ -103,10 +122,24 @@ def difference(mine: Interval, baseline: Interval) -> Difference:
     ----------
     mine, baseline : Interval
         %.
+    floor : float
+        Difference that is never certain, %: what a standstill adds to an overshoot.
     """
-    unsure = math.hypot(mine.half_width, baseline.half_width)
+    unsure = max(floor, math.hypot(mine.half_width, baseline.half_width))
     certain = abs(baseline.mean - mine.mean) > unsure
     return Difference(mine.mean, baseline.mean, certain)
+
+
+def step_difference(step: Steps, mine: Variant, baseline: Variant) -> Difference:
+    """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
+    overshoot, noise = step.of(OVERSHOOT), step.of(NOISE)
+    floor = max(noise[mine].mean, noise[baseline].mean)
+    return difference(overshoot[mine], overshoot[baseline], floor)
+
+
+def overshoot_text(step: Steps, name: Variant) -> str:
+    """Write the overshoot of a variant, and whether it is noise."""
+    return f"{interval_text(step.of(OVERSHOOT)[name], '%')} {step.remarks.get(name, '')}".rstrip()
 
 
 def benefit_table(subject: Subject) -> Table | None:
@@ -117,12 +150,10 @@ def benefit_table(subject: Subject) -> Table | None:
         return None
     rows: list[list[str | Cell]] = []
     for step in steps:
-        overshoot = step.of(OVERSHOOT)
-        mine = overshoot[subject.variant]
-        row: list[str | Cell] = [subject.situation(step), interval_text(mine, "%")]
+        row: list[str | Cell] = [subject.situation(step), overshoot_text(step, subject.variant)]
         for name in baselines:
-            other = overshoot.get(name)
-            found = None if other is None else difference(mine, other)
+            told = name in step.cells
+            found = step_difference(step, subject.variant, name) if told else None
             text = NOT_TOLD if found is None else found.text
             row.append(Cell(text, strong=found is not None and found.less))
         rows.append(row)
@@ -135,7 +166,9 @@ def benefit_table(subject: Subject) -> Table | None:
         f"same gains, same plant, same {subject.seeds} noise seeds. “54 % less”: that part of the "
         "overshoot of the baseline in the head of the column is gone. “+0.5 points”: more than the "
         "baseline, by so many percentage points of the height. “Alike”: the 95 % confidence "
-        "intervals leave both signs open. The overshoot of every baseline stands in section 2.",
+        "intervals leave both signs open, or the difference is less than one of the two moves "
+        f"about at a standstill. “{WITHIN_NOISE}”: not certainly more than that. The overshoot of "
+        "every baseline stands in section 2.",
     )
 
 
@@ -144,8 +177,10 @@ def step_tables(subject: Subject) -> list[Table]:
     made = []
     for name, title, unit, factor, caption in STEP_TABLES:
         rows = {subject.situation(step): step.of(name) for step in subject.steps}
-        comparison = Comparison(title, unit, factor, rows, caption)
-        if any(one.count for row in rows.values() for one in row.values()):
+        remarks = {subject.situation(step): step.remarks for step in subject.steps}
+        noted = remarks if name == OVERSHOOT else {}
+        comparison = Comparison(title, unit, factor, rows, caption, noted)
+        if any(not math.isnan(one.mean) for row in rows.values() for one in row.values()):
             made.append(comparison_table(comparison))
     return made
 
@@ -156,7 +191,11 @@ def comparison_table(comparison: Comparison) -> Table:
     rows = [
         [
             situation,
-            *(interval_text(row.get(name), factor=comparison.factor) for name in variants),
+            *(
+                f"{interval_text(row.get(name), factor=comparison.factor)} "
+                f"{comparison.remarks.get(situation, {}).get(name, '')}".rstrip()
+                for name in variants
+            ),
         ]
         for situation, row in comparison.rows.items()
     ]
@@ -247,6 +286,7 @@ def settling_sentence(subject: Subject) -> str:
             for row in rows
             if subject.variant in row and "ratio" in row
         ]
+        both = [pair for pair in both if not math.isnan(sum(pair))]  # lost
         if both:
             mine = _range([factor * first for first, _ in both], unit)
             other = _range([factor * second for _, second in both], unit)
