@@ -32,51 +32,59 @@ class IoChoice(StrEnum):
     F32 = "f32"
 
 
+OutFolder = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write.")]
+Rate = Annotated[
+    float | None,
+    typer.Option(
+        metavar="HZ",
+        help="Ticks a second; may be left out with --controller, whose file tells it.",
+        min=1.0,
+        show_default=False,
+    ),
+]
+ControllerPath = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="A controller file: the folder also holds the position controller of a magnetic "
+        "bearing.",
+    ),
+]
+Kind = Annotated[
+    KindChoice,
+    typer.Option(
+        metavar="KIND",
+        help="'full': the law with its exact step; 'simplified': a straight anhysteretic curve "
+        "in closed form, less exact and faster.",
+    ),
+]
+Io = Annotated[
+    IoChoice,
+    typer.Option(
+        metavar="FORMAT",
+        help="Format of demand, gap and current: q15 (16 bits), q31, or f32 (single "
+        "precision throughout). A position controller needs q31.",
+    ),
+]
+Accuracy = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PERCENT",
+        help="Largest deviation from the model, per cent of the largest output. [default: 0.1 "
+        "for number formats and tables; a simplified law's own deviation comes on top]",
+        show_default=False,
+    ),
+]
+
+
 def compile_(
     model: ModelPath,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write.")],
-    rate: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ",
-            help="Ticks a second; may be left out with --controller, whose file tells it.",
-            min=1.0,
-            show_default=False,
-        ),
-    ] = None,
-    controller: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="A controller file: the folder also holds the position controller of a magnetic "
-            "bearing.",
-        ),
-    ] = None,
-    kind: Annotated[
-        KindChoice,
-        typer.Option(
-            metavar="KIND",
-            help="'full': the law with its exact step; 'simplified': a straight anhysteretic curve "
-            "in closed form, less exact and faster.",
-        ),
-    ] = KindChoice.FULL,
-    io: Annotated[
-        IoChoice,
-        typer.Option(
-            metavar="FORMAT",
-            help="Format of demand, gap and current: q15 (16 bits), q31, or f32 (single "
-            "precision throughout). A position controller needs q31.",
-        ),
-    ] = IoChoice.Q15,
-    accuracy: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PERCENT",
-            help="Largest deviation from the model, per cent of the largest output. [default: 0.1 "
-            "for number formats and tables; a simplified law's own deviation comes on top]",
-            show_default=False,
-        ),
-    ] = None,
+    out: OutFolder,
+    rate: Rate = None,
+    controller: ControllerPath = None,
+    kind: Kind = KindChoice.FULL,
+    io: Io = IoChoice.Q15,
+    accuracy: Accuracy = None,
     as_json: AsJson = False,
 ) -> None:
     """Compile a model into C for a controller, in fixed point or single precision.

@@ -47,22 +47,9 @@ def sources(
     dict of str to str
         Content by file name; the same for the same plan.
     """
-    model, block, io = plan.model, plan.block, plan.request.io
-    real = isinstance(block, RealBlock)
-    joined = join(block.kind, single=real, control=controller is not None)
-    common = {
-        "kind": block.kind,
-        "version": version,
-        "model": _in_comment(model.name),
-        "sha256": sha256,
-        "io": io,
-        "real": real,
-        "input": model.input.name.replace("_", " "),
-        "output": model.output.name.replace("_", " "),
-        "type": TYPES[io],
-        "one": ONES[io],
-        "control": controller is not None,
-    }
+    real = isinstance(plan.block, RealBlock)
+    joined = join(plan.block.kind, single=real, control=controller is not None)
+    common = _common(plan, sha256, version) | {"control": controller is not None}
     header = common | {
         "system": joined.system,
         "body": joined.header,
@@ -88,6 +75,23 @@ def sources(
         guide |= told(controller) | {"controller_bytes": controller_bytes(controller.magnets)}
     files["DROP_IN.md"] = render("DROP_IN.md.j2", guide)
     return files if real else {**files, PORT: read_core(f"port/{PORT}")}
+
+
+def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
+    """Return what all files may tell."""
+    model, block, io = plan.model, plan.block, plan.request.io
+    return {
+        "kind": block.kind,
+        "version": version,
+        "model": _in_comment(model.name),
+        "sha256": sha256,
+        "io": io,
+        "real": isinstance(block, RealBlock),
+        "input": model.input.name.replace("_", " "),
+        "output": model.output.name.replace("_", " "),
+        "type": TYPES[io],
+        "one": ONES[io],
+    }
 
 
 def _controller_files(common: Mapping[str, object], controller: ControllerPlan) -> dict[str, str]:

@@ -224,68 +224,46 @@ def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
     settings, step = rig.settings, rig.step
     position: PositionSensor = settings.position_sensor.sensor()
     current, force, hall = settings.current_sensor, settings.force_sensor, settings.hall_probe
-
-    def sensor(
-        low: float,
-        high: float,
-        resolution: float,
-        noise: float,
-        bandwidth: float,
-        delay: float = 0.0,
-        gain_error: float = 0.0,
-        offset: float = 0.0,
-    ) -> dict[str, float]:
-        return {
-            "low": low,
-            "high": high,
-            "step": resolution,
-            "gain": 1.0 + gain_error,
-            "offset": offset,
-            "noise": noise,
-            "share": _share(bandwidth, step),
-            "delay": round(delay / step),
-        }
-
-    def converter(low: float, high: float, bits: int) -> float:
-        return (high - low) / ((1 << bits) - 1)
-
     return {
-        "gap": sensor(
-            position.low,
-            position.high,
-            position.step,
-            position.noise,
-            position.bandwidth,
-            position.delay,
-            settings.position_sensor.gain_error,
-            settings.position_sensor.offset_m,
-        ),
-        "current": sensor(
-            current.low_A,
-            current.high_A,
-            converter(current.low_A, current.high_A, current.adc_bits),
-            current.noise_A,
-            current.bandwidth_Hz,
-            gain_error=current.gain_error,
-        ),
-        "force": sensor(
-            force.low_N,
-            force.high_N,
-            converter(force.low_N, force.high_N, force.adc_bits),
-            force.noise_N,
-            force.bandwidth_Hz,
-        ),
-        "hall": sensor(0.0, 0.0, 0.0, 0.0, math.inf)
+        "gap": _sensor((position.low, position.high), position.step, position.noise)
+        | _lag(step, position.bandwidth, position.delay)
+        | {
+            "gain": 1.0 + settings.position_sensor.gain_error,
+            "offset": settings.position_sensor.offset_m,
+        },
+        "current": _converted((current.low_A, current.high_A), current.adc_bits, current.noise_A)
+        | _lag(step, current.bandwidth_Hz)
+        | {"gain": 1.0 + current.gain_error},
+        "force": _converted((force.low_N, force.high_N), force.adc_bits, force.noise_N)
+        | _lag(step, force.bandwidth_Hz),
+        "hall": _sensor((0.0, 0.0), 0.0, 0.0) | _lag(step, math.inf)
         if hall is None
-        else sensor(
-            -hall.range_T,
-            hall.range_T,
-            converter(-hall.range_T, hall.range_T, hall.adc_bits),
-            hall.noise_T,
-            hall.bandwidth_Hz,
-            gain_error=hall.gain_error,
-        ),
+        else _converted((-hall.range_T, hall.range_T), hall.adc_bits, hall.noise_T)
+        | _lag(step, hall.bandwidth_Hz)
+        | {"gain": 1.0 + hall.gain_error},
     }
+
+
+def _sensor(ends: tuple[float, float], step: float, noise: float) -> dict[str, float]:
+    """Sensor without an error of gain or zero."""
+    return {
+        "low": ends[0],
+        "high": ends[1],
+        "step": step,
+        "noise": noise,
+        "gain": 1.0,
+        "offset": 0.0,
+    }
+
+
+def _converted(ends: tuple[float, float], bits: int, noise: float) -> dict[str, float]:
+    """Sensor with the steps of a converter over its range."""
+    return _sensor(ends, (ends[1] - ends[0]) / ((1 << bits) - 1), noise)
+
+
+def _lag(step: float, bandwidth: float, delay: float = 0.0) -> dict[str, float]:
+    """Low-pass and delay of a sensor, in steps of the plant of so many seconds."""
+    return {"share": _share(bandwidth, step), "delay": round(delay / step)}
 
 
 def _share(bandwidth: float, seconds: float) -> float:
