@@ -193,7 +193,8 @@ def overshoot(case: Case, gap: Array) -> float:
 def ours(case: Case, variant: Variant, number_format: Format) -> Measured:
     """Simulate with the plant of this project, everything in it; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
-    lift = Script(case.rig, case.rig.settings.simulate.gap_m).lift_off().build()
+    start = Script(case.rig, case.rig.settings.simulate.gap_m)
+    lift = start.lift_off(case.controller.settings).build()
     best, gap = math.inf, np.empty(0)
     for _ in range(REPETITIONS):
         loop = Loop(setup)

@@ -74,6 +74,23 @@ def change(path: Path, old: str, new: str) -> int:
                      "must be a finite number, is nan", id="no number"),
         pytest.param("delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "delay_ticks of 1.1 is no "
                      "whole number of sub-steps of 1/4 tick; correct one of them", id="delay"),
+        pytest.param("force_N = 150.0", "force_N = 1.0", "load.force_N", "at 1 N the current of "
+                     "0.187365 A is not well within 0..4.5 A; raise or lower it", id="weak load"),
+        pytest.param("force_N = 150.0", "force_N = 245.0", "load.force_N", "no current lifts 245 N "
+                     "off the rest at 0.00055 m, the magnet reaches 241 N there; lower it, lower "
+                     "stop_high_m or raise current_high_A", id="load that is not lifted"),
+        pytest.param("hold_s = 0.06", "hold_s = 0.0003", "simulate.hold_s", "holds a step for 6 "
+                     "ticks of 1/20000 s; 8 at least, 0.0004 s", id="short hold"),
+        pytest.param("frequency_Hz = 1.0", "frequency_Hz = 2000.0",
+                     "simulate.trajectories[1].frequency_Hz", "2000 Hz is not below a tenth of "
+                     "rate_Hz, 2000 Hz; lower it", id="fast trajectory"),
+        pytest.param("frequency_Hz = 1.0", "frequency_Hz = 0.01",
+                     "simulate.trajectories[1].frequency_Hz", "a period of 100 s is longer than "
+                     "60 s; raise it", id="slow trajectory"),
+        pytest.param("seed = 11 ", "seed = 2147483648 ", "seed", "must be less than 2147483648",
+                     id="seed"),
+        pytest.param("range_T = 2.0", "range_T = 1.4", "hall_probe.range_T", "the largest current "
+                     "makes 1.416 T at a gap of 0.00035 m; raise it", id="probe"),
         pytest.param('arrangement = "single"', 'arrangement = "pair"', "magnet",
                      "a pair needs gap_total_m; add it", id="pair without its gap"),
     ],
@@ -106,6 +123,12 @@ def test_a_key_of_the_rig_that_will_not_do(
                      "the amplifier of rig.toml ends at 4.5 A; lower it", id="current"),
         pytest.param("force_high_N = 300.0", "force_high_N = 140.0", "limits.force_high_N",
                      "140 N do not lift the load of rig.toml, 150 N; raise it", id="force"),
+        pytest.param("step_m = 20e-6", "step_m = 40e-9", "limits.step_m", "the position sensor of "
+                     "rig.toml has steps of 5e-08 m; raise it", id="step"),
+        pytest.param("force_rate_N_per_s = 1000.0", "force_rate_N_per_s = 1.0",
+                     "lift_off.force_rate_N_per_s",
+                     "lifting off takes 300.2 s, at most 60 s are simulated; raise it",
+                     id="slow lift"),
         pytest.param("gap_high_m = 0.57e-3", "gap_high_m = 0.5e-3", "limits.gap_high_m",
                      "rig.toml rests at a gap of 0.00055 m; raise it", id="gap"),
     ],

@@ -94,7 +94,7 @@ def sensor(kind: str, **given: float) -> PositionTable:
 
 def lifted(setup: Setup, gap: float = GAP) -> Script:
     """A script that has lifted off and settled."""
-    return Script(setup.rig, gap).lift_off()
+    return Script(setup.rig, gap).lift_off(setup.controller)
 
 
 def run(setup: Setup, scenario: Scenario, seed: int = 0) -> Recording:

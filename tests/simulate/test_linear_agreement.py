@@ -76,7 +76,7 @@ def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: fl
     drive = fit_drive("linearised", loops, None, known, "f64")
     gap = rig.settings.simulate.gap_m
     running = Running(Setup(rig, controller, drive))
-    running.run(Script(rig, gap).lift_off().build())
+    running.run(Script(rig, gap).lift_off(controller).build())
 
     def run(inject: NDArray[np.float64]) -> Recording:
         return running.run(Script(rig, gap).hold(0.0, inject).build())

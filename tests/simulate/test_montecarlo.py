@@ -310,7 +310,7 @@ def test_the_sensor_turns_around_the_operating_gap(
     )
     drift = Drift(position_gain=0.02, gap_offset=3e-6, current_gain=0.01)
     loop = Loop(setup, bearing=drifted_bearing(rig, drift, 1))
-    script = Script(rig, 0.45e-3).lift_off().hold(0.1)
+    script = Script(rig, 0.45e-3).lift_off(controller.settings).hold(0.1)
     begin = script.ticks
     script.follow(np.full(2000, 0.40e-3))
     found = loop.run(script.hold(0.2).build())
@@ -348,7 +348,7 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
     gaps = []
     for drift in (Drift(), Drift(saturation=-0.03)):
         loop = Loop(setup, bearing=drifted_bearing(law, drift, 1))
-        recording = loop.run(Script(law, 0.45e-3).lift_off().build())
+        recording = loop.run(Script(law, 0.45e-3).lift_off(controller.settings).build())
         gaps.append(float(np.mean(recording["current_A"][-1000:])))
     assert gaps[1] > gaps[0] + 1e-3  # a weaker magnet takes more current for the same load
 

@@ -6,11 +6,20 @@ import numpy as np
 import pytest
 
 from anhyst.control import Command
+from anhyst.simulate import experiments
 from anhyst.simulate.controllerfile import Variant
-from anhyst.simulate.experiments import BACK_M, EVENTS, Event, Trial, recover
+from anhyst.simulate.experiments import (
+    BACK_M,
+    LEAST_BAND_M,
+    Event,
+    Trial,
+    excess_band,
+    recover,
+)
 from anhyst.simulate.loop import Loop, hovers_from, lost_at
 from anhyst.simulate.recording import HOVER
-from anhyst.simulate.scenario import DROP, LIFT_S
+from anhyst.simulate.scenario import DROP
+from anhyst.simulate.variations import changed
 
 from . import bearings
 from .bearings import GAP
@@ -20,12 +29,53 @@ BREAKAWAY, FAULT_REST, FAULT_HOLD = 16 * 4 + 1, 16 * 5, 16 * 5 + 6
 VARIANTS: tuple[Variant, ...] = ("full", "static")
 
 
+SHOWN: tuple[Event, ...] = ("wrong initial state", "dropped sample")
+
+
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("event", EVENTS)
-def test_it_recovers(event: Event, variant: Variant) -> None:
+def test_it_recovers_from_an_overload(variant: Variant) -> None:
+    found = recover(Trial(bearings.single(variant), 0, "overload"))
+    assert not found.lost
+    assert set(found.figures) == {"recovery_s"}
+    assert 0.005 < found.figures["recovery_s"] < 0.03
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("event", SHOWN)
+def test_an_event_shows_and_passes(event: Event, variant: Variant) -> None:
+    """More than a reading is uncertain by, for longer than a rise takes, and not for ever."""
     found = recover(Trial(bearings.single(variant), 0, event))
     assert not found.lost
-    assert 0.0 < found.figures["recovery_s"] < 0.03
+    assert set(found.figures) == {"excess_peak_m", "excess_s"}
+    assert 2.0 * LEAST_BAND_M < found.figures["excess_peak_m"] < BACK_M
+    assert 0.002 < found.figures["excess_s"] < 0.03
+
+
+@pytest.mark.parametrize("event", SHOWN)
+def test_what_does_not_happen_does_not_show(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the event both runs are one, to the bit: what is counted is the event alone."""
+    monkeypatch.setattr(experiments, "DROP", 0)
+    monkeypatch.setattr(experiments, "Loop", lambda setup, seed, _: Loop(setup, seed))
+    found = recover(Trial(bearings.single("full"), 0, event))
+    assert found.figures == {"excess_peak_m": 0.0, "excess_s": 0.0}
+
+
+@pytest.mark.parametrize("event", SHOWN)
+def test_an_armature_that_falls_counts_as_lost(
+    event: Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(experiments, "lost_at", lambda *_: 0.5)
+    assert recover(Trial(bearings.single("static"), 0, event)) == experiments.Outcome({}, True)
+
+
+def test_the_band_is_of_the_sensor_and_of_what_never_settles() -> None:
+    rig = bearings.example()
+    still = np.zeros(300)
+    assert excess_band(rig, still) == LEAST_BAND_M
+    coarse = changed(rig, {"position_sensor": bearings.sensor("encoder", step_m=1e-6, noise_m=0.0)})
+    assert excess_band(coarse, still) == pytest.approx(3e-6 / np.sqrt(12.0))
+    still[-100:] = np.tile([1e-6, -1e-6], 50)
+    assert excess_band(rig, still) == pytest.approx(4e-6)
 
 
 def test_an_overload_takes_force_and_current_to_their_limits_and_the_armature_to_its_stop() -> None:
@@ -42,8 +92,7 @@ def test_an_overload_takes_force_and_current_to_their_limits_and_the_armature_to
     assert during["demand_N"].max() == pytest.approx(300.0, rel=1e-6)
     assert set(after["state"]) == {HOVER}
     assert np.abs(after["gap_m"] - GAP)[-4000:].max() < BACK_M
-    lifted = round(LIFT_S / rig.dt)
-    assert lost_at(rig, recording, lifted) == pytest.approx(begin * rig.dt, abs=0.05)
+    assert lost_at(rig, recording, script.build().lifted) == pytest.approx(begin * rig.dt, abs=0.05)
     assert after["gap_m"].min() > rig.settings.mechanics.stop_low_m, "threw it to the other stop"
 
 
@@ -103,7 +152,7 @@ def test_a_fault_is_cleared_and_it_lifts_again() -> None:
     script = bearings.lifted(setup).command(DROP, 10).hold(0.6)
     script.command(Command.CLEAR).hold(0.05)
     cleared = script.ticks
-    script.lift_off()
+    script.lift_off(setup.controller)
     recording = bearings.fly(setup, script)
     assert recording["state"][cleared - 1] == 16 * 2
     again = recording.part(cleared, len(recording))

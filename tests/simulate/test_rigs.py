@@ -19,7 +19,6 @@ from anhyst.simulate.operating import find_operating_point
 from anhyst.simulate.plant import flux_table
 from anhyst.simulate.recording import HOVER, Recording
 from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, ModelTable
-from anhyst.simulate.scenario import LIFT_S
 from anhyst.simulate.setup import Setup, make_setup
 from anhyst.simulate.variations import changed
 
@@ -42,9 +41,10 @@ def fly(
     stepped = script.ticks
     script.step(GAP - 10e-6, 0.2)
     down = script.ticks
-    recording = bearings.fly(setup, script.command(Command.LAND).hold(0.5))
+    script.command(Command.LAND).hold(0.5)
+    recording = bearings.fly(setup, script)
     assert len(recording) == script.ticks
-    assert lost_at(rig, recording.part(0, down), round(LIFT_S / rig.dt)) is None
+    assert lost_at(rig, recording.part(0, down), script.build().lifted) is None
     assert recording["state"][-1] == READY
     last = recording.part(down - 2000, down)
     assert last["gap_m"].mean() == pytest.approx(GAP - 10e-6, abs=0.2e-6)

@@ -6,7 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,19 @@ import pandas as pd
 import pytest
 from scipy.io import loadmat
 
-from anhyst.control.position import Flag, Phase, State
+from anhyst.cli.app import main
+from anhyst.control import Command
+from anhyst.control.position import Flag, Limits, Phase, State
 from anhyst.errors import InputError, NegativeResult
 from anhyst.modelfile import write_model
+from anhyst.simulate import scenario, variations
 from anhyst.simulate import simulate as module
+from anhyst.simulate.loop import hovers_from
 from anhyst.simulate.recording import COLUMNS, FAULT, HOVER
 from anhyst.simulate.report import write_simulation_report
 from anhyst.simulate.report.from_simulation import subject_of
 from anhyst.simulate.responses import FIGURES
+from anhyst.simulate.scenario import Script
 from anhyst.simulate.simulate import Simulation, simulate
 from anhyst.simulate.variants import TITLES
 
@@ -207,7 +212,7 @@ def test_what_was_not_reached_is_null(folder: Path) -> None:
         pytest.param("damping = 1.0", "damping = 0.02", "lost at", id="ringing"),
         pytest.param("bandwidth_Hz = 120.0", "bandwidth_Hz = 400.0", "lost at", id="fast"),
         pytest.param("bandwidth_Hz = 120.0", "bandwidth_Hz = 3.0", "lost at", id="weak"),
-        pytest.param("force_high_N = 300.0", "force_high_N = 151.0", "lost at", id="no reserve"),
+        pytest.param("force_high_N = 300.0", "force_high_N = 151.0", "not lift", id="no reserve"),
         pytest.param("damping = 1.0", "damping = 10.0", "oscillates by", id="noisy"),
     ],
 )
@@ -229,6 +234,80 @@ def test_gains_that_do_not_hold_it_are_told_and_the_recording_is_kept(
     row = table.iloc[np.argmin(np.abs(table["t_s"] - float(time[1])))]
     touches = not 0.35e-3 < row["gap_m"] < 0.55e-3
     assert said != "lost at" or touches or row["state"] >= 16 * FAULT
+
+
+def test_what_an_earlier_run_left_is_removed_where_this_one_is_lost(folder: Path) -> None:
+    """Figures beside a recording are of that recording or they are not there."""
+    for name in ("figures.json", "report.html"):
+        (folder / "out" / name).write_text("of another run")
+    change(folder / "controller.toml", {"damping = 1.0": "damping = 0.02"})
+    arguments = ["simulate", str(folder / "rig.toml"), "--out", str(folder / "out" / "run.csv")]
+    assert main(arguments) == 1
+    assert written(folder) == {"run.csv"}
+
+
+SLOW = {
+    "force_rate_N_per_s = 1000.0\ndetect": "force_rate_N_per_s = 200.0\ndetect",
+    "detect_m = 2e-6\nspeed_m_per_s = 2e-3": "detect_m = 2e-6\nspeed_m_per_s = 1e-4",
+}
+
+
+def test_a_slow_lift_off_is_waited_for(folder: Path) -> None:
+    """Force in 1.5 s, way in 1 s: slower than the example by far, and no fault of the gains."""
+    change(folder / "controller.toml", SLOW)
+    found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
+    hovers = hovers_from(found.recording)
+    assert hovers is not None
+    assert 1.5 < hovers / 20e3 < found.scenario.lifted / 20e3 < 2.7
+    assert found.lost_in == []
+
+
+def test_a_rise_that_never_ends_is_no_fault_of_the_gains(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    change(folder / "controller.toml", SLOW)
+    monkeypatch.setattr(scenario, "lift_time", lambda *_: 1.0)
+    with pytest.raises(NegativeResult, match=r"was still rising at 1\.0000 s; raise speed_m_per_s"):
+        simulate(folder / "rig.toml", folder / "out" / "run.csv")
+
+
+def test_samples_that_are_rejected_are_told_from_bad_gains(folder: Path) -> None:
+    """A noise of the sensor beyond the largest step from tick to tick."""
+    change(folder / "controller.toml", {"\nstep_m = 20e-6": "\nstep_m = 60e-9"})
+    change(folder / "rig.toml", {"noise_m = 5e-9": "noise_m = 200e-9"})
+    with pytest.raises(NegativeResult, match=r"samples of the gap were rejected at .* 4 in a row"):
+        simulate(folder / "rig.toml", folder / "out" / "run.csv")
+
+
+@pytest.mark.parametrize("rate", [100.0, 3000.0, 20e3])
+def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
+    setup = bearings.single("static")
+    table = setup.controller.model_copy(update={"rate_Hz": rate})
+    timing = setup.rig.settings.timing.model_copy(update={"rate_Hz": rate})
+    rig = variations.changed(setup.rig, {"timing": timing})
+    script = Script(rig, bearings.GAP).lift_off(table).build()
+    marks = np.flatnonzero(script.command)
+    assert list(script.command[marks]) == [Command.DEMAGNETISED, Command.LIFT]
+    (selftest,) = (one.default for one in fields(Limits) if one.name == "selftest")
+    assert marks[0] > selftest
+    assert marks[0] / rate >= 0.005 - 1e-9
+    assert script.lifted == script.ticks >= 0.45 * rate
+
+
+def test_an_own_variant_that_is_lost_later_is_a_negative_result(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A load step beyond the force: the flight of steps holds, what follows does not."""
+    change(folder / "rig.toml", {"load_steps_N = [20.0]": "load_steps_N = [147.0]"})
+    out = folder / "out"
+    arguments = ["simulate", str(folder / "rig.toml"), "--out", str(out / "run.csv")]
+    assert main(arguments) == 1
+    assert written(folder) == {"run.csv", "figures.json", "report.html"}
+    figures = json.loads((out / "figures.json").read_text())
+    assert figures["load_steps"][0]["variants"]["static"]["lost"] == 2
+    assert figures["lost_in"] == ["load steps of the recording", "load step of 147 N (2 runs)"]
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "'static' of the controller file lost levitation: load steps of the recording; " in said
 
 
 def test_a_loop_that_is_late_is_told(folder: Path) -> None:

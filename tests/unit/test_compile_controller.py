@@ -26,7 +26,7 @@ from anhyst.simulate.loop import Loop
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.rigfile import BearingRig, read_bearing
 from anhyst.simulate.scenario import DROP, Scenario, Script
-from anhyst.simulate.setup import Knowledge, learn, make_setup
+from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
 
 ROOT = Path(__file__).resolve().parents[2]
 BEARING = ROOT / "examples" / "bearing"
@@ -134,10 +134,10 @@ def pair_rig(place: Path) -> BearingRig:
     return read_bearing(place / "pair.toml")
 
 
-def eventful(rig: BearingRig) -> Scenario:
+def eventful(setup: Setup) -> Scenario:
     """Lift off, steps, samples that are missing, land."""
-    gap = rig.settings.simulate.gap_m
-    script = Script(rig, gap).lift_off(0.35)
+    gap = setup.rig.settings.simulate.gap_m
+    script = Script(setup.rig, gap).lift_off(setup.controller)
     script.step(gap - 20e-6, 0.02).step(gap + 30e-6, 0.02)
     script.command(DROP, 2).hold(0.01)
     script.command(Command.LAND)
@@ -195,7 +195,7 @@ def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_
     model = read_model(place / "model.toml")
     known = Knowledge(LoopSet.from_csv(place / "loops.csv"), model)
     setup = make_setup(rig, read_controller(path).settings, known, kind, "fixed")
-    scenario = eventful(rig)
+    scenario = eventful(setup)
     recording = Loop(setup, seed=3).run(scenario)
     flown = {int(state) for state in recording["state"]}
     assert {16 * State.RUN + phase for phase in (1, 2, 3, 4, 5)} <= flown

@@ -86,17 +86,23 @@ def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_js
     from anhyst.atomic import check_writable
     from anhyst.simulate.report import write_simulation_report
     from anhyst.simulate.report.from_simulation import subject_of
+    from anhyst.simulate.simulate import refuse_losses
     from anhyst.simulate.simulate import simulate as run
 
     for path in (out, out.parent / REPORT):
         check_writable(path)
-    with progress_bar("simulate") as progress:
-        found = run(rig, out, controller, progress)
+    try:
+        with progress_bar("simulate") as progress:
+            found = run(rig, out, controller, progress)
+    except NegativeResult:
+        (out.parent / REPORT).unlink(missing_ok=True)  # of another recording
+        raise
     write_simulation_report(out.parent / REPORT, subject_of(found, command))
     if as_json:
         print_json(found.figures)
     else:
         _show(found, out)
+    refuse_losses(found)
 
 
 def _fly(

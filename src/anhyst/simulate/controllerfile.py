@@ -22,6 +22,7 @@ from anhyst.controllerfile import (
     write_controller,
 )
 from anhyst.simulate.rigfile import BearingRig, step_ends
+from anhyst.simulate.scenario import land_time, lift_time
 from anhyst.tomlfile import Fault, faults_error
 
 __all__ = [
@@ -45,6 +46,10 @@ __all__ = [
     "read_controller",
     "write_controller",
 ]
+
+
+LONGEST_RAMP_S = 60.0
+"""Longest time that lifting off or landing may take, s."""
 
 
 def pair_of(rig: BearingRig) -> PairTable | None:
@@ -103,9 +108,30 @@ def _rig_faults(settings: ControllerTable, rig: BearingRig) -> list[Fault]:
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
         faults.append((("limits", "gap_low_m"), text))
+    step = plant.position_sensor.sensor().step
+    if limits.step_m < step:
+        text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
+        faults.append((("limits", "step_m"), text))
     if not limits.gap_high_m > highest:
         text = f"{rig.path} rests at a gap of {highest:.5g} m; raise it"
         faults.append((("limits", "gap_high_m"), text))
+    return [*faults, *_ramp_faults(settings, rig, lowest)]
+
+
+def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> list[Fault]:
+    """Find ramps so slow that nobody waits for them."""
+    way = rig.settings.mechanics.stop_high_m - lowest
+    faults: list[Fault] = []
+    for table, what, ramp, seconds in (
+        ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
+        ("landing", "landing", settings.landing, land_time(rig, settings)),
+    ):
+        if seconds > LONGEST_RAMP_S:
+            forces = settings.limits.force_high_N / ramp.force_rate_N_per_s
+            longer = forces > way / ramp.speed_m_per_s
+            key = "force_rate_N_per_s" if longer else "speed_m_per_s"
+            text = f"{what} takes {seconds:.4g} s, at most {LONGEST_RAMP_S:g} s are simulated"
+            faults.append(((table, key), f"{text}; raise it"))
     return faults
 
 

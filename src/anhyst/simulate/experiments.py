@@ -16,9 +16,9 @@ from anhyst.simulate.limitcycle import LimitCycle, limit_cycle
 from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.metrics import deviation, mean_interval, recovery_time
 from anhyst.simulate.pool import Progress, all_of
-from anhyst.simulate.recording import Recording
-from anhyst.simulate.rigfile import TrajectoryTable
-from anhyst.simulate.scenario import DROP, LIFT_S, Scenario, Script
+from anhyst.simulate.recording import RISE, Recording
+from anhyst.simulate.rigfile import BearingRig, TrajectoryTable
+from anhyst.simulate.scenario import DROP, Scenario, Script, Step
 from anhyst.simulate.setup import Setup
 
 Floats = NDArray[np.float64]
@@ -29,8 +29,11 @@ EVENTS: tuple[Event, ...] = ("overload", "wrong initial state", "dropped sample"
 STANDSTILL_S = 1.0
 RECOVERY_S = 0.3
 OVERLOAD_S = 0.1
+DROP_STEP_M = 50e-6
 BACK_M = 1e-6
 """An error of the position within this counts as recovered, m."""
+LEAST_BAND_M = 50e-9
+"""A difference within this does not show, however fine the sensor, m."""
 
 
 @dataclass(frozen=True)
@@ -189,40 +192,108 @@ def step_load(trial: Trial) -> Outcome:
 
 
 def recover(trial: Trial) -> Outcome:
-    """Let something go wrong and see how long it shows.
+    """Let something go wrong and see how much it shows, and for how long.
 
     ``overload``: for 100 ms the load is larger than any current carries, so that force and current
-    stay at their limits and the armature rests on its stop; ``wrong initial state``: the iron comes
-    from the largest current, the controller takes it for demagnetised, and a step of 50 um
-    follows; ``dropped sample``: one sample of the position is lost at the beginning of such a step.
+    stay at their limits and the armature rests on its stop; judged is how long it takes to come
+    back. ``wrong initial state``: the iron comes from the largest current, the controller takes it
+    for demagnetised, and lifts; judged from lift-off. ``dropped sample``: one sample of the
+    position is lost in a step of 50 um, where the armature is fastest; judged from there. Of the
+    latter two counts what is different from the same run, with the same noise, without the event.
     """
-    rig = trial.setup.rig
-    wrong = trial.what == "wrong initial state"
-    script = _lifted(trial.setup)
     if trial.what == "overload":
-        script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
-        script.set_load(rig.settings.load.force_N)
-        begin = script.ticks
-        script.hold(RECOVERY_S)
-    else:
-        begin = script.ticks
-        if trial.what == "dropped sample":
-            script.command(DROP)
-        script.step(script.gap - 50e-6, RECOVERY_S)
-    loop = Loop(trial.setup, trial.seed, largest_first=wrong)
-    recording = loop.run(script.build())
+        return _overload(trial)
+    if trial.what == "wrong initial state":
+        scenario = _lifted(trial.setup).hold(RECOVERY_S).build()
+        usual, unusual = (_run(trial, scenario, largest) for largest in (False, True))
+        return _excess(trial.setup, usual, unusual, _leaves_rest)
+    scenario = _stepped(trial.setup)
+    usual = _run(trial, scenario)
+    if usual[1]:
+        return Outcome({}, True)
+    begin = _fastest(usual[0], scenario.steps[0])
+    scenario.command[begin] |= DROP
+    return _excess(trial.setup, usual, _run(trial, scenario), lambda _: begin)
+
+
+def _overload(trial: Trial) -> Outcome:
+    rig = trial.setup.rig
+    script = _lifted(trial.setup)
+    script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
+    script.set_load(rig.settings.load.force_N)
+    begin = script.ticks
+    scenario = script.hold(RECOVERY_S).build()
+    recording = Loop(trial.setup, trial.seed).run(scenario)
     part = recording.part(begin, len(recording))
+    # It lies on its stop when the load goes: what counts is that it flies again.
+    lost = lost_at(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
+    if lost or len(recording) < scenario.ticks:
+        return Outcome({}, True)
     error = part["gap_m"] - part["reference_m"]
     seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M)
-    return Outcome({"recovery_s": seconds}, not math.isfinite(seconds))
+    return Outcome({"recovery_s": seconds}, False)
+
+
+def excess_band(rig: BearingRig, excess: Floats) -> float:
+    """Return the difference of two runs beyond which an event shows, m.
+
+    Three times what one reading is uncertain by, noise and resolution together. Runs that differ
+    by a few readings long ago may stay apart by more than that, as the iron goes other minor loops:
+    four times the standard deviation of the last third, if that is more.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    excess : ndarray
+        From the event on, m.
+    """
+    sensor = rig.settings.position_sensor.sensor()
+    reading = 3.0 * math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+    return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), LEAST_BAND_M)
+
+
+def _excess(
+    setup: Setup,
+    usual: tuple[Recording, bool],
+    unusual: tuple[Recording, bool],
+    begins: Callable[[Recording], int],
+) -> Outcome:
+    """Compare a run with one that knows no event, each from where it begins."""
+    if usual[1] or unusual[1]:
+        return Outcome({}, True)
+    errors = []
+    for recording, _ in (usual, unusual):
+        part = recording.part(begins(recording), len(recording))
+        errors.append(part["gap_m"] - part["reference_m"])
+    count = min(map(len, errors))
+    excess = errors[1][:count] - errors[0][:count]
+    time = setup.rig.dt * np.arange(count)
+    seconds = recovery_time(time, excess, 0.0, excess_band(setup.rig, excess))
+    return Outcome({"excess_peak_m": float(np.max(np.abs(excess))), "excess_s": seconds}, False)
+
+
+def _stepped(setup: Setup) -> Scenario:
+    script = _lifted(setup)
+    room = script.gap - setup.rig.settings.mechanics.stop_low_m
+    return script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
+
+
+def _fastest(recording: Recording, step: Step) -> int:
+    """Return the tick of a step at which a position that stands still is furthest off."""
+    part = recording.part(step.begin, step.end)
+    return step.begin + int(np.argmax(np.abs(part["velocity_m_per_s"])))
+
+
+def _leaves_rest(recording: Recording) -> int:
+    """Return the tick at which control begins: with a stronger iron that is earlier."""
+    return int(np.argmax(recording["state"] == RISE))
 
 
 def _lifted(setup: Setup) -> Script:
-    return Script(setup.rig, setup.rig.settings.simulate.gap_m).lift_off()
+    return Script(setup.rig, setup.rig.settings.simulate.gap_m).lift_off(setup.controller)
 
 
-def _run(trial: Trial, scenario: Scenario) -> tuple[Recording, bool]:
-    rig = trial.setup.rig
-    recording = Loop(trial.setup, trial.seed).run(scenario)
-    lost = lost_at(rig, recording, round(LIFT_S / rig.dt)) is not None
+def _run(trial: Trial, scenario: Scenario, largest_first: bool = False) -> tuple[Recording, bool]:
+    recording = Loop(trial.setup, trial.seed, largest_first).run(scenario)
+    lost = lost_at(trial.setup.rig, recording, scenario.lifted) is not None
     return recording, lost or len(recording) < scenario.ticks

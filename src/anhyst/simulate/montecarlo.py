@@ -24,7 +24,7 @@ from anhyst.simulate.recording import Recording
 from anhyst.simulate.responses import position_resolution
 from anhyst.simulate.resuming import ResultsFile
 from anhyst.simulate.rigfile import BearingRig
-from anhyst.simulate.scenario import LIFT_S, Scenario, steps_up_and_down
+from anhyst.simulate.scenario import Scenario, steps_up_and_down
 from anhyst.simulate.setup import Setup, make_setups, read_knowledge
 from anhyst.version import running_version
 
@@ -251,10 +251,12 @@ def fly(plant: Plant) -> dict[str, Any]:
 def _fly(setup: Setup, drift: Drift, noise: int) -> dict[str, Any]:
     rig = setup.rig
     tried = rig.settings.simulate
-    scenario = steps_up_and_down(rig, tried.gap_m, tried.steps_m, rest=STANDSTILL_S)
+    scenario = steps_up_and_down(
+        rig, setup.controller, tried.gap_m, tried.steps_m, rest=STANDSTILL_S
+    )
     loop = Loop(setup, bearing=drifted_bearing(rig, drift, noise))
     recording = loop.run(scenario)
-    lost = lost_at(rig, recording, round(LIFT_S / rig.dt))
+    lost = lost_at(rig, recording, scenario.lifted)
     if lost is None and len(recording) < scenario.ticks:
         lost = float(recording["t_s"][-1])
     if lost is not None:

@@ -56,7 +56,8 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
     Raises
     ------
     InputError
-        No current carries the load, or the sample rate is too slow for the unstable pole.
+        No current carries the load, there or at the rest; a Hall probe ends below the largest flux
+        density; or the sample rate is too slow for the unstable pole.
     """
     settings = rig.settings
     gap, high = settings.simulate.gap_m, settings.amplifier.current_high_A
@@ -65,6 +66,8 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
     path = np.concatenate([up, up[::-1]])
     force, psi, _ = static_map(rig, path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENTS - 1]))
+    _check_rest(rig)
+    _check_probe(rig)
     key = ("magnet", "bias_force_N") if pair else ("load", "force_N")
     wanted = settings.magnet.bias_force_N if pair else rig.load
     assert wanted is not None
@@ -82,7 +85,11 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
         coil.hold(amperes, metres)
         return coil.force
 
-    slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
+    try:
+        slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
+    except ValueError as error:
+        text = f"at {wanted:g} N {error}; raise or lower it"
+        raise faults_error(rig.path, [(key, text)]) from error
     around = 0.05 * high
     ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
     magnets = 2.0 if pair else 1.0
@@ -106,6 +113,33 @@ def has_constants(setup: Setup) -> bool:
     just after a reversal, no linear loop can tell.
     """
     return "k_i_N_per_A" in setup.drive.numbers
+
+
+def _check_rest(rig: BearingRig) -> None:
+    """Refuse a load that is carried at the operating gap and not lifted off its rest."""
+    gap, high = rig.settings.mechanics.stop_high_m, rig.settings.amplifier.current_high_A
+    up = np.linspace(0.0, high, _CURRENTS)
+    force = float(static_map(rig, up, np.full(up.size, gap))[0][-1])
+    if not rig.load < force:
+        text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
+        text += f"{force:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
+        raise faults_error(rig.path, [(("load", "force_N"), text)])
+
+
+def _check_probe(rig: BearingRig) -> None:
+    """Refuse a Hall probe that ends below what the largest current makes at the smallest gap."""
+    settings = rig.settings
+    probe, mechanics, total = settings.hall_probe, settings.mechanics, settings.magnet.gap_total_m
+    if probe is None:
+        return
+    gap = mechanics.stop_low_m
+    if total is not None:
+        gap = min(gap, total - mechanics.stop_high_m)
+    up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
+    density = float(static_map(rig, up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
+    if density > probe.range_T:
+        text = f"the largest current makes {density:.4g} T at a gap of {gap:g} m; raise it"
+        raise faults_error(rig.path, [(("hall_probe", "range_T"), text)])
 
 
 def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:

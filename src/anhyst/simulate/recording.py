@@ -23,6 +23,9 @@ COLUMNS: tuple[str, ...] = tuple(LOOP_COLUMNS.split())
 RUN, FAULT = 4, 5
 """States of the controller, times 16 in the column ``state``; the phase is the rest."""
 
+BREAKAWAY, RISE = 16 * RUN + 1, 16 * RUN + 2
+"""On its rest while the force rises; on its way, under control."""
+
 HOVER = 16 * RUN + 3
 """In the air and under control, the reference reached."""
 

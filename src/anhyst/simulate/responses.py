@@ -23,7 +23,7 @@ from anhyst.simulate.metrics import (
 from anhyst.simulate.pool import Progress, all_of
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.rigfile import BearingRig
-from anhyst.simulate.scenario import LIFT_S, Step, steps_up_and_down
+from anhyst.simulate.scenario import Step, steps_up_and_down
 from anhyst.simulate.setup import Setup
 
 FIGURES = (
@@ -125,9 +125,9 @@ def run_steps(run: Run) -> tuple[list[StepResult], float | None]:
         When, s.
     """
     rig = run.setup.rig
-    scenario = steps_up_and_down(rig, run.gap, run.heights, run.load)
+    scenario = steps_up_and_down(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = Loop(run.setup, run.seed).run(scenario)
-    lost = lost_at(rig, recording, round(LIFT_S / rig.dt))
+    lost = lost_at(rig, recording, scenario.lifted)
     if lost is not None or len(recording) < scenario.ticks:
         return [], lost if lost is not None else float(recording["t_s"][-1])
     return [_judge(run, recording, step) for step in scenario.steps], None

@@ -31,6 +31,14 @@ from anhyst.tomltext import Path as KeyPath
 
 TICKS_PER_POLE = 20.0
 """Least sample rate in multiples of the unstable pole of the plant without controller."""
+LEAST_HOLD = 8
+"""Ticks for which a step is held, to judge it by."""
+LONGEST_PERIOD_S = 60.0
+"""Of a trajectory, s."""
+TICKS_PER_PERIOD = 10.0
+"""More than so many ticks make a period of a trajectory."""
+MOST_SEED = 1 << 31
+"""Seeds are below it."""
 MOST_DELAY = 128
 """Sub-steps between sample and output, or by which a sensor may be late."""
 MOST_CELLS = 63
@@ -329,7 +337,7 @@ class BearingTable(Table):
     format: Literal["anhyst-bearing"]
     version: Literal[1]
     name: str
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, lt=MOST_SEED)]
     loops: str
     timing: TimingTable
     magnet: MagnetTable
@@ -567,4 +575,25 @@ def _simulate_faults(settings: BearingTable) -> list[Fault]:
         away = trajectory.amplitude_m
         ends = tried.gap_m - away, tried.gap_m + away
         check(("trajectories", place, "amplitude_m"), "the reference", *ends)
+    return [*faults, *_time_faults(settings)]
+
+
+def _time_faults(settings: BearingTable) -> list[Fault]:
+    """Find what is too short or too long for the rate."""
+    faults: list[Fault] = []
+    tried, rate = settings.simulate, settings.timing.rate_Hz
+    if round(tried.hold_s * rate) < LEAST_HOLD:
+        text = f"holds a step for {tried.hold_s * rate:.3g} ticks of 1/{rate:g} s"
+        text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
+        faults.append((("simulate", "hold_s"), text))
+    most, least = rate / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
+    for place, trajectory in enumerate(tried.trajectories):
+        frequency, text = trajectory.frequency_Hz, ""
+        if frequency >= most:
+            text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {most:g} Hz; lower it"
+        elif frequency < least:
+            text = f"a period of {1.0 / frequency:.4g} s is longer than {LONGEST_PERIOD_S:g} s"
+            text += "; raise it"
+        if text:
+            faults.append((("simulate", "trajectories", place, "frequency_Hz"), text))
     return faults

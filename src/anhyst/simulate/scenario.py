@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from anhyst.control.position import Command
+from anhyst.controllerfile import ControllerTable
 from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, step_ends
 
 Floats = NDArray[np.float64]
@@ -18,8 +19,20 @@ Floats = NDArray[np.float64]
 DROP = 256
 """Bit of a command: the sample of the gap is dropped; ``plant/include/anhyst_plant/loop.h``."""
 
-LIFT_S = 0.45
-"""Time from power on until the armature hangs still, s: self-test, force ramp, rise, settling."""
+SELFTEST_TICKS = 25
+"""Until the self-test has passed: plausible samples that it counts, and a few that fill filters."""
+
+LEAST_LIFT_S = 0.45
+"""Least time from power on until the armature counts as hanging still, s."""
+
+LEAST_LAND_S = 0.5
+"""Least time from the command to land until the armature counts as landed, s."""
+
+_SELFTEST_S = 0.005
+_REST_S = 0.1  # the last current falls to zero
+_SETTLE_S = 0.07
+_MOST_SETTLE_S = 1.0
+_SETTLE = 10.0  # times K_p/K_i, the time in which the integral takes over what is left
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +76,8 @@ class Scenario:
         :class:`Command`, :data:`DROP`.
     steps : tuple of Step
         Steps of the reference in it.
+    lifted : int
+        Tick from which on the armature should hang in the air; 0 if nothing lifts it here.
     """
 
     target: Floats
@@ -71,6 +86,7 @@ class Scenario:
     feed: Floats
     command: NDArray[np.uint32]
     steps: tuple[Step, ...] = ()
+    lifted: int = 0
 
     @property
     def ticks(self) -> int:
@@ -100,6 +116,7 @@ class Script:
     _inject: list[Floats] = field(default_factory=list)
     _marks: list[tuple[int, int]] = field(default_factory=list)
     _steps: list[Step] = field(default_factory=list)
+    _lifted: int = 0
     ticks: int = 0
 
     def __post_init__(self) -> None:
@@ -115,10 +132,17 @@ class Script:
         self._marks += [(self.ticks + tick, command) for tick in range(ticks)]
         return self
 
-    def lift_off(self, seconds: float = LIFT_S) -> Script:
-        """Power on, declare the iron demagnetised, lift off and settle."""
-        self.hold(0.005).command(Command.DEMAGNETISED).hold(0.001).command(Command.LIFT)
-        return self.hold(seconds - 0.006)
+    def lift_off(self, controller: ControllerTable) -> Script:
+        """Power on, declare the iron demagnetised, lift off and settle.
+
+        Commands come after the self-test, which counts ticks and no seconds.
+        """
+        end = self.ticks + self.count(lift_time(self.rig, controller, self.gap))
+        self._add(np.full(_selftest(self.rig), self.gap), None)
+        self.command(Command.DEMAGNETISED).hold(0.001).command(Command.LIFT)
+        self._add(np.full(end - self.ticks, self.gap), None)
+        self._lifted = self.ticks
+        return self
 
     def hold(self, seconds: float, inject: Floats | None = None) -> Script:
         """Let time pass, perhaps with something added to the sensor.
@@ -191,11 +215,53 @@ class Script:
             feed=np.zeros(self.ticks),
             command=command,
             steps=tuple(self._steps),
+            lifted=self._lifted,
         )
+
+
+def lift_time(rig: BearingRig, controller: ControllerTable, gap: float) -> float:
+    """Return how long lifting off takes at most, s.
+
+    Self-test, the ramp of the force up to where the controller gives up, the way at the speed of
+    the reference, and the settling.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        For the rate and the rest.
+    controller : ControllerTable
+        For ramps, force and gains.
+    gap : float
+        Where it is lifted to, m.
+    """
+    gains, ramp = controller.law(), controller.lift_off
+    settle = _SETTLE_S
+    if gains.K_i > 0.0:
+        settle = max(settle, min(_SETTLE * gains.K_p / gains.K_i, _MOST_SETTLE_S))
+    # A drive that makes less force than it is asked for leaves the rest late, but no later than
+    # at the largest demand: with more the controller says that it does not lift.
+    force = controller.limits.force_high_N / ramp.force_rate_N_per_s
+    way = max(rig.settings.mechanics.stop_high_m - gap, 0.0) / ramp.speed_m_per_s
+    begin = _selftest(rig) * rig.dt + max(0.001, rig.dt)
+    return max(begin + force + way + settle, LEAST_LIFT_S)
+
+
+def land_time(rig: BearingRig, controller: ControllerTable) -> float:
+    """Return how long landing takes at most, s: the way down, the ramp of the force, and rest."""
+    mechanics, ramp = rig.settings.mechanics, controller.landing
+    limits = controller.limits
+    way = (mechanics.stop_high_m - mechanics.stop_low_m) / ramp.speed_m_per_s
+    force = (limits.force_high_N - min(limits.force_low_N, 0.0)) / ramp.force_rate_N_per_s
+    return max(way + force + _REST_S, LEAST_LAND_S)
+
+
+def _selftest(rig: BearingRig) -> int:
+    return max(round(_SELFTEST_S / rig.dt), SELFTEST_TICKS)
 
 
 def steps_up_and_down(
     rig: BearingRig,
+    controller: ControllerTable,
     gap: float,
     heights: Sequence[float],
     load: float | None = None,
@@ -207,6 +273,8 @@ def steps_up_and_down(
     ----------
     rig : BearingRig
         Its file says how long each position is held.
+    controller : ControllerTable
+        Says how long lifting off takes.
     gap : float
         m.
     heights : sequence of float
@@ -217,7 +285,7 @@ def steps_up_and_down(
         How long the last position is kept beyond its hold, s.
     """
     hold = rig.settings.simulate.hold_s
-    script = Script(rig, gap, load).lift_off()
+    script = Script(rig, gap, load).lift_off(controller)
     for height in heights:
         lower, upper = step_ends(gap, height)
         script.follow(np.linspace(script.gap, lower, script.count(hold / 2.0))).hold(hold)

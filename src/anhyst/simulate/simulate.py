@@ -23,6 +23,7 @@ from anhyst.simulate.controllerfile import (
     check_controller,
     read_controller,
 )
+from anhyst.simulate.flight import Flight, lost_blocks
 from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.operating import (
     OperatingPoint,
@@ -34,7 +35,7 @@ from anhyst.simulate.operating import (
 from anhyst.simulate.recording import Recording, check_ending, write_recording
 from anhyst.simulate.responses import Cell, as_rows, compare, default_seeds
 from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.scenario import LIFT_S, Scenario, Script, steps_up_and_down
+from anhyst.simulate.scenario import Scenario, Script, land_time, steps_up_and_down
 from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity
 from anhyst.simulate.setup import Knowledge, Setup, make_setups, read_knowledge
 
@@ -57,9 +58,6 @@ FIGURES = "figures.json"
 
 SINE_M = 0.5e-6
 """Amplitude of the swept sine, m."""
-
-_RESTLESS = 0.01
-"""Part of the travel: an armature that moves by more in its hover, rms, is not held."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +103,12 @@ class Simulation:
     figures: dict[str, Any]
 
     @property
+    def lost_in(self) -> list[str]:
+        """Everything tried in which the controller file's own variant lost levitation."""
+        found: list[str] = self.figures["lost_in"]
+        return found
+
+    @property
     def own(self) -> Variant:
         """Variant of the controller file."""
         return self.controller.settings.compensation.variant
@@ -132,13 +136,16 @@ def simulate(
     Returns
     -------
     Simulation
+        Where levitation was lost in what is tried beside the steps of the recording, its
+        ``lost_in`` says so: see :func:`refuse_losses`.
 
     Raises
     ------
     InputError
         A file that cannot be read or does not fit the others.
     NegativeResult
-        Levitation was lost; the recording is kept.
+        Levitation was lost before anything could be compared; the recording is kept, the figures
+        of a run before it are removed.
     """
     rig, controller = _read(rig_path, controller_path)
     check_ending(out)
@@ -150,17 +157,37 @@ def simulate(
     knowledge = read_knowledge(rig, controller)
     own = controller.settings.compensation.variant
     mine = make_setups(rig, controller, knowledge, (own,))[own]
-    recording = _whole_run(mine)
-    write_recording(out, recording)
+    flight = _whole_run(mine)
+    fault = flight.fault()
+    if fault:
+        figures_file.unlink(missing_ok=True)  # of another recording
+    write_recording(out, flight.recording)
     if controller.model is None:
         write_model(knowledge.model, Path(out).with_suffix(".model.toml"))
-    _refuse_lost(rig, recording, out)
+    if fault:
+        raise NegativeResult(f"{fault}; the recording is kept in {out}")
     setups, left_out = _beside(mine, controller, knowledge)
-    found = _compare(controller, knowledge, setups, at, recording, progress)
+    found = _compare(controller, knowledge, setups, at, flight.recording, progress)
     found.figures["left_out"] = left_out
+    found.figures["lost_in"] = [*flight.lost_later(), *lost_blocks(found.figures)]
     with atomic_writer(figures_file) as stream:
         stream.write(json_text(_finite(found.figures)))
     return found
+
+
+def refuse_losses(found: Simulation) -> None:
+    """Raise where the controller file's own variant lost levitation in anything that was tried.
+
+    Raises
+    ------
+    NegativeResult
+        Says in what.
+    """
+    if found.lost_in:
+        raise NegativeResult(
+            f"'{found.own}' of the controller file lost levitation: {'; '.join(found.lost_in)}; "
+            "figures and recording are kept"
+        )
 
 
 def _read(
@@ -214,7 +241,7 @@ def _compare(
         default_seeds(rig),
         next(stages),
     )
-    scenario = steps_up_and_down(rig, tried.gap_m, _heights(rig))
+    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, _heights(rig))
     loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
     swept = {name: sweep(setup) for name, setup in setups.items()}
     figures = {
@@ -275,7 +302,7 @@ def sweep(setup: Setup, seed: int = 0) -> Sensitivity | None:
     """
     rig = setup.rig
     loop = Loop(setup, seed)
-    loop.run(Script(rig, rig.settings.simulate.gap_m).lift_off().build())
+    loop.run(Script(rig, rig.settings.simulate.gap_m).lift_off(setup.controller).build())
 
     def run(inject: Floats) -> Recording:
         recording = loop.run(Script(rig, rig.settings.simulate.gap_m).hold(0.0, inject).build())
@@ -322,40 +349,22 @@ def _load(rig: BearingRig) -> float:
     return rig.settings.load.force_N
 
 
-def _whole_run(setup: Setup) -> Recording:
+def _whole_run(setup: Setup) -> Flight:
     """Lift off, step, load, land."""
     rig = setup.rig
     tried = rig.settings.simulate
-    scenario = steps_up_and_down(rig, tried.gap_m, tried.steps_m)
+    scenario = steps_up_and_down(rig, setup.controller, tried.gap_m, tried.steps_m)
     loop = Loop(setup)
     parts = [loop.run(scenario)]
     script = Script(rig, float(scenario.target[-1]))
     for step in tried.load_steps_N:
         script.set_load(_load(rig) + step).hold(0.15).set_load(_load(rig)).hold(0.15)
-    script.command(Command.LAND).hold(0.5)
+    landing = scenario.ticks + script.ticks
+    script.command(Command.LAND).hold(land_time(rig, setup.controller))
     if len(parts[0]) == scenario.ticks:
         parts.append(loop.run(script.build()))
-    return Recording(np.concatenate([part.table for part in parts]))
-
-
-def _refuse_lost(rig: BearingRig, recording: Recording, out: PathLike) -> None:
-    """Raise where the armature was not held before the landing; the recording has been written."""
-    steps = steps_up_and_down(rig, rig.settings.simulate.gap_m, _heights(rig)).ticks
-    flight = recording.part(0, steps)
-    lifted = round(LIFT_S / rig.dt)
-    lost = lost_at(rig, flight, lifted)
-    if lost is not None:
-        raise NegativeResult(
-            f"levitation was lost at {lost:.4f} s: the gains do not hold this bearing; the "
-            f"recording is kept in {out}"
-        )
-    travel = rig.settings.mechanics.stop_high_m - rig.settings.mechanics.stop_low_m
-    hover = flight["gap_m"][lifted - lifted // 8 : lifted]
-    if float(np.std(hover)) > _RESTLESS * travel:
-        raise NegativeResult(
-            f"the armature oscillates by {1e6 * float(np.std(hover)):.3g} um rms at "
-            f"{LIFT_S:.2f} s: the gains do not hold this bearing; the recording is kept in {out}"
-        )
+    recording = Recording(np.concatenate([part.table for part in parts]))
+    return Flight(setup, recording, scenario, landing)
 
 
 def _stages(progress: Progress | None, count: int) -> Iterator[Callable[[int, int], None]]:

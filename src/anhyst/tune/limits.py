@@ -148,7 +148,8 @@ def _used_up(
 def _usage(setup: Setup, seed: int, condition: Condition) -> Mapping[str, float]:
     """Return for how long of a step each thing is used up, s."""
     rig, limits = setup.rig, setup.controller.limits
-    scenario = steps_up_and_down(rig, condition.gap, rig.settings.simulate.steps_m, condition.load)
+    heights = rig.settings.simulate.steps_m
+    scenario = steps_up_and_down(rig, setup.controller, condition.gap, heights, condition.load)
     recording = Loop(setup, seed).run(scenario)
     longest = {"force": 0.0, "voltage": 0.0, "current": 0.0}
     for step in scenario.steps:

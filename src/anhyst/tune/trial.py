@@ -184,7 +184,7 @@ def sweep(setup: Setup, condition: Condition, frequencies: Floats, seed: int) ->
     """Measure the sensitivity at one condition; None if the armature was not held."""
     rig = setup.rig
     loop = Loop(setup, seed)
-    loop.run(Script(rig, condition.gap, condition.load).lift_off().build())
+    loop.run(Script(rig, condition.gap, condition.load).lift_off(setup.controller).build())
 
     def run(inject: Floats) -> Recording:
         script = Script(rig, condition.gap, condition.load).hold(0.0, inject)

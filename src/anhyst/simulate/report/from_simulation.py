@@ -23,7 +23,7 @@ from anhyst.simulate.report.over_time import StepPanel
 from anhyst.simulate.report.subject import Comparison, Intervals, Subject, Tracking, grouped
 from anhyst.simulate.report.tables import OVERSHOOT
 from anhyst.simulate.rigfile import SimulateTable
-from anhyst.simulate.scenario import LIFT_S, Scenario, Step
+from anhyst.simulate.scenario import Scenario, Step
 from anhyst.simulate.setup import Setup
 from anhyst.simulate.simulate import Simulation
 
@@ -132,7 +132,7 @@ def _seen(
     found = {}
     for name, setup in setups.items():
         recording = Loop(setup).run(scenario)
-        lost = lost_at(setup.rig, recording, round(LIFT_S / setup.rig.dt))
+        lost = lost_at(setup.rig, recording, scenario.lifted)
         if lost is None and len(recording) == scenario.ticks:
             found[name] = recording.part(begin, len(recording))
     return found
@@ -159,6 +159,8 @@ _FIGURES: Mapping[str, tuple[str, str, float]] = {
     "tracking_peak_m": ("Deviation from the trajectory, largest", "nm", 1e9),
     "force_error_rms_N": ("Force error on the trajectory, rms", "N", 1.0),
     "peak_m": ("Deviation after a load step, largest", "µm", 1e6),
+    "excess_peak_m": ("Deviation that the event makes, largest", "µm", 1e6),
+    "excess_s": ("Time until the event no longer shows", "ms", 1e3),
     "recovery_s": ("Time until the error stays within 1 µm", "ms", 1e3),
 }
 """Title, unit as shown and factor to it."""
@@ -179,7 +181,8 @@ def _tables(figures: Mapping[str, Any]) -> dict[str, tuple[Comparison, ...]]:
     loads = {
         f"load step of {one['force_N']:g}{NBSP}N": one["variants"] for one in figures["load_steps"]
     }
-    recovery = {**loads, **figures["events"]}
+    excess = dict(figures["events"])
+    recovery = {**loads, "overload": excess.pop("overload")}
     return {
         "standstill": _comparisons(
             {"hanging still": figures["standstill"]}, "rms_m", "mean_error_m"
@@ -188,6 +191,7 @@ def _tables(figures: Mapping[str, Any]) -> dict[str, tuple[Comparison, ...]]:
             *_comparisons(follow, "tracking_rms_m", "tracking_peak_m", "force_error_rms_N"),
             *_comparisons(loads, "peak_m"),
             *_comparisons(recovery, "recovery_s"),
+            *_comparisons(excess, "excess_peak_m", "excess_s"),
         ),
     }
 
