@@ -17,6 +17,7 @@ from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.metrics import deviation, mean_interval, recovery_time
 from anhyst.simulate.pool import Progress, all_of
 from anhyst.simulate.recording import RISE, Recording
+from anhyst.simulate.responses import position_resolution
 from anhyst.simulate.rigfile import BearingRig, TrajectoryTable
 from anhyst.simulate.scenario import DROP, Scenario, Script, Step
 from anhyst.simulate.setup import Setup
@@ -247,8 +248,7 @@ def excess_band(rig: BearingRig, excess: Floats) -> float:
     excess : ndarray
         From the event on, m.
     """
-    sensor = rig.settings.position_sensor.sensor()
-    reading = 3.0 * math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+    reading = 3.0 * position_resolution(rig)
     return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), LEAST_BAND_M)
 
 
