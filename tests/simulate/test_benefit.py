@@ -82,6 +82,40 @@ def test_the_strongest_rival_is_the_one_with_the_least_of_that_figure(found: Ben
             assert against.quotient.value == pytest.approx(own / min(means.values()))
 
 
+def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
+    for one in found.cells:
+        for measure, against in one.flux.items():
+            assert against.rival == "flux"
+            assert against.quotient is not None
+            figures = {name: rows[measure].mean for name, rows in one.figures.items()}
+            assert against.quotient.value == pytest.approx(figures["full"] / figures["flux"])
+            assert one.strongest[measure].rival != "flux"
+
+
+def test_without_a_probe_there_is_no_flux(rig: BearingRig, controller: ControllerFile) -> None:
+    bare = changed(rig, {"hall_probe": None})
+    (one,) = benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells
+    assert one.flux == {}
+    assert set(one.figures) == set(one.standstill) == {*RIVALS, "full"}
+
+
+def test_what_is_no_overshoot_is_told_in_metres(found: Benefit) -> None:
+    """The same distance counts at every height: what the armature moves about when it rests."""
+    for one in found.cells:
+        for against in (one.ratio, one.strongest, one.flux):
+            overshoot = against["overshoot_percent"]
+            assert overshoot.rival is not None
+            assert overshoot.floor is not None
+            still = max(one.standstill["full"], one.standstill[overshoot.rival])
+            assert overshoot.floor == pytest.approx(300.0 * still / one.height)
+            assert 5e-9 < still < 100e-9
+            means = [
+                one.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.rival)
+            ]
+            assert (overshoot.outcome == "nothing to gain") == (max(means) < overshoot.floor)
+            assert against["settling_in_noise_s"].floor is None
+
+
 def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
     """Where nothing overshoots there is nothing to gain; with wide, pathological loops there is."""
     nothing = cell(found, 1.0, 0.3, 10e-6).strongest["overshoot_percent"]
@@ -112,7 +146,9 @@ def test_it_is_written_as_json(found: Benefit) -> None:
     row = kept["cells"][0]
     against = row["against_strongest"]["overshoot_percent"]
     assert against["ratio_low"] <= against["ratio"] <= against["ratio_high"]
-    assert against["outcome"] in ("gain", "nothing to gain", "no gain")
+    assert against["outcome"] in ("gain", "nothing to gain", "no gain", "loss")
+    assert against["floor_percent"] > 0.0
+    assert row["against_flux"]["settling_in_noise_s"]["rival"] == "flux"
 
 
 def test_a_law_is_no_iron_to_vary(rig: BearingRig, controller: ControllerFile) -> None:
@@ -126,8 +162,18 @@ def test_what_is_lost_does_not_count_as_a_rival() -> None:
     assert lost.outcome == "no gain"
     certain = Comparison("static", quotient([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
     assert certain.outcome == "gain"
-    doubtful = Comparison("static", quotient([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 1.1, 2))
-    assert doubtful.outcome == "no gain"
+    assert Comparison("static", None, None).outcome == "loss"
+
+
+@pytest.mark.parametrize(
+    ("mean", "outcome"), [(1.2, "gain"), (1.0, "no gain"), (-1.0, "no gain"), (-1.2, "loss")]
+)
+def test_gain_and_loss_are_told_only_where_they_are_certain(mean: float, outcome: str) -> None:
+    ratio = quotient([1.0, 1.1], [2.0, 2.2])
+    assert Comparison("static", ratio, Interval(mean, 1.1, 2)).outcome == outcome
+    assert Comparison("static", ratio, Interval(mean, 1.1, 2), 3.0, True).outcome == (
+        "nothing to gain"
+    )
 
 
 def test_the_interval_of_a_ratio_holds_one_where_the_difference_may_be_zero() -> None:

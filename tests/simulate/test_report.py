@@ -32,6 +32,7 @@ from anhyst.simulate.report.over_frequency import Response, figure_sensitivity
 from anhyst.simulate.report.over_runs import (
     BenefitCell,
     Candidate,
+    Outcome,
     Spread,
     Tuning,
     figure_benefit,
@@ -525,6 +526,21 @@ def test_cells_without_a_certain_gain_are_hatched(subject: Subject) -> None:
     assert sorted(texts_of(figure)) == sorted(
         2 * ["0.30†", "0.38", "0.90†\nstatic", "0.98\nstatic"]
     )
+
+
+def test_every_outcome_but_a_gain_has_a_hatch_of_its_own(subject: Subject) -> None:
+    outcomes: tuple[Outcome, ...] = ("gain", "no gain", "nothing to gain", "loss")
+    cells = [
+        replace(subject.benefit[0], reversible=0.1 * place, outcome=outcome)
+        for place, outcome in enumerate(outcomes)
+    ]
+    figure = figure_benefit(cells, "full")
+    (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left"))
+    hatches = {patch.get_hatch() for patch in ax.patches}
+    assert len(hatches) == len(ax.patches) == 3
+    (legend,) = figure.legends
+    assert {patch.get_hatch() for patch in legend.get_patches()} == hatches
+    assert "certain loss" in {text.get_text() for text in legend.get_texts()}
 
 
 def test_nothing_on_the_front_is_beaten() -> None:

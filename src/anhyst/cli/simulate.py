@@ -12,7 +12,11 @@ from anhyst.cli.options import AsJson
 from anhyst.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.simulate.benefit import Benefit
+    from collections.abc import Mapping, Sequence
+
+    from rich.table import Table
+
+    from anhyst.simulate.benefit import Benefit, Comparison, Measure
     from anhyst.simulate.controllerfile import ControllerFile
     from anhyst.simulate.montecarlo import MonteCarlo
     from anhyst.simulate.responses import Cell
@@ -174,26 +178,39 @@ def _read(rig: Path, controller: Path | None) -> tuple[BearingRig, ControllerFil
 
 
 def _show_map(found: Benefit, out: Path) -> None:
+    rivals = {"its strongest rival without memory": [cell.strongest for cell in found.cells]}
+    if all(cell.flux for cell in found.cells):
+        rivals["'flux', which measures"] = [cell.flux for cell in found.cells]
+    show(
+        *(_map_against(found, name, comparisons) for name, comparisons in rivals.items()),
+        f"'gain' and 'loss' where they are certain over {found.seeds} noise seeds, 'nothing to "
+        "gain' where both overshoot by less than three times the rms of their standstill",
+        f"written: {out}, {out.parent / REPORT}",
+    )
+
+
+def _map_against(
+    found: Benefit, rival: str, comparisons: Sequence[Mapping[Measure, Comparison]]
+) -> Table:
     heights = list(dict.fromkeys(cell.height for cell in found.cells))
     rows = table(
-        "overshoot of 'full' over that of its strongest rival without hysteresis",
+        f"overshoot of 'full' over that of {rival}",
         ["loop width, reversible part", *(f"{1e6 * height:g} um" for height in heights)],
     )
     for iron in dict.fromkeys(cell.iron for cell in found.cells):
-        cells = [cell.strongest["overshoot_percent"] for cell in found.cells if cell.iron == iron]
+        mine = [
+            one["overshoot_percent"]
+            for cell, one in zip(found.cells, comparisons, strict=True)
+            if cell.iron == iron
+        ]
         rows.add_row(
             f"{100.0 * iron.loop_width:.1f} %, {iron.reversible_fraction:g}",
             *(
                 "lost" if one.quotient is None else f"{one.quotient.value:.2f} {one.outcome}"
-                for one in cells
+                for one in mine
             ),
         )
-    show(
-        rows,
-        f"'gain' where it is certain over {found.seeds} noise seeds, 'nothing to gain' where both "
-        "overshoot by less than 1 %",
-        f"written: {out}, {out.parent / REPORT}",
-    )
+    return rows
 
 
 def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:

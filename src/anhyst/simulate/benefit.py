@@ -32,18 +32,19 @@ FRACTIONS = (0.05, 0.15, 0.3, 0.5)
 """Reversible fractions."""
 
 RIVALS: tuple[Variant, ...] = ("ratio", "linearised", "static")
-"""Ways from force to current that know no hysteresis."""
+"""Ways from force to current that know no hysteresis and measure nothing."""
 
 Measure = Literal["overshoot_percent", "settling_in_noise_s"]
 MEASURES: tuple[Measure, ...] = ("overshoot_percent", "settling_in_noise_s")
 """Figures of a step that are compared; the smaller the better."""
 
-NO_OVERSHOOT = 1.0
-"""Overshoot below which there is nothing to gain, % of the step."""
+STANDSTILLS = 3.0
+"""Overshoots of no more than so many times the rms of a standstill are none: nothing to gain."""
 
-Outcome = Literal["gain", "nothing to gain", "no gain"]
+Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
 
 Floats = NDArray[np.float64]
+_Runs = Sequence[Sequence[Mapping[str, float]]]
 
 
 @dataclass(frozen=True)
@@ -87,23 +88,32 @@ class Comparison:
         Figure of ``full`` over that of the rival; None where one of them has lost the armature.
     difference : Interval or None
         Figure of the rival less that of ``full``, seed by seed.
+    floor : float or None
+        Overshoot that is none, % of the height: :data:`STANDSTILLS` times the larger standstill rms
+        of the two. None for other figures.
     small : bool
-        Both overshoots are below :data:`NO_OVERSHOOT`.
+        Both means are below the floor.
     """
 
     rival: Variant | None
     quotient: Quotient | None
     difference: Interval | None
+    floor: float | None = None
     small: bool = False
 
     @property
     def outcome(self) -> Outcome:
-        """``gain`` if it is certain: the whole interval of the difference is above zero."""
+        """``gain`` or ``loss`` if it is certain: the interval of the difference leaves out zero.
+
+        It is a loss, too, where the rival kept the armature in the air and ``full`` did not.
+        """
         if self.small:
             return "nothing to gain"
-        if self.difference is None or self.difference.mean <= self.difference.half_width:
-            return "no gain"
-        return "gain"
+        if self.difference is None:
+            return "no gain" if self.rival is None else "loss"
+        if self.difference.mean > self.difference.half_width:
+            return "gain"
+        return "loss" if self.difference.mean < -self.difference.half_width else "no gain"
 
 
 @dataclass(frozen=True)
@@ -117,16 +127,22 @@ class Cell:
         m.
     figures : mapping of str to mapping of str to Interval
         By variant, then by :data:`MEASURES`; a variant that lost the armature is missing.
+    standstill : mapping of str to float
+        Rms of the gap at the end of the holds, mean over seeds and directions, m; by variant.
     strongest, ratio : mapping of str to Comparison
         By :data:`MEASURES`: against the strongest of :data:`RIVALS` in this very figure, and
         against ``ratio``.
+    flux : mapping of str to Comparison
+        Against ``flux``, which measures the flux density instead; empty without a Hall probe.
     """
 
     iron: Iron
     height: float
     figures: Mapping[Variant, Mapping[Measure, Interval]]
+    standstill: Mapping[Variant, float]
     strongest: Mapping[Measure, Comparison]
     ratio: Mapping[Measure, Comparison]
+    flux: Mapping[Measure, Comparison]
 
 
 @dataclass(frozen=True)
@@ -250,23 +266,44 @@ def _map_iron(work: _Work) -> list[Cell]:
         label=slopes.label,
     )
     steps: dict[Variant, list[list[StepResult]]] = {}
-    for variant in (*RIVALS, "full"):
+    probe = rig.settings.hall_probe is not None
+    rivals: tuple[Variant, ...] = (*RIVALS, "flux") if probe else RIVALS
+    for variant in (*rivals, "full"):
         setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
         gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
         runs = [run_steps(Run(setup, gap, work.heights, load, seed))[0] for seed in work.seeds]
         if all(runs):
             steps[variant] = runs
     hold = rig.settings.simulate.hold_s
-    return [_cell(iron, height, steps, hold) for height in work.heights]
+    return [_cell(iron, height, _at(steps, height), hold, probe) for height in work.heights]
+
+
+def _at(steps: Mapping[Variant, list[list[StepResult]]], height: float) -> Mapping[Variant, _Runs]:
+    """Return the figures of the steps of a height: up and down, seed by seed."""
+    return {
+        name: [
+            [one.figures for one in run if math.isclose(one.height, height, rel_tol=1e-6)]
+            for run in runs
+        ]
+        for name, runs in steps.items()
+    }
 
 
 def _cell(
-    iron: Iron, height: float, steps: Mapping[Variant, list[list[StepResult]]], hold: float
+    iron: Iron, height: float, runs: Mapping[Variant, _Runs], hold: float, probe: bool
 ) -> Cell:
     values = {
-        name: {measure: _values(runs, height, measure, hold) for measure in MEASURES}
-        for name, runs in steps.items()
+        name: {measure: _values(pairs, measure, hold) for measure in MEASURES}
+        for name, pairs in runs.items()
     }
+    still = {
+        name: float(np.mean([one["standstill_rms_m"] for pair in pairs for one in pair]))
+        for name, pairs in runs.items()
+    }
+
+    def against(*rivals: Variant) -> dict[Measure, Comparison]:
+        return {name: _compare(values, still, height, name, rivals) for name in MEASURES}
+
     return Cell(
         iron=iron,
         height=height,
@@ -274,32 +311,26 @@ def _cell(
             name: {measure: mean_interval(row) for measure, row in rows.items()}
             for name, rows in values.items()
         },
-        strongest={measure: _compare(values, measure, RIVALS) for measure in MEASURES},
-        ratio={measure: _compare(values, measure, ("ratio",)) for measure in MEASURES},
+        standstill=still,
+        strongest=against(*RIVALS),
+        ratio=against("ratio"),
+        flux=against("flux") if probe else {},
     )
 
 
-def _values(runs: list[list[StepResult]], height: float, measure: Measure, hold: float) -> Floats:
+def _values(runs: _Runs, measure: Measure, hold: float) -> Floats:
     """Return one value a seed: the larger one of up and down.
 
     A step that did not settle counts as if it had at the end of its hold.
     """
-    return np.array(
-        [
-            max(
-                min(one.figures[measure], hold)
-                if measure == "settling_in_noise_s"
-                else one.figures[measure]
-                for one in steps
-                if math.isclose(one.height, height, rel_tol=1e-6)
-            )
-            for steps in runs
-        ]
-    )
+    most = hold if measure == "settling_in_noise_s" else math.inf
+    return np.array([max(min(one[measure], most) for one in pair) for pair in runs])
 
 
 def _compare(
     values: Mapping[Variant, Mapping[Measure, Floats]],
+    still: Mapping[Variant, float],
+    height: float,
     measure: Measure,
     rivals: Sequence[Variant],
 ) -> Comparison:
@@ -311,9 +342,12 @@ def _compare(
     if "full" not in values:
         return Comparison(rival, None, None)
     own, other = values["full"][measure], values[rival][measure]
+    ratio, difference = quotient(own, other), mean_interval(other - own)
+    if measure != "overshoot_percent":
+        return Comparison(rival, ratio, difference)
+    floor = 100.0 * STANDSTILLS * max(still["full"], still[rival]) / height
     most = max(float(np.mean(own)), float(np.mean(other)))
-    small = measure == "overshoot_percent" and most < NO_OVERSHOOT
-    return Comparison(rival, quotient(own, other), mean_interval(other - own), small)
+    return Comparison(rival, ratio, difference, floor, most < floor)
 
 
 def _row(cell: Cell) -> dict[str, Any]:
@@ -330,8 +364,10 @@ def _row(cell: Cell) -> dict[str, Any]:
             name: {measure: _interval(one) for measure, one in rows.items()}
             for name, rows in cell.figures.items()
         },
+        "standstill_rms_m": dict(cell.standstill),
         "against_strongest": {name: _comparison(one) for name, one in cell.strongest.items()},
         "against_ratio": {name: _comparison(one) for name, one in cell.ratio.items()},
+        "against_flux": {name: _comparison(one) for name, one in cell.flux.items()},
     }
 
 
@@ -341,10 +377,12 @@ def _interval(one: Interval) -> dict[str, float]:
 
 def _comparison(one: Comparison) -> dict[str, Any]:
     found: dict[str, Any] = {"rival": one.rival, "outcome": one.outcome}
+    if one.floor is not None:
+        found["floor_percent"] = one.floor
     if one.quotient is not None and one.difference is not None:
-        high = one.quotient.high
+        value, high = one.quotient.value, one.quotient.high
         found |= {
-            "ratio": one.quotient.value,
+            "ratio": value if math.isfinite(value) else None,
             "ratio_low": one.quotient.low,
             "ratio_high": high if math.isfinite(high) else None,
             "difference": _interval(one.difference),

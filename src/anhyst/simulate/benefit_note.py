@@ -111,13 +111,14 @@ def _sentence(width: float, share: float | None, rows: Sequence[Row]) -> str:
         _span(row["overshoot_percent"][name or row["rival"]] for row in rows)
         for name in ("full", "ratio", None)
     )
+    flux = _span(row["overshoot_percent"]["flux"] for row in rows)
     widths = _span(row["loop_width_percent"] for row in rows)
     shares = _span(_known(row) for row in rows)
     return (
         f"On the simulated example bearing, a magnet with {loops}{widths} %, {shares}; here {here})"
         f" overshot steps of {heights[0]:g} to {heights[-1]:g} um by {full} % with hysteresis "
-        f"compensation, by {ratio} % with a constant force-current ratio and by {best} % with the "
-        f"best drive without memory: {_conclusion(rows)}; {own}."
+        f"compensation, by {ratio} % with a constant force-current ratio, by {best} % with the "
+        f"best drive without memory and by {flux} % with a Hall probe: {_conclusion(rows)}; {own}."
     )
 
 
@@ -130,15 +131,18 @@ def _known(row: Row) -> float:
 def _conclusion(rows: Sequence[Row]) -> str:
     outcomes = [row["outcome"] for row in rows]
     beyond = [row["settling_s"]["full"] / row["settling_s"][row["settling_rival"]] for row in rows]
-    gains, total = outcomes.count("gain"), len(outcomes)
+    gains, losses, total = outcomes.count("gain"), outcomes.count("loss"), len(outcomes)
     if gains == total:
-        over = "it gained over both"
+        over = "it gained over the ratio and over the best without memory"
     elif outcomes.count("nothing to gain") == total:
-        over = "it gained over the first, and beside the second nothing was left to gain"
-    elif gains == 0:
-        over = "it gained over the first and not over the second"
+        over = (
+            "it gained over the ratio, and beside the best without memory nothing was left to gain"
+        )
     else:
-        over = f"it gained over the first, and over the second in {gains} of {total} cases"
+        over = (
+            f"it gained over the ratio; against the best without memory it gained in {gains} of "
+            f"{total} cases and lost in {losses}"
+        )
     low, high = f"{min(beyond):.2f}", f"{max(beyond):.2f}"
     return f"{over}, and settled within {low} to {high} of the time of the quickest of them"
 

@@ -51,7 +51,8 @@ def subject_of_benefit(
                 f"Every iron is measured and identified anew, all variants are fitted to the same "
                 f"loops and run with the same gains, {found.seeds} noise seeds each. “{STRONGEST}” "
                 "is, cell by cell, the best of ratio, linearised and static, which know no "
-                "hysteresis: chance favours it a little.",
+                "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands "
+                "beside them: it needs no model, as it measures the flux density.",
             ),
         ),
         files={
@@ -67,10 +68,13 @@ def _cells(found: Benefit) -> list[BenefitCell]:
         _cell(found, cell, measure, against, comparison)
         for measure in MEASURES
         for cell in found.cells
-        for against, comparison in (
-            ("ratio", cell.ratio[measure]),
-            (STRONGEST, cell.strongest[measure]),
+        for against, comparisons in (
+            ("ratio", cell.ratio),
+            (STRONGEST, cell.strongest),
+            ("flux", cell.flux),
         )
+        if comparisons
+        for comparison in (comparisons[measure],)
     ]
 
 

@@ -31,7 +31,7 @@ _DARK = 0.45  # ratio below which its colour asks for white letters
 
 _SHORT = {"linearised": "lin."}  # where squares are narrow
 
-Outcome = Literal["gain", "nothing to gain", "no gain"]
+Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class BenefitCell:
     ratio : float
         Below 1 where compensation gains; not a number where one of them was lost.
     outcome : str
-        ``"gain"`` only if it is certain.
+        ``"gain"`` and ``"loss"`` only if it is certain.
     """
 
     measure: str
@@ -100,15 +100,16 @@ def figure_benefit(cells: Sequence[BenefitCell], variant: str) -> Figure:
     bar.set_label(f"{cells[0].measure} of {variant} / that of the rival")
     figure.legend(
         [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _HATCHES.values()],
-        ["no certain gain", "nothing to gain: both are small"],
+        ["certain loss", "neither is certain", "nothing to gain: both are small"],
         loc="outside lower center",
-        ncols=2,
+        ncols=3,
     )
     return figure
 
 
 _HATCHES: Mapping[str, dict[str, Any]] = {
-    "no gain": {"ec": ALARM, "hatch": "////"},
+    "loss": {"ec": ALARM, "hatch": "xxxx"},
+    "no gain": {"ec": SHADE, "hatch": "////"},
     "nothing to gain": {"ec": SHADE, "hatch": "...."},
 }
 
@@ -137,7 +138,7 @@ def _map(ax: Axes, cells: Sequence[BenefitCell], chosen: Sequence[BenefitCell]) 
 
 
 def _write(ax: Axes, place: tuple[int, int], cell: BenefitCell) -> None:
-    """Write the ratio into its square; hatch the square where there is no gain."""
+    """Write the ratio into its square; hatch the square where no gain is certain."""
     x, y = place
     text = "lost" if math.isnan(cell.ratio) else f"{cell.ratio:.2f}"
     if cell.pathological:

@@ -433,13 +433,14 @@ def _benefit(subject: Subject) -> Section:
                 figure_benefit(cells, subject.variant),
                 f"benefit{place}",
                 f"Maps of the ratio of {measure} over loop width and reversible fraction, one "
-                "column a step height, one row a rival; hatched where there is no gain.",
+                "column a step height, one row a rival; hatched where no gain is certain.",
                 f"{_sentence(measure)} of {subject.variant} over that of the rival, same gains; "
-                "below 1 (violet) compensation gains. Hatched red: no certain gain, the 95 % "
-                "confidence interval of the difference reaches zero; dotted: both are so small "
-                "that there is nothing to gain. †: pathological iron, which hardly answers just "
-                "after a reversal. The name in a square is that of the rival there; lin. is "
-                "linearised.",
+                "below 1 (violet) compensation gains. Crossed red: it loses for certain, or has "
+                "lost the armature; hatched grey: neither is certain, the 95 % confidence interval "
+                "of the difference reaches zero; dotted: both overshoots are less than three times "
+                "the rms of the standstill, there is nothing to gain. †: pathological iron, which "
+                "hardly answers just after a reversal. The name in a square is that of the rival "
+                "there; lin. is linearised.",
             )
         )
     title = "Where compensation gains, and where not"
@@ -447,12 +448,14 @@ def _benefit(subject: Subject) -> Section:
 
 
 def _gains(cells: Sequence[BenefitCell]) -> str:
-    """Say how many cells of one map gain, and the best of them."""
+    """Say how many cells of one map gain, how many lose, and the best of them."""
     gained = [cell for cell in cells if cell.outcome == "gain"]
+    lost = sum(cell.outcome == "loss" for cell in cells)
     idle = sum(cell.outcome == "nothing to gain" for cell in cells)
     text = (
         f"{_sentence(cells[0].measure)} against {cells[0].against}: a certain gain in "
-        f"{len(gained)} of {len(cells)} cells, in {idle} there is nothing to gain"
+        f"{len(gained)} of {len(cells)} cells, a certain loss in {lost}, in {idle} there is "
+        "nothing to gain"
     )
     if gained:
         best = min(gained, key=lambda cell: cell.ratio)
