@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+
+# A shell that runs the tests in the background lets them ignore ctrl-C, and their children too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 NO_MEASUREMENTS = "real measurements are not here: set ANHYST_DATA to their folder"
 

@@ -125,7 +125,7 @@ def test_every_variant_is_compared_and_flux_only_with_a_probe() -> None:
     }
     blind = changed(rig, {"hall_probe": None})
     assert set(tuning.compared(blind, "full")) == {
-        *("ratio", "linearised", "static", "simplified", "full")
+        *("ratio", "ratio-chord", "linearised", "static", "simplified", "full")
     }
 
 
