@@ -17,8 +17,9 @@ from anhyst.cli import app as cli
 from anhyst.cli.tune import tune as command
 from anhyst.modelfile import write_model
 from anhyst.simulate.controllerfile import read_controller
+from anhyst.simulate.simulate import compared
 from anhyst.simulate.variations import changed
-from anhyst.tune import search, tuning
+from anhyst.tune import search
 
 
 @cache
@@ -102,7 +103,7 @@ def test_aims_that_cannot_be_met_are_a_negative_result_that_says_why(here: Path)
 def test_all_variants_are_tuned_alike_and_compared(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tuning, "COMPARED", ("ratio", "flux"))
+    monkeypatch.setattr("anhyst.simulate.simulate.COMPARED", ("ratio", "flux"))
     monkeypatch.chdir(here)
     given = ["tune", "rig.toml", "--out", "tuned", "--budget", "10", "--all-variants"]
     assert cli.main(given) == 0
@@ -119,12 +120,12 @@ def test_all_variants_are_tuned_alike_and_compared(
 
 def test_every_variant_is_compared_and_flux_only_with_a_probe() -> None:
     rig = bearings.example()
-    names = tuning.compared(rig, "ratio-chord")
+    names = compared(rig, "ratio-chord")
     assert set(names) == {
         *("ratio", "linearised", "static", "flux", "simplified", "full", "ratio-chord")
     }
     blind = changed(rig, {"hall_probe": None})
-    assert set(tuning.compared(blind, "full")) == {
+    assert set(compared(blind, "full")) == {
         *("ratio", "ratio-chord", "linearised", "static", "simplified", "full")
     }
 

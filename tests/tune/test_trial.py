@@ -11,7 +11,7 @@ from tests.simulate import bearings
 
 from anhyst.simulate.sensitivity import Sensitivity
 from anhyst.simulate.setup import with_gains
-from anhyst.simulate.simulate import SINE_M
+from anhyst.simulate.sweep import SINE_M
 from anhyst.tune.aims import LOST, MISSED, Aims
 from anhyst.tune.trial import Condition, Trial, default_conditions, peak_of, run_trial
 

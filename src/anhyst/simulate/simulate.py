@@ -24,7 +24,7 @@ from anhyst.simulate.controllerfile import (
     read_controller,
 )
 from anhyst.simulate.flight import Flight, lost_blocks
-from anhyst.simulate.loop import Loop, lost_at
+from anhyst.simulate.loop import Loop
 from anhyst.simulate.operating import (
     OperatingPoint,
     find_operating_point,
@@ -36,8 +36,9 @@ from anhyst.simulate.recording import Recording, check_ending, write_recording
 from anhyst.simulate.responses import Cell, as_rows, compare, default_seeds
 from anhyst.simulate.rigfile import BearingRig, read_bearing
 from anhyst.simulate.scenario import Scenario, Script, land_time, steps_up_and_down
-from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity
+from anhyst.simulate.sensitivity import Sensitivity
 from anhyst.simulate.setup import Knowledge, Setup, make_setups, read_knowledge
+from anhyst.simulate.sweep import sweep
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float, float], None]
@@ -55,9 +56,6 @@ COMPARED: tuple[Variant, ...] = (
 
 FIGURES = "figures.json"
 """What is written beside the recording."""
-
-SINE_M = 0.5e-6
-"""Amplitude of the swept sine, m."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +206,7 @@ def _beside(
     """
     setups: dict[Variant, Setup] = {}
     left_out: dict[Variant, str] = {}
-    for name in _variants(mine.rig, mine.name):
+    for name in compared(mine.rig, mine.name):
         try:
             setups |= (
                 {name: mine}
@@ -243,7 +241,8 @@ def _compare(
     )
     scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, _heights(rig))
     loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
-    swept = {name: sweep(setup) for name, setup in setups.items()}
+    place, frequencies = (tried.gap_m, _load(rig)), sweep_frequencies(rig)
+    swept = {name: sweep(one, *place, frequencies, seed=0) for name, one in setups.items()}
     figures = {
         **_head(rig, controller),
         "operating_point": _point(at),
@@ -288,36 +287,8 @@ def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
     }
 
 
-class _LostError(Exception):
-    """Levitation was lost in a sweep."""
-
-
-def sweep(setup: Setup, seed: int = 0) -> Sensitivity | None:
-    """Measure the sensitivity of a loop at its operating point by a swept sine.
-
-    Returns
-    -------
-    Sensitivity or None
-        None if levitation was lost: what lies on its stop answers to no controller.
-    """
-    rig = setup.rig
-    loop = Loop(setup, seed)
-    loop.run(Script(rig, rig.settings.simulate.gap_m).lift_off(setup.controller).build())
-
-    def run(inject: Floats) -> Recording:
-        recording = loop.run(Script(rig, rig.settings.simulate.gap_m).hold(0.0, inject).build())
-        if len(recording) < inject.size or lost_at(rig, recording) is not None:
-            raise _LostError
-        return recording
-
-    rate = rig.settings.timing.rate_Hz
-    try:
-        return measure_sensitivity(run, sweep_frequencies(rig), SINE_M, rate)
-    except _LostError:
-        return None
-
-
-def _variants(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
+def compared(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
+    """Return all variants that a rig allows, that of the controller file among them."""
     found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
     return tuple(dict.fromkeys([*found, own]))
 

@@ -10,8 +10,9 @@ from anhyst.simulate.pool import all_of
 from anhyst.simulate.responses import Cell, compare, default_seeds
 from anhyst.simulate.sensitivity import Sensitivity
 from anhyst.simulate.setup import Setup
+from anhyst.simulate.sweep import sweep
 from anhyst.tune.aims import Figures, worst_of
-from anhyst.tune.trial import Condition, check_frequencies, peak_of, sweep
+from anhyst.tune.trial import Condition, check_frequencies, peak_of
 
 Report = Callable[[float, float], None]
 
@@ -79,7 +80,7 @@ def check(setup: Setup, conditions: Sequence[Condition], jobs: int | None = None
 
 
 def _sweep(setup: Setup, condition: Condition) -> Sensitivity | None:
-    return sweep(setup, condition, check_frequencies(setup.rig), 0)
+    return sweep(setup, condition.gap, condition.load, check_frequencies(setup.rig), 0)
 
 
 def _figures(cells: Sequence[Cell], measured: Sensitivity | None) -> Figures:

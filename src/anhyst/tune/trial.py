@@ -11,15 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.errors import InputError
-from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.position import make_position
-from anhyst.simulate.recording import Recording
 from anhyst.simulate.responses import Run, StepResult, run_steps
 from anhyst.simulate.rigfile import BearingRig
-from anhyst.simulate.scenario import Script
-from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity
+from anhyst.simulate.sensitivity import Sensitivity
 from anhyst.simulate.setup import Setup
-from anhyst.simulate.simulate import SINE_M
+from anhyst.simulate.sweep import sweep
 from anhyst.tune.aims import LOST, Aims, Figures, worst_of
 
 Floats = NDArray[np.float64]
@@ -138,7 +135,9 @@ def _figures(trial: Trial, condition: Condition) -> Figures | None:
     found = of_steps(steps)
     if trial.aims.cost(found) > trial.ceiling:
         return found  # a sine cannot make it better
-    measured = sweep(setup, condition, search_frequencies(setup.rig), trial.seed)
+    measured = sweep(
+        setup, condition.gap, condition.load, search_frequencies(setup.rig), trial.seed
+    )
     if measured is None:
         return None
     return replace(found, peak_sensitivity=peak_of(measured))
@@ -174,29 +173,6 @@ def check_frequencies(rig: BearingRig) -> Floats:
     """Return the frequencies of a check, Hz."""
     rate = rig.settings.timing.rate_Hz
     return np.geomspace(rate / 500.0, rate / 8.0, 40)
-
-
-class _LostError(Exception):
-    """What lies on its stop answers to no controller."""
-
-
-def sweep(setup: Setup, condition: Condition, frequencies: Floats, seed: int) -> Sensitivity | None:
-    """Measure the sensitivity at one condition; None if the armature was not held."""
-    rig = setup.rig
-    loop = Loop(setup, seed)
-    loop.run(Script(rig, condition.gap, condition.load).lift_off(setup.controller).build())
-
-    def run(inject: Floats) -> Recording:
-        script = Script(rig, condition.gap, condition.load).hold(0.0, inject)
-        recording = loop.run(script.build())
-        if len(recording) < inject.size or lost_at(rig, recording) is not None:
-            raise _LostError
-        return recording
-
-    try:
-        return measure_sensitivity(run, frequencies, SINE_M, rig.settings.timing.rate_Hz)
-    except _LostError:
-        return None
 
 
 def peak_of(measured: Sensitivity) -> float:

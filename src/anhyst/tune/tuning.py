@@ -19,7 +19,7 @@ from anhyst.simulate.controllerfile import (
 )
 from anhyst.simulate.rigfile import BearingRig, read_bearing
 from anhyst.simulate.setup import Setup, make_setups, read_knowledge
-from anhyst.simulate.simulate import COMPARED
+from anhyst.simulate.simulate import compared
 from anhyst.tune.aims import Aims, Figures
 from anhyst.tune.limits import Limit, find_limits
 from anhyst.tune.output import RESULTS, file_note, verdict, write_results
@@ -228,12 +228,6 @@ class _Task:
         return find_limits(
             found.setup, self.conditions, self.aims, found.check, self.seed, self.jobs
         )
-
-
-def compared(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
-    """Return all variants that a rig allows, that of the controller file among them."""
-    found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
-    return tuple(dict.fromkeys([*found, own]))
 
 
 def _places(
