@@ -1,0 +1,231 @@
+"""From measured loops, or from a bundled example, to a folder that runs: ``anhyst init``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from anhyst.atomic import PathLike
+from anhyst.data.reading import files_read
+from anhyst.draft.bearing import draft_bearing
+from anhyst.draft.examples import NEXT, example_files
+from anhyst.draft.folder import check_new, put
+from anhyst.draft.force import draft_force_control
+from anhyst.draft.machine import Machine, Wanted, machine_of
+from anhyst.draft.magnet import Reach, reach_of
+from anhyst.draft.rules import Numbers, numbers_of
+from anhyst.draft.text import Draft
+from anhyst.errors import InputError
+from anhyst.sources import Progress, ReadOptions
+
+RIG, CONTROLLER, LOOPS = "rig.toml", "controller.toml", "loops"
+"""What is written; loops are copied into a folder, so that no file of theirs meets ours."""
+
+
+@dataclass(frozen=True)
+class Drafted:
+    """What was written.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    files : tuple of str
+        In it.
+    run : tuple of str
+        Commands to go on with.
+    found : tuple of str, optional
+        What the loops say, a line each.
+    guessed : mapping of str to str, optional
+        What could have been given and was not: option with its value, and from what.
+    guesses : mapping of str to mapping, optional
+        All that is guessed, by file: key with its value, and from what.
+    """
+
+    out: Path
+    files: tuple[str, ...]
+    run: tuple[str, ...]
+    found: tuple[str, ...] = ()
+    guessed: Mapping[str, str] = field(default_factory=dict)
+    guesses: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {
+            "out": str(self.out),
+            "files": list(self.files),
+            "found": list(self.found),
+            "guesses": {name: dict(one) for name, one in self.guesses.items()},
+            "run": list(self.run),
+        }
+
+
+def init_bearing(
+    paths: Sequence[PathLike],
+    out: PathLike,
+    wanted: Wanted,
+    options: ReadOptions | None = None,
+    progress: Progress | None = None,
+) -> Drafted:
+    """Write rig and controller file of a bearing, with a copy of the loops beside them.
+
+    Parameters
+    ----------
+    paths : sequence of path-like
+        Loops of its magnet: files, folders.
+    out : path-like
+        Folder to write; made where it is not there.
+    wanted : Wanted
+        Mass, load and gap, as far as they are known.
+    options : ReadOptions, optional
+        How the loops are read; goes into the rig file.
+    progress : callable, optional
+        Called with bytes read and file size.
+
+    Returns
+    -------
+    Drafted
+
+    Raises
+    ------
+    InputError
+        The loops cannot be read or are none of a bearing's magnet; mass, load or gap do not fit
+        them; or one of the files is there already.
+    """
+    check_new(out, [RIG, CONTROLLER, LOOPS])
+    options = options or ReadOptions()
+    source = _Source(paths, options)
+    loops = options.read(paths, progress)
+    try:
+        reach = reach_of(loops)
+        machine = machine_of(wanted, reach)
+        numbers = numbers_of(machine, reach)
+    except InputError as error:
+        raise InputError(f"{source.text}: {error}") from error
+    drafts = draft_bearing(source.name, source.key, source.reading, reach, machine, numbers)
+    files = {RIG: drafts.rig, CONTROLLER: drafts.controller}
+    return _put(out, files, source, NEXT["bearing"], _found(reach, machine, numbers), machine)
+
+
+def init_force_control(
+    paths: Sequence[PathLike],
+    out: PathLike,
+    options: ReadOptions | None = None,
+    progress: Progress | None = None,
+) -> Drafted:
+    """Write the rig file of a magnet whose force is controlled, with its loops beside it.
+
+    Parameters
+    ----------
+    paths, out, options, progress
+        As of :func:`init_bearing`.
+
+    Returns
+    -------
+    Drafted
+
+    Raises
+    ------
+    InputError
+        The loops cannot be read or are none of force over current and gap; or one of the files is
+        there already.
+    """
+    check_new(out, [RIG, LOOPS])
+    options = options or ReadOptions()
+    source = _Source(paths, options)
+    loops = options.read(paths, progress)
+    try:
+        reach = reach_of(loops)
+        draft = draft_force_control(source.name, source.key, source.reading, reach)
+    except InputError as error:
+        raise InputError(f"{source.text}: {error}") from error
+    return _put(out, {RIG: draft}, source, NEXT["solenoid"], (_magnet(reach),))
+
+
+def init_example(name: str, out: PathLike) -> Drafted:
+    """Copy a bundled example.
+
+    Parameters
+    ----------
+    name : str
+        Which one.
+    out : path-like
+        Folder to write; made where it is not there.
+
+    Raises
+    ------
+    InputError
+        There is no such example, or one of its files is there already.
+    """
+    files = example_files(name)
+    put(out, {}, files)
+    return Drafted(Path(out), tuple(files), _commands(NEXT[name], out))
+
+
+class _Source:
+    """The loops of a draft: how they are called, and their copies."""
+
+    def __init__(self, paths: Sequence[PathLike], options: ReadOptions) -> None:
+        self.name = Path(paths[0]).resolve().name
+        self.text = f"{paths[0]}" + (f" and {len(paths) - 1} more" if len(paths) > 1 else "")
+        self.copies: dict[str, Path] = {}
+        for path in files_read(list(paths), options.sidecar):
+            self._refuse_namesake(path)
+            self.copies[f"{LOOPS}/{path.name}"] = path
+        tables = [name for name in self.copies if not name.endswith(".toml")]
+        self.key: str | list[str] = tables[0] if len(tables) == 1 else tables
+        self.reading = {
+            name.removeprefix("read_"): value for name, value in options.as_settings().items()
+        }
+        if options.sidecar is not None:
+            self.reading["sidecar"] = f"{LOOPS}/{Path(options.sidecar).name}"
+
+    def _refuse_namesake(self, path: Path) -> None:
+        """Refuse what would meet a file, or what describes it, of another folder."""
+        folder = path.parent.resolve()
+        for other in self.copies.values():
+            if other.stem == path.stem and other.parent.resolve() != folder:
+                raise InputError(f"{path}: {other} has the same name; rename one of them")
+
+
+def _put(
+    out: PathLike,
+    files: Mapping[str, Draft],
+    source: _Source,
+    run: Sequence[str],
+    found: tuple[str, ...],
+    machine: Machine | None = None,
+) -> Drafted:
+    put(out, {name: draft.text() for name, draft in files.items()}, source.copies)
+    return Drafted(
+        Path(out),
+        (*files, *source.copies),
+        _commands(run, out),
+        found,
+        {} if machine is None else machine.guessed(),
+        {name: draft.guesses() for name, draft in files.items()},
+    )
+
+
+def _commands(run: Sequence[str], out: PathLike) -> tuple[str, ...]:
+    return tuple(one.format(out=Path(out)) for one in run)
+
+
+def _found(reach: Reach, machine: Machine, numbers: Numbers) -> tuple[str, ...]:
+    return (
+        _magnet(reach),
+        f"{machine.mass.number:g} kg held against {machine.load.number:g} N at "
+        f"{1e3 * machine.gap.number:g} mm: unstable pole {numbers.pole:.3g} Hz, controller "
+        f"{numbers.bandwidth:g} Hz, {numbers.rate:g} ticks a second",
+    )
+
+
+def _magnet(reach: Reach) -> str:
+    gaps, forces = 1e3 * reach.gaps, reach.forces
+    where = f"at {gaps[0]:.4g} mm" if gaps.size == 1 else f"{gaps[0]:.4g} to {gaps[-1]:.4g} mm"
+    pull = f"{forces[0]:.4g} N" if gaps.size == 1 else f"{forces[0]:.4g} to {forces[-1]:.4g} N"
+    return f"{gaps.size} gaps, {where}: {pull} at {reach.current_high:.4g} A".replace(
+        "1 gaps, at", "one gap of"
+    )

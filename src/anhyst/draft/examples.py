@@ -1,0 +1,45 @@
+"""The bundled examples: data and rig files that come with the package."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from anhyst.errors import InputError
+
+NEXT: Mapping[str, tuple[str, ...]] = {
+    "bearing": (
+        "anhyst simulate {out}/rig.toml --out {out}/run.csv",
+        "anhyst tune {out}/rig.toml --out {out}/tuned",
+    ),
+    "electromagnet": (
+        "anhyst inspect {out}/loops.csv",
+        "anhyst identify {out}/loops.csv --out {out}/model.toml",
+    ),
+    "solenoid": ("anhyst force-control {out}/rig.toml --out {out}/run",),
+}
+"""The examples, and what to run in a copy of one."""
+
+KINDS = (".csv", ".md", ".toml")
+"""What is copied: no scripts, which make what is there."""
+
+
+def example_files(name: str) -> dict[str, Path]:
+    """Return the files of an example by their names in its folder.
+
+    In a source tree they are those that are edited, otherwise the copies inside the package.
+
+    Raises
+    ------
+    InputError
+        There is no such example, or the installation is not complete.
+    """
+    if name not in NEXT:
+        raise InputError(f"example: '{name}' is not known; there are: {', '.join(NEXT)}")
+    package = Path(__file__).resolve().parents[1]
+    for place in (package.parents[1] / "examples", package / "_examples"):
+        folder = place / name
+        if (folder / "loops.csv").is_file():
+            found = sorted(path for path in folder.rglob("*") if path.suffix in KINDS)
+            return {path.relative_to(folder).as_posix(): path for path in found}
+    raise InputError(f"{package}: the examples are missing; install anhyst again")

@@ -1,0 +1,78 @@
+"""A folder that can be moved: drafts beside a copy of the loops that they are of."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from anhyst.atomic import PathLike, write_error
+from anhyst.errors import InputError
+
+
+def check_new(out: PathLike, names: Sequence[str]) -> None:
+    """Find out before the work whether files can be put into a folder.
+
+    Parameters
+    ----------
+    out : path-like
+        The folder; need not be there.
+    names : sequence of str
+        Files and folders that are to appear in it.
+
+    Raises
+    ------
+    InputError
+        One of them is there already: somebody may have edited it. Or the folder is a file.
+    """
+    target = Path(out)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{out}: is a file; name a folder")
+    for name in names:
+        if (target / name).exists():
+            raise InputError(f"{target / name}: is there already; remove it or name another folder")
+
+
+def put(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> None:
+    """Write texts and copies of files into a folder, all of them or none.
+
+    Parameters
+    ----------
+    out : path-like
+        The folder; made where it is not there.
+    texts : mapping of str to str
+        Content by name.
+    copies : mapping of str to Path
+        Files to copy, by name; a name may lie in one folder below.
+
+    Raises
+    ------
+    InputError
+        As :func:`check_new`, or the disk refuses.
+    """
+    check_new(out, [*texts, *{Path(name).parts[0] for name in copies}])
+    target = Path(os.path.realpath(out))
+    beside = target if target.exists() else target.parent
+    draft = beside / f".{target.name}.{os.getpid()}.part"
+    made: list[Path] = []
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        draft.mkdir()
+        for name, text in texts.items():
+            (draft / name).write_text(text, encoding="utf-8", newline="\n")
+        for name, source in copies.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, draft / name)
+        if not target.exists():
+            draft.rename(target)
+            return
+        for part in sorted(draft.iterdir()):
+            part.rename(target / part.name)
+            made.append(target / part.name)
+    except OSError as error:
+        for part in made:
+            shutil.rmtree(part) if part.is_dir() else part.unlink()
+        raise write_error(out, error) from error
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)

@@ -1,0 +1,47 @@
+"""Tables that every rig file has: how loops are read, the magnet, ranges and noise of sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from anhyst.draft.rounding import nearest, up
+from anhyst.draft.text import Entry, Section
+
+
+def identify_sections(reading: Mapping[str, object]) -> list[Section]:
+    """Return the table that says how loops are read, where there is something to say."""
+    entries = [Entry(key, value, "as given") for key, value in reading.items()]
+    says = "how the loops are read, as by anhyst identify"
+    return [Section("identify", says, entries)] if entries else []
+
+
+def magnet_section(*entries: Entry) -> Section:
+    """Return the table of the plant's magnet: what the loops do not say, the fit guesses."""
+    iron = Entry("iron", "from loops", "fitted to the loops; what you know (turns, ...), it holds")
+    return Section("magnet", "the plant: never the compensator's own law", [*entries, iron])
+
+
+def range_entries(unit: str, high: float, room: float) -> list[Entry]:
+    """Return both ends of the range of a sensor of what goes from 0 to a largest value.
+
+    Parameters
+    ----------
+    unit : str
+        At the end of the keys.
+    high : float
+        Largest value.
+    room : float
+        Share of it that the range goes beyond, on both sides.
+    """
+    beyond = f"{100.0 * room:.0f} % of the largest beyond it"
+    return [
+        Entry(f"low_{unit}", -up(room * high), "range: least", beyond),
+        Entry(f"high_{unit}", up((1.0 + room) * high), "range: most", beyond),
+    ]
+
+
+def noise_entry(key: str, found: float, usual: float) -> Entry:
+    """Return the noise of a sensor: what the loops show, or what is usual."""
+    if found > 0.0:
+        return Entry(key, nearest(found), "rms, as in the loops")
+    return Entry(key, nearest(usual), "rms", "the loops show none")

@@ -1,0 +1,169 @@
+"""What loops say about a magnet that a rig has to know: reach, slopes, noise, pace."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import Loop, LoopSet
+from anhyst.data.noise import noise
+from anhyst.draft.rounding import nearest
+from anhyst.errors import InputError
+from anhyst.simulate.surface import Tangent, fit_plane, fit_surface
+
+Floats = NDArray[np.float64]
+
+NEAR_TOP = 0.95
+"""Share of the largest current from which samples say what force it makes."""
+
+RESERVE = 0.95
+"""Share of the measured force that a controller may ask for."""
+
+WEAKEST = 4.0
+"""It may ask for so many times what the loops reach at the weakest gap."""
+
+RESOLVED = 0.01
+"""Share of that force from which a load is told from none."""
+
+LEAST_BRANCH = 12
+"""Samples of one branch from which its noise can be told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """A magnet as its loops show it.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Force over current, at one gap or several.
+    gaps : ndarray, shape (g,)
+        Measured ones, m, rising.
+    current_high : float
+        Largest current that was measured at every gap, A.
+    forces : ndarray, shape (g,)
+        Force at that current, N.
+    """
+
+    loops: LoopSet
+    gaps: Floats
+    current_high: float
+    forces: Floats
+
+    def force_at(self, gap: float) -> float:
+        """Return the force that the largest current makes at a gap within the measured ones, N.
+
+        Over the gap the reciprocal root of the force is nearly straight.
+        """
+        return float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
+
+    def usable(self, gap: float) -> float:
+        """Return the largest force that a controller at a gap is to ask for, N.
+
+        A little less than the loops reach there; and not much more than they reach at the weakest
+        gap, or what is fitted over all gaps would be made up there.
+        """
+        return min(RESERVE * self.force_at(gap), WEAKEST * float(self.forces.min()))
+
+    def slopes(self, force: float, gap: float) -> Tangent:
+        """Return the slopes of the force over current and gap at an operating point.
+
+        Raises
+        ------
+        InputError
+            The force does not rise with the current there, or the loops hardly show it.
+        """
+        force_high = self.usable(gap)
+        if force < RESOLVED * force_high:
+            raise InputError(
+                f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
+                "magnet may pull: the loops do not say enough about it; give a larger one, or "
+                "loops of smaller currents"
+            )
+        ends = float(self.gaps[0]), float(self.gaps[-1])
+        tangent = fit_plane(fit_surface(self.loops, force_high, ends), force, gap, force_high)
+        if not tangent.per_force > 0.0:
+            raise InputError(
+                f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "
+                "current; look at the loops with anhyst inspect"
+            )
+        return tangent
+
+    @property
+    def noise(self) -> tuple[float, float]:
+        """Standard deviations of the noise of current and force, A and N."""
+        found = [
+            (noise(loop.input[part]), noise(loop.output[part]))
+            for loop in self.loops.loops
+            for part in _branches(loop)
+        ]
+        if not found:
+            return 0.0, 0.0
+        current, force = np.median(np.array(found), axis=0)
+        return float(current), float(force)
+
+    @property
+    def pace(self) -> tuple[float, float] | None:
+        """Time from row to row and sweep of the current, s and A/s; None without times."""
+        steps, sweeps = [], []
+        for loop in self.loops.loops:
+            if loop.time is None:
+                return None
+            dt = np.diff(loop.time)
+            moving = dt > 0.0
+            steps.append(float(np.median(dt[moving])) if moving.any() else math.nan)
+            sweeps.append(float(np.abs(np.diff(loop.input)[moving]).sum() / dt[moving].sum()))
+        step, sweep = float(np.median(steps)), float(np.median(sweeps))
+        return (step, sweep) if step > 0.0 and sweep > 0.0 else None
+
+
+def reach_of(loops: LoopSet) -> Reach:
+    """Look at the loops of a magnet.
+
+    Raises
+    ------
+    InputError
+        They are none of force over current and gap, or no current above 0 was measured.
+    """
+    if (loops.input.name, loops.output.name) != ("current", "force") or (
+        loops.schedule is None or loops.schedule.name != "gap"
+    ):
+        raise InputError("a rig needs columns I_A, F_N and gap_m")
+    groups = loops.by_schedule()
+    current_high = min(max(float(one.input.max()) for one in group) for group in groups.values())
+    current_high = nearest(current_high, 3)  # what is read is restless
+    if not current_high > 0.0:
+        raise InputError(
+            "at one gap no current above 0 A was measured; turn the sign of the current"
+        )
+    forces = np.array([_force_at_top(group, current_high) for group in groups.values()])
+    if not forces.min() > 0.0:
+        raise InputError(
+            "the largest current does not pull at every gap; turn the sign of the force"
+        )
+    return Reach(loops, np.array(list(groups), dtype=np.float64), current_high, forces)
+
+
+def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
+    """Return the force at the largest current, N: a line through the samples near it."""
+    current = np.concatenate([loop.input for loop in group])
+    force = np.concatenate([loop.output for loop in group])
+    top = np.abs(current - current_high) <= (1.0 - NEAR_TOP) * current_high
+    current, force = current[top], force[top]
+    if np.ptp(current) < 0.1 * (1.0 - NEAR_TOP) * current_high:
+        return float(np.mean(force))
+    _, level = np.polyfit(current - current_high, force, 1)
+    return float(level)
+
+
+def _branches(loop: Loop) -> list[slice]:
+    """Return the pieces of a record between turning points of its current."""
+    largest = int(np.argmax(loop.input))
+    ends = [0, largest, int(loop.n)]
+    pairs = [slice(start, end) for start, end in pairwise(ends)]
+    return [part for part in pairs if part.stop - part.start >= LEAST_BRANCH]

@@ -1,0 +1,136 @@
+"""TOML for a person: every key with what it is, and with what it was guessed from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from anhyst.tomltext import toml_key, toml_value
+
+COLUMN = 38
+"""Where comments begin, if the value leaves room."""
+
+SMALL = 1e-2
+"""Numbers below it are written in milli, micro and nano."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A key of a file.
+
+    Parameters
+    ----------
+    key : str
+        With its unit.
+    value : object
+        Anything that TOML has.
+    says : str
+        What it is.
+    guess : str, optional
+        From what the value was guessed; empty where it is known.
+    """
+
+    key: str
+    value: object
+    says: str
+    guess: str = ""
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of it."""
+        note = f"# {self.says}" + (f"; guess: {self.guess}" if self.guess else "")
+        if _is_rows(self.value):
+            yield f"{self.key} = [".ljust(COLUMN) + note
+            for row in self.value:  # type: ignore[attr-defined]
+                yield f"  {written(row)},"
+            yield "]"
+        else:
+            yield f"{self.key} = {written(self.value)}".ljust(COLUMN - 1) + f" {note}"
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A table of a file.
+
+    Parameters
+    ----------
+    name : str
+        With those above it, separated by points.
+    says : str
+        What it is.
+    entries : sequence of Entry
+    """
+
+    name: str
+    says: str
+    entries: Sequence[Entry] = field(default_factory=tuple)
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A file that a person edits.
+
+    Parameters
+    ----------
+    head : str
+        First comment: what it is and where it comes from; several lines are allowed.
+    entries : sequence of Entry
+        Above all tables.
+    sections : sequence of Section
+    """
+
+    head: str
+    entries: Sequence[Entry]
+    sections: Sequence[Section]
+
+    def text(self) -> str:
+        """Return the file."""
+        lines = [f"# {line}".rstrip() for line in self.head.splitlines()]
+        lines += _lines(self.entries)
+        for section in self.sections:
+            title = f"[{section.name}]".ljust(COLUMN - 1) + f" # {section.says}"
+            lines += ["", title, *_lines(section.entries)]
+        return "\n".join(lines) + "\n"
+
+    def guesses(self) -> dict[str, str]:
+        """Return what was guessed: key with its table, and from what."""
+        named = [("", self.entries), *((f"{one.name}.", one.entries) for one in self.sections)]
+        return {
+            f"{table}{entry.key} = {written(entry.value)}": entry.guess
+            for table, entries in named
+            for entry in entries
+            if entry.guess
+        }
+
+
+def written(value: object) -> str:
+    """Write a value as TOML; small numbers in milli, micro and nano, and still to the last bit.
+
+    Examples
+    --------
+    >>> written([0.45e-3, 50e-9, 20.0])
+    '[0.45e-3, 50e-9, 20.0]'
+    """
+    match value:
+        case float() if 0.0 < abs(value) < SMALL:
+            return _engineering(value)
+        case list():
+            return f"[{', '.join(map(written, value))}]"
+        case Mapping():
+            inside = ", ".join(f"{toml_key(key)} = {written(one)}" for key, one in value.items())
+            return f"{{ {inside} }}"
+    return toml_value(value)
+
+
+def _engineering(value: float) -> str:
+    exponent = next((one for one in (-3, -6, -9) if abs(value) >= 10.0 ** (one - 1)), -12)
+    text = f"{value * 10.0**-exponent:.12g}e{exponent}"
+    return text if float(text) == value else toml_value(value)
+
+
+def _lines(entries: Iterable[Entry]) -> list[str]:
+    return [line for entry in entries for line in entry.lines()]
+
+
+def _is_rows(value: object) -> bool:
+    """Whether a value is a list of tables, which stand one a line."""
+    return isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)
