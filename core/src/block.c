@@ -43,8 +43,7 @@ int anhyst_table_rises(const int16_t *words, int16_t first, int16_t entries, int
   return 1;
 }
 
-/* A table over the gap: neighbours differ by at most 32767, and every entry is at least so much. */
-static int over_gap_sound(const int16_t *words, int16_t word, int16_t least)
+int anhyst_over_gap_sound(const int16_t *words, int16_t word, int16_t least)
 {
   const int16_t first = words[word];
   const int16_t entries = (int16_t)((1 << words[ANHYST_WORD_GAP_SEGMENTS]) + 1);
@@ -82,11 +81,11 @@ static int common_sound(const int16_t *words)
          anhyst_within(words[ANHYST_WORD_CONDITION_CYCLES], 0, 64) &&
          words[ANHYST_WORD_CONDITION_TICKS] >= 2 &&
          anhyst_within(words[ANHYST_WORD_ROOT_KNEE], 2, 8) &&
-         over_gap_sound(words, ANHYST_WORD_GAP_GAIN, 1) &&
-         over_gap_sound(words, ANHYST_WORD_GAP_OFFSET, -ANHYST_Q15_MAX) &&
-         over_gap_sound(words, ANHYST_WORD_GAP_BIAS, -ANHYST_Q15_MAX) &&
-         over_gap_sound(words, ANHYST_WORD_GAP_FLUX_ARM, 0) &&
-         over_gap_sound(words, ANHYST_WORD_GAP_FIELD_ARM, 1);
+         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_GAIN, 1) &&
+         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_OFFSET, -ANHYST_Q15_MAX) &&
+         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_BIAS, -ANHYST_Q15_MAX) &&
+         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_FLUX_ARM, -ANHYST_Q15_MAX) &&
+         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_FIELD_ARM, 1);
 }
 
 anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *words,

@@ -18,4 +18,8 @@ int anhyst_table_inside(const int16_t *words, int16_t first, int16_t entries);
 int anhyst_table_rises(const int16_t *words, int16_t first, int16_t entries, int16_t least,
                        int16_t steepest);
 
+/* Whether the word names a table over the gap, neighbours of which differ by at most 32767, and
+   every entry of which is at least so much. */
+int anhyst_over_gap_sound(const int16_t *words, int16_t word, int16_t least);
+
 #endif

@@ -2,9 +2,11 @@
 /* The effective-field law with its exact step, in fixed point.
 
    In the law's own units the iron obeys h*x + m = flux, and a current gives
-   flux_arm*flux + field_arm*x. Both are one equation, air*x + iron*m = target, and both slopes are
-   positive, so the solution is unique. Everything happens on a path that rises: a falling one is
-   mirrored, which the law does not notice. Along a path
+   flux_arm*flux + field_arm*x. Both are one equation, air*x + iron*m = target. Iron that couples
+   to itself more than the gap parts it makes the flux arm, and so iron, negative; air stays above
+   0, and the sum rises with x as long as m is nowhere steeper than air/-iron, which the check of a
+   block asks for. So the solution is unique. Everything happens on a path that rises: a falling one
+   is mirrored, which the law does not notice. Along a path
 
      m = (1-c)*y + c*L(x),   y = A(x) + (y0 - A(b))*exp(-(x - b)/kappa)   beyond the departure b,
 
@@ -25,6 +27,9 @@
 
 /* A step too short to matter, about what the tables leave unsure: 6e-5. */
 #define SHORT_WAY (ONE / 16384)
+
+/* Steps of the guess that follows the anhysteretic curve against the iron. */
+#define CHORDS 4
 
 /* A residual that is nothing but rounding: the iron stays where it is. */
 #define STILL 32
@@ -176,31 +181,20 @@ static int32_t depart(path *along, int32_t anhysteretic)
   return anhyst_clamp(pulled(along, pull - along->y), 0, ANHYST_SLOPE_MAX);
 }
 
-/* n*65536/d for d > 0, to 8 bits or better, which is plenty for a step; at most 4 (q28). */
+/* n*65536/d for n >= 0, d > 0, to 8 bits or better, which is plenty for a step; at most 4 (q28). */
 static int32_t quotient(int32_t n, int32_t d)
 {
-  const int32_t size = n < 0 ? -n : n;
   uint16_t up = 16;
-  if (size >= 0x1000000) {
+  if (n >= 0x1000000) {
     up = 2;
-  } else if (size >= 0x80000) {
+  } else if (n >= 0x80000) {
     up = 6;
-  } else if (size >= 0x4000) {
+  } else if (n >= 0x4000) {
     up = 11;
   }
-  const int32_t ratio = (int32_t)((uint32_t)size << up) / d;
+  const int32_t ratio = (int32_t)((uint32_t)n << up) / d;
   const int32_t most = (ONE * 4 - 1) >> (16U - up);
-  const int32_t whole = (int32_t)((uint32_t)(ratio < most ? ratio : most) << (16U - up));
-  return n < 0 ? -whole : whole;
-}
-
-/* Where the path would meet its target if m rose like the anhysteretic curve: a guess that holds
-   over long ways, where a tangent does not. residual is that at x. */
-static int32_t follow_curve(const path *along, int32_t x, int16_t iron, int32_t residual)
-{
-  int32_t rise;
-  const int32_t level = odd_value(along->curve, x, &rise) - quotient(residual, iron + 1);
-  return odd_value(along->inverse, anhyst_clamp(level, 1 - ONE, ONE - 1), &rise);
+  return (int32_t)((uint32_t)(ratio < most ? ratio : most) << (16U - up));
 }
 
 /* Whether a step stays inside the interval and is shorter by a quarter than the last one, since
@@ -221,16 +215,49 @@ typedef struct {
   int32_t residual; /* at the last place looked at */
 } search;
 
+/* The same of a residual, in the direction that takes it away. */
+static int32_t against(int32_t residual, int32_t slope)
+{
+  return residual < 0 ? quotient(-residual, slope) : -quotient(residual, slope);
+}
+
+/* Where the path would meet its target if m rose like the anhysteretic curve: a guess that holds
+   over long ways, where a tangent does not. residual is that at x. */
+static int32_t follow_curve(const path *along, const search *find, int32_t x, int32_t residual)
+{
+  int32_t rise;
+  const int32_t start = odd_value(along->curve, x, &rise);
+  if (find->iron >= 0) {
+    /* The air hardly counts. */
+    const int32_t level = start + against(residual, find->iron + 1);
+    return odd_value(along->inverse, anhyst_clamp(level, 1 - ONE, ONE - 1), &rise);
+  }
+  /* Iron that counts against the air: as far as the air alone would go, and on with what the iron
+     has risen by then, which never goes too far. */
+  int32_t next = x;
+  int32_t missing = residual;
+  for (int16_t i = 0; i < CHORDS; i++) {
+    next = anhyst_clamp(x + against(missing, find->air), 1 - ONE, ONE - 1);
+    const int32_t risen = odd_value(along->curve, next, &rise) - start;
+    missing = anhyst_clamp(residual + anhyst_scale(risen, find->iron), 1 - 2 * ONE, 2 * ONE - 1);
+  }
+  return next;
+}
+
 /* Looks at a place: narrows the interval, and gives where the tangent would meet the target. */
 static int32_t look(search *find, const answer *at)
 {
-  find->residual = anhyst_scale(at->x, find->air) + anhyst_scale(at->m, find->iron) - find->target;
-  if (find->residual < 0) {
+  const int32_t residual =
+      anhyst_scale(at->x, find->air) + anhyst_scale(at->m, find->iron) - find->target;
+  const int32_t slope = find->air + ((find->iron * at->m_slope) >> 10);
+  const int32_t way = quotient(residual < 0 ? -residual : residual, slope > 0 ? slope : 1);
+  find->residual = residual;
+  if (residual < 0) {
     find->low = at->x;
-  } else {
-    find->high = at->x;
+    return at->x + way;
   }
-  return at->x - quotient(find->residual, find->air + ((find->iron * at->m_slope) >> 10));
+  find->high = at->x;
+  return at->x - way;
 }
 
 /* Moves an answer along its tangents towards x, no further than a tangent can be trusted. */
@@ -258,7 +285,7 @@ static int32_t leave_hold(const path *along, search *find, int32_t end, int32_t 
   int32_t first = tangent;
   if (residual < 0) {
     find->low = end;
-    first = follow_curve(along, end, find->iron, residual);
+    first = follow_curve(along, find, end, residual);
   } else {
     find->high = end;
   }
@@ -267,8 +294,10 @@ static int32_t leave_hold(const path *along, search *find, int32_t end, int32_t 
 
 /* Solves from *at, the start of the path, where the residual is negative. Newton's steps inside an
    interval that always holds the solution; one that leaves it follows the anhysteretic curve
-   instead, or goes to the middle. The number of evaluations is fixed; a last step is taken along
-   the tangents, and what is left of the residual then is part of the accuracy budget. */
+   instead, or goes to the middle: with iron that counts against the air, where the curve leads a
+   little way at a time if the sum is all but flat, as soon as the last step was longer than what is
+   left of the interval. The number of evaluations is fixed; a last step is taken along the
+   tangents, and what is left of the residual then is part of the accuracy budget. */
 static void rise(const path *along, search *find, int16_t evaluations, answer *at)
 {
   const int32_t freed = along->departure + along->play;
@@ -284,8 +313,12 @@ static void rise(const path *along, search *find, int16_t evaluations, answer *a
       next = anhyst_clamp(next, find->low, find->high);
       furthest = next < x ? x - next : next - x;
     } else {
+      const int32_t before = furthest;
       furthest = find->high - find->low;
-      next = furthest > LONG_WAY ? follow_curve(along, x, find->iron, find->residual) : find->low;
+      next = find->low;
+      if (furthest > LONG_WAY && (find->iron >= 0 || i < 2 || before < furthest)) {
+        next = follow_curve(along, find, x, find->residual);
+      }
       if (next <= find->low || next >= find->high) {
         next = find->low + furthest / 2;
       }
@@ -385,10 +418,51 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const 
                          int32_t current, anhyst_memory *to)
 {
   const int32_t air_arm = ((int32_t)words[ANHYST_WORD_FULL_AIR] * arms->flux_arm) >> 14;
-  const int16_t air = anhyst_sat_q15(arms->field_arm + air_arm);
+  const int16_t air = (int16_t)anhyst_clamp(arms->field_arm + air_arm, 1, ANHYST_Q15_MAX);
   const int32_t target = anhyst_clamp((current >> 2) - (arms->bias >> 2), 1 - ONE, ONE - 1);
   const int32_t m = solve(words, from, air, arms->flux_arm, target, to);
   return anhyst_add_q31(m * 4, anhyst_shl_q31(anhyst_scale(to->a, words[ANHYST_WORD_FULL_AIR]), 2));
+}
+
+/* The largest slope of m over tables that are sound, as it may have been before their entries were
+   rounded, which makes a segment steeper by up to one. No path is steeper than the ascending
+   branch. */
+static int32_t steepest_slope(const int16_t *words)
+{
+  path along;
+  along.curve.n = (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
+  along.reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
+  const int16_t *curve = words + words[ANHYST_WORD_FULL_CURVE];
+  const int16_t segments = (int16_t)(1 << along.curve.n);
+  const int16_t *rising = words + words[ANHYST_WORD_FULL_BRANCH] + segments;
+  int32_t most = 0;
+  for (int16_t i = 0; i < segments; i++) {
+    const int32_t y_rise = (int32_t)rising[i + 1] - rising[i];
+    const int32_t x_rise = (int32_t)curve[i + 1] - curve[i];
+    const int32_t slope = slope_of_m(&along, slope_of(&along, y_rise > 0 ? y_rise - 1 : 0),
+                                     slope_of(&along, x_rise > 0 ? x_rise - 1 : 0));
+    most = slope > most ? slope : most;
+  }
+  return most;
+}
+
+/* Whether more field needs more current at every gap: field_arm + flux_arm*(h + slope of m) is
+   above zero by more than what rounding between two entries of the tables over the gap can take
+   away, half a unit of either arm and one for each product. */
+static int current_rises(const int16_t *words)
+{
+  const int16_t *flux_arm = words + words[ANHYST_WORD_GAP_FLUX_ARM];
+  const int16_t *field_arm = words + words[ANHYST_WORD_GAP_FIELD_ARM];
+  const int32_t slope = steepest_slope(words);
+  const int32_t h = words[ANHYST_WORD_FULL_AIR];
+  const int32_t margin = 3 + (h >> 15) + (slope >> 11);
+  for (int16_t i = 0; i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++) {
+    const int32_t least = field_arm[i] + ((h * flux_arm[i]) >> 14) + ((slope * flux_arm[i]) >> 10);
+    if (flux_arm[i] < 0 && least <= margin) {
+      return 0;
+    }
+  }
+  return 1;
 }
 
 static int full_sound(const int16_t *words)
@@ -408,7 +482,8 @@ static int full_sound(const int16_t *words)
          anhyst_table_rises(words, words[ANHYST_WORD_FULL_BRANCH], (int16_t)((2 << n) + 1),
                             -ANHYST_Q15_MAX, steepest) &&
          anhyst_table_rises(words, words[ANHYST_WORD_FULL_INVERSE], (int16_t)((1 << n_inverse) + 1),
-                            0, ANHYST_Q15_MAX);
+                            0, ANHYST_Q15_MAX) &&
+         current_rises(words);
 }
 
 const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL, full_field, full_flux, full_sound};

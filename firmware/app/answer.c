@@ -145,7 +145,8 @@ static void on_setting_write(app *a, const uint8_t *p, answer *to)
   link_get_setting_write(&write, p);
   port_lock();
   const uint16_t state = a->control.state;
-  const uint16_t reason = app_setting_obstacle(write.setting, write.value, state == LINK_STATE_RUN);
+  const uint16_t reason =
+      app_setting_obstacle(a->board, write.setting, write.value, state == LINK_STATE_RUN);
   if (reason == LINK_REASON_NONE) {
     a->settings[write.setting] = write.value;
   }

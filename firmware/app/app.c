@@ -14,6 +14,7 @@ static void session_start(app_session *session)
   session->answer_count = 0;
   session->sending_count = 0;
   session->last = 0;
+  session->number = 0;
   session->open = 0;
   session->lost = 0;
 }
@@ -21,7 +22,7 @@ static void session_start(app_session *session)
 void app_start(app *a, const app_board *board)
 {
   a->board = board;
-  app_settings_start(a->settings, board->rate);
+  app_settings_start(a->settings, board);
   app_control_start(&a->control, &a->sensors, board);
   session_start(&a->session);
   app_recorder_start(&a->recorder);
@@ -59,8 +60,34 @@ void app_tick(app *a)
   record(a, &sample);
 }
 
-/* What a sequence number is after the last one. */
-enum { SEQUENCE_NEW, SEQUENCE_REPEATED, SEQUENCE_OLD };
+/* What a request is after the ones before it. */
+enum {
+  SEQUENCE_NEW,      /* to be done */
+  SEQUENCE_REPEATED, /* the last one again: answered with the same bytes */
+  SEQUENCE_OLD,      /* overtaken by newer ones: refused */
+  SEQUENCE_ASIDE,    /* a hello that opens nothing: answered, and the sequence goes on as it was */
+  SEQUENCE_NO_SESSION
+};
+
+/* Opens a session, unless the hello cannot (its answer says why) or has done so already: a copy of
+   it that the line kept back must not turn the sequence back. */
+static int follow_hello(app_session *session, const link_frame *request)
+{
+  link_hello hello;
+  if (request->length != LINK_SIZE_HELLO) {
+    return SEQUENCE_ASIDE;
+  }
+  link_get_hello(&hello, request->payload);
+  if (hello.version != LINK_VERSION || (session->open != 0U && hello.session == session->number)) {
+    return SEQUENCE_ASIDE;
+  }
+  session->open = 1;
+  session->number = hello.session;
+  session->window = 1;
+  session->last = request->sequence;
+  session->check = request->check;
+  return SEQUENCE_NEW;
+}
 
 /* Follows the sequence of requests. A PC numbers them one after the other; the same frame again is
    a repetition. Half the numbers lie ahead, half behind, and what lies behind was overtaken: doing
@@ -71,15 +98,17 @@ static int follow_sequence(app_session *session, const link_frame *request)
   if (session->open != 0U && ahead == 0U && request->check == session->check) {
     return SEQUENCE_REPEATED;
   }
-  if (session->open == 0U || request->type == LINK_TYPE_HELLO) {
-    session->window = 1;
-  } else if (ahead == 0U || ahead > 127U) {
-    return SEQUENCE_OLD;
-  } else {
-    session->window = (ahead < 32U ? session->window << ahead : 0U) | 1U;
-    session->lost = (uint16_t)(session->lost + ahead - 1U);
+  if (request->type == LINK_TYPE_HELLO) {
+    return follow_hello(session, request);
   }
-  session->open = 1;
+  if (session->open == 0U) {
+    return SEQUENCE_NO_SESSION;
+  }
+  if (ahead == 0U || ahead > 127U) {
+    return SEQUENCE_OLD;
+  }
+  session->window = (ahead < 32U ? session->window << ahead : 0U) | 1U;
+  session->lost = (uint16_t)(session->lost + ahead - 1U);
   session->last = request->sequence;
   session->check = request->check;
   return SEQUENCE_NEW;
@@ -113,17 +142,26 @@ static void refuse(app *a, const link_frame *request, uint16_t reason, uint16_t 
   a->session.sending_count = link_encode(a->session.aside, &frame);
 }
 
-/* Does a new request and answers it. */
-static void perform(app *a, const link_frame *request)
+/* Does a request and answers it, into one of the two places for answers. */
+static void perform(app *a, const link_frame *request, uint8_t *wire)
 {
-  app_session *session = &a->session;
   uint8_t payload[LINK_PAYLOAD_MOST];
   link_frame frame = {LINK_VERSION, 0, request->sequence, 0, 0, payload, 0};
   frame.type = app_answer(a, request, payload, &frame.length);
   frame.tick = last_tick(a);
-  session->answer_count = link_encode(session->answer, &frame);
-  session->sending = session->answer;
-  session->sending_count = session->answer_count;
+  a->session.sending_count = link_encode(wire, &frame);
+  a->session.sending = wire;
+}
+
+/* Does a new request. It alone shows that the PC is there: what is repeated may be a line that
+   echoes. */
+static void perform_new(app *a, const link_frame *request)
+{
+  port_lock();
+  a->control.silent = 0;
+  port_unlock();
+  perform(a, request, a->session.answer);
+  a->session.answer_count = a->session.sending_count;
 }
 
 /* Answers a sound frame, whatever it says. */
@@ -134,19 +172,23 @@ static void take_request(app *a, const link_frame *request)
     refuse(a, request, LINK_REASON_VERSION, LINK_VERSION);
     return;
   }
-  const int sequence = follow_sequence(session, request);
-  if (sequence == SEQUENCE_OLD) {
-    refuse(a, request, LINK_REASON_OLD, was_answered(session, request->sequence) ? 1 : 0);
-    return;
-  }
-  port_lock();
-  a->control.silent = 0;
-  port_unlock();
-  if (sequence == SEQUENCE_NEW) {
-    perform(a, request);
-  } else {
+  switch (follow_sequence(session, request)) {
+  case SEQUENCE_NEW:
+    perform_new(a, request);
+    break;
+  case SEQUENCE_REPEATED:
     session->sending = session->answer;
     session->sending_count = session->answer_count;
+    break;
+  case SEQUENCE_OLD:
+    refuse(a, request, LINK_REASON_OLD, was_answered(session, request->sequence) ? 1 : 0);
+    break;
+  case SEQUENCE_ASIDE:
+    perform(a, request, session->aside);
+    break;
+  default:
+    refuse(a, request, LINK_REASON_SESSION, 0);
+    break;
   }
 }
 

@@ -33,8 +33,9 @@ typedef struct {
   uint16_t chunk_at;
   uint16_t answer_count;
   uint16_t sending_count; /* bytes still to be sent */
+  uint32_t number;        /* of the session that is open */
   uint16_t last;          /* sequence number of the last request */
-  uint16_t open;          /* whether there was one */
+  uint16_t open;          /* whether a session is open */
   uint16_t lost;          /* numbers left out, modulo 65536 */
 } app_session;
 

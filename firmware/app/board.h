@@ -32,6 +32,7 @@ typedef struct {
   uint16_t missed_ticks;   /* ticks in a row that may be left out before it is a fault */
   uint16_t selftest_ticks; /* plausible samples in a row until the self-test has passed */
   uint16_t ramp_ms;        /* from full current to zero in the safe state */
+  uint16_t heartbeat_ms;   /* the most that the setting heartbeat_ticks may allow */
 } app_limits;
 
 typedef struct {
@@ -42,5 +43,11 @@ typedef struct {
   uint32_t rate;           /* ticks a second, 10..1000000 */
   const app_limits *limits;
 } app_board;
+
+/* Ticks that a time lasts, rounded up. Neither product reaches 2^32. */
+static inline uint32_t app_board_ticks(const app_board *board, uint16_t ms)
+{
+  return (board->rate / 1000U) * ms + ((board->rate % 1000U) * ms + 999U) / 1000U;
+}
 
 #endif

@@ -24,11 +24,10 @@ static void enter_fault(app_control *control, uint16_t fault)
   }
 }
 
-/* Ticks of the ramp from full current to zero: the board's milliseconds rounded up, at least 1. */
+/* Ticks of the ramp from full current to zero, at least 1. */
 static uint32_t ramp_ticks(const app_board *board)
 {
-  const uint32_t ms = board->limits->ramp_ms;
-  const uint32_t ticks = (board->rate / 1000U) * ms + ((board->rate % 1000U) * ms + 999U) / 1000U;
+  const uint32_t ticks = app_board_ticks(board, board->limits->ramp_ms);
   return ticks > 0U ? ticks : 1U;
 }
 
@@ -122,8 +121,11 @@ static void watch_sample(app_control *control, app_sensors *sensors, const app_l
   }
   control->flags &= (uint16_t)~LINK_FLAG_SAMPLE_DOUBTFUL;
   control->doubtful = 0;
-  if (control->state == LINK_STATE_SELFTEST && ++control->passed >= limits->selftest_ticks) {
-    control->state = LINK_STATE_IDLE;
+  if (control->state == LINK_STATE_SELFTEST) {
+    control->passed++;
+    if (control->passed >= limits->selftest_ticks) {
+      control->state = LINK_STATE_IDLE;
+    }
   }
 }
 
@@ -233,22 +235,26 @@ int32_t app_control_tick(app_control *control, app_sensors *sensors, const app_b
 /* Why a command cannot be done now, or none. */
 static uint16_t obstacle(const app_control *control, uint16_t command)
 {
-  const int at_zero = control->drive == 0;
   const int resting = control->state == LINK_STATE_IDLE && control->step < 0;
   int allowed = 0;
+  int at_zero = 1; /* or the current has to be zero */
   switch (command) {
   case LINK_COMMAND_IDLE:
     allowed = control->state >= LINK_STATE_IDLE && control->state <= LINK_STATE_RUN;
     break;
   case LINK_COMMAND_CONDITION:
   case LINK_COMMAND_DEMAGNETISED:
-    allowed = resting && at_zero;
+    allowed = resting;
+    at_zero = control->drive == 0;
     break;
   case LINK_COMMAND_ARM:
     allowed = resting;
     break;
   case LINK_COMMAND_RUN:
+    /* A run begins with the current of a demand of zero: from a current on its ramp that is a jump.
+     */
     allowed = control->state == LINK_STATE_READY;
+    at_zero = control->drive == 0;
     break;
   case LINK_COMMAND_STOP:
     allowed = control->state == LINK_STATE_RUN;
@@ -257,12 +263,16 @@ static uint16_t obstacle(const app_control *control, uint16_t command)
     if (control->compensator.words == NULL) {
       return LINK_REASON_BLOCK;
     }
-    allowed = control->state == LINK_STATE_FAULT && at_zero;
+    allowed = control->state == LINK_STATE_FAULT;
+    at_zero = control->drive == 0;
     break;
   default:
     return LINK_REASON_VALUE;
   }
-  return allowed ? LINK_REASON_NONE : LINK_REASON_STATE;
+  if (!allowed) {
+    return LINK_REASON_STATE;
+  }
+  return at_zero ? LINK_REASON_NONE : LINK_REASON_CURRENT;
 }
 
 uint16_t app_control_command(app_control *control, app_sensors *sensors, uint16_t command)

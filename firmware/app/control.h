@@ -3,7 +3,8 @@
 
    init -> selftest -> idle -> ready -> run, and fault from everywhere. The first tick leaves init.
    Current flows in run, and in idle while the conditioning sequence runs; in every other state it
-   goes to zero along a ramp of app_limits.ramp_ms from full scale and stays there. A fault keeps
+   goes to zero along a ramp of app_limits.ramp_ms from full scale and stays there; until it is zero
+   there is no way back to run, and so no way round the ramp. A fault keeps
    its first reason until `clear`, which goes through selftest again. */
 #ifndef ANHYST_FIRMWARE_CONTROL_H
 #define ANHYST_FIRMWARE_CONTROL_H
@@ -22,7 +23,7 @@ typedef struct {
   int32_t ramp;                   /* step of the ramp to zero, q31 a tick */
   int32_t step;                   /* tick of the conditioning sequence, -1 while it does not run */
   uint32_t tick;                  /* last one computed */
-  uint32_t silent;                /* ticks since the last valid frame */
+  uint32_t silent;                /* ticks since the last new request */
   uint16_t state;
   uint16_t fault;
   uint16_t flags;
@@ -51,7 +52,7 @@ int32_t app_control_tick(app_control *control, app_sensors *sensors, const app_b
                          const int32_t *settings, const port_sample *sample);
 
 /* Does a command between two ticks: LINK_REASON_NONE, or why it cannot be done (state, value,
-   block); nothing has changed then. */
+   current, block); nothing has changed then. */
 uint16_t app_control_command(app_control *control, app_sensors *sensors, uint16_t command);
 
 #endif

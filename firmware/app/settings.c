@@ -10,19 +10,30 @@ typedef struct {
 
 static const setting table[LINK_SETTING_COUNT] = {LINK_SETTING_TABLE};
 
-void app_settings_start(int32_t *values, uint32_t rate)
+/* The largest value of a setting. A PC that is gone must be noticed, whatever a PC once wrote. */
+static int32_t highest(const app_board *board, uint16_t number)
+{
+  const int32_t high = table[number].high;
+  if (number != LINK_SETTING_HEARTBEAT_TICKS) {
+    return high;
+  }
+  const uint32_t most = app_board_ticks(board, board->limits->heartbeat_ms);
+  return most < (uint32_t)high ? anhyst_clamp((int32_t)most, table[number].low, high) : high;
+}
+
+void app_settings_start(int32_t *values, const app_board *board)
 {
   for (uint16_t i = 0; i < (uint16_t)LINK_SETTING_COUNT; i++) {
     values[i] = table[i].start;
   }
-  const int32_t tenth = (int32_t)(rate / 10U);
-  const int32_t least = table[LINK_SETTING_HEARTBEAT_TICKS].low;
-  values[LINK_SETTING_HEARTBEAT_TICKS] = tenth > least ? tenth : least;
+  const uint16_t heartbeat = LINK_SETTING_HEARTBEAT_TICKS;
+  values[heartbeat] =
+      anhyst_clamp((int32_t)(board->rate / 10U), table[heartbeat].low, highest(board, heartbeat));
 }
 
-uint16_t app_setting_obstacle(uint16_t number, int32_t value, int running)
+uint16_t app_setting_obstacle(const app_board *board, uint16_t number, int32_t value, int running)
 {
-  if (number >= LINK_SETTING_COUNT || value < table[number].low || value > table[number].high) {
+  if (number >= LINK_SETTING_COUNT || value < table[number].low || value > highest(board, number)) {
     return LINK_REASON_VALUE;
   }
   return running && table[number].while_running == 0U ? LINK_REASON_STATE : LINK_REASON_NONE;

@@ -3,13 +3,15 @@
 #ifndef ANHYST_FIRMWARE_SETTINGS_H
 #define ANHYST_FIRMWARE_SETTINGS_H
 
+#include "app/board.h"
 #include "link/frames.h"
 
-/* Fills the values of the start; rate: ticks a second. */
-void app_settings_start(int32_t *values, uint32_t rate);
+/* Fills the values of the start. */
+void app_settings_start(int32_t *values, const app_board *board);
 
-/* Why this setting cannot take this value now (value, state), or LINK_REASON_NONE.
+/* Why this setting cannot take this value now (value, state), or LINK_REASON_NONE. The range is
+   that of the table, for heartbeat_ticks no more than the board allows.
    running: whether the state is run. */
-uint16_t app_setting_obstacle(uint16_t number, int32_t value, int running);
+uint16_t app_setting_obstacle(const app_board *board, uint16_t number, int32_t value, int running);
 
 #endif

@@ -7,13 +7,15 @@
 
 #include "link/bytes.h"
 
-#define LINK_VERSION 1
+#define LINK_VERSION 2
 #define LINK_PAYLOAD_MOST 240
 #define LINK_PLANT_MAGIC UINT32_C(0x616E6879)
 
 /* Types of frames. */
 enum {
-  LINK_TYPE_HELLO = 1, /* Opens a session: the sequence starts anew with this frame. */
+  /* Opens a session: the sequence starts again with this frame. Where this very session is open
+     already it is answered and changes nothing. */
+  LINK_TYPE_HELLO = 1,
   LINK_TYPE_HEARTBEAT = 2, /* Asks for the status. */
   /* The demanded force, in force from the next tick. Without effect outside run. */
   LINK_TYPE_DEMAND = 3,
@@ -59,7 +61,7 @@ enum {
 enum {
   LINK_FAULT_NONE = 0,
   LINK_FAULT_BLOCK = 1, /* the parameter block built in is not sound */
-  LINK_FAULT_LINK_LOST = 2, /* no valid frame for heartbeat_ticks while current may flow */
+  LINK_FAULT_LINK_LOST = 2, /* no new request for heartbeat_ticks while current may flow */
   LINK_FAULT_MISSED_TICK = 3, /* more ticks missed in a row than the board allows */
   LINK_FAULT_SENSOR_FAILED = 4, /* the port had no sample: the sensors did not answer */
   LINK_FAULT_GAP_RESERVED = 5, /* the gap's sensor sent its error code */
@@ -80,13 +82,14 @@ enum {
 /* What a command asks for. */
 enum {
   LINK_COMMAND_IDLE = 0, /* ready, run or conditioning to idle */
-  /* idle to idle with the conditioning sequence, then by itself to ready */
+  /* idle, at zero current: the conditioning sequence, then by itself to ready */
   LINK_COMMAND_CONDITION = 1,
   LINK_COMMAND_ARM = 2, /* idle to ready: the memory is taken as it stands */
-  LINK_COMMAND_RUN = 3, /* ready to run, demand zero */
+  LINK_COMMAND_RUN = 3, /* ready to run, demand zero, once the current is zero */
   LINK_COMMAND_STOP = 4, /* run to ready */
   LINK_COMMAND_CLEAR = 5, /* fault to selftest, once the current is zero */
-  LINK_COMMAND_DEMAGNETISED = 6, /* in idle: the memory is set to that of demagnetised iron */
+  /* in idle, at zero current: the memory is set to that of demagnetised iron */
+  LINK_COMMAND_DEMAGNETISED = 6,
   LINK_COMMAND_COUNT = 7
 };
 
@@ -106,7 +109,9 @@ enum {
   LINK_REASON_CHECKSUM = 8, /* the block that arrived is not the one that was announced */
   LINK_REASON_BLOCK = 9, /* the block is not sound, or of another kind or layout */
   LINK_REASON_GENERATION = 10, /* the block has another generation; detail: its own */
-  LINK_REASON_COUNT = 11
+  LINK_REASON_SESSION = 11, /* no session is open: hello comes first */
+  LINK_REASON_CURRENT = 12, /* in this state, but current still flows; once it is zero */
+  LINK_REASON_COUNT = 13
 };
 
 /* When the recorder starts. */
@@ -128,7 +133,9 @@ enum {
 
 /* Settings. */
 enum {
-  LINK_SETTING_HEARTBEAT_TICKS = 0, /* ticks without a valid frame until the link counts as lost */
+  /* ticks without a new request until the link counts as lost; the board has a ceiling of its own
+     */
+  LINK_SETTING_HEARTBEAT_TICKS = 0,
   LINK_SETTING_DEMAND_SLEW = 1, /* largest change of the demand in a tick, q31 */
   LINK_SETTING_COMPENSATION = 2, /* 1: the compensator; 0: a constant force-current ratio */
   LINK_SETTING_RATIO = 3, /* the constant ratio, q30: current for each unit of demand */
@@ -174,14 +181,17 @@ enum {
   {INT32_MIN, INT32_C(2147483647), INT32_C(1073741824), 0}, /* ratio */ \
   {INT32_C(0), INT32_C(1), INT32_C(0), 0}, /* follow */
 
-#define LINK_SIZE_HELLO 2
-/* Opens a session: the sequence starts anew with this frame. */
+#define LINK_SIZE_HELLO 6
+/* Opens a session: the sequence starts again with this frame. Where this very session is open
+   already it is answered and changes nothing. */
 typedef struct {
   uint16_t version; /* protocol version of the PC */
+  uint32_t session; /* number of the session, drawn at random by the PC */
 } link_hello;
 static inline void link_get_hello(link_hello *m, const uint8_t *p)
 {
   m->version = link_get_u16(p + 0);
+  m->session = link_get_u32(p + 2);
 }
 
 #define LINK_SIZE_HEARTBEAT 0

@@ -18,6 +18,7 @@ static const app_limits start_limits = {
     .missed_ticks = 3,
     .selftest_ticks = 10,
     .ramp_ms = 20,
+    .heartbeat_ms = 500,
 };
 
 static app_board board = {
@@ -68,7 +69,7 @@ void port_lock(void)
 
 void port_unlock(void) { bench.locks--; }
 
-void bench_start(void)
+void bench_power_on(void)
 {
   memset(&bench, 0, sizeof bench);
   memset(&fake, 0, sizeof fake);
@@ -79,6 +80,23 @@ void bench_start(void)
   sequence = 0;
   link_receiver_start(&bench.receiver);
   app_start(&bench.firmware, &board);
+}
+
+uint8_t bench_hello(uint8_t number, uint16_t version, uint32_t session)
+{
+  uint8_t payload[LINK_SIZE_HELLO];
+  link_put_u16(payload, version);
+  link_put_u32(payload + 2, session);
+  (void)bench_put(LINK_TYPE_HELLO, number, payload, sizeof payload);
+  bench_poll();
+  return bench.answer.type;
+}
+
+void bench_start(void)
+{
+  bench_power_on();
+  (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
+  bench.answers = 0;
 }
 
 void bench_tick(void)

@@ -8,6 +8,7 @@
 
 #define BENCH_WORDS 64
 #define BENCH_RATE 1000
+#define BENCH_SESSION 1
 
 typedef struct {
   app firmware;
@@ -30,8 +31,15 @@ extern bench_board bench;
 extern app_limits bench_limits;
 extern int16_t bench_words[BENCH_WORDS];
 
-/* Everything new: firmware started, sensors in the middle of their range, nothing on the wire. */
+/* Everything new: firmware started, sensors in the middle of their range, nothing on the wire, and
+   BENCH_SESSION open: the hello had the number 255, so that requests begin with 0. */
 void bench_start(void);
+
+/* The same before the hello. */
+void bench_power_on(void);
+
+/* A hello with this sequence number; the type of the answer. */
+uint8_t bench_hello(uint8_t sequence, uint16_t version, uint32_t session);
 
 /* So many ticks with sensors that show a little noise. */
 void bench_ticks(int count);

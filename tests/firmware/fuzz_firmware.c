@@ -28,6 +28,7 @@ static const app_limits limits = {
     .missed_ticks = 3,
     .selftest_ticks = 4,
     .ramp_ms = 50,
+    .heartbeat_ms = 500,
 };
 
 static const app_board board = {
@@ -130,7 +131,7 @@ static void check_session(void)
   require(words == anhyst_parameters || words == firmware.download.words[0] ||
           words == firmware.download.words[1]);
   for (uint16_t i = 0; i < (uint16_t)LINK_SETTING_COUNT; i++) {
-    require(app_setting_obstacle(i, firmware.settings[i], 0) == LINK_REASON_NONE);
+    require(app_setting_obstacle(&board, i, firmware.settings[i], 0) == LINK_REASON_NONE);
   }
 }
 
@@ -248,6 +249,9 @@ static void request(script *s, uint8_t damage)
   for (uint8_t i = 0; i < length; i++) {
     payload[i] = next8(s);
   }
+  if ((type & 0x1FU) == (0x10U | LINK_TYPE_HELLO) && length == LINK_SIZE_HELLO) {
+    link_put_u16(payload, LINK_VERSION);
+  }
   sequence = (type & 0x20U) != 0U ? next8(s) : (uint8_t)(sequence + 1U);
   put_frame(type & 0x8FU, payload, length, damage);
   poll();
@@ -345,6 +349,15 @@ static void start(void)
   locks = 0;
 }
 
+/* Without a session nothing but a hello is done. */
+static void open_session(void)
+{
+  uint8_t payload[LINK_SIZE_HELLO] = {LINK_VERSION};
+  accepts = UINT16_MAX;
+  put_frame(LINK_TYPE_HELLO, payload, sizeof payload, 0);
+  poll();
+}
+
 int LLVMFuzzerInitialize(int *argc, char ***argv);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -361,6 +374,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
   script s = {data, size, 0};
   start();
+  if ((next8(&s) & 7U) != 0U) {
+    open_session();
+  }
   for (int i = 0; i < STEPS_MOST && s.at < s.size; i++) {
     step(&s);
   }

@@ -24,6 +24,7 @@ static void a_block_that_is_not_sound_is_a_fault_that_clear_does_not_cure(void)
   bench_start();
   bench_words[ANHYST_WORD_MAGIC] = 0;
   app_start(&bench.firmware, bench.firmware.board);
+  (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   bench_ticks(1);
   CHECK(control()->state == LINK_STATE_FAULT && control()->fault == LINK_FAULT_BLOCK);
   CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_NAK);
@@ -316,7 +317,22 @@ static void a_lost_link_ends_conditioning(void)
   CHECK(bench.drive == 0);
 }
 
-static void any_valid_frame_holds_the_link(void)
+static void one_frame_again_and_again_does_not_hold_the_link(void)
+{
+  begin_at_full_current();
+  (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
+  const uint8_t number = bench.answer.sequence;
+  for (int tick = 0; tick < 101; tick++) {
+    CHECK(control()->state == LINK_STATE_RUN);
+    bench_ticks(1);
+    (void)bench_put(LINK_TYPE_HEARTBEAT, number, NULL, 0);
+    bench_poll();
+    (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
+  }
+  falls_safely(LINK_FAULT_LINK_LOST);
+}
+
+static void any_new_request_holds_the_link(void)
 {
   bench_start();
   bench_run();
@@ -368,12 +384,46 @@ static void the_first_reason_stays(void)
   CHECK(control()->fault == LINK_FAULT_MISSED_TICK);
 }
 
+/* From full current any commands, one a tick: what leaves the run leaves it along the ramp, and the
+   way back waits for its end. */
+static void no_pair_of_commands_is_faster_than_the_ramp(void)
+{
+  for (int first = 0; first < LINK_COMMAND_COUNT; first++) {
+    for (int second = 0; second < LINK_COMMAND_COUNT; second++) {
+      for (int third = 0; third < LINK_COMMAND_COUNT; third++) {
+        const int commands[3] = {first, second, third};
+        begin_at_full_current();
+        for (int i = 0; i < 40; i++) {
+          const int32_t before = bench.drive;
+          if (i < 3) {
+            (void)bench_command((uint16_t)commands[i]);
+          }
+          bench_ticks(1);
+          CHECK(bench.drive <= before && bench.drive >= before - control()->ramp);
+        }
+      }
+    }
+  }
+}
+
+static void run_waits_for_zero_current(void)
+{
+  begin_at_full_current();
+  (void)bench_command(LINK_COMMAND_STOP);
+  bench_ticks(1);
+  CHECK(bench_command(LINK_COMMAND_RUN) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_CURRENT && bench_detail() == LINK_STATE_READY);
+  bench_ticks(20);
+  CHECK(bench_command(LINK_COMMAND_RUN) == LINK_TYPE_ACK);
+}
+
 static void clear_waits_for_zero_current(void)
 {
   begin_at_full_current();
   bench.sample.tick += 50;
   bench_ticks(1);
   CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_CURRENT);
   bench_ticks(20);
   CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_ACK);
 }
@@ -482,11 +532,14 @@ int main(void)
   a_frozen_code_is_no_fault_while_the_current_rests();
   a_lost_link_ends_run_in_time_and_idle_never();
   a_lost_link_ends_conditioning();
-  any_valid_frame_holds_the_link();
+  one_frame_again_and_again_does_not_hold_the_link();
+  any_new_request_holds_the_link();
   three_missed_ticks_are_counted_and_four_are_a_fault();
   a_tick_that_comes_twice_or_runs_backwards_is_a_fault();
   the_tick_may_begin_anywhere_and_wrap();
   the_first_reason_stays();
+  no_pair_of_commands_is_faster_than_the_ramp();
+  run_waits_for_zero_current();
   clear_waits_for_zero_current();
   the_board_limits_what_the_block_does_not();
   the_demand_moves_no_faster_than_its_slew();

@@ -6,6 +6,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from tests.core.test_c_core import BUILDS
+from tests.once import made_once
 
 from .build import FIRMWARE, HERE, SANITIZERS, can, compile_c, tool
 
@@ -13,12 +15,16 @@ PROGRAMS = [file.stem for file in sorted(HERE.glob("test_*.c"))]
 BENCH = [HERE / "bench.c", HERE / "fake_compensator.c"]
 
 
-@pytest.fixture(scope="module", params=["cc", "cc-sanitized", "clang-sanitized"])
+@pytest.fixture(scope="module", params=BUILDS)
 def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the C tests, built by one compiler in one way."""
-    folder = tmp_path_factory.mktemp(request.param)
-    kind, _, sanitized = request.param.partition("-")
-    compiler = tool("clang") if kind == "clang" else tool("cc", "gcc")
+    way: str = request.param
+    return made_once(tmp_path_factory, f"firmware-{way}", lambda folder: build_tests(folder, way))
+
+
+def build_tests(folder: Path, way: str) -> None:
+    kind, _, sanitized = way.partition("-")
+    compiler = "clang" if kind == "clang" else tool("cc", "gcc")
     options = SANITIZERS if sanitized else []
     if not can(compiler, folder, *options):
         pytest.skip(f"{compiler} has no sanitizers here: apt install libclang-rt-dev")
@@ -28,7 +34,6 @@ def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     for name in PROGRAMS:
         done = compile_c(compiler, [HERE / f"{name}.c", *objects], folder / name, *options)
         assert done.returncode == 0, done.stderr
-    return folder
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

@@ -15,6 +15,7 @@ FUZZER = ["-fsanitize=fuzzer,address,undefined", "-DPROBE_FUZZER"]
 INPUTS = 20_000
 
 
+@pytest.mark.slow
 def test_no_input_of_a_short_run_breaks_the_firmware(tmp_path: Path) -> None:
     clang = tool("clang")
     if not can(clang, tmp_path, *FUZZER):

@@ -22,10 +22,8 @@ static void put_demand(uint8_t sequence, int32_t force)
 
 static void hello_tells_who_answers(void)
 {
-  uint8_t payload[LINK_SIZE_HELLO];
-  link_put_u16(payload, LINK_VERSION);
-  bench_start();
-  CHECK(bench_ask(LINK_TYPE_HELLO, payload, 2) == LINK_TYPE_INFO);
+  bench_power_on();
+  CHECK(bench_hello(9, LINK_VERSION, 5) == LINK_TYPE_INFO && bench.answer.sequence == 9);
   CHECK(bench.answer.length == LINK_SIZE_INFO && bench.answer.version == LINK_VERSION);
   CHECK(link_get_u16(bench.payload) == LINK_VERSION);
   CHECK(link_get_u16(bench.payload + 2) == 0x0102);
@@ -46,9 +44,10 @@ static void another_version_is_told_apart(void)
   bench_poll();
   CHECK(bench.answers == 1 && bench.answer.sequence == 9);
   CHECK(bench_reason() == LINK_REASON_VERSION && bench_detail() == LINK_VERSION);
-  link_put_u16(payload, LINK_VERSION + 1);
-  CHECK(bench_ask(LINK_TYPE_HELLO, payload, 2) == LINK_TYPE_NAK);
+  bench_power_on();
+  CHECK(bench_hello(9, LINK_VERSION + 1, 5) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_VERSION && bench_detail() == LINK_VERSION);
+  CHECK(session()->open == 0);
 }
 
 static void what_is_no_request_is_refused(void)
@@ -130,6 +129,7 @@ static void sequence_numbers_wrap(void)
 static void lost_numbers_are_counted_and_told(void)
 {
   bench_start();
+  (void)bench_hello(249, LINK_VERSION, BENCH_SESSION + 1);
   ask_again(LINK_TYPE_HEARTBEAT, 250, NULL, 0);
   ask_again(LINK_TYPE_HEARTBEAT, 4, NULL, 0);
   CHECK(link_get_u16(bench.payload + LINK_SIZE_STATUS - 4) == 9);
@@ -147,16 +147,55 @@ static void bad_frames_are_counted_and_told(void)
   CHECK(link_get_u16(bench.payload + LINK_SIZE_STATUS - 6) == 1);
 }
 
-static void hello_starts_the_sequence_anew(void)
+static void a_new_session_starts_the_sequence_again(void)
 {
-  uint8_t payload[LINK_SIZE_HELLO];
-  link_put_u16(payload, LINK_VERSION);
   bench_start();
-  ask_again(LINK_TYPE_HEARTBEAT, 200, NULL, 0);
-  ask_again(LINK_TYPE_HELLO, 100, payload, 2);
-  CHECK(bench.answer.type == LINK_TYPE_INFO);
-  ask_again(LINK_TYPE_HEARTBEAT, 101, NULL, 0);
+  ask_again(LINK_TYPE_HEARTBEAT, 0, NULL, 0);
+  CHECK(bench_hello(150, LINK_VERSION, BENCH_SESSION + 1) == LINK_TYPE_INFO);
+  ask_again(LINK_TYPE_HEARTBEAT, 151, NULL, 0);
   CHECK(bench.answer.type == LINK_TYPE_STATUS && session()->lost == 0);
+}
+
+/* A copy of the hello that turned the sequence back made the requests after it look overtaken. */
+static void a_copy_of_the_hello_is_answered_and_changes_nothing(void)
+{
+  for (int late = 0; late < 300; late++) {
+    bench_start();
+    for (int i = 0; i < late; i++) {
+      ask_again(LINK_TYPE_HEARTBEAT, (uint8_t)i, NULL, 0);
+    }
+    CHECK(bench_hello(255, LINK_VERSION, BENCH_SESSION) == LINK_TYPE_INFO);
+    CHECK(bench.answer.sequence == 255);
+    ask_again(LINK_TYPE_HEARTBEAT, (uint8_t)late, NULL, 0);
+    CHECK(bench.answer.type == LINK_TYPE_STATUS && session()->lost == 0);
+  }
+}
+
+static void the_answer_before_a_copied_hello_can_still_be_asked_for(void)
+{
+  bench_start();
+  bench_run();
+  put_demand(50, 1000);
+  (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
+  put_demand(50, 1000);
+  bench_poll();
+  CHECK(bench.answer.type == LINK_TYPE_STATUS && bench.answer.sequence == 50);
+}
+
+static void nothing_is_done_without_a_session(void)
+{
+  uint8_t arm[2];
+  link_put_u16(arm, LINK_COMMAND_ARM);
+  bench_power_on();
+  bench_ticks(12);
+  ask_again(LINK_TYPE_COMMAND, 1, arm, 2);
+  CHECK(bench.answer.type == LINK_TYPE_NAK && bench_reason() == LINK_REASON_SESSION);
+  CHECK(bench.firmware.control.state == LINK_STATE_IDLE);
+  ask_again(LINK_TYPE_HELLO, 2, arm, 2);
+  CHECK(bench_reason() == LINK_REASON_LENGTH && session()->open == 0);
+  CHECK(bench_hello(3, LINK_VERSION, 1) == LINK_TYPE_INFO);
+  ask_again(LINK_TYPE_COMMAND, 4, arm, 2);
+  CHECK(bench.answer.type == LINK_TYPE_ACK);
 }
 
 static void a_slow_line_loses_nothing(void)
@@ -202,7 +241,9 @@ static void settings_keep_their_ranges(void)
   CHECK(link_get_i32(bench.payload + 2) == BENCH_RATE / 10);
   CHECK(bench_set(LINK_SETTING_HEARTBEAT_TICKS, 1) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_VALUE);
-  CHECK(bench_set(LINK_SETTING_HEARTBEAT_TICKS, 1000001) == LINK_TYPE_NAK);
+  CHECK(bench_set(LINK_SETTING_HEARTBEAT_TICKS, BENCH_RATE / 2) == LINK_TYPE_SETTING);
+  CHECK(bench_set(LINK_SETTING_HEARTBEAT_TICKS, BENCH_RATE / 2 + 1) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_VALUE); /* the board allows half a second */
   CHECK(bench_set(LINK_SETTING_HEARTBEAT_TICKS, 2) == LINK_TYPE_SETTING);
   CHECK(bench.firmware.settings[LINK_SETTING_HEARTBEAT_TICKS] == 2);
   CHECK(bench_set(LINK_SETTING_COUNT, 1) == LINK_TYPE_NAK);
@@ -225,7 +266,10 @@ int main(void)
   sequence_numbers_wrap();
   lost_numbers_are_counted_and_told();
   bad_frames_are_counted_and_told();
-  hello_starts_the_sequence_anew();
+  a_new_session_starts_the_sequence_again();
+  a_copy_of_the_hello_is_answered_and_changes_nothing();
+  the_answer_before_a_copied_hello_can_still_be_asked_for();
+  nothing_is_done_without_a_session();
   a_slow_line_loses_nothing();
   status_names_the_tick_and_what_was_measured();
   the_control_task_is_locked_out_in_pairs();

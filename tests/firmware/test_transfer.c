@@ -148,6 +148,7 @@ static void a_sound_block_cures_an_unsound_one_built_in(void)
   bench_start();
   bench_words[ANHYST_WORD_MAGIC] = 0;
   app_start(&bench.firmware, bench.firmware.board);
+  (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   bench_ticks(5);
   CHECK(bench.firmware.control.fault == LINK_FAULT_BLOCK && generation_in_force() == 0);
   CHECK(send_whole(3) == LINK_TYPE_ACK && generation_in_force() == 3);

@@ -36,6 +36,7 @@ def test_the_same_parameters_give_the_same_firmware(parameters: Path, tmp_path: 
     assert build("qemu-mps2", parameters, tmp_path / "second").read_bytes() == first
 
 
+@pytest.mark.needs("qemu-system-arm")
 def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path) -> None:
     with (
         run_qemu(qemu_firmware, NoisyPlant()) as board,
@@ -58,6 +59,7 @@ def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path) -> None:
     assert status.state is State.RUN
 
 
+@pytest.mark.needs("qemu-system-arm")
 def test_process_and_emulated_board_drive_the_same_currents(
     host_firmware: Path, qemu_firmware: Path
 ) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.errors import InputError
+from anhyst.link import frames
 from anhyst.link.client import ForceController, Refused, regenerate
 from anhyst.link.frames import (
     AckAnswer,
@@ -47,7 +48,7 @@ def run(board: Running, controller: ForceController) -> None:
 
 def test_a_controller_says_who_it_is(controller: ForceController) -> None:
     assert controller.info.rate == RATE
-    assert controller.info.version == 1
+    assert controller.info.version == frames.VERSION
     assert controller.status().state is State.IDLE
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.link import frames
 from anhyst.link.firmware import build
 from anhyst.link.frames import (
     ANSWERS,
@@ -57,7 +58,7 @@ def test_the_clocks_make_the_rates_that_are_claimed(chip: Chip) -> None:
 
 
 def test_it_answers_over_its_serial_port(chip: Chip) -> None:
-    info = ask(chip, HelloRequest(1), 1)
+    info = ask(chip, HelloRequest(frames.VERSION, 7), 1)
     assert isinstance(info, InfoAnswer)
     assert info.rate == RATE
 
@@ -67,7 +68,7 @@ def test_a_demand_becomes_a_code_of_the_converter(chip: Chip) -> None:
         chip.codes = [2048 + n % 2, 410, 410]
         chip.tick()
     assert chip.written[nucleo.DAC_DHR12R1] == 0
-    ask(chip, HelloRequest(1), 1)
+    ask(chip, HelloRequest(frames.VERSION, 7), 1)
     ask(chip, CommandRequest(Command.ARM), 2)
     ask(chip, CommandRequest(Command.RUN), 3)
     ask(chip, DemandRequest(1 << 29), 4)
@@ -85,6 +86,7 @@ def test_a_broken_wire_is_a_fault(chip: Chip) -> None:
         chip.codes[0] = code
         for _ in range(120):
             chip.tick()
-    status = ask(chip, DemandRequest(0), 1)
+    ask(chip, HelloRequest(frames.VERSION, 7), 1)
+    status = ask(chip, DemandRequest(0), 2)
     assert isinstance(status, StatusAnswer)
     assert status.fault == Fault.GAP_RESERVED

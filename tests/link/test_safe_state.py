@@ -122,7 +122,7 @@ def test_the_first_reason_stays_until_it_is_cleared(
     plant.reading = {"force": math.nan}
     board.bus.step(8)
     plant.reading = {"gap": 2.0}
-    with pytest.raises(Refused, match="not in the state fault"):
+    with pytest.raises(Refused, match="current still flows"):
         controller.command(Command.CLEAR)  # current still flows
     board.bus.step(200)
     assert controller.status().fault is Fault.FORCE_RESERVED

@@ -101,7 +101,7 @@ STATUS = StatusAnswer(2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
 def test_firmware_of_another_protocol_version(answer: bytes) -> None:
     with fake(answer) as url:
         text = refusal(url)
-    assert "speaks version 2 of the protocol, this anhyst version 1" in text
+    assert "speaks version 3 of the protocol, this anhyst version 2" in text
     assert "build and flash" in text
 
 
@@ -110,7 +110,7 @@ def test_firmware_tells_a_pc_of_another_version(board: Running, monkeypatch: obj
     assert isinstance(patch, pytest.MonkeyPatch)
     patch.setattr(frames, "VERSION", 9)
     text = refusal(board.url)
-    assert "speaks version 1 of the protocol, this anhyst version 9" in text
+    assert "speaks version 2 of the protocol, this anhyst version 9" in text
 
 
 @pytest.mark.parametrize("answer", [encode(STATUS, 1), b"\1\2\3\0", b"\0\0\0"])

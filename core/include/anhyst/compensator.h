@@ -41,7 +41,7 @@ typedef struct {
 /* How the current is made up at the gap of this tick. */
 typedef struct {
   int32_t bias;      /* q30 */
-  int16_t flux_arm;  /* weight, >= 0 */
+  int16_t flux_arm;  /* weight; >= 0 but for the full law */
   int16_t field_arm; /* weight, > 0 */
 } anhyst_arms;
 

@@ -41,7 +41,8 @@ enum {
   ANHYST_WORD_GAP_GAIN = 19,      /* table: weight from root of the demand to flux */
   ANHYST_WORD_GAP_OFFSET = 20,    /* table: q15, output at zero flux, taken off the demand */
   ANHYST_WORD_GAP_BIAS = 21,      /* table: weight, current at zero flux and field */
-  ANHYST_WORD_GAP_FLUX_ARM = 22,  /* table: weight, current for each unit of flux, >= 0 */
+  ANHYST_WORD_GAP_FLUX_ARM = 22,  /* table: weight, current for each unit of flux; below 0 in
+                                     the full law alone, where more field needs more current */
   ANHYST_WORD_GAP_FIELD_ARM = 23, /* table: weight, current for each unit of field, > 0 */
 
   /* Start-up, the same in every kind. */

@@ -19,6 +19,7 @@ static const app_limits limits = {
     .missed_ticks = 2,
     .selftest_ticks = 16,
     .ramp_ms = 20,
+    .heartbeat_ms = 500,
 };
 
 static const app_board board = {

@@ -6,6 +6,7 @@ only once. So nothing is lost silently, whatever the line does to the bytes.
 
 from __future__ import annotations
 
+import secrets
 import threading
 import time
 import zlib
@@ -72,6 +73,8 @@ _MEANING = {
     Reason.CHECKSUM: "the block that arrived is not the one that was announced",
     Reason.BLOCK: "the parameter block is not sound, or of another kind or layout",
     Reason.GENERATION: "the parameter block has another generation than was announced",
+    Reason.SESSION: "it knows of no session: it was started again; open the port again",
+    Reason.CURRENT: "current still flows; ask again once it is zero",
 }
 
 
@@ -143,7 +146,7 @@ class ForceController:
         self._lock = threading.RLock()
         try:
             self._port.write(b"\0")  # ends whatever a former session left half said
-            self.info = self.request(HelloRequest(frames.VERSION), InfoAnswer)
+            self.info = self.request(HelloRequest(frames.VERSION, secrets.randbits(32)), InfoAnswer)
         except BaseException:
             self._port.close()
             raise

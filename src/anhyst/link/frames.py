@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from enum import IntEnum, IntFlag
 from typing import ClassVar, NamedTuple, Self
 
-VERSION = 1
+VERSION = 2
 PAYLOAD_MOST = 240
 PLANT_MAGIC = 0x616E6879
 
@@ -31,7 +31,7 @@ class Fault(IntEnum):
 
     NONE = 0
     BLOCK = 1  # the parameter block built in is not sound
-    LINK_LOST = 2  # no valid frame for heartbeat_ticks while current may flow
+    LINK_LOST = 2  # no new request for heartbeat_ticks while current may flow
     MISSED_TICK = 3  # more ticks missed in a row than the board allows
     SENSOR_FAILED = 4  # the port had no sample: the sensors did not answer
     GAP_RESERVED = 5  # the gap's sensor sent its error code
@@ -52,12 +52,12 @@ class Command(IntEnum):
     """What a command asks for."""
 
     IDLE = 0  # ready, run or conditioning to idle
-    CONDITION = 1  # idle to idle with the conditioning sequence, then by itself to ready
+    CONDITION = 1  # idle, at zero current: the conditioning sequence, then by itself to ready
     ARM = 2  # idle to ready: the memory is taken as it stands
-    RUN = 3  # ready to run, demand zero
+    RUN = 3  # ready to run, demand zero, once the current is zero
     STOP = 4  # run to ready
     CLEAR = 5  # fault to selftest, once the current is zero
-    DEMAGNETISED = 6  # in idle: the memory is set to that of demagnetised iron
+    DEMAGNETISED = 6  # in idle, at zero current: the memory is set to that of demagnetised iron
 
 
 class Reason(IntEnum):
@@ -75,6 +75,8 @@ class Reason(IntEnum):
     CHECKSUM = 8  # the block that arrived is not the one that was announced
     BLOCK = 9  # the block is not sound, or of another kind or layout
     GENERATION = 10  # the block has another generation; detail: its own
+    SESSION = 11  # no session is open: hello comes first
+    CURRENT = 12  # in this state, but current still flows; once it is zero
 
 
 class Trigger(IntEnum):
@@ -97,7 +99,8 @@ class Recorder(IntEnum):
 class Setting(IntEnum):
     """Settings."""
 
-    HEARTBEAT_TICKS = 0  # ticks without a valid frame until the link counts as lost
+    # ticks without a new request until the link counts as lost; the board has a ceiling of its own
+    HEARTBEAT_TICKS = 0
     DEMAND_SLEW = 1  # largest change of the demand in a tick, q31
     COMPENSATION = 2  # 1: the compensator; 0: a constant force-current ratio
     RATIO = 3  # the constant ratio, q30: current for each unit of demand
@@ -209,13 +212,17 @@ def _check(body: bytes) -> int:
 
 @dataclass(frozen=True)
 class HelloRequest(Message):
-    """Opens a session: the sequence starts anew with this frame."""
+    """Opens a session: the sequence starts again with this frame.
+
+    Where this very session is open already it is answered and changes nothing.
+    """
 
     TYPE: ClassVar[int] = 0x01
     ANSWER: ClassVar[int] = 0x81
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HI")
 
     version: int  # protocol version of the PC
+    session: int  # number of the session, drawn at random by the PC
 
 
 @dataclass(frozen=True)
