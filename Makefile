@@ -1,6 +1,7 @@
 # Each target prepares .venv first where that is needed; nothing is installed outside this folder.
 #   make demo    run the bundled examples, results in demo/
-#   make test    all tests                      make check   format, lint, types, C analysis
+#   make test    tests, without the slow ones   make check   format, lint, types, C analysis
+#   make test-all  every test, the slow ones too
 #   make prove   proofs of the fixed-point C
 #   make bench   the table of figures           make format  lay out Python and C sources
 #   make build   compile the core anew          make clean   remove what make made, .venv too
@@ -9,21 +10,30 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
+# A worker for each core, but each reads all tests first; one that is through takes over half of what
+# another has left.
+PARALLEL := --numprocesses auto --maxprocesses 8 --dist worksteal
+
 C_SOURCES := $(shell find core plant firmware tests/core tests/firmware tests/plant -name '*.c' -o -name '*.h') \
 	$(wildcard src/anhyst/_core/*.cpp src/anhyst/_core/*.h)
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test check prove bench build format clean fuzz \
+.PHONY: demo test test-all check prove bench build format clean fuzz \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
 demo: build
+	@echo "make: the electromagnet: loops to models, reports, verified C, in half a minute"
 	@$(BIN)/python examples/electromagnet/demo.py
+	@echo "make: the bearing: in the air with each compensation, in a minute"
 	@mkdir -p demo/bearing
 	@$(BIN)/anhyst simulate examples/bearing/rig.toml --out demo/bearing/run.csv
 
 test: build
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
+
+test-all: build
+	@$(BIN)/python -m pytest $(PARALLEL)
 
 prove: build
 	@$(BIN)/python tools/prove.py
@@ -66,6 +76,7 @@ check-cppcheck: build/analysis/compile_commands.json
 
 fuzz: build
 	@$(BIN)/python tools/fuzz.py $(if $(RUNS),--runs $(RUNS))
+	@ANHYST_RANDOM=1 $(BIN)/python -m pytest -q tests/property
 
 format: build
 	@$(BIN)/ruff format --quiet
@@ -85,17 +96,19 @@ build/analysis/compile_commands.json: CMakeLists.txt core/core.cmake tests/core/
 
 # Tools first, so that the package can be built without a second download into a throw-away folder.
 .venv/.stamp-tools: tools/environment.py
-	@echo "make: preparing .venv"
 	@$(PYTHON) tools/environment.py
 	@touch $@
 
-.venv/.stamp-package: .venv/.stamp-tools $(BUILD_INPUTS)
-	@echo "make: building the core and installing anhyst into .venv"
+.venv/.stamp-packages: .venv/.stamp-tools pyproject.toml
+	@$(PYTHON) tools/environment.py --packages
+	@touch $@
+
+.venv/.stamp-package: .venv/.stamp-packages $(BUILD_INPUTS)
+	@echo "make: compiling the core and installing anhyst into .venv"
 	@if [ -x $(BIN)/c++ ]; then export CXX="$(CURDIR)/$(BIN)/c++"; fi; \
 		PATH="$(CURDIR)/$(BIN):$$PATH" $(PIP) install --no-build-isolation --editable '.[dev]'
 	@touch $@
 
 .venv/.stamp-bench: .venv/.stamp-package
-	@echo "make: installing what the benchmarks compare with"
-	@$(PIP) install $$($(PYTHON) tools/environment.py --extra bench)
+	@$(PYTHON) tools/environment.py --extra bench
 	@touch $@

@@ -16,7 +16,8 @@ from anhyst.simulate.controllerfile import ControllerFile, Format, Variant, read
 from anhyst.simulate.measuring import measure_loops
 from anhyst.simulate.operating import OperatingPoint, find_operating_point
 from anhyst.simulate.responses import Cell, compare, default_seeds
-from anhyst.simulate.rigfile import BearingRig, PositionTable, TrajectoryTable, read_bearing
+from anhyst.simulate.rigfile import BearingRig, read_bearing
+from anhyst.simulate.rigtables import PositionTable, TrajectoryTable
 from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
 from anhyst.simulate.variations import changed, with_iron
 from rows import ROOT, Row
@@ -47,9 +48,7 @@ class Iron:
     @property
     def title(self) -> str:
         """For tables: its reversible fraction, and whether it is pathological."""
-        iron = self.rig.settings.magnet.iron
-        assert iron is not None
-        share = f"{iron.reversible_fraction:g}"
+        share = f"{self.rig.settings.magnet.steel.reversible_fraction:g}"
         return f"{share} (pathological)" if self.at.slopes.label == "pathological" else share
 
 

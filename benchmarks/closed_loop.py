@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from anhyst.simulate.controllerfile import ControllerFile, Format, Variant, read_controller
 from anhyst.simulate.drive import MapLaw
 from anhyst.simulate.loop import Loop
-from anhyst.simulate.plant import STOP_RESONANCE, current_gains, make_bearing, poles
+from anhyst.simulate.plant import STOP_RESONANCE, current_gains, make_bearing
 from anhyst.simulate.position import position_control
+from anhyst.simulate.ready import make_ready
 from anhyst.simulate.rigfile import BearingRig, read_bearing, step_ends
 from anhyst.simulate.scenario import Scenario, Script
-from anhyst.simulate.setup import Knowledge, Setup, make_setup, read_knowledge
+from anhyst.simulate.setup import Knowledge, Setup, make_setup
 from rival_bearing import ByNumba, ByScipy, Control, Flight, Method, Plant
 from rows import ROOT, Row
 
@@ -81,14 +82,14 @@ def example() -> Case:
     """Read the example and identify its magnet."""
     rig = read_bearing(FOLDER / "rig.toml")
     controller = read_controller(FOLDER / "controller.toml")
-    return Case(rig, controller, read_knowledge(rig, controller))
+    return Case(rig, controller, make_ready(rig, controller).knowledge())
 
 
 def plant_of(rig: BearingRig) -> Plant:
     """Hand the numbers of a rig file to the rivals."""
     magnet, mechanics = rig.settings.magnet, rig.settings.mechanics
-    assert magnet.iron is not None
-    steel, sensor = magnet.iron.steel(), rig.settings.position_sensor.sensor()
+    poles = magnet.poles
+    steel, sensor = magnet.steel.steel(), rig.settings.position_sensor.sensor()
     gain, reset = current_gains(rig)
     stop = 2.0 * math.pi * STOP_RESONANCE
     return Plant(
@@ -98,13 +99,13 @@ def plant_of(rig: BearingRig) -> Plant:
         knee_sharp=steel.knee_sharp,
         slow=steel.saturation_slow,
         knee_slow=steel.knee_slow,
-        turns=float(magnet.turns),
-        resistance=magnet.resistance_ohm,
-        length=magnet.iron_length_m,
-        area=poles(rig).area,
-        width=magnet.pole_width_m,
-        depth=magnet.pole_depth_m,
-        leakage=magnet.leakage_H,
+        turns=float(poles.turns),
+        resistance=poles.resistance,
+        length=poles.iron_length,
+        area=poles.area,
+        width=poles.width,
+        depth=poles.depth,
+        leakage=poles.leakage,
         supply=rig.settings.amplifier.supply_V,
         gain=gain,
         reset=reset,

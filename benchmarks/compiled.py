@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +20,7 @@ from anhyst.identify import identify
 from anhyst.model import ActuatorModel
 from anhyst.modelfile import read_model, write_model
 from anhyst.verify import Verification, verify
-from rows import ROOT, Row
+from rows import ROOT, Row, Stopwatch
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 RATE = 20e3
@@ -43,20 +42,21 @@ def _compiled(model: Path, folder: Path, kind: str) -> Compiled:
 
 def chain(folder: Path) -> tuple[Path, list[Row]]:
     """Whole chain on the bundled example: loops to verified C on host and Cortex-M4."""
-    began = time.perf_counter()
+    watch = Stopwatch()
     model = folder / "model.toml"
     write_model(identify(LoopSet.from_csv(LOOPS)).model, model)
     compiled = _compiled(model, folder, "full")
     found = verify(folder / "full", "host,cortex-m4")
-    spent = time.perf_counter() - began
+    spent, took, seconds = watch.wall, str(watch), watch.processor
     accuracy = compiled.manifest["accuracy"]
     steps = sum(result.steps for result in found.results)
     return model, [
         Row(
-            "bundled loops to verified C on host and Cortex-M4: wall time",
-            "<= 60 s",
-            f"{spent:.1f} s, {steps} steps compared, all identical: {found.passed}",
+            "bundled loops to verified C on host and Cortex-M4",
+            "<= 60 s wall",
+            f"{took}; {steps} steps compared, all identical: {found.passed}",
             spent <= 60.0 and found.passed,
+            seconds,
         ),
         Row(
             "'full' against double precision, in force, jumps and lost currents included",

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
 from anhyst.rig.force_control import force_control
-from rows import ROOT, Row
+from rows import ROOT, Row, Stopwatch
 
 FOLDER = ROOT / "examples" / "solenoid"
 
 
-def _run(rig: Path) -> tuple[dict[str, Any], float]:
-    began = time.perf_counter()
+def _run(rig: Path) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as place:
-        figures = force_control(rig, Path(place) / "run").figures
-    return figures, time.perf_counter() - began
+        return force_control(rig, Path(place) / "run").figures
 
 
 def _told(stage: dict[str, Any]) -> str:
@@ -27,11 +24,13 @@ def _told(stage: dict[str, Any]) -> str:
 
 def rows() -> list[Row]:
     """Worst errors over the positions, with the armature moving, and of the first version."""
-    figures, spent = _run(FOLDER / "rig.toml")
+    watch = Stopwatch()
+    figures = _run(FOLDER / "rig.toml")
+    spent, took, seconds = watch.wall, str(watch), watch.processor
     summary = figures["summary"]
     held = summary["positions"]
     full, simplified = held["full"], held["simplified"]
-    drawn = _run(FOLDER / "drawn" / "rig.toml")[0]["summary"]
+    drawn = _run(FOLDER / "drawn" / "rig.toml")["summary"]
     differing, ticks = figures["ticks_that_differ"], figures["firmware_ticks"]
     return [
         Row(
@@ -60,5 +59,5 @@ def rows() -> list[Row]:
             f"{differing} of {ticks} differ",
             differing == 0,
         ),
-        Row("whole force-control: wall time", "<= 60 s", f"{spent:.0f} s", spent <= 60.0),
+        Row("whole force-control", "<= 60 s wall", took, spent <= 60.0, seconds),
     ]

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import Operator, batch, batch_functions, demagnetised, langevin
+from anhyst._core import Operator, batch, batch_functions, batch_levels, demagnetised, langevin
 from rows import Row
 
 Array = NDArray[np.float64]
@@ -54,11 +54,13 @@ def scalar() -> Row:
         "<= 150 ns",
         f"{spent:.0f} ns; its 4 Langevin functions and 3 exponentials alone {alone:.0f} ns",
         spent <= 150.0,
+        1e-9 * spent,
     )
 
 
-def batched() -> list[Row]:
-    """One step of a batch, implicit and explicit, a parameter set and sample."""
+def batched(level: str) -> list[Row]:
+    """One step of a batch, a parameter set and sample; the best level has aims to reach."""
+    judged = level == batch_levels()[-1]
     sets, n = 256, SAMPLES_A_LOOP
     rng = np.random.default_rng(0)
     kappa, c = rng.uniform(0.3, 3.0, sets), rng.uniform(0.05, 0.6, sets)
@@ -66,12 +68,16 @@ def batched() -> list[Row]:
     offset, drive = np.zeros(sets), _drive(n)
     x, y = np.zeros(sets), np.zeros(sets)
 
+    columns = (kappa, c, omega, scale, offset, drive, x, y)
+
     def follow(implicit: bool) -> None:
         for _ in range(10):
-            batch(kappa, c, omega, scale, offset, drive, x, y, implicit=implicit, keep=False)
+            batch(*columns, implicit=implicit, keep=False, level=level)
 
     arguments = np.linspace(0.0, 4.0, 2048)
-    one = best_ns(lambda: [batch_functions(arguments) for _ in range(100)], 100 * arguments.size)
+    one = best_ns(
+        lambda: [batch_functions(arguments, level) for _ in range(100)], 100 * arguments.size
+    )
     rows = []
     for name, implicit, reach, visits in (
         ("implicit", True, 10.0, 3.0),
@@ -80,10 +86,11 @@ def batched() -> list[Row]:
         spent = best_ns(lambda: follow(implicit), 10 * sets * n)  # noqa: B023
         rows.append(
             Row(
-                f"forward step, {name}, batched",
-                f"<= {reach:g} ns",
+                f"forward step, {name}, batched, {level}",
+                f"<= {reach:g} ns" if judged else "reported",
                 f"{spent:.2f} ns a set; {visits:.0f} Langevin and exp alone {visits * one:.2f} ns",
-                spent <= reach,
+                spent <= reach if judged else None,
+                1e-9 * spent,
             )
         )
     return rows
@@ -91,4 +98,4 @@ def batched() -> list[Row]:
 
 def rows() -> list[Row]:
     """All lines about speed."""
-    return [scalar(), *batched()]
+    return [scalar(), *(row for level in batch_levels() for row in batched(level))]

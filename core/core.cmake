@@ -2,6 +2,7 @@
 # FMU take it from here.
 set(ANHYST_CORE_DIR "${CMAKE_CURRENT_LIST_DIR}")
 set(ANHYST_CORE_SOURCES
+  "${ANHYST_CORE_DIR}/src/elementary.c"
   "${ANHYST_CORE_DIR}/src/langevin.c"
   "${ANHYST_CORE_DIR}/src/branch.c"
   "${ANHYST_CORE_DIR}/src/operator.c"
@@ -31,6 +32,9 @@ set(ANHYST_CORE_SOURCES
 set(ANHYST_WARNINGS
   -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)
 
+# No product fused into a sum: the same bits with every compiler and on every processor.
+set(ANHYST_SAME_BITS -ffp-contract=off)
+
 # The batch is compiled once for each instruction set; batch_dispatch.c picks one at run time.
 set(ANHYST_BATCH_OBJECTS)
 function(anhyst_batch name)
@@ -38,9 +42,10 @@ function(anhyst_batch name)
   target_include_directories(anhyst_batch_${name} PRIVATE "${ANHYST_CORE_DIR}/include")
   target_compile_definitions(anhyst_batch_${name} PRIVATE ANHYST_BATCH_NAME=_${name})
   target_compile_options(anhyst_batch_${name} PRIVATE -O3 ${ANHYST_WARNINGS}
-    -fno-math-errno -fno-trapping-math -ffp-contract=fast ${ARGN})
+    -fno-math-errno -fno-trapping-math ${ANHYST_SAME_BITS} ${ARGN})
   set_target_properties(anhyst_batch_${name} PROPERTIES
-    C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+    C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON
+  C_VISIBILITY_PRESET hidden)
   set(ANHYST_BATCH_OBJECTS ${ANHYST_BATCH_OBJECTS} $<TARGET_OBJECTS:anhyst_batch_${name}>
     PARENT_SCOPE)
 endfunction()
@@ -50,13 +55,6 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   anhyst_batch(avx512 -mavx512f -mavx512dq -mavx512vl -mfma -mprefer-vector-width=512)
 endif()
 
-# The same bits on every target: no product fused into a sum.
-set_source_files_properties(
-  "${ANHYST_CORE_DIR}/src/full_real.c" "${ANHYST_CORE_DIR}/src/simplified_real.c"
-  "${ANHYST_CORE_DIR}/src/compensator_real.c" "${ANHYST_CORE_DIR}/src/map_real.c"
-  "${ANHYST_CORE_DIR}/src/drive_real.c" "${ANHYST_CORE_DIR}/src/position_real.c"
-  PROPERTIES COMPILE_OPTIONS -ffp-contract=off)
-
 add_library(anhyst_core STATIC ${ANHYST_CORE_SOURCES} ${ANHYST_BATCH_OBJECTS})
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   target_compile_definitions(anhyst_core PRIVATE ANHYST_BATCH_X86)
@@ -64,9 +62,10 @@ endif()
 target_include_directories(anhyst_core
   PUBLIC "${ANHYST_CORE_DIR}/include" PRIVATE "${ANHYST_CORE_DIR}/src")
 set_target_properties(anhyst_core PROPERTIES
-  C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+  C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON
+  C_VISIBILITY_PRESET hidden)
 target_compile_options(anhyst_core PRIVATE
-  -O3 -fno-math-errno ${ANHYST_WARNINGS})
+  -O3 -fno-math-errno ${ANHYST_SAME_BITS} ${ANHYST_WARNINGS})
 if(UNIX)
   target_link_libraries(anhyst_core PUBLIC m)
 endif()

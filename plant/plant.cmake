@@ -12,7 +12,7 @@ add_library(anhyst_plant STATIC ${ANHYST_PLANT_SOURCES})
 target_include_directories(anhyst_plant PUBLIC "${ANHYST_PLANT_DIR}/include")
 target_link_libraries(anhyst_plant PUBLIC anhyst_core)
 set_target_properties(anhyst_plant PROPERTIES
-  C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
-# The same bits with every compiler: no product fused into a sum.
+  C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON
+  C_VISIBILITY_PRESET hidden)
 target_compile_options(anhyst_plant PRIVATE
-  -O3 -fno-math-errno -ffp-contract=off ${ANHYST_WARNINGS})
+  -O3 -fno-math-errno ${ANHYST_SAME_BITS} ${ANHYST_WARNINGS})

@@ -3,11 +3,27 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# Time decides no test: a machine may be busy. The same examples are drawn everywhere, so that a
+# test that passed here passes elsewhere; `make fuzz` draws others each time.
+settings.register_profile(
+    "same",
+    deadline=None,
+    derandomize=os.environ.get("ANHYST_RANDOM") != "1",
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("same")
+
+# Cores are kept busy by workers, each with one test; set before anything imports numpy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -24,6 +40,23 @@ def measurements() -> Path:
     if not folder.is_dir():
         pytest.skip(NO_MEASUREMENTS)
     return folder
+
+
+PACKAGES = {
+    "/usr/include/simavr/sim_avr.h": "simavr libsimavr-dev libelf-dev",
+    "avr-gcc": "gcc-avr avr-libc",
+    "cc": "gcc libc6-dev",
+    "clang": "clang libclang-rt-dev",
+}
+"""What to install for a program or a header, where the package has another name."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what needs a program or a file that is not here, before anything is made for it."""
+    for name in (name for mark in item.iter_markers("needs") for name in mark.args):
+        if not (Path(name).exists() if name.startswith("/") else shutil.which(name)):
+            pytest.skip(f"{name} is not installed: apt install {PACKAGES.get(name, name)}")
 
 
 def refuse_skip(report: pytest.TestReport | pytest.CollectReport) -> None:

@@ -1,14 +1,19 @@
-"""Prepare .venv with what builds the package; run by make, with any Python that is there.
+"""Prepare .venv; run by make, with any Python that is there.
 
-Without arguments: check the machine, create .venv and install the build requirements.
-With ``--extra NAME``: print the requirements of that extra of pyproject.toml.
+Without arguments: check the machine, create .venv and install what builds the package.
+With ``--packages``: install what the package runs on, and what its tests and checks need.
+With ``--extra NAME``: install that extra of pyproject.toml.
+
+A line before each group of packages says what is coming and how far the work is.
 """
 
+import re
 import shutil
 import subprocess
 import sys
 import sysconfig
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 VENV = ROOT / ".venv"
@@ -38,29 +43,47 @@ def missing() -> str:
     return ""
 
 
-def requirements(extra: str | None) -> list[str]:
-    """Return the build requirements, or those of one extra."""
+def project() -> dict[str, Any]:
+    """Return pyproject.toml."""
     import tomllib
 
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    if extra:
-        return list(project["project"]["optional-dependencies"][extra])
-    return list(project["build-system"]["requires"]) + BUILD_TOOLS
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def extra(name: str) -> list[str]:
+    """Return the requirements of one extra, without those that are extras themselves."""
+    listed = project()["project"]["optional-dependencies"][name]
+    return [one for one in listed if not one.startswith("anhyst[")]
+
+
+def install(what: str, packages: list[str], place: str = "", *options: str) -> None:
+    """Install packages into .venv; say so before, since it takes a while."""
+    names = ", ".join(re.split(r"[=<>]", package)[0] for package in packages)
+    print(f"make: installing {what}{place}: {names}", flush=True)
+    python = VENV / "bin" / "python"
+    pip = [str(python), "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
+    subprocess.run([*pip, *options, *packages], check=True)
 
 
 def prepare() -> None:
     """Create .venv and fill it; the binding is C++, so without a C++ compiler one is added."""
-    python = VENV / "bin" / "python"
+    print("make: preparing .venv, a minute or two; nothing is installed elsewhere", flush=True)
     subprocess.run([sys.executable, "-m", "venv", str(VENV)], check=True)
-    pip = [str(python), "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
-    subprocess.run([*pip, "--upgrade", "pip"], check=True)
-    wanted = requirements(None)
     needs_compiler = not any(map(shutil.which, ("c++", "g++", "clang++")))
-    subprocess.run(pip + wanted + ["ziglang"] * needs_compiler, check=True)
+    tools = ["pip", *project()["build-system"]["requires"], *BUILD_TOOLS]
+    install("what builds the core", tools + ["ziglang"] * needs_compiler, " (1 of 4)", "--upgrade")
     if needs_compiler:
         compiler = VENV / "bin" / "c++"
-        compiler.write_text(ZIG_AS_CPP.format(python=python), encoding="utf-8")
+        compiler.write_text(ZIG_AS_CPP.format(python=VENV / "bin" / "python"), encoding="utf-8")
         compiler.chmod(0o755)
+
+
+def fill() -> None:
+    """Install everything but the package itself."""
+    install("what anhyst computes with", project()["project"]["dependencies"], " (2 of 4)")
+    targets = [*extra("verify"), *extra("link"), *extra("control")]
+    install("what it verifies and controls with", targets, " (3 of 4)")
+    install("what its tests and checks need", extra("dev"), " (4 of 4)")
 
 
 def main() -> int:
@@ -70,7 +93,9 @@ def main() -> int:
         print(f"make: {problem}", file=sys.stderr)
         return 2
     if sys.argv[1:2] == ["--extra"]:
-        print("\n".join(requirements(sys.argv[2])))
+        install("the extra", extra(sys.argv[2]))
+    elif sys.argv[1:2] == ["--packages"]:
+        fill()
     else:
         prepare()
     return 0

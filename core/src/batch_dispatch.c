@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Picks the batch compiled for the best instruction set of the processor it runs on. */
+/* Picks the batch compiled for an instruction set that the processor has. */
 #include "anhyst/batch.h"
 
 #define DECLARE(suffix)                                                                            \
@@ -15,10 +15,26 @@ DECLARE(_avx2)
 DECLARE(_avx512)
 #endif
 
-anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
-                               const double *drive, double *x, double *y, double *m_out,
-                               double *x_out)
+anhyst_batch_level anhyst_batch_best(void)
 {
+#ifdef ANHYST_BATCH_X86
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+                   __builtin_cpu_supports("avx512vl")
+               ? ANHYST_BATCH_AVX512
+               : ANHYST_BATCH_AVX2;
+  }
+#endif
+  return ANHYST_BATCH_BASE;
+}
+
+anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_level level,
+                               anhyst_batch_mode mode, size_t n, const double *drive, double *x,
+                               double *y, double *m_out, double *x_out)
+{
+  if (level > anhyst_batch_best()) {
+    return ANHYST_BAD_PARAMETER;
+  }
   for (size_t i = 0; i < sets->sets; i++) {
     const int ok =
         sets->kappa[i] > 0.0 && sets->c[i] >= 0.0 && sets->c[i] <= 1.0 && sets->omega[i] > -3.0;
@@ -27,29 +43,32 @@ anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_mode 
     }
   }
 #ifdef ANHYST_BATCH_X86
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-      __builtin_cpu_supports("avx512vl")) {
+  if (level == ANHYST_BATCH_AVX512) {
     return anhyst_batch_run_avx512(sets, mode, n, drive, x, y, m_out, x_out);
   }
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+  if (level == ANHYST_BATCH_AVX2) {
     return anhyst_batch_run_avx2(sets, mode, n, drive, x, y, m_out, x_out);
   }
 #endif
   return anhyst_batch_run_base(sets, mode, n, drive, x, y, m_out, x_out);
 }
 
-void anhyst_batch_functions_f64(size_t n, const double *t, double *exp_minus, double *langevin)
+anhyst_status anhyst_batch_functions_f64(anhyst_batch_level level, size_t n, const double *t,
+                                         double *exp_minus, double *langevin)
 {
-#ifdef ANHYST_BATCH_X86
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-      __builtin_cpu_supports("avx512vl")) {
-    anhyst_batch_functions_avx512(n, t, exp_minus, langevin);
-    return;
+  if (level > anhyst_batch_best()) {
+    return ANHYST_BAD_PARAMETER;
   }
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+#ifdef ANHYST_BATCH_X86
+  if (level == ANHYST_BATCH_AVX512) {
+    anhyst_batch_functions_avx512(n, t, exp_minus, langevin);
+    return ANHYST_OK;
+  }
+  if (level == ANHYST_BATCH_AVX2) {
     anhyst_batch_functions_avx2(n, t, exp_minus, langevin);
-    return;
+    return ANHYST_OK;
   }
 #endif
   anhyst_batch_functions_base(n, t, exp_minus, langevin);
+  return ANHYST_OK;
 }

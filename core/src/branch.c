@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "anhyst/elementary.h"
 #include "anhyst/langevin.h"
 
 /* Gauss-Laguerre, 8 points for the weight exp(-s). */
@@ -80,7 +81,7 @@ static void walker_lay_points(walker *w, double span)
   for (int i = 0; i < w->points; i++) {
     const int earlier = i / 8; /* panels before this point's */
     w->place[i] = (earlier + gauss_at[i % 8]) * width;
-    w->weight[i] = gauss_weight[i % 8] * width * exp(-w->place[i]);
+    w->weight[i] = gauss_weight[i % 8] * width * anhyst_exp_f64(-w->place[i]);
   }
 }
 
@@ -100,7 +101,7 @@ static void walker_advance(walker *w, double x)
     risen += w->weight[i] * slope;
     tilt += w->weight[i] * w->place[i] * slope;
   }
-  const double kept = exp(-length);
+  const double kept = anhyst_exp_f64(-length);
   w->tilted = kept * (w->tilted - length * w->steep) - tilt;
   w->steep = kept * w->steep + risen;
   w->value = kept * w->value + gained;
@@ -151,7 +152,7 @@ static void quintic(jet p, jet q, double out[6])
 
 static double outer_node(int i)
 {
-  return ANHYST_BRANCH_EDGE * exp((double)i / ANHYST_BRANCH_PER_LOG);
+  return ANHYST_BRANCH_EDGE * anhyst_exp_f64((double)i / ANHYST_BRANCH_PER_LOG);
 }
 
 static jet outer_jet(jet at, double x)

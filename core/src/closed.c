@@ -10,7 +10,8 @@ int anhyst_closed_sound(const int16_t *words)
          words[ANHYST_WORD_SIMPLE_HOLD] > 0 &&
          anhyst_within(words[ANHYST_WORD_SIMPLE_HOLD_SHIFT], 0, 12) &&
          words[ANHYST_WORD_SIMPLE_REST] > 0 &&
-         anhyst_within(words[ANHYST_WORD_SIMPLE_ITERATIONS], 2, 16);
+         anhyst_within(words[ANHYST_WORD_SIMPLE_ITERATIONS], 2, 16) &&
+         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_FLUX_ARM, 0);
 }
 
 static anhyst_memory mirrored(const anhyst_memory *memory)

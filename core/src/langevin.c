@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "anhyst/elementary.h"
+
 /* L(z)/z by t = z^2: the continued fraction 1/(3 + t/(5 + t/(7 + ...))), multiplied out. */
 static double langevin_per_z_f64(double t)
 {

@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "anhyst/elementary.h"
 #include "anhyst/langevin.h"
 
 #include "anhyst/f64.h"

@@ -3,6 +3,8 @@
 
 #include "anhyst/q31.h"
 
+#include <stddef.h>
+
 /* Positions and demands are the integers of levitation.h as they are. */
 
 static int32_t position_code_q31(const anhyst_position_units_q31 *units, int32_t position)

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/position_real.h"
 
+#include <stddef.h>
+
 #include "anhyst/f64.h"
 #include "generic/position_real.h"
 #include "generic/position.h"

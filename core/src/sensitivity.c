@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "anhyst/elementary.h"
 #include "anhyst/langevin.h"
 
 #include "anhyst/f64.h"
@@ -33,7 +34,7 @@ static void partials_exact(const anhyst_path_f64 *path, const anhyst_branch_slop
   const double kappa = path->law->kappa;
   const double sign = path->sign;
   const double s = fabs(end->state.p - path->departure) / kappa;
-  const double kept = exp(-s);
+  const double kept = anhyst_exp_f64(-s);
   const int held = sign * (path->pull - path->from.y) < 0.0;
   d->by_y = kept;
   /* A departure at the crossing of the anhysteretic has L = y there: moving it changes nothing. */

@@ -41,7 +41,7 @@ def path(turns: list[float], step: float) -> list[float]:
 
 def rows(rig: Rig, solenoid: Solenoid) -> Iterator[str]:
     """Measure every record at every position, in the order of the file."""
-    campaign = rig.magnet.measurement
+    campaign = rig.solenoid.measurement
     sample, largest = campaign["sample_s"], campaign["current_max_A"]
     step = campaign["sweep_A_per_s"] * sample
     conditioning = [largest, 0.0] * campaign["conditioning_cycles"]
@@ -64,10 +64,10 @@ def rows(rig: Rig, solenoid: Solenoid) -> Iterator[str]:
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Text of every file of the example, by name."""
     rig = read_rig(path)
-    campaign = rig.magnet.measurement
+    campaign = rig.solenoid.measurement
     turns = [0.0] + [campaign["current_max_A"], 0.0] * campaign["conditioning_cycles"]
     history = f"conditioned:{','.join(str(turn) for turn in turns)}"
-    text = NOTES + "\n".join(rows(rig, rig.magnet.solenoid())) + "\n"
+    text = NOTES + "\n".join(rows(rig, rig.solenoid.solenoid())) + "\n"
     return {"loops.csv": text, "loops.toml": f'history = "{history}"\n'}
 
 

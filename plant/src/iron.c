@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "anhyst/elementary.h"
+
 #define TWO_OVER_PI 0.63661977236758134308
 #define ITERATIONS 100
 
@@ -15,7 +17,7 @@ static double polarisation(const anhyst_plant_steel *steel, double h, double *sl
   const double slow = TWO_OVER_PI * steel->slow;
   *slope = steel->sharp * knee * knee * inverse * inverse * inverse +
            slow / (steel->knee_slow * (1.0 + ratio * ratio));
-  return steel->sharp * h * inverse + slow * atan(ratio);
+  return steel->sharp * h * inverse + slow * anhyst_atan_f64(ratio);
 }
 
 /* Looks at goal->field; returns the slope of the flux density on the way there. A cell at the edge

@@ -13,7 +13,7 @@ static void control_currents(anhyst_plant_loop *loop, const double *reference, c
   for (j = 0; j < loop->bearing->magnets; j++) {
     const double error = reference[j] - read[j];
     const double wanted = c->resistance * reference[j] + c->gain * error + loop->integral[j];
-    command[j] = fmin(fmax(wanted, -c->limit), c->limit);
+    command[j] = anhyst_plant_bound(wanted, -c->limit, c->limit);
     if (fabs(wanted) < c->limit) {
       loop->integral[j] += c->reset * error;
     }

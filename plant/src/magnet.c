@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stddef.h>
 
+#include "anhyst_plant/sensor.h"
+
 /* Of the flux density, T: less than 1e-6 of the largest force of a magnet of 1 T and more. */
 #define TOLERANCE 1e-7
 #define ITERATIONS 100
@@ -38,6 +40,7 @@ static around around_iron(const anhyst_plant_circuit *c, double gap)
   const double permeance = 0.5 * ANHYST_PLANT_MU0 * area / gap;
   found.outer = 1.0 / (permeance + c->leakage);
   found.share = permeance * found.outer;
+  found.outer += c->joints;
   found.per_area = 1.0 / area;
   found.widens = 1.0 - gap * (c->pole_width + c->pole_depth + 2.0 * gap) * found.per_area;
   return found;
@@ -53,8 +56,8 @@ static void pull(const anhyst_plant_circuit *c, const around *at, anhyst_plant_c
 /* psi(current) at a gap, and its slope. */
 static double linkage(const anhyst_plant_flux_table *t, double current, double gap, double *slope)
 {
-  const double row =
-      fmin(fmax((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0), 1.0) * (double)(t->gaps - 1);
+  const double row = anhyst_plant_bound((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
+                     (double)(t->gaps - 1);
   const int above = row >= (double)(t->gaps - 1) ? t->gaps - 2 : (int)row;
   const double between = row - (double)above;
   const double step = t->current_high / (double)(t->currents - 1);
@@ -96,8 +99,9 @@ static double current_for(const anhyst_plant_flux_table *t, double gap, double b
 static anhyst_plant_row row_at(const anhyst_plant_law *law, double gap)
 {
   const anhyst_plant_flux_table *t = &law->table;
-  const double place = fmin(fmax((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0), 1.0) *
-                       (double)(law->row_count - 1);
+  const double place =
+      anhyst_plant_bound((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
+      (double)(law->row_count - 1);
   const int below = place >= (double)(law->row_count - 1) ? law->row_count - 2 : (int)place;
   const double share = place - (double)below;
   const anhyst_plant_row *a = law->rows + below;

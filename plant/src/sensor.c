@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "anhyst/elementary.h"
+
 #define MASK (ANHYST_PLANT_DELAY_MOST - 1U)
 
 static uint64_t rotate(uint64_t x, unsigned by) { return (x << by) | (x >> (64U - by)); }
@@ -56,7 +58,7 @@ double anhyst_plant_normal(anhyst_plant_noise *noise)
     y = between(noise);
     square = x * x + y * y;
   } while (square >= 1.0 || square <= 0.0);
-  square = sqrt(-2.0 * log(square) / square);
+  square = sqrt(-2.0 * anhyst_log_f64(square) / square);
   noise->spare = y * square;
   noise->has_spare = 1;
   return x * square;
@@ -64,7 +66,7 @@ double anhyst_plant_normal(anhyst_plant_noise *noise)
 
 double anhyst_plant_convert(double value, double low, double high, double step)
 {
-  const double held = value > low ? (value < high ? value : high) : low; /* low for NaN */
+  const double held = anhyst_plant_bound(value, low, high);
   return step > 0.0 ? low + floor((held - low) / step + 0.5) * step : held;
 }
 

@@ -22,3 +22,10 @@ class Interrupted(RuntimeError):  # noqa: N818 - an end
 
     The command line prints it and exits with 130.
     """
+
+
+class ImplausibleWarning(UserWarning):
+    """A value so far from what a model knows that its unit is likely wrong.
+
+    Issued once a call from Python; the command line prints it as ``anhyst: warning: ...``.
+    """

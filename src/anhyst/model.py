@@ -29,7 +29,7 @@ from anhyst.gapmap import Curve
 from anhyst.record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 
 if TYPE_CHECKING:
-    from anhyst.monotone import GapCheck
+    from anhyst.monotone import Acceptance, GapCheck
     from anhyst.run import Prediction
     from anhyst.stepper import Stepper
 
@@ -447,6 +447,12 @@ class ActuatorModel:
         from anhyst.monotone import check_over_gap
 
         return check_over_gap(self)
+
+    def acceptance(self) -> Acceptance:
+        """Run the whole acceptance test; see :func:`anhyst.monotone.check_acceptance`."""
+        from anhyst.monotone import check_acceptance
+
+        return check_acceptance(self)
 
     def is_monotone_over_gap(self) -> bool:
         """Whether the output rises at any fixed drive as the gap closes.

@@ -22,20 +22,17 @@ from anhyst.data.loopset import Source
 from anhyst.data.units import QUANTITIES, Quantity, find_unit
 from anhyst.errors import InputError
 from anhyst.model import ActuatorModel, Parameter, find_problems
+from anhyst.modelkeys import FORMAT, VERSION, Names, meant, section_names
 from anhyst.modelschema import (
-    FORMAT,
-    VERSION,
     FitTable,
     ModelTable,
-    Names,
     QuantityTable,
     UncertaintyTable,
     explain,
-    meant,
-    section_names,
 )
 from anhyst.modelwriter import model_text, write_model
 from anhyst.record import (
+    CrossValidation,
     FitFigures,
     LoopFit,
     Provenance,
@@ -368,6 +365,10 @@ def _valid(table: ModelTable) -> ValidRange | None:
 def _fit(table: FitTable) -> FitFigures:
     plain = dict(table)
     loops = tuple(LoopFit(**dict(loop)) for loop in plain.pop("loop"))
+    found = table.cross_validation
+    if found is not None:
+        low, high = found.interval
+        plain["cross_validation"] = CrossValidation(found.error, low, high, tuple(found.folds))
     return FitFigures(loops=loops, **plain)
 
 

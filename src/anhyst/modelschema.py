@@ -8,11 +8,6 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from anhyst.data.units import Quantity
-
-FORMAT = "anhyst-model"
-VERSION = 1
-
 
 def _is_number(value: object) -> bool:
     if not isinstance(value, int | float) or isinstance(value, bool):
@@ -36,8 +31,6 @@ def _setting(value: Any) -> Any:
 Number = Annotated[float | list[float], PlainValidator(_number)]
 Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
 Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
-Names = dict[str, tuple[str, str]]
-"""For each field of a table whose key carries a unit: the key without and with it."""
 
 
 class Table(BaseModel):
@@ -97,6 +90,14 @@ class LoopTable(Table):
     worst: FiniteFloat
 
 
+class CrossValidationTable(Table):
+    """``[fit.cross_validation]``: what to expect between the nodes."""
+
+    error: FiniteFloat
+    interval: Pair
+    folds: list[FiniteFloat] = []
+
+
 class FitTable(Table):
     """``[fit]``: deviation over all loops."""
 
@@ -106,6 +107,7 @@ class FitTable(Table):
     worst: FiniteFloat
     left_out: dict[str, FiniteFloat] = {}
     monotone: bool | None = None
+    cross_validation: CrossValidationTable | None = None
     loop: list[LoopTable] = []
 
 
@@ -165,50 +167,6 @@ class ModelTable(Table):
     provenance: ProvenanceTable = ProvenanceTable()
 
 
-def column(name: str, unit: str) -> str:
-    """Return a key with its unit, such as ``k_A_per_m``."""
-    return Quantity("", name, unit).column
-
-
-def parameter_names(given: Quantity, answer: Quantity) -> Names:
-    """Return the keys of ``[parameters]`` for an input and an output."""
-    power = "2" if answer.name == "force" else ""
-    turns = {"A": "c_H_per_m", "A/m": "c_H"}.get(given.unit, f"c_H_A_per_m_{given.unit}")
-    ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power}"
-    return {
-        **{name: (name, column(name, "A/m")) for name in ("M_s", "a", "k", "r_d")},
-        **{name: (name, name) for name in ("c", "alpha", "rho")},
-        "c_H": ("c_H", turns),
-        "gamma": ("gamma", "gamma_A_s_per_m_T"),
-        "c_out": (f"c_{answer.symbol}", "c_B" if answer.unit == "T" else ratio),
-        "in_0": (f"{given.symbol}_0", column(f"{given.symbol}_0", given.unit)),
-        "out_0": (f"{answer.symbol}_0", column(f"{answer.symbol}_0", answer.unit)),
-    }
-
-
-def section_names(
-    given: Quantity, answer: Quantity, schedule: Quantity | None
-) -> dict[tuple[str, ...], Names]:
-    """Return the keys that carry units, table by table (``[[fit.loop]]`` as ``fit, loop``)."""
-    deviations = {
-        name: (name, column(name, answer.unit))
-        for name in ("largest_output", "mean_abs", "rms", "worst")
-    }
-    ranges = {"input": (given.symbol, given.column), "output": (answer.symbol, answer.column)}
-    nodes: Names = {}
-    if schedule is not None:
-        ranges["schedule"] = (schedule.symbol, schedule.column)
-        nodes["nodes"] = ("nodes", column("nodes", schedule.unit))
-    at = {"schedule": ranges["schedule"]} if schedule is not None else {}
-    return {
-        ("schedule",): nodes,
-        ("parameters",): parameter_names(given, answer),
-        ("valid",): ranges,
-        ("fit",): deviations,
-        ("fit", "loop"): deviations | at,
-    }
-
-
 def explain(error: dict[str, Any]) -> str:
     """Turn one finding of the validation into a clause that says what to do."""
     kind, value = error["type"], error.get("input")
@@ -220,13 +178,3 @@ def explain(error: dict[str, Any]) -> str:
     text = text[0].lower() + text[1:]
     shown = repr(value)
     return f"{text}, is {shown}" if len(shown) <= 40 else text
-
-
-def meant(key: str, names: Names) -> str | None:
-    """Return the field that a key without its unit, or with another one, stands for, if any."""
-    for field, (bare, full) in names.items():
-        if key == full:
-            continue
-        if key in {field, bare} or (bare != full and key.startswith(f"{bare}_")):
-            return field
-    return None

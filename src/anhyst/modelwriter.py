@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from anhyst.atomic import PathLike, atomic_writer
 from anhyst.data.units import Quantity
 from anhyst.model import PARAMETERS, ActuatorModel
-from anhyst.modelschema import FORMAT, VERSION, column, parameter_names
+from anhyst.modelkeys import FORMAT, VERSION, column, parameter_names
 from anhyst.record import FitFigures, LoopFit, Provenance, Uncertainty
 from anhyst.tomltext import toml_key, toml_value
 
@@ -38,7 +38,13 @@ PARAMETERS_HEAD = """
 FIT = """
 # How far the model is from the measurement it was found from: mean absolute, root mean square and
 # largest deviation. left_out: mean deviation on schedule values that were left out of the fit, in
-# parts of the largest output, for each gap map that was tried.
+# parts of the largest output, for each gap map that was tried. monotone: whether the output rises
+# as the gap closes and as the drive rises.
+"""
+CROSS_VALIDATION = """
+# What to expect at schedule values between those measured: mean deviation in parts of the largest
+# output, the interval that holds it in about nine of ten cases, and what was found at each value
+# left out of the fit, of the choice of the map and of the decision about offsets.
 """
 UNCERTAINTY = """
 # Estimates and standard deviations of what was fitted; inf where the data say nothing.
@@ -172,6 +178,13 @@ def _fit(fit: FitFigures, model: ActuatorModel) -> str:
         "monotone": None if fit.monotone is None else bool(fit.monotone),
     }
     text = f"{FIT}[fit]\n{_deviation(fit, model.output)}{_keys(rest)}"
+    if expected := fit.cross_validation:
+        table = {
+            "error": float(expected.error),
+            "interval": [float(expected.low), float(expected.high)],
+            "folds": list(map(float, expected.folds)),
+        }
+        text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_keys(table)}"
     for loop in fit.loops:
         at = None if model.schedule is None or loop.schedule is None else float(loop.schedule)
         table = {

@@ -63,6 +63,27 @@ class LoopFit:
 
 
 @dataclass(frozen=True, slots=True)
+class CrossValidation:
+    """What to expect at a scheduling value between those that were measured.
+
+    Parameters
+    ----------
+    error : float
+        Mean absolute deviation in parts of the largest output, mean over values that were left out
+        of the fit, of the choice of the map and of the decision about offsets alike.
+    low, high : float
+        Between them lies the deviation at another such value in about nine of ten cases.
+    folds : tuple of float
+        Deviation at each value left out, ascending values.
+    """
+
+    error: float
+    low: float
+    high: float
+    folds: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class FitFigures:
     """How far model and measurement are apart over all loops.
 
@@ -77,9 +98,11 @@ class FitFigures:
         The same loop by loop.
     left_out : mapping of str to float
         For each gap map tried, the mean absolute deviation on schedule values that were left out
-        of the fit, relative to the largest output.
+        of the fit, relative to the largest output. It chose the map, so it promises too much.
     monotone : bool or None
-        Outcome of the acceptance test over the gap; None where it does not apply.
+        Outcome of the acceptance test over gap and drive; None where it does not apply.
+    cross_validation : CrossValidation or None
+        What to expect at values between those measured; None below three of them.
     """
 
     largest_output: float
@@ -89,6 +112,7 @@ class FitFigures:
     loops: tuple[LoopFit, ...] = ()
     left_out: Mapping[str, float] = field(default_factory=dict)
     monotone: bool | None = None
+    cross_validation: CrossValidation | None = None
 
 
 def fit_figures(
@@ -96,6 +120,7 @@ def fit_figures(
     fitted: Sequence[NDArray[np.float64]],
     left_out: Mapping[str, float] = MappingProxyType({}),
     monotone: bool | None = None,
+    cross_validation: CrossValidation | None = None,
 ) -> FitFigures:
     """Compare measured and modelled loops.
 
@@ -105,7 +130,7 @@ def fit_figures(
         The measured loops.
     fitted : sequence of ndarray
         Modelled output of each, SI, in the order of the set.
-    left_out, monotone
+    left_out, monotone, cross_validation
         As in :class:`FitFigures`.
 
     Returns
@@ -136,6 +161,7 @@ def fit_figures(
         loops=tuple(rows),
         left_out=dict(left_out),
         monotone=monotone,
+        cross_validation=cross_validation,
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from anhyst._core import status_text
 from anhyst.data.history import History
 from anhyst.errors import InputError, NegativeResult
-from anhyst.validity import Given, flag
+from anhyst.validity import Given, flag, warn_if_far
 
 if TYPE_CHECKING:
     from anhyst._core import Iron
@@ -164,6 +164,11 @@ def predict(
     Prediction
         With every sample outside the valid range flagged.
 
+    Warns
+    -----
+    ImplausibleWarning
+        A drive or a schedule so far outside the valid range that its unit is likely wrong.
+
     Raises
     ------
     InputError
@@ -172,7 +177,9 @@ def predict(
     NegativeResult
         A settled cycle was asked for and does not close.
     """
-    return _run(model, "drive", drive, schedule, time, history)
+    found = run_through(model, "drive", drive, schedule, time, history)
+    warn_if_far(model, model.input, found.drive, schedule)
+    return found
 
 
 def invert(
@@ -207,10 +214,12 @@ def invert(
     InputError, NegativeResult
         As :func:`predict`.
     """
-    return _run(model, "demand", demand, schedule, time, history)
+    found = run_through(model, "demand", demand, schedule, time, history)
+    warn_if_far(model, model.output, as_samples(demand, "demand"), schedule)
+    return found
 
 
-def _run(
+def run_through(
     model: ActuatorModel,
     kind: Given,
     values: ArrayLike,
@@ -218,6 +227,7 @@ def _run(
     time: ArrayLike | None,
     history: History | str | None,
 ) -> Prediction:
+    """Compute as `predict` (``"drive"``) or `invert` (``"demand"``), without a Python warning."""
     given = as_samples(values, kind)
     at = None if schedule is None else as_samples(schedule, "schedule", given.size)
     if at is None:

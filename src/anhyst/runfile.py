@@ -15,8 +15,8 @@ from anhyst.data.files import write_csv
 from anhyst.data.rawtable import Texts, row_line
 from anhyst.data.table import Table, read_columns
 from anhyst.errors import InputError, NegativeResult
-from anhyst.run import SHORTEST_RUN, SampleError, invert, predict
-from anhyst.validity import flag
+from anhyst.run import SHORTEST_RUN, SampleError, run_through
+from anhyst.validity import Given, flag
 
 if TYPE_CHECKING:
     from anhyst.data.units import Quantity
@@ -146,6 +146,11 @@ def _compute(
     given = model.input if forward else model.output
     values = table.need(given.name, given.column)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
+    if schedule is None and model.schedule is not None:
+        try:
+            model.schedule_or_default(None)
+        except InputError as error:
+            raise InputError(f"{table.path}: {error}{table.hint(model.schedule.name)}") from None
     # A column of time that nothing needs may be as it likes.
     time = table.get("time") if np.any(model.parameters["gamma"]) else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
@@ -154,9 +159,8 @@ def _compute(
     for rows in runs:
         at, clock = (None if c is None else _part(c, rows) for c in (schedule, time))
         try:
-            result = (predict if forward else invert)(
-                model, _part(values, rows), at, clock, history
-            )
+            kind: Given = "drive" if forward else "demand"
+            result = run_through(model, kind, _part(values, rows), at, clock, history)
         except SampleError as error:
             line = row_line(table.layout, int(rows[error.sample]))
             raise InputError(

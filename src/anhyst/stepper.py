@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from anhyst.data.history import History
 from anhyst.errors import InputError
-from anhyst.run import as_history, as_samples, check, initial_state, predict
-from anhyst.validity import flag
+from anhyst.run import as_history, as_samples, check, initial_state, run_through
+from anhyst.validity import flag, warn_if_far
 
 if TYPE_CHECKING:
     from anhyst.model import ActuatorModel, Circuit
@@ -82,6 +82,7 @@ class Stepper:
     ) -> None:
         self.model = model
         self._schedule = model.schedule_or_default(schedule)
+        warn_if_far(model, model.input, np.zeros(1), self._schedule)
         self._iron = model.iron_at(self._schedule)
         past = as_history(history, model)
         self._state = self._cycled() if past.kind == "settled" else self._conditioned(past)
@@ -98,7 +99,8 @@ class Stepper:
             )
         low, high = self.model.valid.input
         slow = [0.0, 1e9, 2e9]  # eddy currents do not count
-        return predict(self.model, [low, high, low], self._schedule, slow, "settled").state
+        cycle = [low, high, low]
+        return run_through(self.model, "drive", cycle, self._schedule, slow, "settled").state
 
     @property
     def state(self) -> FloatArray:

@@ -23,6 +23,8 @@ NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Bits = Annotated[int, Field(ge=4, le=24)]
+BRANCH = "|"
+"""Tags of what a key may hold instead begin with it: they are no part of the key's path."""
 Fault = tuple[KeyPath, str]
 """Where in a file something is wrong, and what is wrong and what to do."""
 
@@ -108,7 +110,7 @@ def _problems(
 ) -> list[FileProblem]:
     found: dict[str, FileProblem] = {}
     for finding in error.errors(include_url=False):
-        path: KeyPath = finding["loc"]
+        path: KeyPath = tuple(one for one in finding["loc"] if not str(one).startswith(BRANCH))
         found.setdefault(_dotted(path), _problem(lines, path, _advice(schema, path, finding)))
     return list(found.values())
 

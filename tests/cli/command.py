@@ -6,11 +6,13 @@ import atexit
 import ctypes
 import json
 import os
+import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 COMMAND = (sys.executable, "-m", "anhyst.cli.app")
@@ -25,8 +27,17 @@ ENVIRONMENT |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 Result = subprocess.CompletedProcess[str]
 
 
-def anhyst(*arguments: object, cwd: Path, **options: Any) -> Result:
-    """Run a command to its end as a shell does, nothing on its standard input."""
+def anhyst(
+    *arguments: object,
+    cwd: Path,
+    variables: Mapping[str, str] = MappingProxyType({}),
+    patience: float = PATIENCE,
+    **options: Any,
+) -> Result:
+    """Run a command to its end as a shell does, nothing on its standard input.
+
+    Environment variables are added to those of the tests. After `patience` seconds it is given up.
+    """
     return subprocess.run(
         [*COMMAND, *map(str, arguments)],
         cwd=cwd,
@@ -34,10 +45,34 @@ def anhyst(*arguments: object, cwd: Path, **options: Any) -> Result:
         capture_output=True,
         text=True,
         check=False,
-        timeout=PATIENCE,
-        env=ENVIRONMENT,
+        timeout=patience,
+        env={**ENVIRONMENT, **variables},
         **options,
     )
+
+
+def speaking(every: float, *arguments: object, cwd: Path, stderr: int = subprocess.PIPE) -> Result:
+    """Run a command that says how far it is every so many seconds, instead of every minute."""
+    script = (
+        "import sys, anhyst.cli.progress as progress; from anhyst.cli.app import main; "
+        f"progress.SILENCE = {every}; sys.exit(main())"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", script, *map(str, arguments)],
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+        env=ENVIRONMENT,
+    )
+
+
+def shares_said(title: str, said: str) -> list[int]:
+    """Return the per cent of the lines that say how far a command is."""
+    return [int(share) for share in re.findall(rf"^anhyst: {title}: (\d+) %, ", said, re.MULTILINE)]
 
 
 def quick(*arguments: object, cwd: Path) -> Result:
@@ -91,7 +126,7 @@ def contents(folder: Path) -> dict[str, bytes | None]:
 def refused(*arguments: object, cwd: Path, **options: Any) -> str:
     """Run a command that must refuse its input: exit code 2, one line, every file as before.
 
-    With options of `subprocess.run` it starts cold.
+    With options of :func:`anhyst` it starts cold.
 
     Returns
     -------

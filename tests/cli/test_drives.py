@@ -32,7 +32,7 @@ def run(folder: Path, content: str, *options: object, verb: str = "predict") -> 
                      "file as column gap_m", id="no gap"),
         pytest.param("I_A\n0\n1\n", "drive.csv: the model runs over gap: give it", id="one column"),
         pytest.param("H_A_per_m,gap_m\n0,3e-4\n1,3e-4\n", "drive.csv: has no column of current "
-                     "(columns: H_A_per_m, gap_m); name it 'I_A' or map it", id="wrong quantity"),
+                     "(columns: H_A_per_m, gap_m); name it 'I_A'", id="wrong quantity"),
         pytest.param("I_V,gap_m\n0,3e-4\n1,3e-4\n", "drive.csv: column 'I_V': 'V' is a unit of "
                      "voltage, not of current; write 'I_A'", id="wrong unit"),
         pytest.param("I_A,gap\n0,0.3\n1,0.3\n", "drive.csv: column 'gap': has no unit; call it "

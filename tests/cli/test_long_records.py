@@ -72,12 +72,14 @@ def peak(folder: Path, *arguments: str) -> tuple[dict[str, object], float]:
     return json.loads(result.stdout), scale * float(result.stderr.splitlines()[-1])
 
 
+@pytest.mark.slow
 def test_a_long_record_is_looked_at_in_bounded_memory(folder: Path) -> None:
     found, memory = peak(folder, "inspect", "long.csv", "--history", "settled")
     assert found["samples"] == ROWS
     assert memory < BASE + EACH * ROWS
 
 
+@pytest.mark.slow
 def test_a_long_record_is_identified_in_bounded_memory(folder: Path) -> None:
     arguments = ["long.csv", "--history", "settled", "--out", "found.toml", "--gap-map", "scaling"]
     found, memory = peak(folder, "identify", *arguments)
@@ -87,6 +89,7 @@ def test_a_long_record_is_identified_in_bounded_memory(folder: Path) -> None:
     assert memory < BASE + EACH * ROWS
 
 
+@pytest.mark.slow
 def test_a_long_drive_is_predicted_in_bounded_memory(folder: Path) -> None:
     found, memory = peak(folder, "predict", "model.toml", "long.csv", "--out", "force.csv")
     assert found["rows"] == ROWS

@@ -54,6 +54,13 @@ def test_wrong_usage_is_refused(folder: Path, arguments: list[str], said: str) -
     assert refused(*arguments, cwd=folder).startswith(said)
 
 
+@pytest.mark.parametrize("level", ["avx1024", "", "AVX2"])
+def test_an_instruction_set_that_is_not_there_is_refused(folder: Path, level: str) -> None:
+    said = refused(*IDENTIFY, cwd=folder, variables={"ANHYST_DISPATCH": level})
+    assert said.startswith(f"ANHYST_DISPATCH: there is no level {level!r} on this processor")
+    assert "base" in said
+
+
 def test_what_is_read_is_not_written_over(folder: Path) -> None:
     (folder / "model.toml").write_text(model())
     (folder / "loops.toml").write_text('history = "settled"\n')

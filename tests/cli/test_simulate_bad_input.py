@@ -266,7 +266,7 @@ def test_loops_without_gap_or_around_another_one(folder: Path) -> None:
     text = loops.read_text()
     loops.write_text(without(text, "gap_m"))
     said = refused(*RUN, cwd=folder)
-    assert said == "loops.csv: a bearing needs columns I_A, F_N and gap_m"
+    assert said == "loops.csv: a rig needs columns I_A, F_N and gap_m"
     rows = text.splitlines(keepends=True)
     loops.write_text(
         "".join(row for row in rows if ",0.00035," not in row and ",0.00042," not in row)
@@ -281,7 +281,10 @@ def test_loops_without_gap_or_around_another_one(folder: Path) -> None:
 @pytest.mark.parametrize("name", ["loops.csv", "controller.toml", "rig.toml"])
 def test_a_file_that_is_not_there(folder: Path, name: str) -> None:
     (folder / name).unlink()
-    assert refused(*RUN, cwd=folder) == f"{name}: no such file; check the path"
+    said = f"{name}: no such file; check the path"
+    if name == "loops.csv":
+        said = f"rig.toml:8: loops: {name}: no such file or folder; check the path"
+    assert refused(*RUN, cwd=folder) == said
 
 
 def test_a_named_file_that_is_not_there(folder: Path) -> None:

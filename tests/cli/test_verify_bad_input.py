@@ -39,10 +39,9 @@ def test_an_unknown_target(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("target", "said"),
     [
-        ("host", "gcc is not installed: apt install gcc"),
-        ("avr", "avr-gcc is not installed: apt install gcc-avr avr-libc"),
-        ("msp430", "mspdebug is not installed: apt install mspdebug"),
-        ("cortex-m3-qemu", "qemu-system-arm is not installed: apt install qemu-system-arm"),
+        ("avr", "avr-gcc (apt install gcc-avr avr-libc)"),
+        ("msp430", "mspdebug (apt install mspdebug)"),
+        ("cortex-m3-qemu", "qemu-system-arm (apt install qemu-system-arm)"),
     ],
 )
 def test_a_tool_that_is_not_installed_names_its_package(
@@ -52,7 +51,7 @@ def test_a_tool_that_is_not_installed_names_its_package(
     monkeypatch.setitem(ENVIRONMENT, "PATH", str(folder / "empty"))
     before = contents(folder)
     result = anhyst("verify", "c", "--on", target, cwd=folder)
-    assert said_in_one_line(result) == f"target {target}: {said}"
+    assert said_in_one_line(result).startswith(f"no target can run; missing is {target}: {said}")
     assert contents(folder) == before
 
 

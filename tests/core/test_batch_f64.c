@@ -10,21 +10,6 @@
 
 #define MOST_SETS 130
 
-typedef anhyst_status runner(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
-                             const double *drive, double *x, double *y, double *m_out,
-                             double *x_out);
-typedef void functions(size_t n, const double *t, double *exp_minus, double *langevin);
-
-/* What batch_dispatch.c chooses from. */
-extern runner anhyst_batch_run_base;
-extern functions anhyst_batch_functions_base;
-#if defined(__x86_64__)
-extern runner anhyst_batch_run_avx2;
-extern runner anhyst_batch_run_avx512;
-extern functions anhyst_batch_functions_avx2;
-extern functions anhyst_batch_functions_avx512;
-#endif
-
 static struct {
   double kappa[MOST_SETS], c[MOST_SETS], omega[MOST_SETS], scale[MOST_SETS], offset[MOST_SETS];
 } drawn;
@@ -59,7 +44,7 @@ typedef struct {
 } errors;
 
 /* The worst over one and a half loops of `samples` each, with r up to 3. */
-static errors against_scalar(runner *run, size_t sets, size_t samples)
+static errors against_scalar(anhyst_batch_level level, size_t sets, size_t samples)
 {
   uint64_t seed = 61;
   const size_t n = samples + samples / 2;
@@ -73,7 +58,8 @@ static errors against_scalar(runner *run, size_t sets, size_t samples)
   for (size_t j = 0; j < n; j++) {
     drive[j] = 3.0 * sin(2.0 * 3.14159265358979 * (double)(j + 1) / (double)samples);
   }
-  CHECK(run(&all, ANHYST_BATCH_IMPLICIT, n, drive, x, y, m_out, x_out) == ANHYST_OK);
+  CHECK(anhyst_batch_f64(&all, level, ANHYST_BATCH_IMPLICIT, n, drive, x, y, m_out, x_out) ==
+        ANHYST_OK);
   for (size_t i = 0; i < sets; i++) {
     const anhyst_operator_f64 law = {ANHYST_STEP_LINEAR, drawn.kappa[i], drawn.c[i], 0.0, 0.0, 0};
     anhyst_state_f64 state = {0.0, 0.0, 0.0};
@@ -96,24 +82,24 @@ static errors against_scalar(runner *run, size_t sets, size_t samples)
   return worst;
 }
 
-static void batch_agrees_with_the_scalar_linear_step(const char *name, runner *run)
+static void batch_agrees_with_the_scalar_linear_step(anhyst_batch_level level)
 {
   const size_t sizes[] = {1, 63, 64, 65, MOST_SETS};
   errors worst = {0.0, 0.0};
   for (int i = 0; i < 5; i++) {
-    const errors found = against_scalar(run, sizes[i], 100);
+    const errors found = against_scalar(level, sizes[i], 100);
     keep_worst(&worst.distance, found.distance);
     keep_worst(&worst.residual, found.residual);
   }
-  const errors coarse = against_scalar(run, 64, 100);
-  const errors finer = against_scalar(run, 64, 200);
-  printf("%s:\n", name);
+  const errors coarse = against_scalar(level, 64, 100);
+  const errors finer = against_scalar(level, 64, 200);
+  printf("level %d:\n", (int)level);
   CHECK_BELOW("  residual, 100 samples a loop", worst.residual, 2.5e-4);
   CHECK_BELOW("  m against the scalar linear step", worst.distance, 1e-5);
   CHECK_BELOW("  residual at 200 samples over that at 100", finer.residual / coarse.residual, 0.5);
 }
 
-static void inline_functions_are_as_good_as_stated(const char *name, functions *batch_functions)
+static void inline_functions_are_as_good_as_stated(anhyst_batch_level level)
 {
   enum { COUNT = 200000 };
   uint64_t seed = 62;
@@ -125,7 +111,7 @@ static void inline_functions_are_as_good_as_stated(const char *name, functions *
   for (int i = 0; i < COUNT; i++) {
     t[i] = i % 2 == 0 ? log_uniform(&seed, 1e-12, 680.0) : uniform(&seed, 0.0, 40.0);
   }
-  batch_functions(COUNT, t, exp_minus, langevin);
+  CHECK(anhyst_batch_functions_f64(level, COUNT, t, exp_minus, langevin) == ANHYST_OK);
   for (int i = 0; i < COUNT; i++) {
     const long double z = (long double)t[i];
     keep_worst(&exp_error, (double)fabsl((long double)exp_minus[i] / expl(-z) - 1.0L));
@@ -134,7 +120,7 @@ static void inline_functions_are_as_good_as_stated(const char *name, functions *
   free(t);
   free(exp_minus);
   free(langevin);
-  printf("%s:\n", name);
+  printf("level %d:\n", (int)level);
   CHECK_BELOW("  relative error of exp", exp_error, 1e-11);
   CHECK_BELOW("  error of L", langevin_error, 4.4e-9);
 }
@@ -150,9 +136,10 @@ static void outputs_may_be_left_out(void)
   double x_out[3 * 70];
   memset(x, 0, sizeof x);
   memset(y, 0, sizeof y);
-  CHECK(anhyst_batch_f64(&all, ANHYST_BATCH_IMPLICIT, 3, drive, x[0], y[0], m_out, x_out) ==
-        ANHYST_OK);
-  CHECK(anhyst_batch_f64(&all, ANHYST_BATCH_IMPLICIT, 3, drive, x[1], y[1], 0, 0) == ANHYST_OK);
+  CHECK(anhyst_batch_f64(&all, ANHYST_BATCH_BASE, ANHYST_BATCH_IMPLICIT, 3, drive, x[0], y[0],
+                         m_out, x_out) == ANHYST_OK);
+  CHECK(anhyst_batch_f64(&all, ANHYST_BATCH_BASE, ANHYST_BATCH_IMPLICIT, 3, drive, x[1], y[1], 0,
+                         0) == ANHYST_OK);
   CHECK(memcmp(x[0], x[1], sizeof x[0]) == 0);
   CHECK(memcmp(y[0], y[1], sizeof y[0]) == 0);
 }
@@ -171,10 +158,23 @@ static void set_out_of_range_is_refused_before_anything_is_done(void)
     double *where = i < 3 ? drawn.kappa : i < 6 ? drawn.c : drawn.omega;
     const double *bad = i < 3 ? bad_kappa : i < 6 ? bad_c : bad_omega;
     where[64] = bad[i % 3];
-    CHECK(anhyst_batch_f64(&all, ANHYST_BATCH_IMPLICIT, 1, drive, x, y, 0, 0) ==
+    CHECK(anhyst_batch_f64(&all, ANHYST_BATCH_BASE, ANHYST_BATCH_IMPLICIT, 1, drive, x, y, 0, 0) ==
           ANHYST_BAD_PARAMETER);
     CHECK(!(fabs(x[0]) > 0.0) && !(fabs(y[0]) > 0.0));
   }
+}
+
+static void level_that_the_processor_lacks_is_refused(void)
+{
+  uint64_t seed = 66;
+  const double drive[] = {0.5};
+  const anhyst_batch_level lacking = (anhyst_batch_level)(anhyst_batch_best() + 1);
+  const anhyst_batch_sets all = draw(&seed, 1);
+  double x[1] = {0.0};
+  double y[1] = {0.0};
+  CHECK(anhyst_batch_f64(&all, lacking, ANHYST_BATCH_IMPLICIT, 1, drive, x, y, 0, 0) ==
+        ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_batch_functions_f64(lacking, 1, drive, x, y) == ANHYST_BAD_PARAMETER);
 }
 
 /* A drive that is no number spoils the states it touches, and ends. */
@@ -186,27 +186,18 @@ static void drive_that_is_no_number_ends(void)
   for (int mode = 0; mode < 2; mode++) {
     double x[10] = {0.0};
     double y[10] = {0.0};
-    CHECK(anhyst_batch_f64(&all, (anhyst_batch_mode)mode, 6, drive, x, y, 0, 0) == ANHYST_OK);
+    CHECK(anhyst_batch_f64(&all, ANHYST_BATCH_BASE, (anhyst_batch_mode)mode, 6, drive, x, y, 0,
+                           0) == ANHYST_OK);
   }
 }
 
 int main(void)
 {
-  batch_agrees_with_the_scalar_linear_step("chosen", anhyst_batch_f64);
-  batch_agrees_with_the_scalar_linear_step("base", anhyst_batch_run_base);
-  inline_functions_are_as_good_as_stated("chosen", anhyst_batch_functions_f64);
-  inline_functions_are_as_good_as_stated("base", anhyst_batch_functions_base);
-#if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
-    batch_agrees_with_the_scalar_linear_step("AVX2", anhyst_batch_run_avx2);
-    inline_functions_are_as_good_as_stated("AVX2", anhyst_batch_functions_avx2);
+  for (int level = 0; level <= (int)anhyst_batch_best(); level++) {
+    batch_agrees_with_the_scalar_linear_step((anhyst_batch_level)level);
+    inline_functions_are_as_good_as_stated((anhyst_batch_level)level);
   }
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-      __builtin_cpu_supports("avx512vl")) {
-    batch_agrees_with_the_scalar_linear_step("AVX-512", anhyst_batch_run_avx512);
-    inline_functions_are_as_good_as_stated("AVX-512", anhyst_batch_functions_avx512);
-  }
-#endif
+  level_that_the_processor_lacks_is_refused();
   outputs_may_be_left_out();
   set_out_of_range_is_refused_before_anything_is_done();
   drive_that_is_no_number_ends();

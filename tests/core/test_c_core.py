@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.once import made_once
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -44,12 +45,25 @@ def can_sanitize(compiler: str, folder: Path) -> bool:
     return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
-@pytest.fixture(scope="session", params=["cc", "cc-sanitized", "clang-sanitized"])
+# Sanitizers look for what is wrong in the sources, whatever the machine.
+BUILDS = [
+    "cc",
+    pytest.param("cc-sanitized", marks=pytest.mark.slow),
+    pytest.param("clang-sanitized", marks=[pytest.mark.slow, pytest.mark.needs("clang")]),
+]
+
+
+@pytest.fixture(scope="session", params=BUILDS)
 def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the C tests, built by one compiler in one way; warnings are errors."""
-    build = tmp_path_factory.mktemp(request.param)
-    kind, _, sanitized = request.param.partition("-")
-    compiler = tool("clang") if kind == "clang" else tool("cc", "gcc")
+    way: str = request.param
+    build = made_once(tmp_path_factory, f"core-{way}", lambda folder: build_tests(folder, way))
+    return build / "tests" / "core"
+
+
+def build_tests(build: Path, way: str) -> None:
+    kind, _, sanitized = way.partition("-")
+    compiler = "clang" if kind == "clang" else tool("cc", "gcc")
     if sanitized and not can_sanitize(compiler, build):
         pytest.skip(f"{compiler} has no sanitizers here")
     cmake = tool("cmake")
@@ -61,10 +75,16 @@ def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     ]
     quietly(cmake, "-S", str(ROOT), "-B", str(build), *settings)
     quietly(cmake, "--build", str(build), "--parallel", "2")
-    return build / "tests" / "core"
 
 
-@pytest.mark.parametrize("name", program_names())
+# Every pair of numbers of 16 bits: a sweep.
+SWEEPS = {"test_fixed_q15"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(one, marks=[pytest.mark.slow] * (one in SWEEPS)) for one in program_names()],
+)
 def test_claims_of_the_core_hold(programs: Path, name: str) -> None:
     done = subprocess.run(
         [programs / name], capture_output=True, text=True, check=False, timeout=120
@@ -74,15 +94,19 @@ def test_claims_of_the_core_hold(programs: Path, name: str) -> None:
     assert done.returncode == 0, "\n".join(broken[:40])
 
 
-# What the core may take from a C library: no heap, no input or output, no clock.
-MATHEMATICS = {"exp", "expf", "log", "logf", "sqrt", "sqrtf", "memcpy", "memset", "memmove"}
+# What core and plant may take from a C library: no heap, no input or output, no clock, and only
+# functions that are exact, so that every library gives the same bits.
+EXACT = {"sqrt", "sqrtf", "floor", "memcpy", "memset", "memmove"}
 COMPILER = {"_GLOBAL_OFFSET_TABLE_", "__cpu_model", "__cpu_indicator_init"}
 
 
-def test_core_has_no_heap_no_globals_no_clock_and_no_output(programs: Path) -> None:
+@pytest.mark.parametrize("part", ["core", "plant"])
+def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(
+    programs: Path, part: str
+) -> None:
     if "sanitized" in programs.parents[1].name:
         return  # the sanitizers bring their own
-    library = programs.parents[1] / "libanhyst_core.a"
+    library = programs.parents[1] / f"libanhyst_{part}.a"
     command = [tool("nm"), "--format=sysv", str(library)]
     listing = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     rows = [[field.strip() for field in line.split("|")] for line in listing.splitlines()]
@@ -95,12 +119,12 @@ def test_core_has_no_heap_no_globals_no_clock_and_no_output(programs: Path) -> N
         if kind in set("BbCDdGgSs") and not section.startswith(".data.rel.ro")
     }
     assert symbols
-    assert wanted <= MATHEMATICS | COMPILER
+    assert wanted <= EXACT | COMPILER
     assert writable == set()
 
 
 def test_sanitizers_are_really_on(programs: Path) -> None:
     binary = (programs / "test_solver_f64").read_bytes()
-    sanitized = programs.parents[1].name.startswith(("cc-sanitized", "clang-sanitized"))
+    sanitized = "sanitized" in programs.parents[1].name
     assert (b"__asan_init" in binary) == sanitized
     assert (b"__ubsan_handle" in binary) == sanitized

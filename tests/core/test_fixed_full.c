@@ -164,10 +164,85 @@ static void one_straight_way_is_exact(void)
   CHECK_BELOW("magnetisation", error_m, 2e-4);
 }
 
+/* What magnetisation a straight way from a demagnetised-like start has at x1. */
+static double magnetised(double kappa, double c, const double *start, double x1)
+{
+  const double sign = x1 < start[0] ? -1.0 : 1.0;
+  const double y = sign * lagged(kappa, sign * start[0], sign * start[1], sign * x1);
+  return (1.0 - c) * y + c * langevin(x1);
+}
+
+/* Worst distance, over the reach, of what is solved from what bisection finds in the true law, for
+   iron that counts against the air by so much of what would make the sum stand still. */
+static double against_the_air(double kappa, double c, double share, int16_t evaluations)
+{
+  uint64_t seed = 31;
+  double worst = 0.0;
+  prepare_law(kappa, c, 0.0);
+  words[ANHYST_WORD_FULL_ITERATIONS] = evaluations;
+  const int16_t air = 20000;
+  const int16_t iron = nearest(-share * 3.0 / REACH * air);
+  for (int i = 0; i < 300; i++) {
+    const double x0 = uniform(&seed, -3.0, 3.0);
+    const double start[2] = {x0, lagged(kappa, 0.0, 0.0, x0)};
+    const double x1 = uniform(&seed, -3.5, 3.5);
+    const double m1 = magnetised(kappa, c, start, x1);
+    const int32_t target = (int32_t)lrint((air * x1 / REACH + iron * m1) / 65536.0 * FULL_Q28);
+    const anhyst_memory from = {
+        (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(start[1] * ANHYST_Q30_ONE),
+        (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE),
+        (int32_t)lrint(start[1] * ANHYST_Q30_ONE)};
+    anhyst_memory to;
+    const double m = solve(words, &from, air, iron, target, &to) / FULL_Q28;
+    keep_worst(&worst, fabs((double)to.a / ANHYST_Q30_ONE - x1 / REACH));
+    keep_worst(&worst, fabs(m - m1) / REACH);
+  }
+  return worst;
+}
+
+/* The true law has one solution, so that the place it was made from must be found again. */
+static void iron_against_the_air_is_solved(void)
+{
+  CHECK_BELOW("a quarter against the air, 5 evaluations", against_the_air(0.5, 0.2, 0.25, 5), 1e-4);
+  CHECK_BELOW("three quarters, 5 evaluations", against_the_air(0.5, 0.2, 0.75, 5), 3e-4);
+  CHECK_BELOW("nearly all, 12 evaluations", against_the_air(0.1, 0.8, 0.99, 12), 3e-3);
+  CHECK_BELOW("nearly all, wide loops", against_the_air(1.5, 0.2, 0.99, 6), 1e-3);
+}
+
+static void a_current_that_falls_is_refused(void)
+{
+  const int first = ANHYST_BLOCK_LEAST_WORDS + 3 * (2 * MOST_SEGMENTS + 1) - 4;
+  const double c = 0.3;
+  prepare_law(0.5, c, 0.0);
+  words[ANHYST_WORD_FULL_AIR] = 300;
+  words[ANHYST_WORD_GAP_SEGMENTS] = 0;
+  words[ANHYST_WORD_GAP_FLUX_ARM] = (int16_t)first;
+  words[ANHYST_WORD_GAP_FIELD_ARM] = (int16_t)(first + 2);
+  double steepest = 0.0; /* dm/dx over a field that reaches to 1 */
+  for (int i = 0; i < 300; i++) {
+    const double x = 0.01 * i;
+    const double irreversible = (langevin(x) - branch_at(0.5, x)) / 0.5;
+    const double reversible = (langevin(x + 1e-4) - langevin(x - 1e-4)) / 2e-4;
+    steepest = fmax(steepest, REACH * ((1.0 - c) * irreversible + c * reversible));
+  }
+  for (int gap = 0; gap < 2; gap++) {
+    words[first] = words[first + 1] = 5000;
+    words[first + 2] = words[first + 3] = 20000;
+    CHECK(current_rises(words));
+    const double most = 20000.0 / (steepest + 4.0 * 300.0 / 65536.0);
+    words[first + gap] = (int16_t)-lrint(0.98 * most);
+    CHECK(current_rises(words));
+    words[first + gap] = (int16_t)-lrint(1.02 * most);
+    CHECK(!current_rises(words));
+  }
+}
+
 int main(void)
 {
   tables_are_straight_between_their_entries();
   forgetting_is_exponential();
   one_straight_way_is_exact();
+  iron_against_the_air_is_solved();
+  a_current_that_falls_is_refused();
   return verdict();
 }

@@ -145,6 +145,7 @@ def test_the_core_is_exact_without_a_fault(tmp_path: Path) -> None:
     assert {phase % 16 for phase in phases} == set(range(7))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault[0]}: {fault[1].strip()}")
 def test_a_seeded_fault_is_found(tmp_path: Path, fault: tuple[str, str, str]) -> None:
     name, right, wrong = fault

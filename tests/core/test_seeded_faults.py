@@ -110,6 +110,27 @@ FAULTS = [
         "test_fixed_full",
     ),
     Fault(
+        "iron against the air followed the wrong way",
+        "src/full.c",
+        "residual + anhyst_scale(risen, find->iron)",
+        "residual - anhyst_scale(risen, find->iron)",
+        "test_fixed_full",
+    ),
+    Fault(
+        "half of the steepest slope",
+        "src/full.c",
+        "((slope * flux_arm[i]) >> 10)",
+        "((slope * flux_arm[i]) >> 11)",
+        "test_fixed_full",
+    ),
+    Fault(
+        "a current that may fall at the last gap",
+        "src/full.c",
+        "i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++",
+        "i < (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++",
+        "test_fixed_full",
+    ),
+    Fault(
         "an octave too low",
         "src/simplified.c",
         "index = (int32_t)((uint32_t)(top - bits + 1U) << n);",
@@ -168,11 +189,13 @@ def passes(core: Path, test: str, folder: Path) -> bool:
     return done.returncode == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("test", sorted({fault.test for fault in FAULTS}))
 def test_the_claims_hold_without_a_fault(tmp_path: Path, test: str) -> None:
     assert passes(ROOT / "core", test, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name.replace(" ", "-"))
 def test_a_seeded_fault_is_found(tmp_path: Path, fault: Fault) -> None:
     core = tmp_path / "core"

@@ -39,6 +39,7 @@ def test_options_of_the_readme_exist() -> None:
     assert set(shown) == {
         "inspect",
         "identify",
+        "init",
         "predict",
         "invert",
         "report",

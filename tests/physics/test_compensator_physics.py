@@ -30,7 +30,7 @@ from anhyst.model import GapMap
 RESIDUAL = 0.5
 DEMAND_LIMITED, CURRENT_LIMITED = 1, 2
 MAGNETS: list[tuple[GapMap, float]] = [
-    (gap_map, play) for gap_map in ("scaling", "reluctance") for play in (0.0, 40.0)
+    (gap_map, play) for gap_map in ("scaling", "reluctance", "circuit") for play in (0.0, 40.0)
 ]
 PROMISED = 0.002
 """Of the largest force."""

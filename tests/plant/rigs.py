@@ -10,8 +10,9 @@ from typing import Any
 from anhyst._core import Bearing
 from anhyst.plants.iron import CellSteel
 from anhyst.plants.magnet import Poles
-from anhyst.simulate.plant import make_bearing, poles
-from anhyst.simulate.rigfile import BearingRig, BearingTable
+from anhyst.simulate.plant import make_bearing
+from anhyst.simulate.rigfile import BearingRig
+from anhyst.simulate.rigtables import BearingTable
 
 PATH = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
 GAP = 0.45e-3
@@ -54,10 +55,8 @@ def bearing(changes: dict[str, Any] | None = None, seed: int = 0) -> Bearing:
 
 
 def example_steel() -> CellSteel:
-    iron = rig().settings.magnet.iron
-    assert iron is not None
-    return iron.steel()
+    return rig().settings.magnet.steel.steel()
 
 
 def example_poles() -> Poles:
-    return poles(rig())
+    return rig().settings.magnet.poles

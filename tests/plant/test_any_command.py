@@ -42,7 +42,7 @@ rigs = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 @given(rigs, st.booleans(), commands)
 def test_no_command_makes_a_number_that_is_none(
     changes: dict[str, Any], pair: bool, script: list[tuple[float, float, float, int]]
@@ -58,7 +58,7 @@ def test_no_command_makes_a_number_that_is_none(
     assert np.all(np.isfinite(numbers))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.floats(5.0, 300.0),
     st.lists(st.tuples(st.floats(-1.0, 5.0), st.integers(5, 60)), min_size=1, max_size=8),

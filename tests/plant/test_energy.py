@@ -138,7 +138,7 @@ def straight(turns: list[tuple[float, float]], samples: int) -> tuple[Floats, Fl
     return current, gap
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(steels, turning_points)
 def test_no_path_of_current_and_gap_makes_energy(
     steel: CellSteel, turns: list[tuple[float, float]]

@@ -8,21 +8,27 @@ from pathlib import Path
 import pytest
 from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
 
-CORE = ("circuit", "operator", "solver", "branch", "langevin")
+CORE = ("circuit", "operator", "solver", "branch", "langevin", "elementary")
 """What of the core the plant stands on."""
 PLANT = ("iron", "magnet", "sensor", "bearing")
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")
+
+
+def sources() -> list[str]:
+    """Return what a compiler is given: where headers are, and the sources of the flights."""
+    folders = (ROOT / "core" / "include", ROOT / "plant" / "include", ROOT / "core" / "src")
+    files = [
+        *(ROOT / "core" / "src" / f"{name}.c" for name in CORE),
+        *(ROOT / "plant" / "src" / f"{name}.c" for name in PLANT),
+        Path(__file__).with_name("test_bearing.c"),
+    ]
+    return [*(f"-I{folder}" for folder in folders), *map(str, files)]
 
 
 def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
     compiler = tool("cc", "gcc")
     if not can_sanitize(compiler, tmp_path):
         pytest.skip(f"{compiler} has no sanitizers here")
-    sources = [
-        *(ROOT / "core" / "src" / f"{name}.c" for name in CORE),
-        *(ROOT / "plant" / "src" / f"{name}.c" for name in PLANT),
-        Path(__file__).with_name("test_bearing.c"),
-    ]
     program = tmp_path / "test_bearing"
     quietly(
         compiler,
@@ -32,9 +38,7 @@ def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
         "-Werror",
         "-fsanitize=address,undefined,float-cast-overflow,float-divide-by-zero",
         "-fno-sanitize-recover=all",
-        *(f"-I{ROOT / part / 'include'}" for part in ("core", "plant")),
-        f"-I{ROOT / 'core' / 'src'}",
-        *map(str, sources),
+        *sources(),
         "-lm",
         "-o",
         str(program),

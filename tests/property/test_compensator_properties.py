@@ -12,6 +12,7 @@ from anhyst._core import FixedCompensator
 from anhyst.compile.block import Block, Kind, Limits, Scales
 from anhyst.compile.full import build_full
 from anhyst.compile.twin import Twin
+from anhyst.model import GapMap
 
 ONE = 2**30
 WORDS = st.one_of(
@@ -25,8 +26,11 @@ KINDS = st.sampled_from(["full", "simplified", "euler"])
 PLAYS = st.sampled_from([0.0, 40.0])
 
 
-def block_of(kind: Kind, play: float) -> Block:
-    return compiled(kind, "reluctance", play if kind == "full" else 0.0)
+MAPS = st.sampled_from(["reluctance", "circuit"])
+
+
+def block_of(kind: Kind, play: float, gap_map: GapMap = "reluctance") -> Block:
+    return compiled(kind, gap_map, play if kind == "full" else 0.0)
 
 
 def check_memory(block: Block, core: FixedCompensator) -> None:
@@ -42,13 +46,13 @@ def check_memory(block: Block, core: FixedCompensator) -> None:
         assert abs(c) <= 16 * 2**27
 
 
-@settings(max_examples=100, deadline=None)
-@given(KINDS, PLAYS, STEPS)
+@settings(max_examples=100)
+@given(KINDS, PLAYS, MAPS, STEPS)
 def test_any_words_leave_a_memory_within_its_bounds(
-    kind: Kind, play: float, steps: list[tuple[bool, int, int, int]]
+    kind: Kind, play: float, gap_map: GapMap, steps: list[tuple[bool, int, int, int]]
 ) -> None:
     """Solve anything, commit what was solved or anything else, at any gap."""
-    block = block_of(kind, play)
+    block = block_of(kind, play, gap_map)
     core = FixedCompensator(kind, block.words)
     low, high = block.word("CURRENT_LOW") * 65536, block.word("CURRENT_HIGH") * 65536
     for as_solved, demand, gap, other in steps:
@@ -61,11 +65,14 @@ def test_any_words_leave_a_memory_within_its_bounds(
         assert -(2**31) <= core.output_q31() < 2**31
 
 
-@settings(max_examples=100, deadline=None)
-@given(KINDS, PLAYS, STEPS, WORDS, st.integers(-(2**30), 2**30), st.integers(-ONE, ONE), TURNS)
+@settings(max_examples=100)
+@given(
+    KINDS, PLAYS, MAPS, STEPS, WORDS, st.integers(-(2**30), 2**30), st.integers(-ONE, ONE), TURNS
+)
 def test_any_memory_leads_back_into_bounds(
     kind: Kind,
     play: float,
+    gap_map: GapMap,
     steps: list[tuple[bool, int, int, int]],
     field: int,
     level: int,
@@ -73,7 +80,7 @@ def test_any_memory_leads_back_into_bounds(
     turn: tuple[int, int],
 ) -> None:
     """Also from a memory that no path of the law leads to."""
-    block = block_of(kind, play)
+    block = block_of(kind, play, gap_map)
     core = FixedCompensator(kind, block.words)
     width = block.word("FULL_PLAY") * 2**15 if kind == "full" else 0
     place = field // 2
@@ -85,7 +92,7 @@ def test_any_memory_leads_back_into_bounds(
         check_memory(block, core)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(KINDS, WORDS, WORDS)
 def test_flags_tell_what_was_limited(kind: Kind, demand: int, gap: int) -> None:
     block = block_of(kind, 0.0)
@@ -101,7 +108,7 @@ def test_flags_tell_what_was_limited(kind: Kind, demand: int, gap: int) -> None:
     assert core.flags & ~7 == 0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(KINDS, st.lists(st.tuples(WORDS, WORDS), min_size=1, max_size=40), WORDS)
 def test_the_same_history_gives_the_same_bits(
     kind: Kind, steps: list[tuple[int, int]], last: int
@@ -118,7 +125,7 @@ def test_the_same_history_gives_the_same_bits(
     assert one.solve_q31(last, 0) == two.solve_q31(last, 0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.floats(0.05, 0.95), min_size=1, max_size=60),
     st.lists(st.floats(GAPS[0], GAPS[-1]), min_size=60, max_size=60),
@@ -143,7 +150,7 @@ def flux_block() -> Block:
     return build_full(ring(), Scales(1.1 * top, 160.0, 0.0, 0.0), limits)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(WORDS, min_size=1, max_size=40))
 def test_a_mirrored_demand_gives_the_mirrored_current(
     flux_block: Block, demands: list[int]

@@ -62,7 +62,6 @@ def test_conversion_to_si_and_back_is_exact_to_rounding(symbol: str, thousandths
     assert abs(back - value) <= 4e-16 * (abs(value) + 2.0 * abs(unit.offset))
 
 
-@settings(deadline=None)
 @given(
     hnp.arrays(np.float64, st.tuples(st.integers(1, 40), st.just(3)), elements=FINITE),
     st.sampled_from([",", ";", "\t"]),
@@ -82,7 +81,6 @@ LABELS = st.text(
 )
 
 
-@settings(deadline=None)
 @given(st.lists(LABELS, min_size=1, max_size=20))
 def test_labels_survive_a_file(labels: list[str]) -> None:
     order = {label: code for code, label in enumerate(dict.fromkeys(labels))}
@@ -95,7 +93,7 @@ def test_labels_survive_a_file(labels: list[str]) -> None:
         assert read.rows() == labels
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.sampled_from(INPUTS), st.sampled_from(OUTPUTS), st.integers(3, 60), st.integers(0, 2**31))
 def test_loops_survive_a_file(drive: str, answer: str, samples: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

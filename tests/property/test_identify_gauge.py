@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -183,7 +183,6 @@ def outputs(model: ActuatorModel, gaps: Sequence[float] = GAPS) -> Floats:
     return np.concatenate([model.predict(PATH, gap).output for gap in gaps])
 
 
-@settings(deadline=None)
 @given(local_sets(3, "scale"), st.floats(0.1, 10.0))
 def test_a_scaling_model_does_not_know_the_size_of_its_iron(sets: list[Local], q: float) -> None:
     """M_s, a, k, c_H times q and c_out over q^2 is the same magnet."""
@@ -194,7 +193,6 @@ def test_a_scaling_model_does_not_know_the_size_of_its_iron(sets: list[Local], q
     assert np.abs(outputs(scaled(model, size)) - first).max() < 1e-9 * np.ptp(first)
 
 
-@settings(deadline=None)
 @given(local_sets(3, "omega", least=0.0), st.floats(0.5, 2.0), st.floats(0.5, 2.0))
 def test_a_reluctance_model_has_two_redundancies(sets: list[Local], p: float, q: float) -> None:
     quantities = (QUANTITIES["current"], QUANTITIES["force"])

@@ -27,7 +27,7 @@ QUICK = replace(
 @pytest.mark.parametrize("number_format", FORMATS)
 @pytest.mark.parametrize("magnets", [1, 2])
 @given(samples=st.lists(SAMPLES, min_size=1, max_size=30), measured=st.booleans())
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 def test_no_signal_leads_beyond_the_limits(
     number_format: Format, magnets: int, samples: list[tuple[float, ...]], measured: bool
 ) -> None:

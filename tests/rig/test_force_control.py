@@ -9,18 +9,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from anhyst.cli.app import main
+from anhyst.cli.force_control import _show as show_terminal
 from anhyst.compile.block import Block
 from anhyst.compile.plan import Request, make_plan
 from anhyst.link.firmware import build
 from anhyst.modelfile import read_model
 from anhyst.rig.bench import Bench
 from anhyst.rig.demand import with_lead_in
+from anhyst.rig.drawing import figure_constant_gap, figure_moving, figure_positions
 from anhyst.rig.force_control import ForceControl, force_control
 from anhyst.rig.programs import Program, Session, ticks_that_differ
 from anhyst.rig.rigfile import read_rig
 from anhyst.rig.session import run_firmware
+from anhyst.rig.trials import Outcome
+from anhyst.rig.verdict import BASELINES, verdict
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 GAPS = ("0.00100", "0.00160", "0.00280")
@@ -113,6 +118,61 @@ def test_everything_is_written(run: ForceControl) -> None:
     assert {one.trial.demand.name for one in run.outcomes} == {"wide", "file"}
 
 
+def test_the_verdict_names_the_strongest_baseline(
+    run: ForceControl, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = run.figures["verdict"]
+    for stage, worst in run.figures["summary"].items():
+        least = min(one["worst_percent"] for name, one in worst.items() if name in BASELINES)
+        assert worst[found["strongest"][stage]]["worst_percent"] == least
+    show_terminal(run)
+    said = capsys.readouterr().out
+    assert f"verdict: {found['text']}" in said
+    assert "strongest baseline without hysteresis model (best single-valued)" in said
+
+
+@pytest.mark.parametrize(("full", "level"), [((2.0, 3.0), "yes"), ((7.0, 9.0), "no"),
+                                             ((2.0, 9.0), "mixed")])  # fmt: skip
+def test_the_verdict_follows_the_errors(full: tuple[float, float], level: str) -> None:
+    summary = {
+        stage: {
+            "full": {"worst_percent": mine},
+            "single": {"worst_percent": 6.0},
+            "ratio": {"worst_percent": ratio},
+        }
+        for stage, mine, ratio in zip(("end", "moving"), full, (20.0, 5.0), strict=True)
+    }
+    found = verdict(summary)
+    assert found["level"] == level
+    assert found["strongest"] == {"end": "single", "moving": "ratio"}
+
+
+def test_errors_are_drawn_under_every_force(run: ForceControl, small: Path) -> None:
+    rig = read_rig(small)
+    by_stage: dict[str, list[Outcome]] = {}
+    for outcome in run.outcomes:
+        by_stage.setdefault(outcome.trial.stage, []).append(outcome)
+    for draw, stage in (
+        (figure_constant_gap, "end"), (figure_positions, "positions"), (figure_moving, "moving"),
+    ):  # fmt: skip
+        axes = draw(rig, by_stage[stage]).axes
+        forces = [ax for ax in axes if "demand" in labels(ax)]
+        errors = [ax for ax in axes if "error, full" in labels(ax)]
+        assert len(forces) == len(errors) >= 1
+        for above, below in zip(forces, errors, strict=True):
+            one, other = above.get_position(), below.get_position()
+            assert other.y1 <= one.y0
+            assert one.x0 == pytest.approx(other.x0, abs=0.02)
+            lines = {str(line.get_label()): line for line in above.lines}
+            # The demand lies below what follows it, wide enough to be seen beside it.
+            assert lines["demand"].get_linewidth() > 2.0 * lines["measured, full"].get_linewidth()
+            assert labels(above).index("demand") < labels(above).index("measured, full")
+
+
+def labels(ax: Axes) -> list[str]:
+    return [str(line.get_label()) for line in ax.lines]
+
+
 def program_of(run: ForceControl, firmware: Path) -> Program:
     """The program of the stroke's end again, from what was written."""
     folder = run.out / "end" / "full"
@@ -139,15 +199,14 @@ def test_a_single_other_code_is_found(run: ForceControl, small: Path) -> None:
     drive[session.first + 30] += 1
     assert ticks_that_differ(program, replace(session, drive=drive)) == 1
     demand = session.demand.copy()
-    demand[70] += 1 << 20
+    demand[-10] += 1 << 20
     assert ticks_that_differ(program, replace(session, demand=demand)) > 0
 
 
+@pytest.mark.needs("qemu-system-arm")
 def test_an_emulated_controller_does_the_same(
     run: ForceControl, small: Path, tmp_path: Path
 ) -> None:
-    if shutil.which("qemu-system-arm") is None:
-        pytest.skip("qemu-system-arm is not installed: apt install qemu-system-arm")
     controller = run.out / "end" / "full" / "controller"
     program = program_of(run, build("qemu-mps2", controller, tmp_path / "firmware"))
     assert ticks_that_differ(program, short_session(small, program, "qemu-mps2")) == 0

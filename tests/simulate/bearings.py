@@ -16,7 +16,8 @@ from anhyst.simulate.controllerfile import (
 from anhyst.simulate.loop import Loop
 from anhyst.simulate.measuring import measure_loops
 from anhyst.simulate.recording import Recording
-from anhyst.simulate.rigfile import BearingRig, PositionTable, read_bearing
+from anhyst.simulate.rigfile import BearingRig, read_bearing
+from anhyst.simulate.rigtables import PositionTable
 from anhyst.simulate.scenario import Scenario, Script
 from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
 from anhyst.simulate.variations import changed, with_iron

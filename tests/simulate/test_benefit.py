@@ -49,6 +49,7 @@ def cell(found: Benefit, scale: float, fraction: float, height: float) -> Cell:
     return one
 
 
+@pytest.mark.slow
 def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BearingRig) -> None:
     assert len(found.cells) == 8
     for one in found.cells:
@@ -63,6 +64,7 @@ def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BearingRig) -> N
     assert cell(found, 1.0, 0.3, 10e-6).iron.label == "regular"
 
 
+@pytest.mark.slow
 def test_against_a_constant_ratio_compensation_gains_everywhere(found: Benefit) -> None:
     for one in found.cells:
         against = one.ratio["overshoot_percent"]
@@ -72,6 +74,7 @@ def test_against_a_constant_ratio_compensation_gains_everywhere(found: Benefit) 
         assert against.quotient.high < 1.0
 
 
+@pytest.mark.slow
 def test_the_strongest_rival_is_the_one_with_the_least_of_that_figure(found: Benefit) -> None:
     for one in found.cells:
         for measure, against in one.strongest.items():
@@ -82,6 +85,7 @@ def test_the_strongest_rival_is_the_one_with_the_least_of_that_figure(found: Ben
             assert against.quotient.value == pytest.approx(own / min(means.values()))
 
 
+@pytest.mark.slow
 def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
     for one in found.cells:
         for measure, against in one.flux.items():
@@ -99,6 +103,7 @@ def test_without_a_probe_there_is_no_flux(rig: BearingRig, controller: Controlle
     assert set(one.figures) == set(one.standstill) == {*RIVALS, "full"}
 
 
+@pytest.mark.slow
 def test_what_is_no_overshoot_is_told_in_metres(found: Benefit) -> None:
     """The same distance counts at every height: what the armature moves about when it rests."""
     for one in found.cells:
@@ -116,6 +121,7 @@ def test_what_is_no_overshoot_is_told_in_metres(found: Benefit) -> None:
             assert against["settling_in_noise_s"].floor is None
 
 
+@pytest.mark.slow
 def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
     """Where nothing overshoots there is nothing to gain; with wide, pathological loops there is."""
     nothing = cell(found, 1.0, 0.3, 10e-6).strongest["overshoot_percent"]
@@ -127,6 +133,7 @@ def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
     assert wide.strongest["settling_in_noise_s"].outcome == "gain"
 
 
+@pytest.mark.slow
 def test_a_cell_does_not_depend_on_its_neighbours(
     found: Benefit, rig: BearingRig, controller: ControllerFile
 ) -> None:
@@ -139,6 +146,7 @@ def test_a_cell_does_not_depend_on_its_neighbours(
             assert one.mean == pytest.approx(kept.figures[name][measure].mean, rel=0.1, abs=0.2)
 
 
+@pytest.mark.slow
 def test_it_is_written_as_json(found: Benefit) -> None:
     kept = found.as_dict()
     assert json.loads(json.dumps(kept, allow_nan=False)) == kept

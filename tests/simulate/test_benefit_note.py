@@ -51,6 +51,7 @@ def note_of(loops: LoopSet) -> BenefitNote:
     return found
 
 
+@pytest.mark.slow
 def test_a_magnet_of_the_table_comes_out_again(tool: ModuleType, rig: BearingRig) -> None:
     made = benefit(rig, read_controller(EXAMPLE / "controller.toml"), (1.0,), (0.15,))
     kept = [
@@ -91,7 +92,7 @@ def test_the_documentation_shows_the_same_table(tool: ModuleType) -> None:
 
 
 def test_the_example_finds_itself(rig: BearingRig) -> None:
-    found = note_of(LoopSet.from_csv(rig.loops))
+    found = note_of(LoopSet.from_csv(rig.measured.places[0]))
     assert {(row["pinning_scale"], row["reversible_fraction"]) for row in found.nearest} == {
         (1.0, 0.15)
     }
@@ -147,7 +148,7 @@ def test_the_words_follow_the_rows(rig: BearingRig) -> None:
 
 
 def test_only_a_bearing_gets_the_sentence(rig: BearingRig) -> None:
-    loops = LoopSet.from_csv(rig.loops)
+    loops = LoopSet.from_csv(rig.measured.places[0])
     one_gap = LoopSet(tuple(replace(loop, schedule=None) for loop in loops.loops[:3]),
                       loops.input, loops.output)  # fmt: skip
     assert benefit_note(one_gap, 0.05) is None
@@ -159,10 +160,10 @@ def test_only_a_bearing_gets_the_sentence(rig: BearingRig) -> None:
 
 
 def test_inspect_says_it(rig: BearingRig) -> None:
-    found = quick("inspect", rig.loops, cwd=ROOT)
+    found = quick("inspect", rig.measured.places[0], cwd=ROOT)
     assert found.returncode == 0
     assert "On the simulated example bearing" in found.stdout
-    told = json.loads(quick("inspect", rig.loops, "--json", cwd=ROOT).stdout)
+    told = json.loads(quick("inspect", rig.measured.places[0], "--json", cwd=ROOT).stdout)
     assert told["benefit"]["loop_width_percent"] == pytest.approx(
         100.0 * told["verdict"]["width_relative"]
     )

@@ -131,6 +131,7 @@ def test_a_limit_cycle_is_told_by_its_runs_and_not_by_a_mean_with_zeros() -> Non
     )
 
 
+@pytest.mark.slow
 def test_fixed_point_does_as_f64() -> None:
     both = zip(overshoot("full", "fixed"), overshoot("full", "f64"), strict=True)
     assert max(abs(one - other) for one, other in both) <= 0.5

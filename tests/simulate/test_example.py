@@ -53,7 +53,7 @@ def test_the_loops_are_what_the_script_makes(example: ModuleType) -> None:
 
 
 def test_the_loops_read_as_they_were_measured(rig: BearingRig) -> None:
-    read, made = LoopSet.from_csv(rig.loops), measure_loops(rig)
+    read, made = LoopSet.from_csv(rig.measured.places[0]), measure_loops(rig)
     assert len(read.loops) == len(made.loops) == 12
     for kept, fresh in zip(read.loops, made.loops, strict=True):
         assert str(kept.history) == str(fresh.history)
@@ -98,10 +98,9 @@ def test_the_table_of_gaps(rig: BearingRig) -> None:
 def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
     table = rows(r"^\| 0\.\d\d \|.*$")
     magnet, gap = rig.settings.magnet, rig.settings.simulate.gap_m
-    assert magnet.iron is not None
-    assert float(table[0][0]) == magnet.iron.reversible_fraction
+    assert float(table[0][0]) == magnet.steel.reversible_fraction
     for fraction, on, back, part, width in table:
-        iron = magnet.iron.model_copy(update={"reversible_fraction": float(fraction)})
+        iron = magnet.steel.model_copy(update={"reversible_fraction": float(fraction)})
         other = magnet.model_copy(update={"iron": iron})
         changed = replace(rig, settings=rig.settings.model_copy(update={"magnet": other}))
 
@@ -123,9 +122,7 @@ def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
 
 def test_the_numbers_in_the_text(rig: BearingRig) -> None:
     settings = rig.settings
-    iron = settings.magnet.iron
-    assert iron is not None
-    thresholds = iron.steel().thresholds
+    thresholds = settings.magnet.steel.steel().thresholds
     low, high = map(float, re.findall(r"thresholds between\s+(\d+) and (\d+) A/m", README)[0])
     assert (round(thresholds[1]), round(thresholds[-1])) == (low, high)
     gap = settings.simulate.gap_m

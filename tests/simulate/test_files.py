@@ -27,14 +27,8 @@ from anhyst.simulate.controllerfile import (
     write_controller,
 )
 from anhyst.simulate.fluxfile import check_flux_range, read_flux_table
-from anhyst.simulate.rigfile import (
-    POSITION_SENSORS,
-    BearingTable,
-    check_load,
-    check_rate,
-    read_bearing,
-    step_ends,
-)
+from anhyst.simulate.rigfile import check_load, check_rate, read_bearing, step_ends
+from anhyst.simulate.rigtables import POSITION_SENSORS, BearingTable
 from anhyst.simulate.setup import Knowledge, make_setups
 from anhyst.tomlfile import TomlFileError
 
@@ -75,7 +69,7 @@ def test_the_bundled_bearing_is_the_one_that_was_fixed() -> None:
     assert plant.simulate.noise_seeds == 20
     assert plant.simulate.steps_m == [10e-6, 20e-6, 50e-6, 100e-6]
     assert rig.step == pytest.approx(12.5e-6)
-    assert rig.loops == EXAMPLE / "loops.csv"
+    assert rig.measured.places[0] == EXAMPLE / "loops.csv"
     assert (rig.model, rig.flux_table, controller.model) == (None, None, None)
     pidd2 = controller.settings.pidd2()
     gains = design(mass=2.0, bandwidth=120.0, damping=1.0)
@@ -468,10 +462,15 @@ def test_a_flux_table_without_flux_is_told(tmp_path: Path) -> None:
 def keys(table: type[BaseModel]) -> Iterator[str]:
     for name, field in table.model_fields.items():
         yield name
-        annotation: Any = field.annotation
-        for inner in (annotation, *getattr(annotation, "__args__", ())):
-            if isinstance(inner, type) and issubclass(inner, BaseModel):
-                yield from keys(inner)
+        for inner in tables(field.annotation):
+            yield from keys(inner)
+
+
+def tables(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from tables(inner)
 
 
 @pytest.mark.parametrize(

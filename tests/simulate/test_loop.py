@@ -27,7 +27,10 @@ ARRANGEMENTS = {"single": bearings.single, "pair": bearings.pair}
 GAPS = np.linspace(0.36e-3, 0.54e-3, 7).tolist()
 
 
-@pytest.mark.parametrize("number_format", bearings.FORMATS)
+@pytest.mark.parametrize(
+    "number_format",
+    [pytest.param(one, marks=[pytest.mark.slow] * (one != "fixed")) for one in bearings.FORMATS],
+)
 @pytest.mark.parametrize("arrangement", ARRANGEMENTS)
 def test_it_hovers_at_every_gap_and_lands_again(arrangement: str, number_format: Format) -> None:
     setup = ARRANGEMENTS[arrangement]("full", number_format)

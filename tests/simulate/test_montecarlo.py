@@ -28,10 +28,12 @@ from anhyst.simulate.loop import Loop
 from anhyst.simulate.montecarlo import FIGURES, MonteCarlo, Plant, monte_carlo, percentile
 from anhyst.simulate.plant import static_map
 from anhyst.simulate.plantrow import fault_of
+from anhyst.simulate.ready import make_ready
 from anhyst.simulate.responses import Run, run_steps
-from anhyst.simulate.rigfile import BearingRig, DriftTable, read_bearing
+from anhyst.simulate.rigfile import BearingRig, read_bearing
+from anhyst.simulate.rigtables import DriftTable
 from anhyst.simulate.scenario import Script
-from anhyst.simulate.setup import make_setup, read_knowledge
+from anhyst.simulate.setup import make_setup
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 NONE = dict.fromkeys(DriftTable.model_fields, 0.0)
@@ -44,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for path in EXAMPLE.glob("*.*"):
         shutil.copy(path, place)
     rig, controller = read_bearing(place / "rig.toml"), read_controller(place / "controller.toml")
-    write_model(read_knowledge(rig, controller).model, place / "model.toml")
+    write_model(make_ready(rig, controller).knowledge().model, place / "model.toml")
     text = (place / "controller.toml").read_text()
     text = text.replace('format = "fixed"', 'format = "f64"\nmodel = "model.toml"')
     (place / "controller.toml").write_text(text)
@@ -169,7 +171,7 @@ def test_a_changed_file_of_loops_is_told(
     shutil.copytree(folder, place)
     rig = read_bearing(place / "rig.toml")
     monte_carlo(rig, controller, place / "p.jsonl", 1, ("linearised",), jobs=1)
-    with rig.loops.with_suffix(suffix).open("a") as stream:
+    with rig.measured.places[0].with_suffix(suffix).open("a") as stream:
         stream.write("\n")
     with pytest.raises(InputError, match="line 1: rig: is "):
         monte_carlo(rig, controller, place / "p.jsonl", 1, ("linearised",), jobs=1)
@@ -263,7 +265,7 @@ def test_without_drift_a_plant_is_the_nominal_one(
 ) -> None:
     still = with_drift(rig)
     found = monte_carlo(still, controller, tmp_path / "a", 1, ("full",), jobs=1)
-    knowledge = read_knowledge(still, controller)
+    knowledge = make_ready(still, controller).knowledge()
     setup = make_setup(still, controller.settings, knowledge, "full", "f64")
     tried = still.settings.simulate
     noise = Plant((setup,), found.seed, 0).noise
@@ -306,7 +308,7 @@ def test_the_sensor_turns_around_the_operating_gap(
     rig: BearingRig, controller: ControllerFile
 ) -> None:
     setup = make_setup(
-        rig, controller.settings, read_knowledge(rig, controller), "linearised", "f64"
+        rig, controller.settings, make_ready(rig, controller).knowledge(), "linearised", "f64"
     )
     drift = Drift(position_gain=0.02, gap_offset=3e-6, current_gain=0.01)
     loop = Loop(setup, bearing=drifted_bearing(rig, drift, 1))
@@ -324,7 +326,7 @@ def test_the_sensor_turns_around_the_operating_gap(
 
 
 def test_a_drifted_law_keeps_its_bounds(rig: BearingRig, controller: ControllerFile) -> None:
-    model = read_knowledge(rig, controller).model
+    model = make_ready(rig, controller).knowledge().model
     other = drifted_law(model, Drift(pinning=0.1, reversible=1e6, saturation=-0.02))
     for name, factor in (("k", 1.1), ("M_s", 0.98)):
         ratio = np.asarray(other.parameters[name]) / np.asarray(model.parameters[name])
@@ -343,7 +345,7 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
     (place / "rig.toml").write_text(text)
     law = read_bearing(place / "rig.toml")
     setup = make_setup(
-        law, controller.settings, read_knowledge(law, controller), "linearised", "f64"
+        law, controller.settings, make_ready(law, controller).knowledge(), "linearised", "f64"
     )
     gaps = []
     for drift in (Drift(), Drift(saturation=-0.03)):

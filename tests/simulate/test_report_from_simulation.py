@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import shutil
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,7 @@ from anhyst.simulate.report.from_benefit import subject_of_benefit
 from anhyst.simulate.report.look import interval_text
 from anhyst.simulate.report.page import render
 from anhyst.simulate.rigfile import read_bearing
+from anhyst.simulate.variants import BASELINES
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 
@@ -45,7 +48,9 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def run(small: Path) -> Path:
     out = small / "run.csv"
-    assert main(["simulate", str(small / "rig.toml"), "--out", str(out)]) == 0
+    with redirect_stdout(io.StringIO()) as printed:
+        assert main(["simulate", str(small / "rig.toml"), "--out", str(out)]) == 0
+    (small / "printed.txt").write_text(printed.getvalue(), encoding="utf-8")
     return out
 
 
@@ -70,6 +75,25 @@ def test_the_page_shows_the_figures_of_the_run(run: Path, page: Page) -> None:
         assert interval_text(Interval(**found["rms_m"]), factor=1e9) in page.text
     for name, found in figures["sensitivity"].items():
         assert f"{name}: peak {found['peak']:.2f}, zone {found['zone']}" in page.text
+
+
+def test_terminal_and_page_say_in_one_sentence_whether_it_is_worth_it(
+    run: Path, page: Page
+) -> None:
+    printed = (run.parent / "printed.txt").read_text(encoding="utf-8")
+    (said,) = re.findall(r"^verdict: (.*)$", printed, flags=re.MULTILINE)
+    figures = json.loads((run.parent / "figures.json").read_text(encoding="utf-8"))
+    overshoot = {
+        row["variant"]: row["overshoot_percent"]["mean"]
+        for row in figures["steps"]
+        if row["variant"] in BASELINES
+    }
+    strongest = min(overshoot, key=lambda name: overshoot[name])
+    assert f"the strongest baseline without hysteresis model ({strongest})" in said
+    assert "measured flux" in said
+    title, sentence = said.split(": ", 1)
+    assert f"{title[:1].upper()}{title[1:]}. {sentence[:1].upper()}{sentence[1:]}." in page.text
+    assert f"strongest without hysteresis model ({strongest})" in page.text  # in the tile
 
 
 def test_the_page_says_how_to_make_it_again(small: Path, page: Page) -> None:
@@ -101,6 +125,7 @@ def test_plants_are_written_as_lines(small: Path, capsys: pytest.CaptureFixture[
     assert "plants.csv: results of a Monte Carlo are written as .jsonl" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
     rig = read_bearing(small / "rig.toml")
     controller = read_controller(small / "controller.toml")

@@ -18,7 +18,8 @@ from anhyst.simulate.loop import lost_at
 from anhyst.simulate.operating import find_operating_point
 from anhyst.simulate.plant import flux_table
 from anhyst.simulate.recording import HOVER, Recording
-from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, ModelTable
+from anhyst.simulate.rigfile import BearingRig
+from anhyst.simulate.rigtables import DisturbanceTable, ModelTable
 from anhyst.simulate.setup import Setup, make_setup
 from anhyst.simulate.variations import changed
 

@@ -231,9 +231,10 @@ def test_gains_that_do_not_hold_it_are_told_and_the_recording_is_kept(
     assert tuple(table.columns) == COLUMNS
     time = re.search(r"at (\d+\.\d+) s", text)
     assert time
-    row = table.iloc[np.argmin(np.abs(table["t_s"] - float(time[1])))]
-    touches = not 0.35e-3 < row["gap_m"] < 0.55e-3
-    assert said != "lost at" or touches or row["state"] >= 16 * FAULT
+    # The time that is said is rounded to two ticks; one later, it may have bounced off the stop.
+    then = table[np.abs(table["t_s"] - float(time[1])) < 1e-4]
+    touches = (then["gap_m"] <= 0.35e-3) | (then["gap_m"] >= 0.55e-3)
+    assert said != "lost at" or (touches | (then["state"] >= 16 * FAULT)).any()
 
 
 def test_what_an_earlier_run_left_is_removed_where_this_one_is_lost(folder: Path) -> None:

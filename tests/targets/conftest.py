@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from tests.once import made_once
 
 from anhyst.compile.output import compile_model
 from anhyst.compile.plan import Request
@@ -26,17 +27,19 @@ Seed = Callable[[str, str, str], Path]
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
     """Give the folder of a kind of compensator and a format of signals."""
-    folder = tmp_path_factory.mktemp("compiled")
-    loops = LoopSet.from_csv(ROOT / "examples" / "electromagnet" / "loops.csv")
-    write_model(identify(loops, gap_map="scaling").model, folder / "model.toml")
-    made: dict[tuple[str, str], Path] = {}
+
+    def identify_magnet(folder: Path) -> None:
+        loops = LoopSet.from_csv(ROOT / "examples" / "electromagnet" / "loops.csv")
+        write_model(identify(loops, gap_map="scaling").model, folder / "model.toml")
 
     def give(kind: str, io: str) -> Path:
-        if (kind, io) not in made:
-            made[kind, io] = folder / f"{kind}-{io}"
-            request = Request(kind, io, RATE, None)  # type: ignore[arg-type]
-            compile_model(folder / "model.toml", made[kind, io], request)
-        return made[kind, io]
+        model = made_once(tmp_path_factory, "magnet", identify_magnet) / "model.toml"
+        request = Request(kind, io, RATE, None)  # type: ignore[arg-type]
+        name = f"compiled-{kind}-{io}"
+        place = made_once(
+            tmp_path_factory, name, lambda folder: compile_model(model, folder / "out", request)
+        )
+        return place / "out"
 
     return give
 

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from tests.once import made_once
 
 from anhyst.cli.app import main
 from anhyst.compile.output import compile_model
@@ -23,7 +24,7 @@ from anhyst.verify.targets import reference
 from anhyst.verify.workshop import Workshop
 
 from .conftest import sign
-from .test_verify_targets import missing_for_avr
+from .test_verify_targets import needs_avr
 
 BEARING = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 TICKS = ["tick, controls", "tick, ramps", "tick, rests", "tick"]
@@ -32,12 +33,14 @@ TICKS = ["tick, controls", "tick, ramps", "tick, rests", "tick"]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Compile the bundled bearing's controller."""
-    place = tmp_path_factory.mktemp("bearing")
+    return made_once(tmp_path_factory, "compiled-bearing", compile_bearing) / "out"
+
+
+def compile_bearing(place: Path) -> None:
     loops = LoopSet.from_csv(BEARING / "loops.csv")
     write_model(identify(loops, gap_map="circuit").model, place / "model.toml")
     request = Request("full", "q31", 20e3)
-    controller = BEARING / "controller.toml"
-    return compile_model(place / "model.toml", place / "out", request, controller).out
+    compile_model(place / "model.toml", place / "out", request, BEARING / "controller.toml")
 
 
 def ticks_of(found: Verification) -> list[TargetResult]:
@@ -96,27 +99,27 @@ def test_random_steps_lift_land_and_rest(folder: Path, tmp_path: Path) -> None:
     assert min(counts[name] for name in TICKS) > 200
 
 
+@pytest.mark.slow
+@pytest.mark.needs("gcc")
 def test_host_builds_agree_under_sanitizers_too(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if shutil.which("gcc") is None:
-        pytest.skip("gcc is missing: apt install gcc")
     monkeypatch.setattr("anhyst.verify.targets.HOST_COMPILERS", {"gcc": "gcc"})
     builds = [result.build for result in ticks_of(verify(folder, "host", host_steps=20_000))]
     levels = ("-O0", "-O2", "-O3", "sanitizers")
     assert builds == [f"gcc {level}, controller" for level in levels]
 
 
-@pytest.mark.skipif(
-    missing_for_avr(), reason="apt install gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
-)
+@pytest.mark.slow
+@needs_avr
 def test_avr_gives_the_bits_of_the_host(folder: Path) -> None:
     (result,) = ticks_of(verify(folder, "avr", target_steps=300))
     plausible(result, folder)
     assert result.unit == "cycles"
 
 
-@pytest.mark.skipif(shutil.which("mspdebug") is None, reason="apt install mspdebug")
+@pytest.mark.slow
+@pytest.mark.needs("mspdebug")
 def test_msp430_gives_the_bits_of_the_host(folder: Path) -> None:
     (result,) = ticks_of(verify(folder, "msp430", target_steps=300))
     plausible(result, folder)
@@ -157,6 +160,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_on_the_target_is_found_in_the_controller_alone(
     folder: Path, tmp_path: Path, fault: str

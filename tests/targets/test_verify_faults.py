@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -126,11 +125,10 @@ def test_an_access_to_nowhere_is_told(with_fault: Seed) -> None:
     assert "UNMAPPED" in result.failure
 
 
+@pytest.mark.needs("gcc")
 def test_undefined_behaviour_is_found_by_the_sanitizers_alone(
     with_fault: Seed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if shutil.which("gcc") is None:
-        pytest.skip("gcc is missing: apt install gcc")
     monkeypatch.setattr("anhyst.verify.targets.HOST_COMPILERS", {"gcc": "gcc"})
     wrong = f"{SOLVE}  volatile int32_t most = 2147483647;\n  most = most + 1;\n"
     found = verify(with_fault("anhyst.c", SOLVE, wrong), "host", host_steps=1_000)

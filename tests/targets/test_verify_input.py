@@ -62,50 +62,6 @@ def test_an_unknown_target(compiled: Compile, capsys: pytest.CaptureFixture[str]
     assert "is not for f32" in refused(capsys, compiled("full", "f32"), "--on", "avr")
 
 
-@pytest.mark.parametrize(
-    ("target", "package"), [("avr", "gcc-avr"), ("host", "gcc"), ("msp430", "mspdebug")]
-)
-def test_a_tool_that_is_not_installed(
-    compiled: Compile,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    target: str,
-    package: str,
-) -> None:
-    folder = compiled("full", "q31")
-    monkeypatch.setattr(
-        "anhyst.verify.toolchain.shutil.which", lambda name: "/bin/cc" if name == "cc" else None
-    )
-    said = refused(capsys, folder, "--on", target)
-    assert f"target {target}: " in said
-    assert f"apt install {package}" in said
-
-
-def test_sanitizers_that_are_not_installed(
-    compiled: Compile, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    compiler = tmp_path / "gcc"
-    compiler.write_text(
-        '#!/bin/sh\ncase "$*" in *fsanitize*) echo "ld: error: cannot find -lasan" >&2; exit 1;;'
-        ' esac\nexec cc "$@"\n',
-        encoding="ascii",
-    )
-    compiler.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    monkeypatch.setattr("anhyst.verify.targets.HOST_COMPILERS", {"gcc": "gcc"})
-    with pytest.raises(InputError, match="sanitizers of gcc are not installed: apt install"):
-        verify(compiled("full", "q31"), "host", host_steps=10)
-
-
-def test_a_python_package_that_is_not_installed(
-    compiled: Compile, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = compiled("full", "q31")
-    monkeypatch.setattr("anhyst.verify.toolchain.importlib.util.find_spec", lambda name: None)
-    said = refused(capsys, folder, "--on", "cortex-m4")
-    assert "pip install 'anhyst[verify]'" in said
-
-
 def test_a_folder_that_is_not_there_or_not_ours(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-from pathlib import Path
-
 import pytest
 
 from anhyst.verify import TargetResult, verify
@@ -12,6 +9,8 @@ from anhyst.verify.firmware import FirmwareRun, compare_runs
 from anhyst.verify.result import Verification
 
 from .conftest import Compile
+
+needs_avr = pytest.mark.needs("avr-gcc", "cc", "/usr/include/simavr/sim_avr.h")
 
 KINDS = [("full", "q31"), ("simplified", "q15")]
 PARTS = ["solve", "commit, solved", "commit, other", "pidd2", "tick"]
@@ -87,12 +86,12 @@ def test_a_dsc_is_estimated_from_two_lists_of_prices(compiled: Compile) -> None:
         assert each.rate == pytest.approx(60e6 / each.cycles)
 
 
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize(
+    "compiler", [pytest.param(one, marks=pytest.mark.needs(one)) for one in ("gcc", "clang")]
+)
 def test_host_builds_agree_under_sanitizers_too(
     compiled: Compile, compiler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if shutil.which(compiler) is None:
-        pytest.skip(f"{compiler} is missing: apt install {compiler} libclang-rt-dev")
     monkeypatch.setattr("anhyst.verify.targets.HOST_COMPILERS", {compiler: compiler})
     found = agrees(verify(compiled("full", "q31"), "host", host_steps=20_000))
     assert [result.build for result in found.results] == [
@@ -102,14 +101,7 @@ def test_host_builds_agree_under_sanitizers_too(
     assert {result.costs for result in found.results} == {()}
 
 
-def missing_for_avr() -> bool:
-    tools = [shutil.which(name) for name in ("avr-gcc", "cc")]
-    return None in tools or not Path("/usr/include/simavr/sim_avr.h").exists()
-
-
-@pytest.mark.skipif(
-    missing_for_avr(), reason="apt install gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
-)
+@needs_avr
 @pytest.mark.parametrize(("kind", "io"), [("full", "q31"), ("simplified", "q15")])
 def test_avr_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -> None:
     (result,) = agrees(verify(compiled(kind, io), "avr", target_steps=300)).results
@@ -117,14 +109,14 @@ def test_avr_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -
     assert result.unit == "cycles"
 
 
-@pytest.mark.skipif(shutil.which("mspdebug") is None, reason="apt install mspdebug")
+@pytest.mark.needs("mspdebug")
 def test_msp430_gives_the_bits_of_the_host(compiled: Compile) -> None:
     (result,) = agrees(verify(compiled("simplified", "q15"), "msp430", target_steps=300)).results
     plausible(result)
     assert result.unit == "cycles"
 
 
-@pytest.mark.skipif(shutil.which("qemu-system-arm") is None, reason="apt install qemu-system-arm")
+@pytest.mark.needs("qemu-system-arm")
 def test_the_whole_firmware_gives_the_currents_of_the_host(compiled: Compile) -> None:
     (result,) = agrees(verify(compiled("full", "q31"), "cortex-m3-qemu", target_steps=300)).results
     assert result.build == "firmware"

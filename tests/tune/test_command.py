@@ -8,9 +8,10 @@ import re
 import shutil
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
-from tests.cli.command import Result, quick, refused
+from tests.cli.command import Result, quick, refused, shares_said, speaking
 from tests.simulate import bearings
 
 from anhyst.cli import app as cli
@@ -56,11 +57,22 @@ def tune(here: Path, *arguments: object) -> Result:
     return quick("tune", "rig.toml", "--out", "tuned", "--budget", 10, *arguments, cwd=here)
 
 
+def test_off_a_terminal_it_says_in_per_cent_how_far_it_is(here: Path) -> None:
+    given = ("rig.toml", "--out", "tuned", "--budget", 10, "--json")
+    result = speaking(0.2, "tune", *given, cwd=here)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["format"] == "anhyst-tuning"
+    shares = shares_said("tuning", result.stderr)
+    assert shares == sorted(shares)
+    assert len({share for share in shares if 0 < share < 100}) >= 4, result.stderr
+
+
 def test_a_tuned_controller_is_written_that_can_be_tuned_again(here: Path) -> None:
     result = tune(here)
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
     assert "linearised" in result.stdout
+    assert "verdict: worth it or not remains open: 'linearised' alone was tuned" in result.stdout
     folder = here / "tuned"
     assert sorted(path.name for path in folder.iterdir()) == [
         "controller.toml",
@@ -85,6 +97,7 @@ def test_a_tuned_controller_is_written_that_can_be_tuned_again(here: Path) -> No
     assert "| linearised |" in (folder / "tuning.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_aims_that_cannot_be_met_are_a_negative_result_that_says_why(here: Path) -> None:
     result = tune(here, "--settling", 1e-3, "--json")
     assert result.returncode == 1
@@ -100,6 +113,7 @@ def test_aims_that_cannot_be_met_are_a_negative_result_that_says_why(here: Path)
     assert "# It MISSES its aims." in note
 
 
+@pytest.mark.slow
 def test_all_variants_are_tuned_alike_and_compared(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,14 +171,15 @@ def test_a_controller_that_does_not_fit_leaves_nothing_behind(here: Path) -> Non
 def test_ctrl_c_keeps_the_best_so_far(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tell = search.Search._tell
+    attempt = search.Search._try
 
-    def stop(self: search.Search) -> None:
-        tell(self)
+    def stop(self: search.Search, *given: Any) -> Any:
+        found = attempt(self, *given)
         if self._tried >= 15:
             raise KeyboardInterrupt
+        return found
 
-    monkeypatch.setattr(search.Search, "_tell", stop)
+    monkeypatch.setattr(search.Search, "_try", stop)
     monkeypatch.chdir(here)
     assert cli.main(["tune", "rig.toml", "--out", "tuned", "--budget", "100"]) == 130
     kept = str(Path("tuned") / "controller.toml")

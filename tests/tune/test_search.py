@@ -41,6 +41,7 @@ def test_what_was_found_with_one_noise_holds_for_all() -> None:
     assert result.figures.peak_sensitivity == pytest.approx(tried.peak_sensitivity, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_gains_on_any_number_of_cores() -> None:
     assert found(2).setup.controller == found(1).setup.controller
     assert found(2).figures == found(1).figures

@@ -129,15 +129,16 @@ def test_progress_shows_on_a_terminal_only(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from anhyst.cli.console import progress_bar
+    from anhyst.cli.progress import progress_bar
 
     if prepare:
         prepare(monkeypatch)
     with progress_bar("reading") as update:
-        assert (update is not None) == visible
-        if update:
-            update(1.0, 2.0)
-    assert capsys.readouterr().out == ""
+        update(1.0, 2.0)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert ("reading" in said.err) == visible
+    assert ("50 %" in said.err) == visible
 
 
 def test_a_fault_of_the_program_is_one_line_and_has_an_exit_code_of_its_own(

@@ -50,6 +50,21 @@ def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Pa
     assert "monotone = false" in (tmp_path / "model.toml").read_text()
 
 
+def test_what_cannot_be_compiled_is_said_at_once_with_the_switch_that_helps(
+    tmp_path: Path,
+) -> None:
+    arguments = ["--gap-map", "free", "--out", "model.toml"]
+    result = anhyst("identify", EXAMPLE / "loops.csv", *arguments, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    (said,) = (line for line in result.stderr.splitlines() if "cannot be compiled" in line)
+    assert said.startswith("anhyst: warning: gap map 'free'")
+    assert "--gap-map scaling or reluctance" in said
+    assert (
+        said.split(": ", 2)[2]
+        in anhyst("compile", "model.toml", "--rate", "2e4", "--out", "c", cwd=tmp_path).stderr
+    )
+
+
 def test_ctrl_c_ends_with_its_own_code_and_nothing_half_written(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [*COMMAND, "identify", EXAMPLE / "loops.csv", "--out", "model.toml", "--search", "paper"],

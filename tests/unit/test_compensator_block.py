@@ -27,7 +27,7 @@ GAP_TABLES = {
     "GAP_FLUX_ARM": 0,
     "GAP_FIELD_ARM": 1,
 }
-"""Least entry of each table over the gap."""
+"""Least entry of each table over the gap; the full law takes flux arms below 0."""
 
 RISING: dict[Kind, dict[str, int]] = {
     "full": {"FULL_CURVE": 0, "FULL_BRANCH": -32767, "FULL_INVERSE": 0},
@@ -203,7 +203,8 @@ def test_more_segments_than_the_block_has_room_for_are_refused(
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_table_with_an_entry_too_low_or_too_steep_is_refused(kind: Kind) -> None:
     block = compiled(kind, "scaling")
-    for name, least in GAP_TABLES.items():
+    full = {"GAP_FLUX_ARM": -32767} if kind == "full" else {}
+    for name, least in (GAP_TABLES | full).items():
         first, entries = block.tables[name]
         for place in (0, entries // 2, entries - 1):
             assert not taken(kind, changed(block, first + place, least - 1)), (name, place)
@@ -213,6 +214,23 @@ def test_a_table_with_an_entry_too_low_or_too_steep_is_refused(kind: Kind) -> No
             assert not taken(kind, sealed(words)), name
             words[first : first + 2] = 20000, -20000
             assert not taken(kind, sealed(words)), name
+
+
+def test_the_full_law_takes_a_flux_arm_below_zero_as_long_as_the_current_rises() -> None:
+    block = compiled("full", "circuit")
+    flux_arm, field_arm = (block.table(f"GAP_{arm}_ARM").astype(float) for arm in ("FLUX", "FIELD"))
+    assert flux_arm.min() < 0.0 < flux_arm.max()
+    segments = 2.0 ** block.word("FULL_CURVE_SEGMENTS")
+    share = block.word("FULL_REVERSIBLE") / 2**15
+    reversible = np.diff(block.table("FULL_CURVE").astype(float))
+    pinned = np.diff(block.table("FULL_BRANCH").astype(float))[int(segments) :]
+    steepest = (share * reversible + (1.0 - share) * pinned).max() * segments / 2**15
+    most = field_arm / (4.0 * block.word("FULL_AIR") / 2**16 + steepest)
+    first, entries = block.tables["GAP_FLUX_ARM"]
+    for place in (0, entries // 2, entries - 1):
+        for part, sound in ((0.97, True), (1.03, False)):
+            words = changed(block, first + place, -round(part * most[place]))
+            assert taken("full", words) == sound, (place, part)
 
 
 @pytest.mark.parametrize("kind", ["full", "simplified"])

@@ -26,9 +26,10 @@ from tests.actuators import (
 )
 
 from anhyst._core import Compensator, Parameters
+from anhyst.compilable import least_slope
 from anhyst.compile.block import Limits, Scales, Sizes
 from anhyst.compile.core import join
-from anhyst.compile.floating import RealBlock, RealIo, RealKind, RealTwin, build_real
+from anhyst.compile.floating import COLUMNS, RealBlock, RealIo, RealKind, RealTwin, build_real
 from anhyst.compile.realsource import c_parameters_f32, literal
 from anhyst.compile.twin import Twin
 from anhyst.compile.words import Names
@@ -75,7 +76,7 @@ def moving(samples: int) -> FloatArray:
 
 @pytest.mark.parametrize("io", IOS)
 @pytest.mark.parametrize("play", [0.0, 40.0])
-@pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
+@pytest.mark.parametrize("gap_map", ["scaling", "reluctance", "circuit"])
 def test_full_with_fine_tables_gives_the_demanded_force(
     gap_map: GapMap, play: float, io: RealIo
 ) -> None:
@@ -83,7 +84,10 @@ def test_full_with_fine_tables_gives_the_demanded_force(
     gap = moving(demand.size)
     drive = RealTwin(real("full", gap_map, play), io).run(demand, gap)
     force = magnet(gap_map, play).predict(drive, gap, history="demagnetised").output
-    assert np.abs(force - demand).max() < 2e-5 * largest_force(gap_map, play, GAPS[0])
+    # Where the current all but stands still as the flux rises, any error of it counts for more.
+    flattest = min(1.0, float(least_slope(magnet(gap_map, play), np.array(GAPS)).min()))
+    most = 2e-5 / flattest * largest_force(gap_map, play, GAPS[0])
+    assert np.abs(force - demand).max() < most
 
 
 @pytest.mark.parametrize("play", [0.0, 4.0])
@@ -259,7 +263,7 @@ def test_other_parameters_go_on_from_where_the_iron_is() -> None:
         {"current_high": float("nan")},
         {"full_scale": 0.0},
         {"knee": 0.5},
-        {"flux_limit": 2.0},
+        {"flux_limit": 2e6},
         {"power": 3},
         {"condition_ticks": 1},
         {"iterations": 1},
@@ -273,6 +277,24 @@ def test_unsound_numbers_are_refused(change: dict[str, float]) -> None:
     Parameters(block.kind, block.numbers, block.gaps, block.tables)
     with pytest.raises(ValueError, match="not sound"):
         Parameters(block.kind, block.numbers | change, block.gaps, block.tables)
+
+
+def test_a_simplified_law_takes_no_more_flux_than_its_unit() -> None:
+    block = real("simplified", sizes=SAME)
+    with pytest.raises(ValueError, match="not sound"):
+        Parameters(block.kind, block.numbers | {"flux_limit": 1.1}, block.gaps, block.tables)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_current_that_would_fall_is_refused(kind: RealKind) -> None:
+    block = real(kind, sizes=SAME)
+    gaps = block.gaps.copy()
+    gaps[-1, COLUMNS.index("flux_arm")] = -0.3 * gaps[-1, COLUMNS.index("field_arm")]
+    if kind == "full":  # 1/3 is the steepest a law can ever be
+        Parameters(block.kind, block.numbers, gaps, block.tables)
+        gaps[-1, COLUMNS.index("flux_arm")] *= 40.0
+    with pytest.raises(ValueError, match="not sound"):
+        Parameters(block.kind, block.numbers, gaps, block.tables)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -43,6 +43,8 @@ WARNINGS = (
     "-Werror",
 )
 CASES = tuple(product(("full", "simplified"), ("q15", "q31", "f32")))
+QUICK = {("full", "q15"), ("simplified", "q31"), ("full", "f32")}
+"""Every kind and every format once; the other pairs are the rest of a sweep."""
 
 
 def measured(model: ActuatorModel, low: float = 0.0, high: float = 2.0) -> ActuatorModel:
@@ -62,7 +64,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-@pytest.fixture(scope="module", params=CASES, ids="-".join)
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(one, marks=[pytest.mark.slow] * (one not in QUICK)) for one in CASES],
+    ids="-".join,
+)
 def compiled(folder: Path, request: pytest.FixtureRequest) -> Compiled:
     kind, io = request.param
     return compile_model(folder / "magnet.toml", folder / f"{kind}-{io}", Request(kind, io, 1e4))

@@ -138,7 +138,7 @@ ranges = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(ranges)
 def test_gains_survive_the_way_there_and_back(values: dict[str, float]) -> None:
     gains = Pidd2(rate=RATE, **values)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from anhyst._core import Operator, batch, batch_functions, demagnetised, langevin
+from anhyst._core import Operator, batch, batch_functions, batch_levels, demagnetised, langevin
 
 Array = NDArray[np.float64]
 
@@ -101,6 +101,17 @@ def test_implicit_batch_follows_the_scalar_linear_step() -> None:
         assert np.max(np.abs(m_out[:, index] - m_true)) < 1e-5
         assert np.max(np.abs(x_out[:, index] - x_true)) < 1e-4
     np.testing.assert_array_equal(x, x_out[-1])
+
+
+def test_a_level_that_the_processor_lacks_is_refused_and_leaves_the_states() -> None:
+    sets = Sets(5, seed=7, omega=(0.0, 1.0))
+    x, y = np.full(5, 0.25), np.full(5, 0.125)
+    given = (sets.kappa, sets.c, sets.omega, sets.scale, sets.offset, np.ones(3), x, y)
+    for level in ("avx1024", ""):
+        with pytest.raises(ValueError, match="no level"):
+            batch(*given, level=level)
+    np.testing.assert_array_equal(x, 0.25)
+    assert batch_levels()[0] == "base"
 
 
 def test_residual_of_the_implicit_batch_falls_with_the_step() -> None:
@@ -255,7 +266,7 @@ def test_law_of_1986_has_no_sensitivities_and_says_so() -> None:
     assert found[6] == -1
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     kappa=st.floats(0.01, 100.0),
     c=st.floats(0.0, 1.0),

@@ -127,7 +127,7 @@ def test_a_map_ends_where_its_table_does(drive: type[Drive] | type[SingleDrive])
     st.integers(-ONE, ONE - 1),
     st.integers(-ONE, ONE - 1),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_the_fixed_map_against_exact_rational_arithmetic(
     n: int, m: int, seed: int, force: int, gap: int, applied: int
 ) -> None:

@@ -47,7 +47,7 @@ def test_the_data_are_what_the_script_makes(example: ModuleType) -> None:
 
 def test_the_first_version_has_its_data_too(example: ModuleType) -> None:
     rig = read_rig(FOLDER / "drawn" / "rig.toml")
-    made = example.rows(rig, rig.magnet.solenoid())
+    made = example.rows(rig, rig.solenoid.solenoid())
     kept = (FOLDER / "drawn" / "loops.csv").read_text().splitlines()[4:]
     for row, line in zip(range(300), kept, strict=False):
         assert next(made) == line, f"row {row}"
@@ -58,18 +58,18 @@ def test_the_table_of_positions(rig: Rig) -> None:
     assert [float(row[0].split()[0]) for row in rows] == [
         round(1e3 * gap, 2) for gap in rig.settings.force_control.positions_m
     ]
-    measured = {round(1e3 * gap, 2) for gap in rig.magnet.measurement["gaps_m"]}
-    turns, length = rig.magnet.circuit.turns, rig.magnet.iron.length_m
+    measured = {round(1e3 * gap, 2) for gap in rig.solenoid.measurement["gaps_m"]}
+    turns, length = rig.solenoid.circuit.turns, rig.solenoid.iron.length_m
     for place, force, left, width, density, share, where in rows:
         gap = float(place.split()[0])
-        solenoid = rig.magnet.solenoid()
+        solenoid = rig.solenoid.solenoid()
         current = np.linspace(0.0, CURRENT_MAX, 201)
         for turn in (CURRENT_MAX, 0.0) * 3:
             rest = solenoid.step(turn, 1e-3 * gap)
         rising = np.array([solenoid.step(one, 1e-3 * gap) for one in current])
         assert f"{rising[-1]:.1f} N" == force
         assert f"{rest:.2f} N" == left
-        assert f"{solenoid.flux / rig.magnet.iron.area_m2:.2f} T" == density
+        assert f"{solenoid.flux / rig.solenoid.iron.area_m2:.2f} T" == density
         used = solenoid.iron.field * length / (turns * CURRENT_MAX)
         assert f"{100.0 * used:.0f} %" == share
         falling = np.array([solenoid.step(one, 1e-3 * gap) for one in current[::-1]])[::-1]
@@ -85,7 +85,7 @@ def test_the_table_of_positions(rig: Rig) -> None:
 
 
 def test_the_thresholds_of_the_cells(rig: Rig) -> None:
-    thresholds = rig.magnet.iron.steel().thresholds
+    thresholds = rig.solenoid.iron.steel().thresholds
     text = (FOLDER / "README.md").read_text()
     low, high = map(float, re.findall(r"thresholds between (\d+) and (\d+) A/m", text)[0])
     assert thresholds[1] == pytest.approx(low, rel=0.05)

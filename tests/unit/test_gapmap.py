@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy.interpolate  # noqa: F401  (loaded now, not within the deadline of the first example)
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -59,7 +59,7 @@ def best_single_valued(truth: LoopSet) -> float:
 def test_auto_takes_reluctance_and_says_why(chosen: IdentifyResult) -> None:
     assert chosen.model.gap_map == "reluctance"
     left_out = fit_of(chosen).left_out
-    assert set(left_out) == {"scaling", "reluctance", "free"}
+    assert set(left_out) == {"scaling", "reluctance", "circuit"}
     assert min(left_out, key=lambda name: left_out[name]) == "reluctance"
     why = chosen.model.provenance.settings["gap_map_reason"]
     assert "'reluctance' predicts gaps left out of the fit best" in str(why)

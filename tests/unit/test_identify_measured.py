@@ -53,7 +53,7 @@ def test_the_ferrite_is_fitted_no_worse_with_offsets(ferrite: LoopSet) -> None:
     held, found = (
         identify(ferrite, offsets=offsets, weights="points") for offsets in (False, True)
     )
-    assert fit_of(found).rms <= fit_of(held).rms
+    assert fit_of(found).rms <= (1.0 + 1e-9) * fit_of(held).rms
 
 
 def test_the_model_of_the_ferrite_predicts_its_loops(ferrite: LoopSet) -> None:

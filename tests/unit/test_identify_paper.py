@@ -117,21 +117,25 @@ def test_free_sets_scatter_along_the_redundancy(free: Stand) -> None:
     assert max(k) > 1.5 * min(k)
 
 
+@pytest.mark.slow
 def test_where_only_c_h_varies_freezing_the_others_costs_nothing(reduced: list[Stand]) -> None:
     assert max(stand.cost for stand in reduced[1:]) < 1e-5
 
 
+@pytest.mark.slow
 def test_where_only_c_h_varies_it_is_the_last_one_left(reduced: list[Stand]) -> None:
     assert [len(stand.varying) for stand in reduced] == [7, 6, 5, 4, 3, 2, 1]
     assert reduced[-1].varying == ("c_H",)
 
 
+@pytest.mark.slow
 def test_c_h_is_found_up_to_one_common_factor(truth: ActuatorModel, reduced: list[Stand]) -> None:
     found = np.array([one["c_H"] for one in reduced[-1].sets])
     ratio = found / truth.over_schedule("c_H", THREE)
     np.testing.assert_allclose(ratio / ratio[0], 1.0, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_what_is_frozen_is_the_same_at_every_gap(reduced: list[Stand]) -> None:
     for stand in reduced[1:]:
         for name in set(SEVEN) - set(stand.varying):

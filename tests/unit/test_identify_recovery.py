@@ -48,6 +48,7 @@ def wanted_map(model: ActuatorModel) -> str:
     return "auto" if model.gap_map == "none" else model.gap_map
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("history", HISTORIES)
 @pytest.mark.parametrize("name", TRUTHS)
 def test_the_truth_behind_clean_loops_is_found_from_every_seed(name: str, history: str) -> None:
@@ -92,7 +93,7 @@ def test_both_laws_find_the_same_where_nothing_is_reversible(gap_map: GapMap) ->
     assert apart(ends[0].model, ends[1].model, loops) < 1e-4
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     kappa=st.floats(0.1, 3.0),
     c=st.floats(0.0, 0.9),
@@ -152,6 +153,7 @@ def uncertainty_of(result: IdentifyResult) -> Uncertainty:
     return result.model.uncertainty
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["closed core", "force, two gaps"])
 def test_the_truth_lies_within_the_uncertainty_stated(name: str) -> None:
     assert np.mean(np.abs(scores(name)) > 3.0) < 0.03

@@ -29,27 +29,43 @@ def test_two(measurements):
 """
 
 
+NEEDS = """
+import pytest
+
+@pytest.mark.needs("sh", "no-such-program")
+def test_three():
+    pass
+"""
+INI = "[pytest]\nmarkers = needs(name, ...): programs\n"
+
+
 @pytest.mark.parametrize(
-    ("source", "no_skip", "code"),
+    ("source", "no_skip", "workers", "said"),
     [
-        (SKIPPED, "", 0),
-        (SKIPPED, "1", 1),
-        (MODULE_SKIPPED, "1", 2),
-        (MEASUREMENTS, "1", 0),
+        (SKIPPED, "", 0, "1 skipped in"),
+        (SKIPPED, "1", 0, "1 failed in"),
+        (SKIPPED, "1", 2, "1 failed in"),
+        (NEEDS, "", 2, "1 skipped in"),
+        (NEEDS, "1", 0, "1 error in"),
+        (MODULE_SKIPPED, "1", 0, "1 error in"),
+        (MODULE_SKIPPED, "1", 2, "1 error in"),
+        (MEASUREMENTS, "1", 0, "1 skipped in"),
     ],
 )
 def test_skips_fail_where_they_are_forbidden(
-    tmp_path: Path, source: str, no_skip: str, code: int
+    tmp_path: Path, source: str, no_skip: str, workers: int, said: str
 ) -> None:
     shutil.copy(Path(__file__).parents[1] / "conftest.py", tmp_path / "conftest.py")
+    (tmp_path / "pytest.ini").write_text(INI, encoding="utf-8")
     (tmp_path / "test_it.py").write_text(source, encoding="utf-8")
     environment = {**os.environ, "ANHYST_NO_SKIP": no_skip, "ANHYST_DATA": str(tmp_path / "no")}
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_it.py"],
+        [sys.executable, "-m", "pytest", "-q", "-n", str(workers), "test_it.py"],
         cwd=tmp_path,
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == code, done.stdout
+    assert said in done.stdout.splitlines()[-1]
+    assert (done.returncode == 0) == ("skipped" in said)

@@ -23,7 +23,7 @@ from anhyst.modelfile import write_model
 from anhyst.record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.report import write_plots, write_report
 from anhyst.report.evidence import gather, own_figures
-from anhyst.report.figures import figure_between, figure_residuals
+from anhyst.report.figures import figure_between, figure_differences, figure_residuals
 from anhyst.report.headline import headline
 from anhyst.report.page import subject_of
 from anhyst.report.sections_model import section_gap_map
@@ -188,9 +188,25 @@ def test_the_page_is_well_formed_and_small(html: str, page: Page) -> None:
 def test_every_figure_says_in_words_what_it_shows(page: Page) -> None:
     told = [given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"]
     pictures = [given for tag, given in page.tags if tag == "svg"]
-    assert len(told) == len(pictures) == 7
+    assert len(told) == len(pictures) == 8
     assert all(len(text) > 60 for text in told)
     assert all(given["aria-hidden"] == "true" for given in pictures)
+
+
+def test_hysteresis_is_drawn_by_itself(subject: Subject) -> None:
+    evidence = subject.evidence
+    assert evidence is not None
+    figure = figure_differences(evidence.loops, evidence.fitted, evidence.rival)
+    largest = max(float(np.abs(loop.output).max()) for loop in evidence.loops.loops)
+    drawn = [np.asarray(line.get_ydata()) for ax in figure.axes for line in ax.lines]
+    most = max(float(np.abs(values).max()) for values in drawn)
+    worst = evidence.verdict.single_worst
+    assert most < 0.3 * largest  # the curve itself is gone
+    assert most == pytest.approx(worst, rel=0.5)
+    ax = figure.axes[0]
+    dots, line = np.asarray(ax.lines[1].get_ydata()), np.asarray(ax.lines[2].get_ydata())
+    assert np.abs(dots - line).max() < 0.5 * np.abs(dots).max()  # the model shows the same loop
+    assert dots.min() < 0.0 < dots.max()
 
 
 def test_the_head_tells_figures_verdict_and_acceptance(page: Page) -> None:

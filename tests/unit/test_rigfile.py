@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from pydantic import BaseModel
@@ -40,8 +40,8 @@ def change(path: Path, old: str, new: str) -> None:
 def test_the_bundled_rigs_are_read(folder: Path) -> None:
     rig = read_rig(folder / "rig.toml")
     assert rig.dt == 1.0 / rig.settings.rate_Hz
-    assert rig.loops == folder / "loops.csv"
-    assert rig.magnet.solenoid().step(1.0, 1e-3) > 30.0
+    assert rig.measured.places[0] == folder / "loops.csv"
+    assert rig.solenoid.solenoid().step(1.0, 1e-3) > 30.0
 
 
 def test_an_unknown_key_is_told_with_its_line_and_the_nearest_known_one(rig: Path) -> None:
@@ -100,10 +100,15 @@ def test_what_is_no_toml_is_told(rig: Path) -> None:
 def keys(table: type[BaseModel]) -> Iterator[str]:
     for name, field in table.model_fields.items():
         yield name
-        annotation: Any = field.annotation
-        for inner in (annotation, *getattr(annotation, "__args__", ())):
-            if isinstance(inner, type) and issubclass(inner, BaseModel):
-                yield from keys(inner)
+        for inner in tables(field.annotation):
+            yield from keys(inner)
+
+
+def tables(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from tables(inner)
 
 
 def test_every_key_is_described() -> None:

@@ -34,17 +34,29 @@ typedef enum {
   ANHYST_BATCH_IMPLICIT = 1
 } anhyst_batch_mode;
 
+/* Instruction sets the batch is compiled for; a processor that has one has those before it. */
+typedef enum {
+  ANHYST_BATCH_BASE = 0, /* every processor of the family */
+  ANHYST_BATCH_AVX2 = 1, /* with FMA */
+  ANHYST_BATCH_AVX512 = 2
+} anhyst_batch_level;
+
+/* The last one that this processor has. */
+anhyst_batch_level anhyst_batch_best(void);
+
 /* Follows n samples of one drive with every set, without play. x and y (one entry a set) are the
    states, read and advanced. m_out and x_out are n rows of `sets` entries, or null where the pass
    only settles a cycle. Error of the inline functions: exp 1e-11 relative, Langevin 4.4e-9
-   absolute. Compiled for AVX-512, AVX2 and the base instruction set; the best one present is taken.
-   Returns ANHYST_OK, or ANHYST_BAD_PARAMETER (nothing done) if one set is out of range. */
-anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
-                               const double *drive, double *x, double *y, double *m_out,
-                               double *x_out);
+   absolute.
+   Returns ANHYST_OK, or ANHYST_BAD_PARAMETER (nothing done) if one set is out of range or the
+   processor lacks the level. */
+anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_level level,
+                               anhyst_batch_mode mode, size_t n, const double *drive, double *x,
+                               double *y, double *m_out, double *x_out);
 
 /* The inline exp(-t), t >= 0, and Langevin function of the batch, for measuring their error. */
-void anhyst_batch_functions_f64(size_t n, const double *t, double *exp_minus, double *langevin);
+anhyst_status anhyst_batch_functions_f64(anhyst_batch_level level, size_t n, const double *t,
+                                         double *exp_minus, double *langevin);
 
 #ifdef __cplusplus
 }

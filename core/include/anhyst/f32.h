@@ -10,8 +10,8 @@
 #undef R
 #define ANHYST_REAL float
 #define ANHYST_NAME(base) base##_f32
-#define ANHYST_EXP expf
-#define ANHYST_LOG logf
+#define ANHYST_EXP anhyst_exp_f32
+#define ANHYST_LOG anhyst_log_f32
 #define ANHYST_SQRT sqrtf
 #define ANHYST_FABS fabsf
 #define ANHYST_EPS 1.1920929e-7f

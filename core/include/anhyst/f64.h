@@ -12,8 +12,8 @@
 #undef R
 #define ANHYST_REAL double
 #define ANHYST_NAME(base) base##_f64
-#define ANHYST_EXP exp
-#define ANHYST_LOG log
+#define ANHYST_EXP anhyst_exp_f64
+#define ANHYST_LOG anhyst_log_f64
 #define ANHYST_SQRT sqrt
 #define ANHYST_FABS fabs
 #define ANHYST_EPS 2.220446049250313e-16

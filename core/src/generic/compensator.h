@@ -89,7 +89,7 @@ static int ANHYST_NAME(rows_sound)(const ANHYST_NAME(anhyst_parameters) *paramet
 {
   for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
     const ANHYST_NAME(anhyst_at_gap) *row = parameters->gaps + i;
-    if (!(row->gain > R(0.0) && row->flux_arm >= R(0.0) && row->field_arm > R(0.0) &&
+    if (!(row->gain > R(0.0) && row->field_arm > R(0.0) &&
           ANHYST_NAME(is_range)(row->gain, row->gain) &&
           ANHYST_NAME(is_range)(row->offset, row->offset) &&
           ANHYST_NAME(is_range)(row->bias, row->bias) &&
@@ -111,7 +111,7 @@ anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_para
                     ANHYST_NAME(is_range)(R(0.0), parameters->gap_rows) &&
                     parameters->full_scale > R(0.0) && parameters->knee >= R(0.00390625) &&
                     parameters->knee <= R(0.25) && parameters->flux_limit > R(0.0) &&
-                    parameters->flux_limit <= R(1.0) && parameters->gap_segments >= 1U &&
+                    parameters->flux_limit <= R(1e6) && parameters->gap_segments >= 1U &&
                     parameters->gap_segments <= 64U && parameters->condition_cycles <= 64U &&
                     parameters->condition_ticks >= 2U && parameters->condition_ticks <= 32767U;
   if (!sound || !ANHYST_NAME(rows_sound)(parameters) || !parameters->kernel->sound(parameters)) {

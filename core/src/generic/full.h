@@ -161,13 +161,23 @@ typedef struct {
 static ANHYST_REAL ANHYST_NAME(follow_curve)(const ANHYST_NAME(path) *along,
                                              const ANHYST_NAME(search) *find, ANHYST_REAL x)
 {
-  /* Iron that does not count at all must not be divided by. */
-  const ANHYST_REAL least = R(1e-6) * find->air;
-  const ANHYST_REAL iron = find->iron > least ? find->iron : least;
   ANHYST_REAL slope;
-  const ANHYST_REAL level = ANHYST_NAME(curve)(along, x, &slope) - find->residual / iron;
-  return ANHYST_NAME(inverse_curve)(along->law,
-                                    ANHYST_NAME(anhyst_limited)(level, R(-1.0), R(1.0)));
+  const ANHYST_REAL start = ANHYST_NAME(curve)(along, x, &slope);
+  if (find->iron >= R(0.0)) {
+    /* The air hardly counts; iron that does not count at all must not be divided by. */
+    const ANHYST_REAL least = R(1e-6) * find->air;
+    const ANHYST_REAL level = start - find->residual / (find->iron > least ? find->iron : least);
+    return ANHYST_NAME(inverse_curve)(along->law,
+                                      ANHYST_NAME(anhyst_limited)(level, R(-1.0), R(1.0)));
+  }
+  /* Iron that counts against the air: as far as the air alone would go, and on with what the iron
+     has risen by then, which never goes too far. */
+  ANHYST_REAL next = x - find->residual / find->air;
+  for (uint16_t i = 1; i < CHORDS; i++) {
+    const ANHYST_REAL risen = ANHYST_NAME(curve)(along, next, &slope) - start;
+    next = x - (find->residual + find->iron * risen) / find->air;
+  }
+  return next;
 }
 
 /* Looks at a place: narrows the interval, and gives where the tangent would meet the target. */
@@ -179,7 +189,9 @@ static ANHYST_REAL ANHYST_NAME(look)(ANHYST_NAME(search) *find, const ANHYST_NAM
   } else {
     find->high = at->x;
   }
-  return at->x - find->residual / (find->air + find->iron * at->m_slope);
+  const ANHYST_REAL slope = find->air + find->iron * at->m_slope;
+  const ANHYST_REAL least = R(1e-6) * find->air;
+  return at->x - find->residual / (slope > least ? slope : least);
 }
 
 /* Moves an answer along its tangents to x, a short way. */
@@ -220,9 +232,11 @@ static ANHYST_REAL ANHYST_NAME(leave_hold)(const ANHYST_NAME(path) *along,
 /* Solves from *at, the start of the path, where the residual is negative. Newton's steps inside an
    interval that always holds the solution. A step must stay inside it and be shorter by a quarter
    than the last one, since tangents can swing to and fro across the two bends of the curve, or be
-   too short to matter; any other follows the anhysteretic curve instead, or goes to the middle.
-   The number of evaluations is fixed; a last step is taken along the tangents, and what is left of
-   the residual then is part of the accuracy budget. */
+   too short to matter; any other follows the anhysteretic curve instead, or goes to the middle:
+   with iron that counts against the air, where the curve leads a little way at a time if the sum is
+   all but flat, as soon as the last step was longer than what is left of the interval. The number
+   of evaluations is fixed; a last step is taken along
+   the tangents, and what is left of the residual then is part of the accuracy budget. */
 static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search) *find,
                               ANHYST_NAME(answer) *at)
 {
@@ -244,8 +258,12 @@ static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search
       next = ANHYST_NAME(anhyst_limited)(next, find->low, find->high);
       furthest = ANHYST_NAME(anhyst_size)(next - x);
     } else {
+      const ANHYST_REAL before = furthest;
       furthest = find->high - find->low;
-      next = furthest > along->long_way ? ANHYST_NAME(follow_curve)(along, find, x) : find->low;
+      next = find->low;
+      if (furthest > along->long_way && (find->iron >= R(0.0) || i < 2U || before < furthest)) {
+        next = ANHYST_NAME(follow_curve)(along, find, x);
+      }
       if (!(next > find->low && next < find->high)) {
         next = find->low + R(0.5) * furthest;
       }
@@ -284,7 +302,8 @@ static ANHYST_NAME(anhyst_memory)
   return memory;
 }
 
-/* Solves air*x + iron*m = target from a memory; air > 0, iron >= 0. Returns m. */
+/* Solves air*x + iron*m = target from a memory; air > 0, and air + iron*dm/dx > 0 on any path.
+   Returns m. */
 static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_full_law) *law,
                                      const ANHYST_NAME(anhyst_memory) *from, ANHYST_REAL air,
                                      ANHYST_REAL iron, ANHYST_REAL target,
@@ -347,6 +366,30 @@ static ANHYST_REAL ANHYST_NAME(full_flux)(const ANHYST_NAME(anhyst_parameters) *
   return m + law->air * to->x;
 }
 
+/* Whether more field needs more current at every gap. No path is steeper than the ascending branch
+   and the anhysteretic curve together. */
+static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
+  const ANHYST_REAL scale = (ANHYST_REAL)law->curve_segments / law->reach;
+  ANHYST_REAL steepest = R(0.0);
+  for (uint16_t i = 0; i < law->curve_segments; i++) {
+    const ANHYST_REAL *rising = law->branch + law->curve_segments + i;
+    const ANHYST_REAL irreversible = rising[1] - rising[0];
+    const ANHYST_REAL anhysteretic = law->curve[i + 1U] - law->curve[i];
+    const ANHYST_REAL slope =
+        scale * (irreversible + law->reversible * (anhysteretic - irreversible));
+    steepest = slope > steepest ? slope : steepest;
+  }
+  for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
+    const ANHYST_NAME(anhyst_at_gap) *row = parameters->gaps + i;
+    if (!(row->field_arm + row->flux_arm * (law->air + steepest) > R(0.0))) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
 static int ANHYST_NAME(full_sound)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
@@ -361,7 +404,8 @@ static int ANHYST_NAME(full_sound)(const ANHYST_NAME(anhyst_parameters) *paramet
          ANHYST_NAME(anhyst_rises)(law->curve, law->curve_segments, R(0.0), R(1.0)) &&
          ANHYST_NAME(anhyst_rises)(law->branch, (uint16_t)(2U * law->curve_segments), R(-1.0),
                                    R(1.0)) &&
-         ANHYST_NAME(anhyst_rises)(law->inverse, law->inverse_segments, R(0.0), law->reach);
+         ANHYST_NAME(anhyst_rises)(law->inverse, law->inverse_segments, R(0.0), law->reach) &&
+         ANHYST_NAME(current_rises)(parameters);
 }
 
 const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_full) = {

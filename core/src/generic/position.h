@@ -5,7 +5,7 @@
 
 static int ANHYST_NAME(magnets)(const ANHYST_NAME(anhyst_position) *c)
 {
-  return c->drive[1] != 0 ? 2 : 1;
+  return c->drive[1] != NULL ? 2 : 1;
 }
 
 /* What counts as no current: of those that can be driven the nearest to it. */
@@ -42,7 +42,7 @@ anhyst_status ANHYST_NAME(anhyst_position_init)(
 static uint16_t ANHYST_NAME(is_at_zero)(const ANHYST_NAME(anhyst_position) *c)
 {
   const ANHYST_REAL zero = ANHYST_NAME(zero)(c->limits);
-  return c->current[0] == zero && (c->drive[1] == 0 || c->current[1] == zero) ? 1U : 0U;
+  return c->current[0] == zero && (c->drive[1] == NULL || c->current[1] == zero) ? 1U : 0U;
 }
 
 /* Ticks until both drives are through with their conditioning. */
@@ -163,7 +163,7 @@ static void ANHYST_NAME(drive)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REA
 static void ANHYST_NAME(commit)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REAL *applied)
 {
   ANHYST_REAL force = ANHYST_NAME(anhyst_drive_commit)(c->drive[0], applied[0], c->gap[0]);
-  if (c->drive[1] != 0) {
+  if (c->drive[1] != NULL) {
     force = ANHYST_NAME(difference)(
         force, ANHYST_NAME(anhyst_drive_commit)(c->drive[1], applied[1], c->gap[1]));
   }

@@ -180,18 +180,30 @@ static ANHYST_REAL ANHYST_NAME(simplified_flux)(const ANHYST_NAME(anhyst_paramet
   return to->place;
 }
 
+/* Whether more flux needs no less current at any gap. */
+static int ANHYST_NAME(flux_arm_sound)(const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
+    if (!(parameters->gaps[i].flux_arm >= R(0.0))) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
 static int ANHYST_NAME(simplified_sound)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
   const ANHYST_REAL largest = R(1e6);
-  return law != 0 && law->curve != 0 && law->rate > R(0.0) && law->rate <= largest &&
-         law->hold > R(0.0) && law->hold <= largest && law->nu >= R(0.0) && law->nu < R(1.0) &&
-         law->first > R(0.0) && law->first <= largest && law->iterations >= 2U &&
-         law->iterations <= 16U && law->octaves >= 4U && law->octaves <= 15U &&
-         law->segments >= 4U && law->segments <= 64U &&
+  return law != 0 && parameters->flux_limit <= R(1.0) && law->curve != 0 && law->rate > R(0.0) &&
+         law->rate <= largest && law->hold > R(0.0) && law->hold <= largest && law->nu >= R(0.0) &&
+         law->nu < R(1.0) && law->first > R(0.0) && law->first <= largest &&
+         law->iterations >= 2U && law->iterations <= 16U && law->octaves >= 4U &&
+         law->octaves <= 15U && law->segments >= 4U && law->segments <= 64U &&
          (law->segments & (law->segments - 1U)) == 0U &&
          ANHYST_NAME(anhyst_rises)(law->curve, (uint16_t)((law->octaves + 1U) * law->segments),
-                                   R(0.0), R(1.0));
+                                   R(0.0), R(1.0)) &&
+         ANHYST_NAME(flux_arm_sound)(parameters);
 }
 
 const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified) = {

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* An electromagnet at a gap: winding, iron, pull; of two kinds.
 
-   cells: iron of pinned cells in series with two gaps that fringe and a leakage path beside them.
+   cells: iron of pinned cells in series with two gaps that fringe and a leakage path beside them,
+   and with the joints of the core.
    Flux linkage and pull belong to one circuit, so that energy is kept:
 
      turns*current = length*H + eddy*length*dB/dt + outer(gap)*area*B,   psi = turns*area*B
@@ -30,6 +31,7 @@ typedef struct {
   double pole_width;  /* m */
   double pole_depth;  /* m */
   double leakage;     /* permeance parallel to the gaps, H */
+  double joints;      /* reluctance of air in the core, in series with all of it, 1/H */
   double eddy;        /* field that opposes a change of flux density, A s/(m T) */
 } anhyst_plant_circuit;
 

@@ -38,6 +38,12 @@ typedef struct {
   unsigned at;
 } anhyst_plant_sensing;
 
+/* Within the range; low for NaN. The C library's fmin and fmax leave the sign of zero open. */
+static inline double anhyst_plant_bound(double value, double low, double high)
+{
+  return value > low ? (value < high ? value : high) : low;
+}
+
 /* The nearest value on a converter's grid; step 0: the value within the range. */
 double anhyst_plant_convert(double value, double low, double high, double step);
 

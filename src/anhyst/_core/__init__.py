@@ -25,8 +25,11 @@ from anhyst._core._native import (
     SinglePosition,
     batch,
     batch_functions,
+    batch_levels,
     demagnetised,
+    exp,
     langevin,
+    log,
     status_text,
 )
 
@@ -55,7 +58,10 @@ __all__ = [
     "SinglePosition",
     "batch",
     "batch_functions",
+    "batch_levels",
     "demagnetised",
+    "exp",
     "langevin",
+    "log",
     "status_text",
 ]

@@ -98,20 +98,31 @@ def batch(
     y: _Array,
     implicit: bool = True,
     keep: bool = True,
+    level: str = ...,
 ) -> tuple[_Array, _Array]:
     """Follow one drive with many sets, r = scale*(drive - offset); x and y are advanced in place.
 
-    Return m and x, (samples, sets), empty unless `keep`; ValueError if a set is out of range.
+    Return m and x, (samples, sets), empty unless `keep`; ValueError if a set is out of range or
+    the processor lacks the level; the best one unless said.
     """
 
-def batch_functions(t: _Array) -> tuple[_Array, _Array]:
-    """Return exp(-|t|) and L(t) as the batch computes them."""
+def batch_functions(t: _Array, level: str = ...) -> tuple[_Array, _Array]:
+    """Return exp(-|t|) and L(t) as the batch computes them at a level, the best unless said."""
+
+def batch_levels() -> list[str]:
+    """Return the levels of the batch that this processor has, the best last."""
 
 def demagnetised() -> _Array:
     """Return the state of a demagnetised iron."""
 
+def exp(x: _Array) -> _Array:
+    """Return exp(x), with the same bits on every processor."""
+
 def langevin(z: _Array) -> tuple[_Array, _Array]:
     """Return L(z) and L'(z)."""
+
+def log(x: _Array) -> _Array:
+    """Return log(x), with the same bits on every processor."""
 
 def status_text(status: int) -> str:
     """Return what a status means, in words."""

@@ -4,6 +4,7 @@
 
 #include <memory>
 
+#include "anhyst/elementary.h"
 #include "anhyst/langevin.h"
 #include "iron.h"
 
@@ -45,6 +46,16 @@ const char *status_text(int status)
   }
 }
 
+Out of_each(double (*function)(double), const In &x)
+{
+  const size_t n = x.shape(0);
+  Out value = make_array(n);
+  for (size_t i = 0; i < n; i++) {
+    value.data()[i] = function(x(i));
+  }
+  return value;
+}
+
 } // namespace
 
 NB_MODULE(_native, m)
@@ -76,6 +87,8 @@ NB_MODULE(_native, m)
       .def("flux_of", &Iron::flux_of, "state"_a.noconvert());
   m.def("demagnetised", [] { return from_state({0.0, 0.0, 0.0}); });
   m.def("status_text", &status_text, "status"_a);
+  m.def("exp", [](const In &x) { return of_each(anhyst_exp_f64, x); }, "x"_a.noconvert());
+  m.def("log", [](const In &x) { return of_each(anhyst_log_f64, x); }, "x"_a.noconvert());
   m.def(
       "langevin",
       [](const In &z) {

@@ -102,9 +102,33 @@ private:
   anhyst_operator_f64 law_;
 };
 
-nb::object batch(const In &kappa, const In &c, const In &omega, const In &scale, const In &offset,
-                 const In &drive, const InOut &x, const InOut &y, bool implicit, bool keep)
+// From the base level to the best that the processor has.
+const char *const LEVELS[] = {"base", "avx2", "avx512"};
+
+nb::list batch_levels()
 {
+  nb::list found;
+  for (int level = 0; level <= anhyst_batch_best(); level++) {
+    found.append(LEVELS[level]);
+  }
+  return found;
+}
+
+anhyst_batch_level to_level(const std::string &name)
+{
+  for (int level = 0; level <= anhyst_batch_best(); level++) {
+    if (name == LEVELS[level]) {
+      return static_cast<anhyst_batch_level>(level);
+    }
+  }
+  throw std::invalid_argument("this processor has no level \"" + name + "\" of the batch");
+}
+
+nb::object batch(const In &kappa, const In &c, const In &omega, const In &scale, const In &offset,
+                 const In &drive, const InOut &x, const InOut &y, bool implicit, bool keep,
+                 const std::string &level)
+{
+  const anhyst_batch_level with = to_level(level);
   const size_t sets = kappa.shape(0);
   const size_t n = drive.shape(0);
   for (const size_t length :
@@ -118,8 +142,8 @@ nb::object batch(const In &kappa, const In &c, const In &omega, const In &scale,
     nb::gil_scoped_release release;
     const anhyst_batch_sets all = {sets,         kappa.data(), c.data(),
                                    omega.data(), scale.data(), offset.data()};
-    status = anhyst_batch_f64(&all, implicit ? ANHYST_BATCH_IMPLICIT : ANHYST_BATCH_EXPLICIT, n,
-                              drive.data(), x.data(), y.data(), keep ? m_out.data() : nullptr,
+    status = anhyst_batch_f64(&all, with, implicit ? ANHYST_BATCH_IMPLICIT : ANHYST_BATCH_EXPLICIT,
+                              n, drive.data(), x.data(), y.data(), keep ? m_out.data() : nullptr,
                               keep ? x_out.data() : nullptr);
   }
   if (status != ANHYST_OK) {
@@ -128,11 +152,12 @@ nb::object batch(const In &kappa, const In &c, const In &omega, const In &scale,
   return nb::make_tuple(m_out, x_out);
 }
 
-nb::tuple batch_functions(const In &t)
+nb::tuple batch_functions(const In &t, const std::string &level)
 {
+  const anhyst_batch_level with = to_level(level);
   Out exp_minus = make_array(t.shape(0));
   Out langevin = make_array(t.shape(0));
-  anhyst_batch_functions_f64(t.shape(0), t.data(), exp_minus.data(), langevin.data());
+  anhyst_batch_functions_f64(with, t.shape(0), t.data(), exp_minus.data(), langevin.data());
   return nb::make_tuple(exp_minus, langevin);
 }
 
@@ -140,6 +165,7 @@ nb::tuple batch_functions(const In &t)
 
 void bind_identification(nb::module_ &m)
 {
+  const std::string best = LEVELS[anhyst_batch_best()];
   nb::class_<Operator>(m, "Operator")
       .def(nb::init<double, double, double, double, const std::string &, const std::string &>(),
            "kappa"_a, "c"_a, "play"_a = 0.0, "eps"_a = 0.0, "law"_a = "effective-field",
@@ -150,6 +176,7 @@ void bind_identification(nb::module_ &m)
            "state"_a.noconvert(), "state_t"_a.noconvert());
   m.def("batch", &batch, "kappa"_a.noconvert(), "c"_a.noconvert(), "omega"_a.noconvert(),
         "scale"_a.noconvert(), "offset"_a.noconvert(), "drive"_a.noconvert(), "x"_a.noconvert(),
-        "y"_a.noconvert(), "implicit"_a = true, "keep"_a = true);
-  m.def("batch_functions", &batch_functions, "t"_a.noconvert());
+        "y"_a.noconvert(), "implicit"_a = true, "keep"_a = true, "level"_a = best);
+  m.def("batch_functions", &batch_functions, "t"_a.noconvert(), "level"_a = best);
+  m.def("batch_levels", &batch_levels);
 }

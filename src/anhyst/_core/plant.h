@@ -34,6 +34,7 @@ public:
     circuit_.pole_width = given.take<double>("pole_width");
     circuit_.pole_depth = given.take<double>("pole_depth");
     circuit_.leakage = given.take<double>("leakage");
+    circuit_.joints = given.take<double>("joints");
     circuit_.eddy = given.take<double>("eddy");
     magnet_.circuit = &circuit_;
     winding(given);

@@ -16,6 +16,7 @@ from anhyst.cli.console import one_line, say_error
 from anhyst.cli.diff import diff
 from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
+from anhyst.cli.init import init
 from anhyst.cli.inspect import inspect
 from anhyst.cli.report import report
 from anhyst.cli.simulate import simulate
@@ -43,7 +44,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _verb in (inspect, identify, predict, invert, report, diff):
+for _verb in (init, inspect, identify, predict, invert, report, diff):
     app.command(no_args_is_help=True)(_verb)
 app.command("compile", no_args_is_help=True)(compile_)
 app.command(no_args_is_help=True)(verify)

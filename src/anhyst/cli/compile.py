@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from anhyst.cli.console import print_json, progress_bar, show, table, warn
+from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson, ModelPath
+from anhyst.cli.progress import progress_bar
 from anhyst.errors import InputError
 
 if TYPE_CHECKING:
@@ -100,8 +101,8 @@ def compile_(
     from anhyst.compile.plan import Request
 
     request = Request(kind.value, io.value, _rate(rate, controller), accuracy)
-    with progress_bar("choosing tables and measuring"):
-        compiled = compile_model(model, out, request, controller)
+    with progress_bar("choosing tables and measuring") as progress:
+        compiled = compile_model(model, out, request, controller, progress)
     if text := compiled.warning:
         warn(text)
     if as_json:

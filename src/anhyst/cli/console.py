@@ -5,16 +5,13 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from anhyst.data.units import Quantity
-
-Update = Callable[[float, float], None]
 
 
 def say_error(text: str) -> None:
@@ -78,32 +75,3 @@ def show(*parts: str | Table) -> None:
     console = Console(highlight=False, width=None if terminal else 200, soft_wrap=not terminal)
     for part in parts:
         console.print(part, markup=False)
-
-
-@contextmanager
-def progress_bar(title: str) -> Iterator[Update | None]:
-    """Show the progress of long work on a terminal, and nothing in a pipe.
-
-    Parameters
-    ----------
-    title : str
-        What is being done.
-
-    Yields
-    ------
-    callable or None
-        To be called with what is done and the total; None where nobody would see it.
-    """
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=None)
-
-        def update(done: float, total: float) -> None:
-            bar.update(task, completed=done, total=total)
-
-        yield update

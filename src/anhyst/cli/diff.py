@@ -40,7 +40,7 @@ def diff(
 
 
 def _show(result: ModelDiff, model: ActuatorModel) -> None:
-    from anhyst.modelschema import parameter_names
+    from anhyst.modelkeys import parameter_names
 
     if result.same:
         show("the two models compute the same")

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from anhyst.cli.console import print_json, progress_bar, show, table
+from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson
+from anhyst.cli.progress import progress_bar
 from anhyst.errors import NegativeResult
 
 if TYPE_CHECKING:
@@ -50,10 +51,10 @@ def force_control(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Control the force of a solenoid, open loop, with and without compensation.
+    """Control the force of a magnet, open loop, with and without compensation.
 
     Models are identified from the loops of the rig, compiled, built into the firmware and run
-    over its serial link against the virtual solenoid: at the stroke's end, at a row of
+    over its serial link against the virtual magnet: at the stroke's end, at a row of
     positions, and with the armature moving. Beside them: the simulated program, a constant ratio
     of force and current, and the best curve without memory. Recordings, figures.json and the
     paper's figures 6 to 8 are written.
@@ -64,6 +65,8 @@ def force_control(
 
     with progress_bar("force control") as progress:
         found = run(rig, out, board=board.value, demand=demand, progress=progress)
+    for text in found.plant.warnings:
+        warn(text)
     if as_json:
         print_json(found.figures)
     else:
@@ -88,6 +91,8 @@ def _show(found: ForceControl) -> None:
         rows.add_row(title, *cells)
     show(
         rows,
+        f"verdict: {figures['verdict']['text']}",
+        *found.plant.lines,
         f"firmware on {figures['board']} against the simulated program: "
         f"{figures['ticks_that_differ']} of {figures['firmware_ticks']} ticks differ",
         f"{found.out}: figures.json, fig6 to fig8, moving (PNG and SVG), one CSV for each trial",

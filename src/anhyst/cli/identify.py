@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from anhyst.cli.console import print_json, progress_bar, show, warn
+from anhyst.cli.console import print_json, show, warn
 from anhyst.cli.options import (
     AsJson,
     Clean,
@@ -23,10 +23,12 @@ from anhyst.cli.options import (
     Sidecar,
     read_options,
 )
+from anhyst.cli.progress import progress_bar
 from anhyst.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
     from anhyst.identify import IdentifyResult
+    from anhyst.model import ActuatorModel
 
 GO_ON = "the same command goes on from there"
 
@@ -39,7 +41,7 @@ class Law(StrEnum):
 
 
 class GapMapChoice(StrEnum):
-    """Gap maps, and letting the left-out error choose."""
+    """Gap maps, and letting the cross-validation error choose."""
 
     SCALING = "scaling"
     RELUCTANCE = "reluctance"
@@ -74,7 +76,7 @@ GapMapOption = Annotated[
         metavar="MAP",
         help="How the gap enters: 'scaling' of the field (the paper), series 'reluctance', "
         "'circuit' (all but the iron may vary), 'free' (anything may; fixed gaps only), or 'auto': "
-        "whichever of scaling, reluctance and free predicts left-out gaps best.",
+        "of scaling, reluctance and circuit the one that predicts left-out gaps best.",
     ),
 ]
 SearchOption = Annotated[
@@ -93,7 +95,10 @@ WeightsOption = Annotated[
     ),
 ]
 Offsets = Annotated[
-    bool, typer.Option(help="Estimate offsets of input and output, or take them as zero.")
+    bool,
+    typer.Option(
+        help="Take offsets of input and output where the loops demand them, or none at all."
+    ),
 ]
 
 
@@ -119,7 +124,7 @@ def identify(
 
     All loops at all gaps are fitted together. The model file keeps parameters with units, valid
     range, fit figures, uncertainty and where it came from. A model whose force does not rise
-    everywhere as the gap closes is written, but fails: exit code 1.
+    everywhere as the gap closes and as the current rises is written, but fails: exit code 1.
 
     A run that was killed goes on where it was when it is started again. Ctrl-C writes the best
     model so far and ends with exit code 130.
@@ -135,7 +140,7 @@ def identify(
         measured = options.read(loops, progress)
     # Only now: these take longer to import than it takes to refuse a bad file.
     from anhyst.identify import identify as find_model
-    from anhyst.modelfile import write_model
+    from anhyst.modelwriter import write_model
     from anhyst.sources import with_read_options
 
     checkpoint = _checkpoint(out)
@@ -181,9 +186,8 @@ def _tell(result: IdentifyResult, out: Path, as_json: bool) -> None:
         _show(result, out)
     if result.interrupted:
         raise Interrupted(f"{out} holds the best model so far; {GO_ON}")
-    check = result.model.check_over_gap()
-    if check is not None and not check.passed:
-        raise NegativeResult(f"{out}: {check.text(result.model.input.unit)}")
+    if result.acceptance.passed is False:
+        raise NegativeResult(f"{out}: {result.acceptance.text(result.model.input.unit)}")
 
 
 def _as_dict(result: IdentifyResult, out: Path) -> dict[str, object]:
@@ -218,14 +222,34 @@ def _show(result: IdentifyResult, out: Path) -> None:
             f"{worst:.3g} % of the largest output ({fit.largest_output:.5g} {model.output.unit})"
         )
         lines += [
-            f"left-out error with gap map {name}: {100.0 * error:.3g} %"
+            f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
             for name, error in fit.left_out.items()
         ]
+        if expected := fit.cross_validation:
+            lines.append(
+                "expected between the measured values, choice of the map and all: "
+                f"{100.0 * expected.error:.3g} % ({100.0 * expected.low:.2g} to "
+                f"{100.0 * expected.high:.2g} %)"
+            )
     lines += [
         f"reduction: {step.frozen} made common to all nodes, mean deviation "
         f"{100.0 * step.cost_before:.3g} % -> {100.0 * step.cost_after:.3g} %"
         for step in model.reduction
     ]
+    lines += _offsets(model)
     if model.uncertainty is not None:
         lines += [f"note: {text}" for text in model.uncertainty.statements]
     show(*lines)
+
+
+def _offsets(model: ActuatorModel) -> list[str]:
+    """Tell the offsets that were taken, and how sure they are."""
+    unsure = model.uncertainty
+    if unsure is None:
+        return []
+    found = [
+        f"{name}: {value:.3g} +- {std:.2g}"
+        for name, value, std in zip(unsure.names, unsure.values, unsure.std, strict=True)
+        if "offset" in name
+    ]
+    return found or ["offsets of input and output: none, the loops demand none"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from anhyst.cli.console import in_small_units, print_json, progress_bar, show, table, warn
+from anhyst.cli.console import in_small_units, print_json, show, table, warn
 from anhyst.cli.options import (
     AsJson,
     Clean,
@@ -21,6 +21,7 @@ from anhyst.cli.options import (
     Sidecar,
     read_options,
 )
+from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from anhyst.data.inspection import Inspection, LoopFigures

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from anhyst.cli.console import print_json, progress_bar, show, table
+from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson
+from anhyst.cli.progress import progress_bar
 from anhyst.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
@@ -17,10 +18,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from anhyst.simulate.benefit import Benefit, Comparison, Measure
-    from anhyst.simulate.controllerfile import ControllerFile
     from anhyst.simulate.montecarlo import MonteCarlo
     from anhyst.simulate.responses import Cell
-    from anhyst.simulate.rigfile import BearingRig
     from anhyst.simulate.simulate import Simulation
 
 
@@ -90,18 +89,21 @@ def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_js
     from anhyst.atomic import check_writable
     from anhyst.simulate.report import write_simulation_report
     from anhyst.simulate.report.from_simulation import subject_of
-    from anhyst.simulate.simulate import refuse_losses
-    from anhyst.simulate.simulate import simulate as run
+    from anhyst.simulate.simulate import explore, refuse_losses, write_simulation
 
     for path in (out, out.parent / REPORT):
         check_writable(path)
     try:
         with progress_bar("simulate") as progress:
-            found = run(rig, out, controller, progress)
+            found = explore(rig, out, controller, progress)
+            subject = subject_of(found, command)
     except NegativeResult:
         (out.parent / REPORT).unlink(missing_ok=True)  # of another recording
         raise
-    write_simulation_report(out.parent / REPORT, subject_of(found, command))
+    write_simulation(found, out)
+    write_simulation_report(out.parent / REPORT, subject)
+    for text in found.plant.warnings:
+        warn(text)
     if as_json:
         print_json(found.figures)
     else:
@@ -112,20 +114,19 @@ def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_js
 def _fly(
     rig_path: Path, out: Path, controller_path: Path | None, count: int, command: str, as_json: bool
 ) -> None:
-    from anhyst.atomic import atomic_writer, check_writable
+    from anhyst.atomic import atomic_writer
     from anhyst.compile.folder import json_text
     from anhyst.simulate.montecarlo import FLOWN, monte_carlo
-    from anhyst.simulate.operating import find_operating_point
+    from anhyst.simulate.ready import make_ready, read_files
     from anhyst.simulate.report import write_simulation_report
     from anhyst.simulate.report.from_plants import subject_of_plants
 
-    rig, controller = _read(rig_path, controller_path)
+    files = read_files(rig_path, controller_path)
     if out.suffix != ".jsonl":
         raise InputError(f"{out}: results of a Monte Carlo are written as .jsonl; name it so")
     figures_path, report_path = out.parent / "montecarlo.json", out.parent / REPORT
-    for path in (figures_path, report_path):
-        check_writable(path, reads=[rig.path, controller.path])
-    find_operating_point(rig)
+    ready = make_ready(*files, (figures_path, report_path))
+    rig, controller = ready.rig, ready.controller
     own = controller.settings.compensation.variant
     flown = tuple(dict.fromkeys((*FLOWN, own)))
     with progress_bar("monte carlo") as progress:
@@ -146,18 +147,19 @@ def _fly(
 def _map(
     rig_path: Path, out: Path, controller_path: Path | None, command: str, as_json: bool
 ) -> None:
-    from anhyst.atomic import atomic_writer, check_writable
+    from anhyst.atomic import atomic_writer
     from anhyst.compile.folder import json_text
     from anhyst.simulate.benefit import benefit
+    from anhyst.simulate.ready import make_ready, read_files
     from anhyst.simulate.report import write_simulation_report
     from anhyst.simulate.report.from_benefit import subject_of_benefit
 
-    rig, controller = _read(rig_path, controller_path)
+    files = read_files(rig_path, controller_path)
     if out.suffix != ".json":
         raise InputError(f"{out}: the map is written as .json; name it so")
     report_path = out.parent / REPORT
-    for path in (out, report_path):
-        check_writable(path, reads=[rig.path, controller.path])
+    ready = make_ready(*files, (out, report_path))
+    rig, controller = ready.rig, ready.controller
     with progress_bar("benefit") as progress:
         found = benefit(rig, controller, progress=progress)
     figures = found.as_dict()
@@ -168,13 +170,6 @@ def _map(
         print_json(figures)
     else:
         _show_map(found, out)
-
-
-def _read(rig: Path, controller: Path | None) -> tuple[BearingRig, ControllerFile]:
-    from anhyst.simulate.controllerfile import read_controller
-    from anhyst.simulate.rigfile import read_bearing
-
-    return read_bearing(rig), read_controller(controller or rig.parent / "controller.toml")
 
 
 def _show_map(found: Benefit, out: Path) -> None:
@@ -246,6 +241,9 @@ def _overshoot(cell: Cell) -> str:
 
 
 def _show(found: Simulation, out: Path) -> None:
+    from anhyst.simulate.report.subject import grouped
+    from anhyst.simulate.report.verdict import judge
+
     heights = list(dict.fromkeys(cell.height for cell in found.cells))
     gap = found.rig.settings.simulate.gap_m
     rows = table(
@@ -268,7 +266,9 @@ def _show(found: Simulation, out: Path) -> None:
         f"* of the controller file; mean of {found.rig.settings.simulate.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
         "≤ noise: not certainly more than the armature moves about at a standstill",
+        *found.plant.lines,
         f"{label}; unstable pole {found.at.point.pole_at_current:.0f} Hz",
+        f"verdict: {judge(grouped(found.cells), found.own).sentence()}",
         *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )

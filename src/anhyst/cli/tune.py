@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from anhyst.cli.console import print_json, progress_bar, show, table
+from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson
+from anhyst.cli.progress import progress_bar
 from anhyst.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
@@ -81,6 +82,8 @@ def tune(
             seed=seed,
             progress=progress,
         )
+    for text in found.plant.warnings:
+        warn(text)
     if as_json:
         print_json(figures_of(found))
     else:
@@ -94,6 +97,7 @@ def tune(
 
 def _show(found: Tuning, out: Path) -> None:
     from anhyst.tune.output import aims_text, heads, rows
+    from anhyst.tune.worth import worth
 
     head = heads()[:-1]
     drawn = table(f"tuned for {aims_text(found.aims)}; then the least settling time", head)
@@ -109,6 +113,8 @@ def _show(found: Tuning, out: Path) -> None:
         f"worst of {len(found.conditions)} gaps and loads and of all steps, mean of "
         f"{found.rig.settings.simulate.noise_seeds} noise seeds with its 95 % interval",
         *limits,
+        f"verdict: {worth(found)}",
+        *found.plant.lines,
         f"{found.seconds:.0f} s, {found.cpu_seconds:.0f} s of processor time",
         *(f"written: {place}" for place in found.written.values()),
         f"written: {out / 'tuning.json'}, {out / 'tuning.md'}, {out / 'pareto.png'}",

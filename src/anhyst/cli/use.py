@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from anhyst.cli.console import print_json, progress_bar, show, warn
+from anhyst.cli.console import print_json, show, warn
 from anhyst.cli.options import AsJson, Columns, ModelPath, RunHistory
+from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from anhyst.runfile import Direction, RunSummary

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from anhyst.cli.console import print_json, progress_bar, show, table
+from anhyst.cli.console import print_json, show, table
 from anhyst.cli.options import AsJson
-from anhyst.errors import NegativeResult
+from anhyst.cli.progress import progress_bar
+from anhyst.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
     from anhyst.verify import Verification
@@ -20,21 +21,25 @@ def verify(
         Path, typer.Argument(metavar="DIR", help="A folder that 'anhyst compile' wrote.")
     ],
     on: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--on",
             metavar="TARGETS",
             help="Where to run, separated by commas: host, cortex-m0plus, cortex-m3, cortex-m4, "
-            "cortex-m7, avr, msp430, cortex-m3-qemu (a whole firmware).",
+            "cortex-m7, avr, msp430, cortex-m3-qemu (a whole firmware). [default: host,cortex-m4, "
+            "as far as there are tools]",
+            show_default=False,
         ),
-    ] = "host,cortex-m4",
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Run compiled C on real instruction sets and compare it bit for bit with the host.
 
     Golden vectors and random steps (a million on the host, ten thousand on each other target);
     instructions or cycles of a step, code size, memory and stack. Results are also written into
-    the folder: verify.json and verify.md. A difference anywhere ends with exit code 1.
+    the folder: verify.json and verify.md. A difference anywhere ends with exit code 1. Where tools
+    are missing, what can run runs, and a table says what brings the rest; a target that was named
+    and did not run ends with exit code 2.
 
     Example: anhyst verify controller --on host,cortex-m4,avr
     """
@@ -50,6 +55,9 @@ def verify(
         _show(found)
     if not found.passed:
         raise NegativeResult(f"{folder}: {found.first_failure()}")
+    if on is not None and found.not_run:
+        lacking = [one.text() for one in found.missing if one.target in found.not_run]
+        raise InputError(f"--on: not run for want of tools: {'; '.join(lacking)}")
 
 
 def _show(found: Verification) -> None:

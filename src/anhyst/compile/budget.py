@@ -240,12 +240,13 @@ def _late(model: ActuatorModel, demand: FloatArray, gap: FloatArray) -> FloatArr
     return error
 
 
-ADVICE = {
-    "law": "compile with --kind full",
+REASON = {
+    "law": "a straight anhysteretic curve comes no nearer",
     "tables": "2 KiB of tables hold no more",
-    "quantisation": "compile with --io q31",
+    "quantisation": "its words hold no more",
     "gap_interpolation": "narrow the range of the gap in the model's [valid]",
 }
+"""Why a part cannot be smaller, or what helps."""
 
 
 def keeps_allowance(plan: Plan, budget: Budget) -> bool:
@@ -256,26 +257,36 @@ def keeps_allowance(plan: Plan, budget: Budget) -> bool:
     return judged.worst is not None and judged.worst <= plan.allowance
 
 
-def check_accuracy(budget: Budget) -> None:
-    """Refuse what is not as accurate as it was asked to be.
+def culprit(budget: Budget) -> Part:
+    """Return the largest of the parts that compiling adds."""
+    added = [part for part in budget.parts if part.name in REASON]
+    return max(added, key=lambda part: part.worst or 0.0)
 
-    Raises
-    ------
-    NegativeResult
-        Says which part of the budget breaks it and what to change.
+
+def is_reached(budget: Budget) -> bool:
+    """Whether what is compiled is as accurate as it was asked to be."""
+    return budget.wanted is None or (budget.compiled.worst or 0.0) <= budget.wanted
+
+
+def refusal(budget: Budget, better: str) -> NegativeResult:
+    """Return what is said where it is not: which part of the budget breaks it, and what to change.
+
+    Parameters
+    ----------
+    budget : Budget
+        Of what was asked for.
+    better : str
+        What reaches the accuracy, as options; empty if nothing does.
     """
-    reached = budget.compiled.worst or 0.0
-    if budget.wanted is None or reached <= budget.wanted:
-        return
-    culprits = [part for part in budget.parts if part.name in ADVICE]
-    culprit = max(culprits, key=lambda part: part.worst or 0.0)
-    advice = ADVICE[culprit.name]
+    assert budget.wanted is not None
+    reached, part = budget.compiled.worst or 0.0, culprit(budget)
+    advice = f"compile with {better}" if better else REASON[part.name]
     easy = 10.0 ** np.floor(np.log10(percent(budget, reached)))
     enough = np.ceil(percent(budget, reached) / easy * 10.0) / 10.0 * easy
-    raise NegativeResult(
+    return NegativeResult(
         f"accuracy: {percent(budget, reached):.3g} % of the largest output is reached, "
         f"{percent(budget, budget.wanted):.3g} % was asked for; the largest part is "
-        f"{culprit.title}, {percent(budget, culprit.worst or 0.0):.3g} %: {advice}, or ask for "
+        f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or ask for "
         f"{enough:.3g} %; nothing was written"
     )
 

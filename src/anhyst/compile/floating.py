@@ -25,9 +25,9 @@ from anhyst.compile.block import (
 from anhyst.compile.full import full_tables, normal
 from anhyst.compile.scheduled import (
     flux_gain,
+    flux_unit,
     nodes,
     refuse_uncompilable,
-    require_rising,
 )
 from anhyst.compile.simplified import ClosedForm, curve, distances, fit_closed_form
 from anhyst.model import ActuatorModel
@@ -126,11 +126,11 @@ def build_real(
     offset = None
     if kind == "full":
         numbers, arms, tables = _full(model, limits, at, sizes)
+        numbers["flux_limit"] = _largest_flux(model, limits, at)
     else:
         law = law or fit_closed_form(model, limits, at, sizes)
         numbers, arms, tables = _simplified(law, at, sizes)
         offset = law.offset_over(at)
-    require_rising(*arms[1:])
     offset = model.over_schedule("out_0", at) if offset is None else offset
     rows = (flux_gain(model, scales, at), offset, *arms)
     common = _common(model, scales, limits, sizes, conditioning)
@@ -156,6 +156,13 @@ def _common(
         "condition_cycles": conditioning.cycles,
         "condition_ticks": conditioning.ramp_ticks,
     }
+
+
+def _largest_flux(model: ActuatorModel, limits: Limits, at: FloatArray) -> float:
+    """Return the flux that the demands need at most, or that of saturated iron."""
+    circuit = model.circuit(at, np.zeros(at.size))
+    needed = [circuit.flux_density(np.full(at.size, end))[0] for end in limits.demand]
+    return max(1.0, float(np.abs(needed).max()) / flux_unit(model))
 
 
 Arms = tuple[FloatArray, FloatArray, FloatArray]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst._core import Operator, langevin
+from anhyst._core import FixedCompensator, langevin
+from anhyst.compilable import ascending_branch, least_slope
 from anhyst.compile.block import (
     Block,
     Conditioning,
@@ -32,6 +33,9 @@ from anhyst.model import ActuatorModel
 MARGIN = 1.02
 """Tables reach a little further than any current within its limits drives the field."""
 
+
+DESCENTS = 100
+"""Steps down to the largest field from above: each is a bound, wherever one stops."""
 
 FURTHEST = 95.0
 """Largest field over the shape field: the curve rises by a third of it, a slope of 32 at most."""
@@ -81,21 +85,20 @@ def normal(model: ActuatorModel, at: FloatArray) -> Normal:
     )
 
 
-def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
-    """Return the irreversible part after a rise from far below, over ascending fields `x`."""
-    start = float(x[0]) - 60.0 * kappa - 1.0
-    pinned = Operator(kappa, 0.0)
-    state = np.array([start, langevin(np.array([start]))[0][0], start])
-    _, m, _, status, _ = pinned.run(np.zeros(x.size), np.ascontiguousarray(x), state)
-    assert status == 0
-    return np.asarray(m)
-
-
 def largest_field(law: Normal, current: tuple[float, float]) -> float:
     """Largest ``|x|`` to which currents within their limits drive the iron, at any gap."""
 
     def reach(drive: float, arm: float, field_arm: float) -> float:
-        """Field on the ascending branch, where the iron answers least."""
+        """Field on the ascending branch, where the iron answers least, if it counts for the air.
+
+        If it counts against it, that on the anhysteretic curve, above which no magnetisation is at
+        the largest field there ever was.
+        """
+        if arm < 0.0:
+            air, x = field_arm + arm * law.air, np.inf
+            for _ in range(DESCENTS):
+                x = (drive - arm * float(langevin(np.array([x]))[0][0])) / air
+            return x
 
         def missing(x: float) -> float:
             pinned = float(ascending_branch(law.kappa, np.array([x]))[0])
@@ -189,7 +192,8 @@ def build_full(
     """
     refuse_uncompilable(model)
     sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
-    law = normal(model, nodes(model, scales, sizes))
+    at = nodes(model, scales, sizes)
+    law = normal(model, at)
     tables = full_tables(law, limits, sizes)
     reach = tables.reach
     pack = Packer("full", model_hash)
@@ -210,4 +214,13 @@ def build_full(
     pack.set("FULL_ITERATIONS", sizes.iterations)
     pack.set("FULL_CURVE_SEGMENTS", sizes.curve_segments)
     pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
-    return pack.close(scales, limits)
+    block = pack.close(scales, limits)
+    try:
+        FixedCompensator("full", block.words)
+    except ValueError as error:
+        raise InputError(
+            f"alpha: the output all but jumps at some currents (least slope of the drive "
+            f"{least_slope(model, at).min():.2g} of that without iron), nearer than 16-bit tables "
+            "can follow; compile with --io f32"
+        ) from error
+    return block

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from anhyst.atomic import PathLike
-from anhyst.compile.budget import Budget, as_dict, check_accuracy, keeps_allowance, measure_budget
+from anhyst.compile.budget import (
+    REASON,
+    Budget,
+    as_dict,
+    culprit,
+    is_reached,
+    keeps_allowance,
+    measure_budget,
+    refusal,
+)
 from anhyst.compile.controller import Controller, read_fitting
 from anhyst.compile.folder import check_folder, json_text, write_folder
 from anhyst.compile.lifting import flight_csv, flight_vectors
 from anhyst.compile.manifest import manifest
+from anhyst.compile.measure import Io
 from anhyst.compile.page import budget_page
 from anhyst.compile.plan import ACCURACY, Plan, Request, make_plan, not_computed
 from anhyst.compile.source import sources
@@ -21,6 +32,8 @@ from anhyst.errors import InputError, NegativeResult
 from anhyst.model import ActuatorModel
 from anhyst.modelfile import read_model
 from anhyst.version import running_version
+
+Progress = Callable[[float, float], None]
 
 SHARES = (1.0, 0.7, 0.4)
 """Of the allowance that a plan may use up, one try after the other."""
@@ -57,7 +70,7 @@ class Compiled:
             return ""
         return (
             f"formats and tables cost more than the {ACCURACY:g} % of the largest output that is "
-            f"usual: 2 KiB of tables hold no more; {self.out / 'budget.html'} tells how much"
+            f"usual: {REASON[culprit(self.budget).name]}; {self.out / 'budget.html'} tells how much"
         )
 
 
@@ -66,6 +79,7 @@ def compile_model(
     out: PathLike,
     request: Request,
     controller_path: PathLike | None = None,
+    progress: Progress | None = None,
 ) -> Compiled:
     """Compile a model into a folder of C, with a controller of the position or without.
 
@@ -79,6 +93,8 @@ def compile_model(
         What is wanted.
     controller_path : path-like, optional
         A controller file.
+    progress : callable, optional
+        Called with what is done and what there is in all.
 
     Returns
     -------
@@ -100,12 +116,13 @@ def compile_model(
         controller.check_current(model)
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
     try:
-        plan, budget = _planned(model, request, int(sha256[:8], 16), controller)
+        plan, budget = _planned(model, request, int(sha256[:8], 16), controller, progress)
     except InputError as error:
         raise InputError(f"{model_path}: {error}") from error
     except NegativeResult as error:
         raise InputError(f"{model_path}: {not_computed(error)}") from error
-    check_accuracy(budget)
+    if not is_reached(budget):
+        raise refusal(budget, _better(model, plan, controller))
     version = running_version()
     around = None if controller is None else controller.around(plan)
     files = {
@@ -121,8 +138,31 @@ def compile_model(
     return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"))
 
 
+def _better(model: ActuatorModel, plan: Plan, controller: Controller | None) -> str:
+    """Return the options that reach an accuracy which those of a plan do not; empty if none do."""
+    asked = plan.request
+    tries: list[tuple[str, Request]] = []
+    if asked.kind != "full":
+        tries.append(("--kind full", replace(asked, kind="full")))
+    elif controller is None:
+        finer: dict[Io, tuple[Io, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
+        tries += [(f"--io {io}", replace(asked, io=io)) for io in finer.get(asked.io, ())]
+    for options, request in tries:
+        try:
+            found = _planned(model, request, plan.builder.model_hash, controller, None)[1]
+        except (InputError, NegativeResult):
+            continue
+        if is_reached(found):
+            return options
+    return ""
+
+
 def _planned(
-    model: ActuatorModel, request: Request, model_hash: int, controller: Controller | None
+    model: ActuatorModel,
+    request: Request,
+    model_hash: int,
+    controller: Controller | None,
+    progress: Progress | None,
 ) -> tuple[Plan, Budget]:
     """Plan, and plan tighter where another path than that of the plan breaks the allowance.
 
@@ -132,9 +172,14 @@ def _planned(
     if controller is not None:
         model = controller.narrowed(model)
         shares = SHARES[:1] if request.accuracy is None else SHARES
-    for share in shares:
+    whole = 2 * len(shares) + 1  # a plan and its budget each, and what is written
+    for place, share in enumerate(shares):
         plan = make_plan(model, request, model_hash, share)
+        if progress is not None:
+            progress(2 * place + 1, whole)
         budget = measure_budget(plan)
+        if progress is not None:
+            progress(2 * place + 2, whole)
         at_its_end = plan.found.reached > share * plan.allowance
         if at_its_end or keeps_allowance(plan, budget):
             break

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.compile.block import Kind, Limits, Scales, Sizes
-from anhyst.compile.full import normal
 from anhyst.compile.measure import AnyBlock, Io
-from anhyst.compile.scheduled import flux_gain, flux_shift, refuse_uncompilable, require_rising
+from anhyst.compile.scheduled import flux_gain, flux_shift, refuse_uncompilable
 from anhyst.compile.search import Builder, Found, Search
 from anhyst.compile.start import StartUp, plan_start
 from anhyst.errors import InputError, NegativeResult
@@ -160,10 +159,7 @@ def make_plan(model: ActuatorModel, request: Request, model_hash: int, share: fl
     refuse_uncompilable(model)
     limits = find_limits(model)
     scales = find_scales(model, limits)
-    at = np.linspace(scales.gap_low, scales.gap_high, GAPS)
-    law = normal(model, at)
-    require_rising(law.flux_arm, law.field_arm)
-    flux_shift(flux_gain(model, scales, at))
+    flux_shift(flux_gain(model, scales, np.linspace(scales.gap_low, scales.gap_high, GAPS)))
     allowance = ACCURACY / 100.0 * largest_output(limits)
     if request.accuracy is not None:
         asked = request.accuracy / 100.0 * largest_output(limits)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from anhyst.compilable import obstacle
 from anhyst.compile.block import (
     Conditioning,
     FloatArray,
@@ -14,7 +15,7 @@ from anhyst.compile.block import (
     as_word,
 )
 from anhyst.errors import InputError
-from anhyst.model import OPERATOR, ActuatorModel
+from anhyst.model import ActuatorModel
 
 MU_0 = 4e-7 * np.pi
 WEIGHT = 65536.0
@@ -24,19 +25,8 @@ MOST_FLUX_SHIFT = 6
 
 def refuse_uncompilable(model: ActuatorModel) -> None:
     """Raise `InputError` for a model that has no fixed-point form, saying why."""
-    if model.law != "effective-field":
-        raise InputError(
-            f"law {model.law!r} cannot be compiled: its step has no closed form; "
-            "identify with --law effective-field"
-        )
-    if any(name in OPERATOR for name in model.varying):
-        raise InputError(
-            "gap map 'free' cannot be compiled: the iron itself would change with the gap; "
-            "identify with --gap-map scaling or reluctance"
-        )
-    gamma = np.atleast_1d(model.parameters["gamma"])
-    if np.any(gamma > 0.0):
-        raise InputError("gamma: eddy currents cannot be compiled; identify with gamma = 0")
+    if (reason := obstacle(model)) is not None:
+        raise InputError(reason)
 
 
 def nodes(model: ActuatorModel, scales: Scales, sizes: Sizes) -> FloatArray:
@@ -106,31 +96,21 @@ def pack_common(
     pack.table("GAP_OFFSET", offset / scales.demand, 32768.0)
 
 
-def require_rising(flux_arm: FloatArray, field_arm: FloatArray) -> None:
-    """Raise `InputError` where more flux or field would not need more current."""
-    if np.any(flux_arm < 0.0) or np.any(field_arm <= 0.0):
-        raise InputError(
-            "alpha: the coupling outweighs the gap (rho is below alpha/(1-alpha)), so that a part "
-            "of the current falls as the flux rises; a closed core cannot be compiled: leave out "
-            "the loops of the smallest gaps, or identify with --gap-map reluctance if it was "
-            "another map"
-        )
-
-
 def pack_arms(
     pack: Packer, scales: Scales, bias: FloatArray, flux_arm: FloatArray, field_arm: FloatArray
 ) -> None:
     """Put how the current is made up, A for each unit of flux and field, one value a node."""
-    require_rising(flux_arm, field_arm)
-    largest = max(np.abs(part).max() for part in (bias, flux_arm, field_arm)) / scales.current
+    arms = bias, flux_arm, field_arm
+    spans = [max(np.abs(part).max(), np.abs(np.diff(part)).max()) for part in arms]
+    largest = max(spans) / scales.current
     shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT))))
     if shift > 8:
         raise InputError(
-            "current: the full-scale current is far too small for this actuator; widen the input "
-            "in the model's [valid], or narrow the gap there"
+            f"current: a unit of flux or field counts for {largest:.0f} times the full-scale "
+            "current, more than 16-bit words can weigh against each other; compile with --io f32"
         )
     unit = scales.current * 2.0**shift
     pack.set("CURRENT_SHIFT", shift)
     pack.table("GAP_BIAS", bias / unit, WEIGHT)
-    pack.table("GAP_FLUX_ARM", flux_arm / unit, WEIGHT, least=0)
+    pack.table("GAP_FLUX_ARM", flux_arm / unit, WEIGHT)
     pack.table("GAP_FIELD_ARM", field_arm / unit, WEIGHT, least=1)

@@ -231,13 +231,24 @@ def _arms(tasks: list[_Task], lags: list[FloatArray]) -> tuple[FloatArray, Float
     best: FloatArray = np.zeros(3)
     least = np.inf
     for _ in range(WORST_CASE_ROUNDS):
-        found = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)
-        arms = np.asarray(found[0], dtype=np.float64)
+        arms = _least_squares(design * weight[:, None], target * weight)
         error = np.abs(design @ arms - target)
         if error.max() < least:
             best, least = arms, float(error.max())
         weight *= 0.5 + error / error.max()
     return best, design @ best - target
+
+
+def _least_squares(design: FloatArray, target: FloatArray) -> FloatArray:
+    """Return bias, flux arm and lag arm; more flux never needs less current.
+
+    Once u has reached its end, nothing would make up for a flux arm below zero.
+    """
+    arms = np.linalg.lstsq(design, target, rcond=None)[0]
+    if arms[1] < 0.0:
+        bias, lag = np.linalg.lstsq(design[:, [0, 2]], target, rcond=None)[0]
+        arms = np.array([bias, 0.0, lag])
+    return np.asarray(arms, dtype=np.float64)
 
 
 def _straighten(

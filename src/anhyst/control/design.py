@@ -90,8 +90,8 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
     w = 2.0 * math.pi * bandwidth
     total = mass + virtual_mass
     return Gains(
-        K_p=total * w**2 * (1.0 + 2.0 * damping),
-        K_i=total * w**3,
+        K_p=total * (w * w) * (1.0 + 2.0 * damping),
+        K_i=total * (w * w * w),
         K_d=total * w * (1.0 + 2.0 * damping),
         K_dd=virtual_mass,
     )

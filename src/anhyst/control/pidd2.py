@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.elementary import passed
 from anhyst.errors import InputError
 
 # Factors of core/include/anhyst/pidd2.h: mantissa/65536 * 2^shift.
@@ -170,7 +171,7 @@ class Pidd2:
     def per_tick(self) -> NDArray[np.float64]:
         """The members of ``anhyst_pidd2_gains_f64`` in their order, shape (11,)."""
         tick = self.tick
-        gains = [self.K_p, self.K_i * tick, self.K_d / tick, self.K_dd / tick**2, self.K_load]
+        gains = [self.K_p, self.K_i * tick, self.K_d / tick, self.K_dd / (tick * tick), self.K_load]
         shares = [self.back, _share(self.cutoff, tick), _share(self.cutoff_2, tick), self.weight]
         return np.array([*gains, *shares, self.low, self.high])
 
@@ -212,7 +213,7 @@ class Pidd2:
 
 def _share(cutoff: float, tick: float) -> float:
     """Share of a step that a first-order low-pass passes in one tick."""
-    return -math.expm1(-2.0 * math.pi * cutoff * tick)
+    return passed(2.0 * math.pi * cutoff * tick)
 
 
 def _units(scales: FullScales) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from anhyst.data.loopset import Loop, LoopSet
 from anhyst.data.path import turning_points
+from anhyst.data.units import Quantity
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +43,13 @@ def branches(drive: Floats) -> list[Branch]:
     drive
         Input of shape (n,).
     """
-    turns = turning_points(drive, _WOBBLE * float(np.ptp(drive))).tolist()
+    wobble = _WOBBLE * float(np.ptp(drive))
+    turns = turning_points(drive, wobble).tolist()
+    # A record that wobbles before it sets out, or after it has come home, has no branch there.
+    while len(turns) > 2 and abs(drive[turns[1]] - drive[0]) <= wobble:
+        del turns[1]
+    while len(turns) > 2 and abs(drive[turns[-2]] - drive[-1]) <= wobble:
+        del turns[-2]
     pairs = itertools.pairwise(turns)
     return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in pairs]
 
@@ -104,14 +112,24 @@ def is_bipolar(drive: Floats) -> bool:
     return low < 0.0 < high and min(-low, high) > 0.1 * max(-low, high)
 
 
+def is_negative(drive: Floats) -> bool:
+    """Whether the input takes negative values only, but for an offset or noise around zero."""
+    return not is_bipolar(drive) and float(drive.min()) < -abs(float(drive.max()))
+
+
 def is_even(loopset: LoopSet) -> bool:
     """Whether the output cannot tell the sign of the input, as force cannot.
 
     Not so in a magnet with a bias (permanent magnet or second coil): its force follows the input.
     """
-    if loopset.output.name != "force":
+    return are_even(loopset.loops, loopset.output)
+
+
+def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
+    """Whether an output cannot tell the sign of the input, as `is_even`."""
+    if output.name != "force":
         return False
-    bipolar = [loop for loop in loopset.loops if is_bipolar(loop.input)]
+    bipolar = [loop for loop in loops if is_bipolar(loop.input)]
     return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar)
 
 
@@ -123,7 +141,9 @@ def correlation(one: Floats, two: Floats) -> float:
 
 
 def folded(loop: Loop, *, even: bool) -> tuple[Floats, Floats]:
-    """Input and output of a loop; an even output over the size of a bipolar input."""
+    """Input and output of a loop; an even output over the size of its input."""
     if even and is_bipolar(loop.input):
         return np.abs(loop.input), loop.output
+    if even and is_negative(loop.input):
+        return -loop.input, loop.output
     return loop.input, loop.output

@@ -54,13 +54,17 @@ def clean(loopset: LoopSet, steps: Sequence[str] | None = None) -> LoopSet:
 
 
 def dedupe(loopset: LoopSet) -> LoopSet:
-    """Drop samples that repeat the one before (the same time, or without time the same values)."""
+    """Drop samples that repeat the one before.
+
+    At the same time another value is no repeat: then the clock is coarser than the sampling.
+    """
 
     def repeated(loop: Loop) -> NDArray[np.bool_]:
-        if loop.time is not None:
-            return _stays(loop.time)
         same = _stays(loop.input) & _stays(loop.output)
-        return same if loop.schedule is None else same & _stays(loop.schedule)
+        for column in (loop.schedule, loop.time):
+            if column is not None:
+                same &= _stays(column)
+        return same
 
     keep = [np.concatenate(([True], ~repeated(loop))) for loop in loopset.loops]
     return _kept(loopset, keep, "dedupe: {} repeated samples dropped")
@@ -99,15 +103,23 @@ def steady(loopset: LoopSet) -> LoopSet:
 
 
 def drift(loopset: LoopSet) -> LoopSet:
-    """Take a linear drift out of the output, so that repeated branches lie on each other."""
-    loops, told = list(loopset.loops), []
+    """Take a linear drift out of the output, so that states that come again have one output.
+
+    Where none comes again the drift cannot be judged: a note says so, and the loop stays as it is.
+    """
+    loops, told, unknown = list(loopset.loops), [], []
     for place, loop in enumerate(loops):
         total = estimates.drift(loop)
-        if total:
+        if total is None:
+            unknown.append(f"'{loop.label}'")
+        elif total:
             clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
             share = (clock - clock[0]) / (clock[-1] - clock[0]) - 0.5
             loops[place] = replace(loop, output=loop.output - total * share)
             told.append(f"{total:.3g} {loopset.output.unit} in loop '{loop.label}'")
+    if unknown:
+        note = f"drift of loops {_some(unknown)} cannot be judged: no state comes again in them"
+        loopset = replace(loopset, notes=(*loopset.notes, note))
     if not told:
         return loopset
     return loopset.with_loops(loops, f"drift: {_some(told)} removed from the output")

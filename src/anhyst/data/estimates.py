@@ -20,7 +20,11 @@ _MOST_SKEW = 8.0
 _DELAYS = np.linspace(-_MOST_SKEW, _MOST_SKEW, 161)
 _DRIFTING = 0.05
 """A closure error above this share of the height is no drift but another history."""
+_SURE = 4.0
+"""Standard errors from which a drift is not noise."""
 _TIPS = 40
+_KNEE = 0.5
+"""A cubic must bring the misfit at a reversal below this share of a parabola's to replace it."""
 _SYMMETRIC = 0.1
 """Tips of a symmetric loop agree in size within this share."""
 
@@ -30,17 +34,19 @@ _END = 6
 
 
 def drift(loop: Loop) -> float | None:
-    """Linear drift of the output over the whole record, ``None`` if no cycle repeats.
+    """Linear drift of the output over the whole record, ``None`` if it cannot be judged.
 
-    From branches that repeat each other; in a single settled cycle from its closure.
+    From branches that repeat each other, else from the closure of a cycle. What comes before the
+    first reversal of a record that does not start settled is no equal of anything later. A drift
+    that noise alone may make is zero.
     """
-    parts = branches(loop.input)
     clock = _clock(loop)
-    slopes = []
-    for one, two in repeats(loop.input, parts):
-        gap = _shift(loop, one, two)
+    slopes, errors = [], []
+    for one, two in repeats(loop.input, _settled_branches(loop)):
+        gap, error = _shift(loop, one, two)
         lapse = clock[two.start : two.stop].mean() - clock[one.start : one.stop].mean()
         slopes.append(gap / lapse)
+        errors.append(error / lapse)
     if slopes:
         middle, span = float(np.median(slopes)), float(clock[-1] - clock[0])
         cut = len(slopes) // 10
@@ -48,39 +54,61 @@ def drift(loop: Loop) -> float | None:
         # A drift is common to all repeats; cycles of two kinds in turn only look like one.
         if abs(mean - middle) > 0.5 * abs(middle) + noise(loop.output) / span:
             return None
-        return middle * span
-    missed = closure(loop) if loop.history.kind == "settled" else None
-    if missed is None or abs(missed) > _DRIFTING * float(np.ptp(loop.output)):
+        error = float(np.median(errors)) / len(slopes) ** 0.5
+        return middle * span if abs(middle) > _SURE * error else 0.0
+    missed = closure(loop)
+    if missed is None:
         return None
-    return missed if abs(missed) > 3.0 * noise(loop.output) else 0.0
+    if abs(missed) <= 3.0 * noise(loop.output):
+        return 0.0
+    return missed if abs(missed) <= _DRIFTING * float(np.ptp(loop.output)) else None
 
 
 def closure(loop: Loop) -> float | None:
     """Output at the end of the last full cycle minus output at its start, at the same input.
 
-    ``None`` if the record never passes its first input again in the direction it started in.
+    ``None`` if the record never comes back to a state: its first one if it starts settled, else
+    one of the first two at which the input was turned back.
     """
+    parts = _settled_branches(loop)
+    starts = parts[:1] if loop.history.kind == "settled" else parts[1::-1]
+    found = (_missed(loop, parts, first) for first in starts)
+    return next((value for value in found if value is not None), None)
+
+
+def _settled_branches(loop: Loop) -> list[Branch]:
+    """Branches of a loop, without the first if what comes before it is not settled."""
     parts = branches(loop.input)
-    if len(parts) < 2:
+    return parts if loop.history.kind == "settled" else parts[1:]
+
+
+def _missed(loop: Loop, parts: list[Branch], first: Branch) -> float | None:
+    """By how much a record misses the state at the start of a branch when it comes back last."""
+    if parts[-1] is first:
         return None
-    first = parts[0]
-    later = slice(first.stop - 1, None)
-    level = float(loop.input[0])
-    again = crossings(loop.input[later], loop.output[later], level, rising=first.rising)
+    inputs, outputs = loop.input[first.start :], loop.output[first.start :]
+    later = slice(first.stop - 1 - first.start, None)
+    level = float(inputs[0])
+    again = crossings(inputs[later], outputs[later], level, rising=first.rising)
     if again.size:
-        return float(again[-1] - loop.output[0])
-    if abs(loop.input[-1] - level) <= 0.02 * float(np.ptp(loop.input)):
+        return float(again[-1] - outputs[0])
+    if abs(inputs[-1] - level) <= 0.02 * float(np.ptp(inputs)):
         # A cycle often ends one sample before its first one: both ends are taken to the same input.
-        end = _straight_to(loop.input[-_END:], loop.output[-_END:], level)
-        return end - _straight_to(loop.input[:_END], loop.output[:_END], level)
+        end = _straight_to(inputs[-_END:], outputs[-_END:], level)
+        return end - _straight_to(inputs[:_END], outputs[:_END], level)
     return None
 
 
 def _straight_to(inputs: Floats, outputs: Floats, level: float) -> float:
     """Output at an input level, along the straight line through a few samples beside it."""
-    if np.ptp(inputs) == 0.0:
+    span = float(np.ptp(inputs))
+    if span == 0.0:
         return float(outputs.mean())
-    return float(np.polyfit(inputs - level, outputs, 1)[1])
+    # In parts of the span: the squares of the smallest numbers would vanish.
+    beside = (inputs - level) / span
+    middle, mean = float(beside.mean()), float(outputs.mean())
+    slope = float((beside - middle) @ (outputs - mean)) / float(np.sum((beside - middle) ** 2))
+    return mean - slope * middle
 
 
 def offsets(loop: Loop) -> tuple[float, float] | None:
@@ -122,7 +150,11 @@ def skew(loop: Loop) -> float | None:
         width = min(width, 200)
         if width < 6 or tip - width < reach or tip + width + reach >= loop.n:
             continue
-        costs = np.array([_tip_misfit(loop, tip, width, delay) for delay in _DELAYS])
+        costs = _tip_misfits(loop, tip, width, powers=2)
+        curved = _tip_misfits(loop, tip, width, powers=3)
+        # A parabola cannot follow a knee in the window, and takes it for a delay.
+        if curved.min() < _KNEE * costs.min():
+            costs = curved
         best = int(np.argmin(costs))
         votes.append(float(_DELAYS[best]))
         gains.append(costs[best] / (costs[_DELAYS.size // 2] or 1.0))
@@ -165,13 +197,16 @@ def _clock(loop: Loop) -> Floats:
     return loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
 
 
-def _shift(loop: Loop, one: Branch, two: Branch) -> float:
-    """Median distance in output between two branches that repeat each other."""
+def _shift(loop: Loop, one: Branch, two: Branch) -> tuple[float, float]:
+    """Median distance in output of two branches that repeat each other, and its standard error."""
     x1, y1 = smooth(loop.input[one.rows], loop.output[one.rows])
     x2, y2 = smooth(loop.input[two.rows], loop.output[two.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
     grid = np.linspace(low, high, 51)
-    return float(np.median(np.interp(grid, x2, y2) - np.interp(grid, x1, y1)))
+    apart = np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
+    middle = float(np.median(apart))
+    spread = TO_SIGMA * float(np.median(np.abs(apart - middle)))
+    return middle, 1.25 * spread / min(grid.size, len_of(one), len_of(two)) ** 0.5
 
 
 def _tip_output(drive: Floats, answer: Floats, level: float) -> float:
@@ -184,8 +219,13 @@ def _tip_output(drive: Floats, answer: Floats, level: float) -> float:
     return float(answer[int(np.argmax(drive * np.sign(level)))])
 
 
-def _tip_misfit(loop: Loop, tip: int, width: int, delay: float) -> float:
-    """Squared misfit of the output around a reversal of the input delayed by ``delay`` samples."""
+def _tip_misfits(loop: Loop, tip: int, width: int, powers: int) -> Floats:
+    """Misfit of the output around a reversal of the input, for each of the delays tried."""
+    return np.array([_tip_misfit(loop, tip, width, delay, powers) for delay in _DELAYS])
+
+
+def _tip_misfit(loop: Loop, tip: int, width: int, delay: float, powers: int) -> float:
+    """Squared misfit to a polynomial of the input, ``delay`` samples late, on each side."""
     rows = np.arange(tip - width, tip + width + 1)
     whole = int(np.floor(delay))
     share = delay - whole
@@ -197,10 +237,11 @@ def _tip_misfit(loop: Loop, tip: int, width: int, delay: float) -> float:
     after = rows > tip + delay
     parts = [np.ones_like(u)]
     for side in (after, ~after):
-        parts += [np.where(side, u, 0.0), np.where(side, u * u, 0.0)]
+        parts += [np.where(side, u**power, 0.0) for power in range(1, powers + 1)]
     basis = np.stack(parts, axis=1)
     fit, *_ = np.linalg.lstsq(basis, answer, rcond=None)
-    return float(np.sum((answer - basis @ fit) ** 2)) / (float(np.var(answer)) or 1.0)
+    left = float(np.sum((answer - basis @ fit) ** 2)) / (float(np.var(answer)) or 1.0)
+    return left / float(rows.size - basis.shape[1])
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,18 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Literal, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
-from anhyst.data.noise import noise
-from anhyst.data.path import crossings, turning_points
 from anhyst.errors import InputError
 
 Kind = Literal["demagnetised", "settled", "conditioned"]
 
 _ADVICE = "use demagnetised, settled or conditioned:0,2,0 (the drive's turning points in SI units)"
-_NEAR = 0.02
-"""A start or an end within this share of the range counts as reached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,54 +68,3 @@ class History:
 
 SETTLED = History("settled")
 DEMAGNETISED = History("demagnetised")
-
-
-def propose_history(drive: NDArray[np.float64], answer: NDArray[np.float64]) -> tuple[History, str]:
-    """Judge from a loop what happened before it, and say why.
-
-    A record that comes back to its first point is taken as settled; one that starts at rest and
-    does not come back starts demagnetised.
-
-    Parameters
-    ----------
-    drive, answer
-        Input and output of one loop, shape (n,).
-    """
-    span = float(np.ptp(drive))
-    height = float(np.ptp(answer)) or 1.0
-    at_rest = (
-        abs(drive[0]) <= _NEAR * float(np.max(np.abs(drive)))
-        and abs(answer[0]) <= 2 * _NEAR * float(np.max(np.abs(answer)))
-    )  # fmt: skip
-    back = _return_to_start(drive, answer, span)
-    # Two single samples differ by noise alone now and then.
-    if back is not None and abs(back - answer[0]) <= max(_NEAR * height, 5.0 * noise(answer)):
-        error = abs(back - answer[0]) / height
-        return SETTLED, f"it comes back to its start within {error:.2%} of its height"
-    if at_rest:
-        why = "never comes back there" if back is None else "does not come back there"
-        return DEMAGNETISED, f"it starts at rest, at zero, and {why}"
-    if back is None:
-        return SETTLED, "it starts away from rest and is no complete cycle: a guess"
-    error = abs(back - answer[0]) / height
-    return (
-        SETTLED,
-        f"it starts away from rest and misses its start by {error:.2%} of its height: a guess",
-    )
-
-
-def _return_to_start(
-    drive: NDArray[np.float64], answer: NDArray[np.float64], span: float
-) -> float | None:
-    """Output when the input last passes its first value in the direction it started in."""
-    turns = turning_points(drive, _NEAR * span)
-    if turns.size <= 2:
-        return None
-    rising = bool(drive[turns[1]] > drive[0])
-    later = slice(int(turns[1]), None)
-    again = crossings(drive[later], answer[later], float(drive[0]), rising=rising)
-    if again.size:
-        return float(again[-1])
-    if abs(drive[-1] - drive[0]) <= _NEAR * span:
-        return float(answer[-1])
-    return None

@@ -9,10 +9,11 @@ import numpy as np
 
 from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
-from anhyst.data.history import History, propose_history
+from anhyst.data.history import History
 from anhyst.data.loopset import Loop, LoopSet
 from anhyst.data.noise import noise as noise_of
 from anhyst.data.plausibility import check_plausible
+from anhyst.data.start import Proposal, propose_histories
 from anhyst.data.units import Quantity
 from anhyst.data.verdict import Verdict, judge, loop_width, single_valued
 
@@ -153,8 +154,11 @@ def inspect(loopset: LoopSet) -> Inspection:
     """
     warnings = list(check_plausible(loopset))
     residuals = {id(loop): residual for loop, residual in single_valued(loopset)}
+    even = is_even(loopset)
+    proposals = propose_histories(loopset.loops, even=even)
     figures = tuple(
-        _figures(loop, np.abs(residuals[id(loop)]), even=is_even(loopset)) for loop in loopset.loops
+        _figures(loop, np.abs(residuals[id(loop)]), proposal, even=even)
+        for loop, proposal in zip(loopset.loops, proposals, strict=True)
     )
     warnings += _warnings(loopset, figures)
     return Inspection(
@@ -170,8 +174,10 @@ def inspect(loopset: LoopSet) -> Inspection:
     )
 
 
-def _figures(loop: Loop, deviation: estimates.Floats, *, even: bool) -> LoopFigures:
-    proposed, reason = propose_history(loop.input, loop.output)
+def _figures(
+    loop: Loop, deviation: estimates.Floats, proposal: Proposal, *, even: bool
+) -> LoopFigures:
+    proposed, reason = proposal
     centre = None if even else estimates.offsets(loop)
     width = loop_width(loop, even=even)
     steps = estimates.sampling(loop)

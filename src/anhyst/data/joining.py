@@ -15,7 +15,7 @@ from anhyst.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """The loops of one source."""
+    """The loops of one source; those whose history nobody stated are ``open``, by their place."""
 
     place: str
     loops: tuple[Loop, ...]
@@ -24,6 +24,7 @@ class Part:
     schedule: Quantity | None
     source: Source | None
     notes: tuple[str, ...]
+    open: frozenset[int] = frozenset()
 
 
 def join(parts: Sequence[Part]) -> LoopSet:

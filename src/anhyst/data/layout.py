@@ -11,7 +11,7 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.data.units import find_unit
+from anhyst.data.units import find_unit, parse_header
 from anhyst.errors import InputError
 
 PathLike = str | os.PathLike[str]
@@ -20,6 +20,9 @@ _HEAD_BYTES = (1 << 16, 1 << 22)
 """Bytes looked at for the header: few, and many where comments or columns are many."""
 _READ_ADVICE = "check the path and its permissions"
 _HEADER_ADVICE = "name the columns in the first line, such as 'I_A,F_N,gap_m'"
+_DELIMITERS = (";", "\t", ",", None)
+_RUN = 8
+"""Rows of numbers from which on a run of them is the data; of shorter ones the longest is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,14 +91,15 @@ def read_layout(path: PathLike, least: int = 2) -> Layout:
     path = Path(path)
     for most in _HEAD_BYTES:
         head, size = _read_head(path, most)
+        last = size <= len(head) or most == _HEAD_BYTES[-1]
         try:
-            return _find_layout(path, head, size, least)
+            return _find_layout(path, head, size, least, last=last)
         except _HeadTooShortError:
             continue
     raise InputError(f"{path}: the first {_HEAD_BYTES[-1] >> 20} MiB hold no row of data: no table")
 
 
-def _find_layout(path: Path, head: bytes, size: int, least: int) -> Layout:
+def _find_layout(path: Path, head: bytes, size: int, least: int, *, last: bool) -> Layout:
     _refuse_binary(path, head)
     encoding = "utf-8-sig" if head.startswith(codecs.BOM_UTF8) else _encoding(head)
     start = len(codecs.BOM_UTF8) if encoding == "utf-8-sig" else 0
@@ -106,7 +110,11 @@ def _find_layout(path: Path, head: bytes, size: int, least: int) -> Layout:
     if first == len(lines):
         _ask_for_more(complete)
         raise InputError(f"{path}: holds no table, only blank lines and comments; {_HEADER_ADVICE}")
-    delimiter = _delimiter(lines[first][0])
+    delimiter, above = _delimiter(lines[first][0]), first
+    if not _is_header(lines, first, least):
+        above, delimiter = _skip_preamble(path, lines, first, least, last=last)
+        notes += [text.strip().lstrip("# ") for text, _ in lines[first:above] if text.strip()]
+    first = above
     header = _fields(lines[first][0], delimiter)
     after = first + 1
     if all(is_number(field) for field in header if field):
@@ -131,6 +139,112 @@ def _find_layout(path: Path, head: bytes, size: int, least: int) -> Layout:
     return Layout(
         path, size, encoding, eol, delimiter, tuple(header), units, found, offset, after + 1
     )
+
+
+def _is_header(lines: list[tuple[str, int]], place: int, least: int) -> bool:
+    """Whether a line names what is measured, so that nothing need be looked for below it."""
+    text = lines[place][0]
+    delimiter = _delimiter(text)
+    fields = _drop_empty_tail(_fields(text, delimiter))
+    if len(fields) < least or any(is_number(field) for field in fields):
+        return False
+    _, below = _skip_comments(lines, place + 1)
+    units = _unit_row(lines[below][0], delimiter, fields) if below < len(lines) else None
+    headers = map(parse_header, fields, units or [None] * len(fields))
+    return any(header.is_known and header.problem is None for header in headers)
+
+
+def _skip_preamble(
+    path: Path, lines: list[tuple[str, int]], first: int, least: int, *, last: bool
+) -> tuple[int, str | None]:
+    """Find the header, and its delimiter, above the first long run of rows of numbers.
+
+    A file without such a run has its header in its first line, and so has one that begins with it.
+    """
+    runs = [(_find_run(lines, first, sign, least), sign) for sign in _DELIMITERS]
+    found = [(run, sign) for run, sign in runs if run is not None]
+    if not found and not last:
+        raise _HeadTooShortError
+    if not found or any(run.start == first for run, _ in found):
+        return first, _delimiter(lines[first][0])
+    for run, sign in found:
+        above = _text_above(lines, first, run.start)
+        header = _header_fields(lines[above][0], sign)
+        if header is None or not run.used <= len(header) <= run.width:
+            continue
+        if above > first and _unit_row(lines[above][0], sign, header) is not None:
+            higher = _text_above(lines, first, above)
+            names = _header_fields(lines[higher][0], sign)
+            if names is not None and len(names) == len(header):
+                above = higher
+        return above, sign
+    run, _ = max(found, key=lambda one: one[0].width)
+    above = _text_above(lines, first, run.start)
+    raise InputError(
+        f"{path}: line {above + 1}: '{_short(lines[above][0].strip())}' stands where the header of "
+        f"the {run.width} columns of numbers below it should be; name them there, such as "
+        "'I_A,F_N,gap_m'"
+    )
+
+
+def _header_fields(text: str, delimiter: str | None) -> list[str] | None:
+    """Fields of a line that may be a header: none of them is a number."""
+    fields = _drop_empty_tail(_fields(text, delimiter))
+    return None if any(is_number(field) for field in fields) else fields
+
+
+def _text_above(lines: list[tuple[str, int]], first: int, start: int) -> int:
+    """Index of the last line above another that is neither blank nor a comment."""
+    return next(
+        place
+        for place in range(start - 1, first - 1, -1)
+        if lines[place][0].strip() and not lines[place][0].lstrip().startswith("#")
+    )
+
+
+@dataclass(slots=True)
+class _Run:
+    """Rows one below the other with as many fields, of which the same ones are numbers.
+
+    ``used`` is how many columns there are up to the last that holds anything.
+    """
+
+    start: int
+    width: int
+    numbers: set[int]
+    used: int = 0
+    rows: int = 0
+
+
+def _find_run(
+    lines: list[tuple[str, int]], first: int, delimiter: str | None, least: int
+) -> _Run | None:
+    """Find the first run of at least `_RUN` rows, else the longest of three or more."""
+    run, best = _Run(first, 0, set()), None
+    for place in range(first, len(lines)):
+        text = lines[place][0]
+        if not text.strip() or text.lstrip().startswith("#"):
+            continue
+        fields = split_line(text, delimiter)
+        numbers = {index for index, field in enumerate(fields) if is_number(field)}
+        common = numbers & run.numbers if len(fields) == run.width else set()
+        if not _are_enough(common, run.used, least):
+            run, common = _Run(place, len(fields), numbers), numbers
+        run.numbers = common
+        run.used = max(run.used, *(index + 1 for index, field in enumerate(fields) if field), 0)
+        run.rows += 1
+        if not _are_enough(run.numbers, run.used, least):
+            run = _Run(place, 0, set())
+        elif run.rows >= _RUN:
+            return run
+        elif run.rows >= 3 and (best is None or run.rows > best.rows):
+            best = run
+    return best
+
+
+def _are_enough(numbers: set[int], columns: int, least: int) -> bool:
+    """Whether so many columns of numbers make a table, and no list of settings."""
+    return len(numbers) >= least and 2 * len(numbers) > columns
 
 
 class _HeadTooShortError(Exception):

@@ -75,6 +75,11 @@ class Loop:
                 f"loop '{self.label}': time goes backwards at sample {back + 1}; sort the samples "
                 "or tell loops apart by a column 'loop'"
             )
+        if self.time is not None and self.time[0] == self.time[-1]:
+            raise InputError(
+                f"loop '{self.label}': time stands still at {self.time[0]:g} s; correct it or "
+                'leave the column out, such as --columns "t_s="'
+            )
 
     def _checked(self, name: str, values: Floats) -> Floats:
         array = np.asarray(values, dtype=np.float64)

@@ -7,7 +7,15 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.branches import branches, correlation, folded, is_bipolar, is_even, separation
+from anhyst.data.branches import (
+    branches,
+    correlation,
+    folded,
+    is_bipolar,
+    is_even,
+    is_negative,
+    separation,
+)
 from anhyst.data.loopset import Loop, LoopSet
 from anhyst.errors import InputError
 
@@ -15,8 +23,17 @@ Floats = NDArray[np.float64]
 
 _MAGNETIC = ("force", "flux_density", "flux_linkage")
 _SWAP_ADVICE = "are the columns of current and force swapped?"
-_WIDE_GAP = 0.02
-"""From this gap on, m, the numbers are more likely in mm."""
+_PLAUSIBLE: dict[str, tuple[float, float, str, str]] = {
+    "current": (1e-5, 1e3, "A, not kA", "mA, not A"),
+    "field": (1e-2, 1e7, "kA/m, not A/m", "A/m, not kA/m"),
+    "voltage": (1e-5, 1e5, "V, not mV", "mV, not V"),
+    "force": (1e-5, 1e5, "N, not uN", "N, not kN, or mN, not N"),
+    "flux_density": (1e-5, 4.0, "T, not mT", "mT or G, not T"),
+    "displacement": (1e-10, 1.0, "um, not nm", "mm or um, not m"),
+}
+"""What an actuator's largest value lies between, SI, and the likely unit below and above that."""
+_GAPS = (2e-6, 0.02)
+"""The same of the largest gap, m: below it is finer than surfaces are flat."""
 _SAME = 1e-3
 """Scheduling values nearer to each other than this, relative, are more likely the same."""
 _FLAT = 0.3
@@ -39,7 +56,7 @@ def check_plausible(loopset: LoopSet) -> tuple[str, ...]:
     InputError
         If the sign of the output is flipped, or input and output are swapped.
     """
-    warnings = _check_schedule(loopset)
+    warnings = _check_schedule(loopset) + _check_size(loopset)
     for loop in loopset.loops:
         name = loopset.describe(loop)
         if loopset.output.name == "force":
@@ -59,10 +76,15 @@ def _check_schedule(loopset: LoopSet) -> list[str]:
     quantity, values = loopset.schedule, loopset.schedule_values
     if quantity is None or not values:
         return warnings
-    if quantity.name == "gap" and values[-1] >= _WIDE_GAP:
+    if quantity.name == "gap" and values[-1] >= _GAPS[1]:
         warnings.append(
             f"gaps up to {1e3 * values[-1]:.4g} mm are very wide for an electromagnet; if the "
             "numbers of the file are mm, name the column 'gap_mm'"
+        )
+    if quantity.name == "gap" and 0.0 < values[-1] < _GAPS[0]:
+        warnings.append(
+            f"gaps up to {1e3 * values[-1]:.4g} mm are finer than surfaces are flat; if the "
+            "numbers of the file are m, name the column 'gap_m'"
         )
     for one, two in itertools.pairwise(values):
         if two - one < _SAME * max(abs(one), abs(two)):
@@ -73,14 +95,39 @@ def _check_schedule(loopset: LoopSet) -> list[str]:
     return warnings
 
 
+def _check_size(loopset: LoopSet) -> list[str]:
+    """Warn of a quantity whose largest value no actuator has."""
+    warnings = []
+    sizes = (
+        (loopset.input, max(float(np.max(np.abs(loop.input))) for loop in loopset.loops)),
+        (loopset.output, max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)),
+    )
+    for quantity, largest in sizes:
+        if quantity.name not in _PLAUSIBLE or largest == 0.0:
+            continue
+        least, most, small, large = _PLAUSIBLE[quantity.name]
+        if not least <= largest <= most:
+            what = f"{quantity.name.replace('_', ' ')} is {largest:.4g} {quantity.unit}"
+            unit = small if largest < least else large
+            warnings.append(
+                f"the largest {what}, which is hardly plausible; are the numbers in {unit}?"
+            )
+    return warnings
+
+
 def _check_force_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
     low, high = float(loop.output.min()), float(loop.output.max())
     falls = correlation(loop.input**2, loop.output) < -0.5
     if low < 0.0 and (falls or high <= 0.0 or -low > 5.0 * high):
-        unit = loopset.output.unit
+        drive, what = loopset.input.name, f"{low:.4g} to {high:.4g} {loopset.output.unit}"
+        if is_negative(loop.input):
+            raise InputError(
+                f"{name}: the force is negative ({what}), and so is the {drive}; flip the signs of "
+                "both (attraction counts positive)"
+            )
         raise InputError(
-            f"{name}: the force is negative ({low:.4g} to {high:.4g} {unit}) and falls as the "
-            f"{loopset.input.name} grows; flip its sign (attraction counts positive)"
+            f"{name}: the force is negative ({what}) and falls as the {drive} grows; flip its sign "
+            "(attraction counts positive)"
         )
 
 

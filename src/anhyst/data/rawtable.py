@@ -326,7 +326,7 @@ def _find_fields(
         return None
     stops = np.concatenate((signs.reshape(ends.size, width - 1), ends[:, None]), axis=1)
     begin = np.concatenate(([0], ends[:-1] + 1))
-    if np.any(stops[:, 0] < begin) or np.any(stops[:, -2] > ends):
+    if np.any(stops[:, 0] < begin) or (width > 1 and np.any(stops[:, -2] > ends)):
         return None
     starts = np.concatenate((begin[:, None], stops[:, :-1] + 1), axis=1)
     return data, starts, stops

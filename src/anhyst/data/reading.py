@@ -10,15 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.history import History, propose_history
+from anhyst.data.branches import are_even
+from anhyst.data.history import History
 from anhyst.data.joining import Part, join
+from anhyst.data.labels import SHORTEST, find_label, may_label
 from anhyst.data.layout import PathLike, is_number, read_layout
 from anhyst.data.loopset import Loop, LoopSet, Source
 from anhyst.data.path import time_fault, value_fault
 from anhyst.data.rawtable import Progress, Texts, read_raw, row_line
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
 from anhyst.data.sidecar import Reading, is_sidecar
-from anhyst.data.table import map_headers
+from anhyst.data.start import propose_histories
+from anhyst.data.table import first_rows, map_headers
 from anhyst.data.units import GAP_ADVICE, QUANTITIES, Header
 from anhyst.errors import InputError
 
@@ -83,7 +86,7 @@ def read_loops(
     for path in files:
         reading = told.over(beside if beside is not None else _find_sidecar(path))
         parts.append(_read_file(path, reading, progress, alone=len(files) == 1))
-    return join(parts)
+    return join(_with_histories(parts))
 
 
 def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
@@ -127,22 +130,34 @@ def loops_of_frame(frame: Any, told: Reading) -> LoopSet:
     drive, answer = values(roles.input), values(roles.output)
     assert drive is not None
     assert answer is not None
+
+    def text(index: int) -> Texts:
+        names = [str(name) for name in frame[list(frame.columns)[index]]]
+        order = {name: code for code, name in enumerate(dict.fromkeys(names))}
+        return Texts(tuple(order), np.array([order[name] for name in names], np.int32))
+
+    schedule = _schedule_values(roles, values(roles.schedule), drive.size)
+    idle = {index: text(index) for index in _unlabelled(roles)}
+    idle = {
+        index: column
+        for index, column in idle.items()
+        if may_label(headers[index], column.rows()[:SHORTEST])
+    }
+    roles = roles.with_label(find_label(place, headers, idle, drive, answer, schedule))
     if roles.label is None:
         labels = _one_label(roles.fixed_label or _ALONE, drive.size)
     else:
-        names = [str(name) for name in frame[list(frame.columns)[roles.label]]]
-        order = {name: code for code, name in enumerate(dict.fromkeys(names))}
-        labels = Texts(tuple(order), np.array([order[name] for name in names], np.int32))
+        labels = text(roles.label)
     columns = _Columns(
         place,
         drive,
         answer,
-        _schedule_values(roles, values(roles.schedule), drive.size),
+        schedule,
         values(roles.time),
         labels,
         lambda row: f"{place}: row {row}",
     )
-    return join([_cut(columns, headers, roles, told, None, ())])
+    return join(_with_histories([_cut(columns, headers, roles, told, None, ())]))
 
 
 def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
@@ -171,11 +186,15 @@ def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: b
     layout = read_layout(path)
     told = with_file_name(path, told)
     headers = map_headers(str(path), layout.header, told.columns, layout.units)
-    roles = find_roles(str(path), headers, told)
+    head = first_rows(layout, SHORTEST)
+    words = [place for place, field in enumerate(head[0]) if not is_number(field)]
+    roles = find_roles(str(path), headers, told, words)
     numbers = [roles.input, roles.output]
     numbers += [index for index in (roles.time, roles.schedule) if index is not None]
     chosen = {name: find_column(str(path), headers, name) for name in told.select}
-    texts = {*chosen.values(), *(() if roles.label is None else (roles.label,))}
+    asked = {index: [row[index] for row in head] for index in _unlabelled(roles)}
+    asked = {index: first for index, first in asked.items() if may_label(headers[index], first)}
+    texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = read_raw(layout, numbers, sorted(texts), progress)
     keep = _selection(str(path), told, {name: raw.texts[i] for name, i in chosen.items()})
 
@@ -192,19 +211,29 @@ def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: b
     drive, answer = values(roles.input), values(roles.output)
     assert drive is not None
     assert answer is not None
+    schedule = _schedule_values(roles, values(roles.schedule), drive.size)
+
+    def text(index: int) -> Texts:
+        column = raw.texts[index]
+        return column if keep is None else Texts(column.values, column.codes[keep])
+
+    idle = {index: text(index) for index in asked}
+    roles = roles.with_label(find_label(str(path), headers, idle, drive, answer, schedule))
     if roles.label is None:
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
         # there is to tell them apart by.
         name = _ALONE if alone or roles.quantity is not None else path.stem
         labels = _one_label(roles.fixed_label or name, drive.size)
     else:
-        labels = raw.texts[roles.label]
-        if keep is not None:
-            labels = Texts(labels.values, labels.codes[keep])
-    schedule = _schedule_values(roles, values(roles.schedule), drive.size)
+        labels = text(roles.label)
     columns = _Columns(str(path), drive, answer, schedule, values(roles.time), labels, where)
     source = Source(str(path), raw.sha256, dict(told.columns))
     return _cut(columns, headers, roles, told, source, raw.notes)
+
+
+def _unlabelled(roles: Roles) -> tuple[int, ...]:
+    """Columns without a part, where none labels the loops yet."""
+    return roles.idle if roles.label is None and roles.fixed_label is None else ()
 
 
 def _one_label(label: str, rows: int) -> Texts:
@@ -257,7 +286,7 @@ def _cut(
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
     assert answer is not None
-    quantity, found = roles.quantity, list(roles.notes) + list(notes)
+    quantity, found = roles.quantity, [*roles.notes(headers), *notes]
     if quantity == QUANTITIES["gap"]:
         _refuse_negative_gaps(columns)
     blocks = _blocks(columns)
@@ -268,13 +297,36 @@ def _cut(
         found.append(f"{quantity.name} varies within a loop: not scheduled by unless asked for")
         columns, quantity = replace(columns, schedule=None), None
         blocks = _blocks(columns)
-    loops = []
-    for rows in blocks:
-        loop, note = _loop(columns, rows, told)
-        loops.append(loop)
-        found += [note] if note else []
+    loops, unstated = [], []
+    for place, rows in enumerate(blocks):
+        loop = _loop(columns, rows)
+        stated: History | None = told.histories.get(loop.label, told.history)
+        loops.append(loop if stated is None else replace(loop, history=stated))
+        unstated += [place] if stated is None else []
     texts = tuple(f"{columns.place}: {text}" for text in found)
-    return Part(columns.place, tuple(loops), drive, answer, quantity, source, texts)
+    return Part(
+        columns.place, tuple(loops), drive, answer, quantity, source, texts, frozenset(unstated)
+    )
+
+
+def _with_histories(parts: list[Part]) -> list[Part]:
+    """Give the loops whose history nobody stated the one that their data propose, with a note."""
+    loops = [loop for part in parts for place, loop in enumerate(part.loops) if place in part.open]
+    proposals = iter(propose_histories(loops, even=are_even(loops, parts[0].output)))
+    found = []
+    for part in parts:
+        judged, notes = list(part.loops), list(part.notes)
+        for place in sorted(part.open):
+            loop = judged[place]
+            history, reason = next(proposals)
+            judged[place] = replace(loop, history=history)
+            value = loop.schedule_value
+            at = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
+            notes.append(
+                f"{part.place}: history of loop '{loop.label}'{at} taken as {history}: {reason}"
+            )
+        found.append(replace(part, loops=tuple(judged), notes=tuple(notes)))
+    return found
 
 
 def _refuse_negative_gaps(columns: _Columns) -> None:
@@ -332,8 +384,8 @@ def _by_value(columns: _Columns, values: Floats, rows: Rows) -> list[Rows]:
     return [rows]
 
 
-def _loop(columns: _Columns, rows: Rows, told: Reading) -> tuple[Loop, str | None]:
-    """Make one loop, and a note if its history is only proposed."""
+def _loop(columns: _Columns, rows: Rows) -> Loop:
+    """Make one loop, its history still to be said."""
     label = columns.labels.values[columns.labels.codes[rows[0]]]
 
     def part(values: Floats | None) -> Floats | None:
@@ -360,12 +412,6 @@ def _loop(columns: _Columns, rows: Rows, told: Reading) -> tuple[Loop, str | Non
     assert drive is not None
     assert answer is not None
     try:
-        loop = Loop(label, drive, answer, part(columns.schedule), time, source=columns.place)
+        return Loop(label, drive, answer, part(columns.schedule), time, source=columns.place)
     except InputError as error:
         raise InputError(f"{columns.place}: {error}") from None
-    stated: History | None = told.histories.get(label, told.history)
-    if stated is not None:
-        return replace(loop, history=stated), None
-    history, reason = propose_history(drive, answer)
-    note = f"history of loop '{label}' taken as {history}: {reason}"
-    return replace(loop, history=history), note

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from anhyst.data.hints import map_one, mapping
 from anhyst.data.sidecar import Reading
-from anhyst.data.units import INPUTS, OUTPUTS, Header, Quantity, parse_header
+from anhyst.data.units import INPUTS, OUTPUTS, QUANTITIES, Header, Quantity, parse_header
 from anhyst.errors import InputError
 
 _NO_SCHEDULE = "none"
+_INPUT_EXAMPLES = "'I_A', 'H_A_per_m' or 'u_V'"
+_OUTPUT_EXAMPLES = "'F_N', 'B_T', 'psi_Wb' or 'x_m'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +23,7 @@ class Roles:
 
     The scheduling variable is a column (``schedule``) or a constant of the whole file
     (``fixed``, in SI units); ``quantity`` says which, ``None`` if nothing is scheduled. ``chosen``
-    is true if it was asked for by name.
+    is true if it was asked for by name. ``idle`` are the columns without a part.
     """
 
     input: int
@@ -32,10 +35,30 @@ class Roles:
     fixed: float | None
     quantity: Quantity | None
     chosen: bool
-    notes: tuple[str, ...]
+    idle: tuple[int, ...]
+    label_found: bool = False
+
+    def with_label(self, label: int | None) -> Roles:
+        """Return the same roles with a label that the data gave away; ``None`` changes nothing."""
+        if label is None:
+            return self
+        idle = tuple(index for index in self.idle if index != label)
+        return replace(self, label=label, idle=idle, label_found=True)
+
+    def notes(self, headers: Sequence[Header]) -> list[str]:
+        """Say what was found about the columns, and what was left."""
+        found = []
+        if self.label_found and self.label is not None:
+            found.append(f"column '{headers[self.label].text}' tells the loops apart")
+        if self.idle:
+            idle = ", ".join(headers[index].text for index in self.idle)
+            found.append(f"columns not used: {idle}")
+        return found
 
 
-def find_roles(place: str, headers: Sequence[Header], told: Reading) -> Roles:
+def find_roles(
+    place: str, headers: Sequence[Header], told: Reading, skip: Collection[int] = ()
+) -> Roles:
     """Decide what each column is.
 
     Parameters
@@ -46,6 +69,8 @@ def find_roles(place: str, headers: Sequence[Header], told: Reading) -> Roles:
         The headers, mapped.
     told
         Names of the label column and the scheduling variable, constants.
+    skip
+        Indices of columns that hold no numbers.
 
     Raises
     ------
@@ -53,8 +78,7 @@ def find_roles(place: str, headers: Sequence[Header], told: Reading) -> Roles:
         If input or output are missing, one comes twice, or a column that matters has no usable
         unit.
     """
-    drive = _first(place, headers, INPUTS, "an input", "'I_A', 'H_A_per_m' or 'u_V'")
-    answer = _first(place, headers, OUTPUTS, "an output", "'F_N', 'B_T', 'psi_Wb' or 'x_m'")
+    drive, answer = _pair(place, headers, skip)
     time = _only(place, headers, "time")
     label = _label(place, headers, told)
     fixed_label = _fixed_label(told.constants)
@@ -62,11 +86,13 @@ def find_roles(place: str, headers: Sequence[Header], told: Reading) -> Roles:
         raise InputError(f"{place}: the loop label is both a column and a constant; keep one")
     schedule, fixed, quantity = _schedule(place, headers, told)
     used = {drive, answer, time, label, schedule}
-    idle = [header.text for index, header in enumerate(headers) if index not in used]
-    idle = [text for text in idle if text and text not in told.select]
-    notes = (f"columns not used: {', '.join(idle)}",) if idle else ()
+    idle = tuple(
+        index
+        for index, header in enumerate(headers)
+        if index not in used and header.text and header.text not in told.select
+    )
     asked = told.schedule is not None
-    return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, asked, notes)
+    return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, asked, idle)
 
 
 def find_column(place: str, headers: Sequence[Header], name: str) -> int:
@@ -114,17 +140,29 @@ def with_file_name(path: Path, told: Reading) -> Reading:
     return replace(told, constants=constants)
 
 
-def _first(
-    place: str, headers: Sequence[Header], names: Sequence[str], what: str, examples: str
-) -> int:
-    for name in names:
-        index = _only(place, headers, name)
-        if index is not None:
-            return index
+def _pair(place: str, headers: Sequence[Header], skip: Collection[int]) -> tuple[int, int]:
+    """Find input and output; what is missing is asked for together."""
+    found = [_first(place, headers, names) for names in (INPUTS, OUTPUTS)]
+    drive, answer = found
+    if drive is not None and answer is not None:
+        return drive, answer
+    field = drive is not None and headers[drive].name == "H"
+    outputs = ("flux_density", *OUTPUTS) if field else OUTPUTS
+    missing = [
+        names for index, names in zip(found, (INPUTS, outputs), strict=True) if index is None
+    ]
+    what, examples = ("an output", _OUTPUT_EXAMPLES)
+    if drive is None:
+        what, examples = ("an input", _INPUT_EXAMPLES)
     raise InputError(
-        f"{place}: has no column for {what} ({_have(headers)}); name it {examples}, or map one "
-        f"with columns = {{'{headers[-1].text}': ...}}"
+        f"{place}: has no column for {what} ({_have(headers)}); name it {examples}"
+        f"{mapping(headers, *missing, skip=skip)}"
     )
+
+
+def _first(place: str, headers: Sequence[Header], names: Sequence[str]) -> int | None:
+    indices = (_only(place, headers, name) for name in names)
+    return next((index for index in indices if index is not None), None)
 
 
 def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
@@ -133,10 +171,11 @@ def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
     healthy = [index for index in found if headers[index].problem is None]
     if len(healthy) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in healthy)
-        raise InputError(f"{place}: columns {texts} are both {name}; leave one out (map it to '')")
+        leave = f'--columns "{headers[healthy[1]].text}="'
+        raise InputError(f"{place}: columns {texts} are both {name}; leave one out: {leave}")
     if found and not healthy:
         header = headers[found[0]]
-        raise InputError(f"{place}: column '{header.text}': {header.problem}")
+        raise InputError(f"{place}: column '{header.text}': {header.problem}{map_one(header)}")
     return healthy[0] if healthy else None
 
 
@@ -199,7 +238,7 @@ def _schedule(
     if told.schedule is not None:
         raise InputError(
             f"{place}: has no column or constant '{told.schedule}' to schedule by "
-            f"({_have(headers)})"
+            f"({_have(headers)}){mapping(headers, names) if names[0] in QUANTITIES else ''}"
         )
     return None, None, None
 

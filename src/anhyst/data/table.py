@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from anhyst.data.hints import map_one, mapping
 from anhyst.data.layout import Layout, PathLike, is_number, read_layout
 from anhyst.data.path import time_fault
 from anhyst.data.rawtable import (
@@ -19,7 +21,7 @@ from anhyst.data.rawtable import (
     shown,
     split_lines,
 )
-from anhyst.data.units import GAP_ADVICE, Header, Quantity, parse_header
+from anhyst.data.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse_header
 from anhyst.errors import InputError
 
 
@@ -66,7 +68,9 @@ class Table:
             return None
         header, column = self.headers[(healthy or found)[0]], self.columns[(healthy or found)[0]]
         if header.problem:
-            raise InputError(f"{self.path}: column '{header.text}': {header.problem}")
+            raise InputError(
+                f"{self.path}: column '{header.text}': {header.problem}{map_one(header)}"
+            )
         if isinstance(column, Texts):
             bad = next((r for r, text in enumerate(column.rows()) if not is_number(text)), 0)
             raise InputError(
@@ -102,9 +106,14 @@ class Table:
             have = ", ".join(header.text for header in self.headers)
             raise InputError(
                 f"{self.path}: has no column of {name.replace('_', ' ')} (columns: {have}); "
-                f"name it '{example}' or map it"
+                f"name it '{example}'{self.hint(name)}"
             )
         return values
+
+    def hint(self, name: str) -> str:
+        """Advise how to map a column to a quantity that none holds."""
+        texts = [place for place, column in enumerate(self.columns) if isinstance(column, Texts)]
+        return mapping(self.headers, [name], skip=texts, least=0) if name in QUANTITIES else ""
 
     def as_columns(self) -> dict[str, Floats | Texts]:
         """Columns as they stood in the file by header, ready for `write_csv` to repeat."""
@@ -138,7 +147,7 @@ def read_columns(
     """
     layout = read_layout(path, least=1)
     headers = map_headers(str(layout.path), layout.header, columns or {}, layout.units)
-    first = _first_row(layout)
+    (first,) = first_rows(layout, 1)
     known = {place for place, header in enumerate(headers) if header.is_known}
     texts = {
         place
@@ -164,11 +173,15 @@ def read_columns(
     return Table(str(layout.path), raw.sha256, headers, tuple(held), raw.notes, layout)
 
 
-def _first_row(layout: Layout) -> list[str]:
+def first_rows(layout: Layout, count: int) -> list[list[str]]:
+    """Fields of the first rows of data, as many as the table has columns."""
     with layout.path.open("rb") as file:
         file.seek(layout.offset)
-        fields = layout.split(next(split_lines(file, layout)))
-    return fields + [""] * (layout.width - len(fields))
+        lines = [
+            line for line in itertools.islice(split_lines(file, layout), count) if line.strip()
+        ]
+    rows = [layout.split(line) for line in lines]
+    return [row[: layout.width] + [""] * (layout.width - len(row)) for row in rows]
 
 
 def map_headers(

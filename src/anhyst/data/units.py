@@ -167,7 +167,9 @@ GAP_ADVICE = "gaps count from contact, 0 and up"
 LABEL = "loop"
 """Header of the column that tells loops apart."""
 
-_DIMENSIONS = {"displacement": "length", "gap": "length"}
+DIMENSIONS = MappingProxyType({"displacement": "length", "gap": "length"})
+"""Dimensions of quantities that are not their names."""
+
 _SYMBOLS = {quantity.symbol: name for name, quantity in QUANTITIES.items()} | {
     "i": "current",
     "U": "voltage",
@@ -278,7 +280,7 @@ def _known(name: str) -> Quantity | None:
 
 
 def _unit_problem(quantity: Quantity, written: str, unit: Unit | None) -> str | None:
-    dimension = _DIMENSIONS.get(quantity.name, quantity.name)
+    dimension = DIMENSIONS.get(quantity.name, quantity.name)
     examples = " or ".join(f"'{quantity.symbol}_{symbol}'" for symbol in _examples(dimension))
     if unit is None:
         if written:

@@ -1,18 +1,32 @@
-"""Which gap map: the one that predicts gaps it has not seen."""
+"""Which gap map: one that a controller can use, and that predicts gaps it has not seen."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anhyst.compilable import obstacle
 from anhyst.data import LoopSet
-from anhyst.errors import InputError, NegativeResult
+from anhyst.errors import InputError
+from anhyst.identify.bare import model_of, valid_range
+from anhyst.identify.crossvalidation import (
+    AS_GOOD,
+    Fold,
+    Miss,
+    Refit,
+    better,
+    folds,
+    inner,
+    mean_of,
+    noise_at,
+    promise,
+    refit,
+)
 from anhyst.identify.default import (
     SCREENED,
-    TIE,
-    TIED,
     Found,
     follow,
     join_circuit,
@@ -22,112 +36,69 @@ from anhyst.identify.default import (
     search_one_gap,
 )
 from anhyst.identify.drives import Records
-from anhyst.identify.gauge import physical
+from anhyst.identify.offsets import OFFSETS, only_demanded
 from anhyst.identify.response import Local
 from anhyst.identify.run import SEARCHED, Run
 from anhyst.identify.screening import starts
 from anhyst.identify.space import Space
-from anhyst.model import ActuatorModel
-
-Floats = NDArray[np.float64]
-
-_AS_GOOD = 1.02
-"""A left-out error within this factor of the least counts as equal to it."""
+from anhyst.record import CrossValidation
 
 CARRIED = 24
 """Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
 
 
-def model_of(found: Found, loopset: LoopSet) -> ActuatorModel:
-    """Bare model of a fit: parameters and gap map, no records.
+@dataclass(frozen=True)
+class Candidate:
+    """A gap map, and what it may vary.
 
     Parameters
     ----------
-    found : Found
+    gap_map
+        The map.
+    held
+        Parameters that are zero and not fitted.
+    common
+        Parameters that are the same at every gap although the map lets them differ.
+    rank
+        Complexity: one of a higher rank is taken only where it is better by more than its scatter.
+    """
+
+    gap_map: str
+    held: frozenset[str]
+    common: frozenset[str] = frozenset()
+    rank: int = 0
+
+    @property
+    def label(self) -> str:
+        """Name of its stages."""
+        return f"{self.gap_map} holding {sorted(self.held)} sharing {sorted(self.common)}"
+
+    def space(self, run: Run) -> Space:
+        """Space of the fits to all gaps."""
+        return Space(self.gap_map, run.searched, run.form, self.held, self.common)
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The fit chosen, and why.
+
+    Parameters
+    ----------
+    found
         The fit.
-    loopset : LoopSet
-        For the quantities.
-
-    Returns
-    -------
-    ActuatorModel
+    why
+        The reason, as a sentence.
+    left_out
+        Cross-validation error of each map tried, relative to the largest output; empty below three
+        gaps, and without those maps that cannot be computed at a gap left out.
+    promised
+        What the whole choice misses at gaps it has not seen; None below three gaps.
     """
-    space = found.space
-    nodes = tuple(float(node) for node in space.records.nodes)
-    single = len(nodes) < 2
-    gaps = nodes if loopset.schedule is not None and loopset.schedule.name == "gap" else ()
-    return ActuatorModel(
-        name="model",
-        input=loopset.input,
-        output=loopset.output,
-        parameters=physical(found.sets, space.gap_map, loopset.input, loopset.output, gaps),
-        law=space.form.law,  # type: ignore[arg-type]
-        gap_map="none" if single else space.gap_map,  # type: ignore[arg-type]
-        schedule=loopset.schedule,
-        nodes=nodes,
-    )
 
-
-def _without(found: Found, gap: int) -> tuple[Space, Floats]:
-    """Space of the other gaps, and the coordinates of the fit there."""
-    space = found.space
-    keep = [place for place in range(space.records.gaps) if place != gap]
-    renumbered = {old: new for new, old in enumerate(keep)}
-    drives = tuple(
-        replace(drive, gap=renumbered[drive.gap])
-        for drive in space.records.drives
-        if drive.gap != gap
-    )
-    records = Records(
-        drives, space.records.nodes[keep], space.records.input_span, space.records.output_span
-    )
-    left = [place for place, (_, at) in enumerate(space.entries) if at != gap]
-    return Space(space.gap_map, records, space.form, space.held), found.theta[left]
-
-
-def left_out_error(found: Found, loopset: LoopSet, gap: int) -> float:
-    """Mean absolute deviation at one gap, predicted from the others.
-
-    Parameters
-    ----------
-    found : Found
-        Fit to all gaps; the fit to the others starts from it.
-    loopset : LoopSet
-        All loops.
-    gap : int
-        Place of the gap that is left out.
-
-    Returns
-    -------
-    float
-        Relative to the largest output of all loops; infinite where the model cannot be computed.
-    """
-    space, theta = _without(found, gap)
-    try:
-        tie = TIE * found.cost if space.gap_map in TIED else 0.0
-        model = model_of(follow(space, theta, 1e-6, 40, tie), loopset)
-        deviations = [
-            model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
-            for loop in loopset.by_schedule()[float(found.space.records.nodes[gap])]
-        ]
-    except (InputError, NegativeResult):
-        return float("inf")
-    mean = float(np.mean(np.abs(np.concatenate(deviations))))
-    return mean / found.space.records.output_span
-
-
-def _maps_to_try(run: Run, loopset: LoopSet) -> tuple[str, ...]:
-    """Name the maps that `auto` compares, the simplest first.
-
-    A reluctance in series is physics of a gap only, and does not go with the law of 1986.
-    """
-    gaps = run.searched.gaps
-    if gaps < 2:
-        return ("none",)
-    is_gap = loopset.schedule is not None and loopset.schedule.name == "gap"
-    in_series = is_gap and run.form.law == "effective-field"
-    maps = ("scaling", "reluctance") if in_series else ("scaling",)
-    return (*maps, "free") if gaps >= 3 else maps
+    found: Found
+    why: str
+    left_out: dict[str, float] = field(default_factory=dict)
+    promised: CrossValidation | None = None
 
 
 def require_gaps(records: Records, wanted: str) -> None:
@@ -145,7 +116,43 @@ def require_gaps(records: Records, wanted: str) -> None:
         )
 
 
-def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[str, float], str]:
+def candidates_for(run: Run, loopset: LoopSet, wanted: str) -> list[Candidate]:
+    """Name what is tried, the simplest first.
+
+    A reluctance in series is physics of a gap only, and does not go with the law of 1986. Of
+    ``circuit`` and ``free``, two gaps tell too little. Under ``free`` the gap cannot move, so it is
+    for other schedules. The offsets of a sensor do not depend on the gap: ``circuit`` lets them
+    only where it is asked for.
+    """
+    gaps, held = run.searched.gaps, run.held
+    if wanted == "circuit":
+        shared = Candidate("circuit", held, OFFSETS)
+        apart = gaps >= 3 and not held >= OFFSETS
+        return [shared, Candidate("circuit", held, rank=1)] if apart else [shared]
+    if wanted == "free":
+        # With everything free at each gap, interaction and shape of the anhysteretic replace each
+        # other almost without trace, and what is interpolated of them need not fit together.
+        # Without interaction the fit is a little worse and may predict much better.
+        # The same holds of offsets at every gap.
+        if gaps < 3:
+            return [Candidate("free", held)]
+        found = [Candidate("free", held | OFFSETS), Candidate("free", held | OFFSETS | {"omega"})]
+        if not held >= OFFSETS:
+            found += [Candidate("free", held, rank=1), Candidate("free", held | {"omega"}, rank=1)]
+        return found
+    if wanted != "auto":
+        return [Candidate(wanted, held)]
+    found = [Candidate("scaling", held)]
+    if loopset.schedule is None or loopset.schedule.name != "gap":
+        others = candidates_for(run, loopset, "free") if gaps >= 3 else []
+        return found + [replace(one, rank=one.rank + 1) for one in others]
+    if run.form.law == "effective-field":
+        found.append(Candidate("reluctance", held))
+        found += [Candidate("circuit", held, OFFSETS, rank=1)] if gaps >= 3 else []
+    return found
+
+
+def search_maps(run: Run, loopset: LoopSet, wanted: str) -> Choice:
     """Fit under the wanted map, or under all and keep the one that predicts left-out gaps best.
 
     Parameters
@@ -159,39 +166,118 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> tuple[Found, dict[st
 
     Returns
     -------
-    found : Found
-        The fit chosen.
-    left_out : dict of str to float
-        Left-out error of each map tried, relative to the largest output; empty below three gaps,
-        and without those maps that cannot be computed at a gap left out.
-    why : str
-        The reason, as a sentence.
+    Choice
 
     Raises
     ------
     InputError
         A gap map is wanted and there is one gap only.
     """
-    records = run.searched
-    require_gaps(records, wanted)
-    tried = _maps_to_try(run, loopset) if wanted == "auto" else (wanted,)
-    interior = range(1, records.gaps - 1)
-    joined = sum(len(_variants(run, name)) * (1 + len(interior)) for name in tried)
-    run.total = 1 + (joined if records.gaps > 1 else 0) + _is_thinned(run)
+    gaps = run.searched.gaps
+    require_gaps(run.records, wanted)
+    tried = candidates_for(run, loopset, wanted) if gaps > 1 else []
+    left_out = folds(gaps, nested=len(tried) > 1)
+    run.total = 1 + len(tried) + len(left_out) + _is_thinned(run)
     known = _known(run)
-    if run.best is not None:
-        return _finished(run, run.best), {}, "there is one gap only, so nothing runs over it"
-    fits, errors = {}, {}
-    for gap_map in tried:
-        found = [_joined(run, gap_map, known, held) for held in _variants(run, gap_map)]
-        missed = [_left_out(run, one, loopset) for one in found]
-        best = int(np.argmin(missed if interior else [one.cost for one in found]))
-        fits[gap_map] = found[best]
-        if interior:
-            errors[gap_map] = missed[best]
-    chosen, why = _choose(fits, errors, wanted)
-    told = {name: error for name, error in errors.items() if np.isfinite(error)}
-    return _finished(run, chosen), told, why
+    if gaps == 1:
+        assert run.best is not None
+        return Choice(_finished(run, run.best), "there is one gap only, so nothing runs over it")
+    fits = {one: _joined(run, one, known) for one in tried}
+    able = [one for one in tried if obstacle(model_of(fits[one].found, loopset)) is None]
+    contest = _Contest(list(able or tried), fits, {})
+    for fold in left_out:
+        contest.refits[fold] = _without(run, contest, loopset, fold)
+    best = _accepted(contest, loopset)
+    why = _why(contest, best, wanted, gaps)
+    if unable := [one.gap_map for one in tried if one not in contest.entrants]:
+        why += (
+            "; passed over, because it cannot be compiled or fails the acceptance test: "
+            f"{', '.join(dict.fromkeys(unable))}"
+        )
+    return Choice(
+        _finished(run, fits[best].found),
+        why,
+        {name: error for name, error in contest.errors(gaps).items() if np.isfinite(error)},
+        promise(contest.nested(gaps), noise_at(loopset)[1:-1]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fits:
+    """Two fits under one candidate: offsets free, and only those that the data demand."""
+
+    wide: Found
+    found: Found
+
+
+@dataclass(frozen=True, eq=False)
+class _Contest:
+    """All that was fitted: to all gaps, and without some."""
+
+    entrants: list[Candidate]
+    fits: Mapping[Candidate, _Fits]
+    refits: dict[Fold, Mapping[Candidate, Refit]]
+
+    def misses(self, one: Candidate, gaps: int, besides: Fold = frozenset()) -> list[Miss]:
+        """Give what a candidate missed at each inner gap, left out besides some others."""
+        return [
+            self.refits[besides | {gap}][one].missed[gap]
+            for gap in inner(gaps)
+            if gap not in besides
+        ]
+
+    def winner(self, gaps: int, besides: Fold = frozenset()) -> Candidate:
+        """Choose from all gaps, or from all but some."""
+        missed = {one: self.misses(one, gaps, besides) for one in self.entrants}
+        if not any(missed.values()):
+            return min(self._simplest(), key=lambda one: self._cost(one, besides))
+        best = None
+        for rank in sorted({one.rank for one in self.entrants}):
+            means = {one: mean_of(missed[one]) for one in self.entrants if one.rank == rank}
+            enough = AS_GOOD * min(means.values())
+            first = next(one for one, mean in means.items() if mean <= enough)
+            if best is None or better(missed[best], missed[first]):
+                best = first
+        assert best is not None
+        return best
+
+    def _simplest(self) -> list[Candidate]:
+        least = min(one.rank for one in self.entrants)
+        return [one for one in self.entrants if one.rank == least]
+
+    def _cost(self, one: Candidate, besides: Fold) -> float:
+        return self.refits[besides][one].cost if besides else self.fits[one].found.cost
+
+    def errors(self, gaps: int) -> dict[str, float]:
+        """Cross-validation error of each map, of its best variant."""
+        found: dict[str, float] = {}
+        for one in self.entrants if gaps > 2 else ():
+            error = mean_of(self.misses(one, gaps))
+            found[one.gap_map] = min(error, found.get(one.gap_map, np.inf))
+        return found
+
+    def nested(self, gaps: int) -> list[float]:
+        """Errors at gaps that neither the fit nor the choice has seen."""
+        errors = []
+        for gap in inner(gaps):
+            fold = frozenset({gap})
+            one = self.winner(gaps, fold) if len(self.entrants) > 1 else self.entrants[0]
+            errors.append(self.refits[fold][one].missed[gap].mean)
+        return errors
+
+
+def _accepted(contest: _Contest, loopset: LoopSet) -> Candidate:
+    """Choose; what fails the acceptance test drops out as long as anything else is there."""
+    gaps = len(loopset.schedule_values)
+    every = list(contest.entrants)
+    while contest.entrants:
+        best = contest.winner(gaps)
+        found = replace(model_of(contest.fits[best].found, loopset), valid=valid_range(loopset))
+        if len(every) == 1 or found.acceptance().passed is not False:
+            return best
+        contest.entrants.remove(best)
+    contest.entrants.extend(every)
+    return contest.winner(gaps)
 
 
 def _is_thinned(run: Run) -> bool:
@@ -203,10 +289,9 @@ def _finished(run: Run, found: Found) -> Found:
     if not _is_thinned(run):
         return found
     space = found.on(run.records).space
-    tie = TIE * found.cost if space.gap_map in TIED else 0.0
     plain = run.stage(
         f"{space.gap_map} holding {sorted(space.held)} on all samples",
-        lambda: follow(space, found.theta, 1e-8, 50, tie).plain,
+        lambda: follow(space, found.theta, 1e-8, 50, found.tie).plain,
     )
     return Found.from_plain(space, plain)
 
@@ -215,54 +300,59 @@ def _known(run: Run) -> list[Local]:
     """Give sets at the gap that shows most: its optimum first, then others worth a try."""
     home = run.searched.at(reference_gap(run.searched))
     space = Space("none", home, run.form, run.held)
-    plain = run.stage("one gap", lambda: search_one_gap(run.form, home, run.seed, run.held).plain)
-    found = Found.from_plain(space, plain)
+    plain = run.stage(
+        "one gap",
+        lambda: _pair(run, search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1),
+    )
+    fits = _fits(space, plain)
     if run.searched.gaps == 1:
-        run.best = found
-        return found.sets
-    return [*found.sets, *starts(space, SCREENED, CARRIED, run.seed)]
+        run.best = fits.found
+        return fits.found.sets
+    return [*fits.wide.sets, *starts(space, SCREENED, CARRIED, run.seed)]
 
 
-def _variants(run: Run, gap_map: str) -> tuple[frozenset[str], ...]:
-    """Name what to hold at zero: each set is worth a fit of its own.
-
-    With everything free at each gap, interaction and shape of the anhysteretic replace each other
-    almost without trace, and what is interpolated of them need not fit together. Without
-    interaction the fit is a little worse and may predict much better.
-    """
-    both = gap_map == "free" and run.searched.gaps >= 3
-    return (run.held, run.held | {"omega"}) if both else (run.held,)
+def _pair(run: Run, wide: Found, decide: bool = True) -> dict[str, Any]:
+    found = only_demanded(wide) if decide else wide
+    return {"wide": wide.plain, "held": sorted(found.space.held - run.held), "found": found.plain}
 
 
-def _left_out(run: Run, found: Found, loopset: LoopSet) -> float:
-    parts = [
-        run.stage(
-            f"{found.space.gap_map} holding {sorted(found.space.held)} without {gap}",
-            lambda g=gap: left_out_error(found, loopset, g),  # type: ignore[misc]
-        )
-        for gap in range(1, run.searched.gaps - 1)
-    ]
-    return float(np.mean(parts)) if parts else float("nan")
+def _fits(space: Space, plain: dict[str, Any]) -> _Fits:
+    held, _ = space.holding(frozenset(plain["held"]))
+    return _Fits(Found.from_plain(space, plain["wide"]), Found.from_plain(held, plain["found"]))
 
 
-def _joined(run: Run, gap_map: str, known: list[Local], held: frozenset[str]) -> Found:
-    space = Space(gap_map, run.searched, run.form, held)
+def _joined(run: Run, one: Candidate, known: list[Local]) -> _Fits:
+    def search() -> Found:
+        if one.gap_map == "free":
+            return search_each_gap(run.form, run.searched, run.seed, one.held)
+        if one.gap_map == "circuit":
+            return join_circuit(run.form, run.searched, known, one.held, one.common)
+        return join_gaps(run.form, run.searched, one.gap_map, known, one.held)
 
-    def search() -> dict[str, object]:
-        if gap_map == "free":
-            return search_each_gap(run.form, run.searched, run.seed, held).plain
-        if gap_map == "circuit":
-            return join_circuit(run.form, run.searched, known, held).plain
-        return join_gaps(run.form, run.searched, gap_map, known, held).plain
-
-    plain = run.stage(f"joined by {gap_map} holding {sorted(held)}", search)
-    found = Found.from_plain(space, plain)
-    if run.best is None or found.cost < run.best.cost:
-        run.best = found
-    return found
+    plain = run.stage(f"joined by {one.label}", lambda: _pair(run, search()))
+    fits = _fits(one.space(run), plain)
+    if run.best is None or (one.rank == 0 and fits.found.cost < run.best.cost):
+        run.best = fits.found
+    return fits
 
 
-def _choose(fits: dict[str, Found], errors: dict[str, float], wanted: str) -> tuple[Found, str]:
+def _without(run: Run, contest: _Contest, loopset: LoopSet, fold: Fold) -> dict[Candidate, Refit]:
+    def work() -> dict[str, Any]:
+        return {
+            one.label: refit(contest.fits[one].wide, loopset, fold).plain
+            for one in contest.entrants
+        }
+
+    plain = run.stage(f"{_names(contest)} without {sorted(fold)}", work)
+    return {one: Refit.from_plain(plain[one.label]) for one in contest.entrants}
+
+
+def _names(contest: _Contest) -> str:
+    return ", ".join(one.label for one in contest.entrants)
+
+
+def _why(contest: _Contest, best: Candidate, wanted: str, gaps: int) -> str:
+    errors = contest.errors(gaps)
     if wanted != "auto":
         why = f"gap map '{wanted}' was asked for"
         if not errors:
@@ -270,24 +360,22 @@ def _choose(fits: dict[str, Found], errors: dict[str, float], wanted: str) -> tu
                 "; with two gaps none can be left out to test it, so between and beyond them it is "
                 "a guess"
             )
-        return fits[wanted], why
-    if errors:
-        # Of maps that are as good as each other, the simplest.
-        enough = _AS_GOOD * min(errors.values())
-        best = next(name for name, error in errors.items() if error <= enough)
-        others = ", ".join(
-            f"{n} {100 * e:.2g} %" if np.isfinite(e) else f"{n} cannot be computed there"
-            for n, e in errors.items()
-            if n != best
+        return why
+    if not errors:
+        return (
+            f"with two gaps none can be left out to compare maps; '{best.gap_map}' fits the loops "
+            "best, but between and beyond the two gaps that proves nothing"
         )
-        why = (
-            f"gap map '{best}' predicts gaps left out of the fit best: mean deviation "
-            f"{100 * errors[best]:.2g} % of the largest output ({others})"
-        )
-        return fits[best], why
-    best = min(fits, key=lambda name: fits[name].cost)
-    why = (
-        f"with two gaps none can be left out to compare maps; '{best}' fits the loops best, but "
-        "between and beyond the two gaps that proves nothing"
+    own = errors.pop(best.gap_map)
+    others = ", ".join(
+        f"{name} {100 * error:.2g} %" if np.isfinite(error) else f"{name} cannot be computed there"
+        for name, error in errors.items()
     )
-    return fits[best], why
+    why = (
+        f"gap map '{best.gap_map}' predicts gaps left out of the fit best: mean deviation "
+        f"{100 * own:.2g} % of the largest output"
+    )
+    why += f" ({others})" if others else ""
+    if any(error < own for error in errors.values()):
+        why += "; what deviates less does not by more than its scatter, and is less simple"
+    return why

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from anhyst._core import Operator
 from anhyst.identify.drives import Drive, Records
@@ -144,6 +143,9 @@ def simplex(
     best : ndarray, shape (n,)
     cost : float
     """
+    # Only here: importing it takes longer than the default search, which does without.
+    from scipy.optimize import minimize
+
     best, lowest = start, cost(start)
     span = variables.high - variables.low
     while most > variables.size + 1:

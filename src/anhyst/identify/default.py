@@ -65,6 +65,11 @@ class Found:
             "evaluations": self.evaluations,
         }
 
+    @property
+    def tie(self) -> float:
+        """Weight of the ties of its map, for a descent that goes on from here."""
+        return TIE * self.cost if self.space.gap_map in TIED else 0.0
+
     @classmethod
     def from_plain(cls, space: Space, plain: dict[str, Any]) -> Found:
         """Rebuild from what a checkpoint kept."""
@@ -181,13 +186,21 @@ def join_gaps(
     return _best_end(space, [space.pack(sets) for sets in begins])
 
 
-def join_circuit(form: Form, records: Records, known: list[Local], held: frozenset[str]) -> Found:
+def join_circuit(
+    form: Form,
+    records: Records,
+    known: list[Local],
+    held: frozenset[str],
+    common: frozenset[str] = frozenset(),
+) -> Found:
     """Fit all gaps together with one iron and a circuit of its own around it at each gap.
 
     Parameters
     ----------
     form, records, known, held
         As in :func:`join_gaps`, from whose fit under the map ``reluctance`` this one starts.
+    common : frozenset of str
+        As in :class:`~anhyst.identify.space.Space`.
 
     Returns
     -------
@@ -195,6 +208,6 @@ def join_circuit(form: Form, records: Records, known: list[Local], held: frozens
         Its cost contains the ties.
     """
     plain = join_gaps(form, records, "reluctance", known, held)
-    space = Space("circuit", records, form, held)
+    space = Space("circuit", records, form, held, common)
     end = follow(space, space.pack(plain.sets), tie=TIE * plain.cost)
     return replace(end, evaluations=end.evaluations + plain.evaluations)

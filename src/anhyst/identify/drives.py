@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from anhyst.data import Loop, LoopSet
 from anhyst.data.path import turning_points
 from anhyst.data.verdict import largest_output
 from anhyst.errors import InputError
+from anhyst.identify.rest import Rest
 
 Floats = NDArray[np.float64]
 
@@ -52,13 +54,15 @@ class Records:
     """All drives of one identification, and the scales of their quantities.
 
     ``nodes`` are the scheduling values, ascending, empty if nothing is scheduled. ``input_span``
-    and ``output_span`` are the largest absolute input and output, SI.
+    and ``output_span`` are the largest absolute input and output, SI. ``rest`` is what the sensors
+    read at rest: its offsets have been taken from every drive.
     """
 
     drives: tuple[Drive, ...]
     nodes: Floats
     input_span: float
     output_span: float
+    rest: Rest = field(default_factory=Rest)
 
     @property
     def gaps(self) -> int:
@@ -68,7 +72,16 @@ class Records:
     def at(self, gap: int) -> Records:
         """Only one gap, as a problem of its own with the same scales."""
         kept = tuple(replace(drive, gap=0) for drive in self.drives if drive.gap == gap)
-        return Records(kept, self.nodes[gap : gap + 1], self.input_span, self.output_span)
+        return replace(self, drives=kept, nodes=self.nodes[gap : gap + 1])
+
+    def without(self, left_out: Collection[int]) -> Records:
+        """Take all gaps but these, numbered again from zero."""
+        keep = [gap for gap in range(self.gaps) if gap not in left_out]
+        numbers = {old: new for new, old in enumerate(keep)}
+        drives = tuple(
+            replace(drive, gap=numbers[drive.gap]) for drive in self.drives if drive.gap in numbers
+        )
+        return replace(self, drives=drives, nodes=self.nodes[keep])
 
     def thinned(self, most: int) -> Records:
         """Take at most about `most` samples of each loop, weighing the same together.
@@ -109,7 +122,7 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
     return [weight / size for weight, size in zip(each, sizes, strict=True)]
 
 
-def records_of(loopset: LoopSet, weighting: str = "loops") -> Records:
+def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = None) -> Records:
     """Make the loops of a set ready for fitting.
 
     Parameters
@@ -118,6 +131,8 @@ def records_of(loopset: LoopSet, weighting: str = "loops") -> Records:
         Loops at constant scheduling values, each with at least one reversal.
     weighting : str
         One of :data:`WEIGHTINGS`.
+    rest : Rest or None
+        Offsets to take from every drive.
 
     Returns
     -------
@@ -132,6 +147,7 @@ def records_of(loopset: LoopSet, weighting: str = "loops") -> Records:
     if weighting not in WEIGHTINGS:
         raise InputError(f"weights: '{weighting}' is unknown; use one of {', '.join(WEIGHTINGS)}")
     loopset.require_reversals()
+    rest = rest or Rest()
     groups = loopset.by_schedule()
     loops = [loop for group in groups.values() for loop in group]
     gaps = [place for place, group in enumerate(groups.values()) for _ in group]
@@ -142,9 +158,9 @@ def records_of(loopset: LoopSet, weighting: str = "loops") -> Records:
         Drive(
             label=loop.label,
             gap=gap,
-            lead=np.asarray(loop.history.turning_points, dtype=np.float64),
-            input=np.ascontiguousarray(loop.input),
-            output=loop.output,
+            lead=np.asarray(loop.history.turning_points, dtype=np.float64) - rest.input.offset,
+            input=np.ascontiguousarray(loop.input - rest.input.offset),
+            output=loop.output - rest.output.offset,
             settled=loop.history.kind == "settled",
             weight=weight,
         )
@@ -154,4 +170,4 @@ def records_of(loopset: LoopSet, weighting: str = "loops") -> Records:
     )
     nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)
     input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
-    return Records(drives, nodes, input_span, output_span)
+    return Records(drives, nodes, input_span, output_span, rest)

@@ -29,36 +29,59 @@ class Fit:
     cost: float
 
 
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Deviations near a point to first order: what a step of least squares needs of them.
+
+    Parameters
+    ----------
+    deviation
+        Weighted deviations, shape (samples,).
+    gradient
+        Of half their sum of squares, shape (size,).
+    normal
+        Their derivatives times themselves, shape (size, size).
+    """
+
+    deviation: Floats
+    gradient: Floats
+    normal: Floats
+
+    @property
+    def cost(self) -> float:
+        """Weighted sum of squares."""
+        return float(self.deviation @ self.deviation)
+
+
 class Evaluation:
-    """Deviations and derivatives come from one run of the law; SciPy asks for them apart."""
+    """Deviations of an objective to first order, by analytic derivatives where there are any."""
 
     def __init__(self, objective: Objective) -> None:
         self.objective = objective
         self.analytic = objective.space.form.law == "effective-field"
-        self.at = np.array([np.nan])
-        self.jacobian = np.empty((0, 0))
 
-    def deviations(self, theta: Floats) -> Floats:
-        """Weighted deviations, shape (samples,)."""
+    def at(self, theta: Floats) -> Linear:
+        """Linearise at a point; without any slope where the law has no answer."""
         if not self.analytic:
-            return self.objective.deviations(theta)
+            deviation = self.objective.deviations(theta)
+            jacobian = self.differences(theta)
+            return Linear(deviation, deviation @ jacobian, jacobian.T @ jacobian)
         try:
-            found, self.jacobian = self.objective.with_jacobian(theta)
+            return Linear(*self.objective.normal(theta))
         except NoResponseError:
-            found = self.objective.impossible
-            self.jacobian = np.zeros((found.size, theta.size))
-        self.at = theta.copy()
-        return found
+            nothing = np.zeros((theta.size, theta.size))
+            return Linear(self.objective.impossible, nothing[0], nothing)
 
-    def derivatives(self, theta: Floats) -> Floats:
-        """Their derivatives by the coordinates, shape (samples, size)."""
+    def worth(self, theta: Floats, cost: float) -> Linear | None:
+        """Linearise where the cost is below another; a numerical derivative is dear."""
         if not self.analytic:
-            return self._differences(theta)
-        if not np.array_equal(theta, self.at):
-            self.deviations(theta)
-        return self.jacobian
+            found = self.objective.deviations(theta)
+            if float(found @ found) >= cost:
+                return None
+        there = self.at(theta)
+        return there if there.cost < cost else None
 
-    def _differences(self, theta: Floats) -> Floats:
+    def differences(self, theta: Floats) -> Floats:
         """Central differences, turned inward at the bounds."""
         low, high = self.objective.space.bounds
         columns = []
@@ -72,15 +95,13 @@ class Evaluation:
         return np.stack(columns, axis=1)
 
 
-def _step(
-    fit_jacobian: Floats, gradient: Floats, free: NDArray[np.bool_], damping: float
-) -> Floats:
+def _step(there: Linear, free: NDArray[np.bool_], damping: float) -> Floats:
     """Damped Gauss-Newton step in the free coordinates, zero in the others."""
-    normal = fit_jacobian[:, free].T @ fit_jacobian[:, free]
+    normal = there.normal[np.ix_(free, free)]
     diagonal = np.diag(normal)
     normal[np.diag_indices_from(normal)] += damping * np.maximum(diagonal, 1e-9 * diagonal.max())
-    step = np.zeros(gradient.size)
-    step[free] = -np.linalg.solve(normal, gradient[free])
+    step = np.zeros(there.gradient.size)
+    step[free] = -np.linalg.solve(normal, there.gradient[free])
     return step
 
 
@@ -109,32 +130,29 @@ def descend(objective: Objective, theta: Floats, tolerance: float = 1e-10, most:
     low, high = objective.space.bounds
     evaluation = Evaluation(objective)
     theta = np.clip(theta, low, high)
-    deviation = evaluation.deviations(theta)
-    jacobian = evaluation.derivatives(theta)
-    cost = float(deviation @ deviation)
+    here = evaluation.at(theta)
     damping, growth = 1e-3, 2.0
     for _ in range(most - 1):
-        gradient = jacobian.T @ deviation
-        free = ~(((theta <= low) & (gradient > 0.0)) | ((theta >= high) & (gradient < 0.0)))
-        if not free.any() or not np.any(jacobian[:, free]):
+        inward = here.gradient
+        free = ~(((theta <= low) & (inward > 0.0)) | ((theta >= high) & (inward < 0.0)))
+        if not free.any() or not np.any(np.diag(here.normal)[free]):
             break
-        trial = np.clip(theta + _step(jacobian, gradient, free, damping), low, high)
-        new = evaluation.deviations(trial)
-        new_cost = float(new @ new)
-        linear = deviation + jacobian @ (trial - theta)
-        foreseen = cost - float(linear @ linear)
-        if new_cost < cost:
-            jacobian = evaluation.derivatives(trial)
-            ratio = (cost - new_cost) / max(foreseen, 1e-300)
+        trial = np.clip(theta + _step(here, free, damping), low, high)
+        step = trial - theta
+        foreseen = -float(step @ (2.0 * here.gradient + here.normal @ step))
+        new = evaluation.worth(trial, here.cost)
+        if new is not None:
+            gained = here.cost - new.cost
+            ratio = gained / max(foreseen, 1e-300)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
             growth = 2.0
-            finished = cost - new_cost <= tolerance * cost
-            theta, deviation, cost = trial, new, new_cost
+            finished = gained <= tolerance * here.cost
+            theta, here = trial, new
             if finished:
                 break
         else:
             damping *= growth
             growth *= 2.0
-            if abs(foreseen) <= tolerance * cost or damping > 1e12:
+            if abs(foreseen) <= tolerance * here.cost or damping > 1e12:
                 break
-    return Fit(theta, cost)
+    return Fit(theta, here.cost)

@@ -100,8 +100,9 @@ def physical(
         vary = set()
     if gap_map in IN_SERIES:
         _lift_reluctance(table, gaps, power)
+    same = {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
     return {
-        name: tuple(row[name] for row in table) if name in vary else table[0][name]
+        name: tuple(row[name] for row in table) if name in vary - same else table[0][name]
         for name in table[0]
     }
 
@@ -112,8 +113,7 @@ def _lift_reluctance(table: list[dict[str, float]], gaps: Sequence[float], power
     least = float(rho.min())
     if len(gaps) > 1:
         closed = float(Curve("rho", np.asarray(gaps, dtype=np.float64), rho)(np.zeros(1))[0])
-        if closed < least:
-            least = closed - _ROUNDING
+        least = min(least, closed) - _ROUNDING
     p = min(1.0 + least, 1.0)
     for row in table:
         row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)

@@ -11,28 +11,28 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.compilable import obstacle
 from anhyst.data import History, LoopSet
 from anhyst.data.plausibility import check_plausible
 from anhyst.errors import InputError
-from anhyst.identify.choice import model_of, search_maps
+from anhyst.identify.bare import model_of, valid_range
+from anhyst.identify.choice import Choice, search_maps
 from anhyst.identify.default import Found
 from anhyst.identify.drives import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
 from anhyst.identify.paper import check_splines
+from anhyst.identify.rest import rest_of
 from anhyst.identify.result import IdentifyResult
 from anhyst.identify.run import Progress, Run
 from anhyst.identify.sequence import search_paper
 from anhyst.identify.space import IN_SERIES
 from anhyst.identify.uncertainty import assess
 from anhyst.model import GAP_MAPS, LAWS, ActuatorModel
-from anhyst.record import Provenance, ReductionStep, ValidRange, fit_figures
+from anhyst.record import CrossValidation, Provenance, ReductionStep, fit_figures
 from anhyst.version import running_version
 
 Floats = NDArray[np.float64]
-
-AT_REST = 0.01
-"""A smallest input below this share of the largest counts as zero."""
 
 SEARCHES = ("default", "paper")
 
@@ -61,8 +61,8 @@ def identify(
     law : str
         ``effective-field`` or ``jiles-atherton-1986``.
     gap_map : str
-        ``scaling``, ``reluctance``, ``circuit``, ``free`` or ``auto``, which does not try
-        ``circuit``.
+        ``scaling``, ``reluctance``, ``circuit``, ``free`` or ``auto``, which tries those that a
+        controller can use.
     search : str
         ``default``, or ``paper`` for the sequence of the paper's section II.
     seed : int
@@ -71,7 +71,8 @@ def identify(
         ``loops``: each loop counts the same; ``points``: each sample; ``relative``: each loop by
         its own largest output.
     offsets : bool
-        Whether offsets of input and output are estimated; else they are zero.
+        Whether offsets of input and output are taken where the data demand them; else they are
+        zero.
     progress : callable or None
         Told the number of stages done and the total.
     checkpoint : path-like or None
@@ -91,11 +92,13 @@ def identify(
         Ctrl-C before there was any model.
     """
     began = time.perf_counter()
-    _check(law, gap_map, search)
+    check_wanted(law, gap_map, search)
     odd = check_plausible(loopset)
     run = Run(
         form=form_of(loopset.input, loopset.output, law),
-        records=records_of(loopset, weights),
+        records=records_of(
+            loopset, weights, rest_of(loopset) if offsets and search == "default" else None
+        ),
         seed=seed,
         held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
         progress=progress,
@@ -115,25 +118,26 @@ def identify(
     common = {
         "name": _name(loopset),
         "history": _history(loopset),
-        "valid": _valid(loopset),
+        "valid": valid_range(loopset),
         "provenance": Provenance(running_version(), seed, loopset.sources, settings),
     }
     model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
-    check = model.check_over_gap()
-    monotone = None if check is None else check.passed
+    acceptance = model.acceptance()
     fitted = outcome.fitted
     model = replace(
         model,
-        fit=fit_figures(loopset, fitted, outcome.left_out, monotone),
+        fit=fit_figures(loopset, fitted, outcome.left_out, acceptance.passed, outcome.promised),
         uncertainty=assess(found, loopset),
     )
+    warnings += [reason] if (reason := obstacle(model)) is not None else []
     if not outcome.interrupted:
         run.finish()
     return IdentifyResult(
         model=model,
         loops=loopset,
         fitted=fitted,
+        acceptance=acceptance,
         warnings=tuple(warnings),
         per_gap=per_gap,
         splines=None if per_gap is None else check_splines(per_gap),
@@ -143,7 +147,14 @@ def identify(
     )
 
 
-def _check(law: str, gap_map: str, search: str) -> None:
+def check_wanted(law: str, gap_map: str, search: str) -> None:
+    """Refuse what is unknown or does not go together.
+
+    Raises
+    ------
+    InputError
+        As :func:`identify`.
+    """
     for what, value, known in (
         ("law", law, LAWS),
         ("gap map", gap_map, (*GAP_MAPS[1:], "auto")),
@@ -174,6 +185,7 @@ class _Outcome:
     why: str
     interrupted: bool
     left_out: dict[str, float] = field(default_factory=dict)
+    promised: CrossValidation | None = None
     steps: tuple[ReductionStep, ...] = ()
     per_gap: ActuatorModel | None = None
 
@@ -186,26 +198,40 @@ def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
             for loop in loopset.loops
         )
         return _Outcome(
-            end.found, end.model, fitted, end.why, end.interrupted, {}, end.steps, end.per_gap
+            end.found,
+            end.model,
+            fitted,
+            end.why,
+            end.interrupted,
+            steps=end.steps,
+            per_gap=end.per_gap,
         )
-    left_out: dict[str, float] = {}
     interrupted = False
     try:
-        found, left_out, why = search_maps(run, loopset, gap_map)
+        choice = search_maps(run, loopset, gap_map)
     except KeyboardInterrupt:
         if run.best is None:
             raise
-        found, interrupted = run.best.on(run.records), True  # the search may have thinned them
-        why = "the search was interrupted: this is the best so far"
-    model = model_of(found, loopset)
-    return _Outcome(found, model, _fitted(found, loopset), why, interrupted, left_out)
+        best, interrupted = run.best.on(run.records), True  # the search may have thinned them
+        choice = Choice(best, "the search was interrupted: this is the best so far")
+    found = choice.found
+    return _Outcome(
+        found,
+        model_of(found, loopset),
+        _fitted(found, loopset),
+        choice.why,
+        interrupted,
+        choice.left_out,
+        choice.promised,
+    )
 
 
 def _fitted(found: Found, loopset: LoopSet) -> tuple[Floats, ...]:
     """Modelled outputs in the order of the loops of the set."""
     drives = found.space.records.drives
     ends = np.cumsum([drive.input.size for drive in drives])[:-1]
-    outputs = np.split(Objective(found.space).outputs(found.sets), ends)
+    offset = found.space.records.rest.output.offset
+    outputs = np.split(Objective(found.space).outputs(found.sets) + offset, ends)
     ordered = [id(loop) for group in loopset.by_schedule().values() for loop in group]
     by_loop = dict(zip(ordered, outputs, strict=True))
     return tuple(by_loop[id(loop)] for loop in loopset.loops)
@@ -244,18 +270,3 @@ def _name(loopset: LoopSet) -> str:
 
 def _history(loopset: LoopSet) -> History:
     return Counter(loop.history for loop in loopset.loops).most_common(1)[0][0]
-
-
-def _valid(loopset: LoopSet) -> ValidRange:
-    def span(values: list[Floats]) -> tuple[float, float]:
-        return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
-
-    at = loopset.schedule_values
-    low, high = span([loop.input for loop in loopset.loops])
-    if 0.0 < low <= AT_REST * high:
-        low = 0.0  # the sensor's offset is no reason to flag a drive at rest
-    return ValidRange(
-        input=(low, high),
-        output=span([loop.output for loop in loopset.loops]),
-        schedule=(at[0], at[-1]) if at else None,
-    )

@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from anhyst.data import LoopSet
 from anhyst.errors import InputError
@@ -301,6 +300,9 @@ def spline_model_at(model: ActuatorModel, gap: float) -> ActuatorModel:
     """
     if len(model.nodes) < 2:
         raise InputError("a spline over the gap needs a model with two nodes or more")
+    # Only here: importing it takes longer than the default search, which does without.
+    from scipy.interpolate import CubicSpline
+
     parameters = {
         name: float(CubicSpline(model.nodes, value)(gap)) if isinstance(value, tuple) else value
         for name, value in model.parameters.items()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from anhyst.data import LoopSet
 from anhyst.model import ActuatorModel
-from anhyst.monotone import GapCheck
+from anhyst.monotone import Acceptance, GapCheck
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +26,8 @@ class IdentifyResult:
         What it was fitted to.
     fitted : tuple of ndarray
         Modelled output of each loop of ``loops``, SI, in the same order.
+    acceptance : Acceptance
+        Outcome of the acceptance test.
     warnings : tuple of str
         What a user should know before trusting the model.
     per_gap : ActuatorModel or None
@@ -44,6 +46,7 @@ class IdentifyResult:
     model: ActuatorModel
     loops: LoopSet
     fitted: tuple[Floats, ...]
+    acceptance: Acceptance
     warnings: tuple[str, ...] = ()
     per_gap: ActuatorModel | None = None
     splines: GapCheck | None = None

@@ -7,12 +7,14 @@ reversibility, interaction and the scale of the input are left to sample.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import batch
 from anhyst.errors import InputError
+from anhyst.identify.dispatch import batch_level
 from anhyst.identify.drives import Drive, Records, thinned
 from anhyst.identify.response import LOCAL, Form, Local
 from anhyst.identify.space import IN_SERIES, Space
@@ -34,8 +36,23 @@ _THIN = 64
 """Samples a loop at the screening, at most."""
 
 
+def _evenly(dimensions: int, count: int, seed: int) -> Floats:
+    """Fill the unit cube evenly from a random start, shape (dimensions, count).
+
+    Multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio of d dimensions
+    (M. Roberts 2018). Sobol's sequence is no better here, and importing SciPy's takes longer than
+    the whole search.
+    """
+    root = 2.0
+    for _ in range(60):
+        root = (1.0 + root) ** (1.0 / (dimensions + 1))
+    steps = root ** -np.arange(1.0, dimensions + 1.0)
+    begin = np.random.default_rng(seed).random(dimensions)
+    return np.asarray((begin[:, None] + steps[:, None] * np.arange(count)) % 1.0)
+
+
 def sample_sets(records: Records, count: int, seed: int, interacting: bool = True) -> Floats:
-    """Draw kappa, c, omega, scale by a scrambled Sobol sequence.
+    """Draw kappa, c, omega, scale by an additive sequence of low discrepancy (:func:`_evenly`).
 
     What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
     effective field, 0.3 to 30 on a logarithmic scale), pinning relative to that (0.01 to 3,
@@ -47,10 +64,7 @@ def sample_sets(records: Records, count: int, seed: int, interacting: bool = Tru
     ndarray, shape (4, count)
         Rows in the order above; ``scale`` in units of the input.
     """
-    # Only here: importing it takes longer than refusing loops that cannot be used.
-    from scipy.stats import qmc
-
-    draw = qmc.Sobol(4, rng=np.random.default_rng(seed)).random(count).T
+    draw = _evenly(4, count, seed)
     reach = 0.3 * 100.0 ** draw[0]
     kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
     c = 0.95 * draw[2]
@@ -114,10 +128,11 @@ def follow_sets(
     driven = np.ascontiguousarray(drive.input[kept])
     # Up to the first sample in small steps: the linear step is not exact over long ones.
     rise = np.concatenate([np.linspace(0.0, end, 16)[1:] for end in (*drive.lead, driven[0])])
-    batch(kappa, c, omega, scale, offset, rise, x, y, keep=False)
+    follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
+    follow(drive=rise, keep=False)
     for _ in range(_WARM_UP if drive.settled else 0):
-        batch(kappa, c, omega, scale, offset, driven, x, y, keep=False)
-    m, xi = batch(kappa, c, omega, scale, offset, driven, x, y)
+        follow(drive=driven, keep=False)
+    m, xi = follow(drive=driven)
     return m, xi
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from anhyst.data import LoopSet
 from anhyst.errors import InputError
-from anhyst.identify.choice import model_of, require_gaps
+from anhyst.identify.bare import model_of
+from anhyst.identify.choice import require_gaps
 from anhyst.identify.criterion import mean_deviation
 from anhyst.identify.default import Found
 from anhyst.identify.objective import Objective

@@ -8,6 +8,7 @@ its coordinate.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -57,12 +58,15 @@ class Space:
         Equations of the measured quantities.
     held
         Names of parameters that are zero and not fitted: ``in_0``, ``out_0``, ``omega``.
+    common
+        Names of parameters that are the same at every gap although the map lets them differ.
     """
 
     gap_map: str
     records: Records
     form: Form
     held: frozenset[str] = frozenset()
+    common: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         if self.gap_map in {"scaling", "reluctance", "circuit"}:
@@ -76,7 +80,7 @@ class Space:
         for name in LOCAL:
             if name in self.held:
                 continue
-            if name in PER_GAP[self.gap_map]:
+            if name in PER_GAP[self.gap_map] - self.common:
                 found.extend((name, gap) for gap in range(self.records.gaps))
             else:
                 found.append((name, None))
@@ -132,6 +136,16 @@ class Space:
                 value *= 1.0 - self.form.h * local.omega
             theta.append(self._inward(name, value))
         return np.asarray(np.clip(np.array(theta), *self.bounds))
+
+    def without(self, left_out: Collection[int]) -> tuple[Space, NDArray[np.intp]]:
+        """Take all gaps but these: the space, and the places of its coordinates in this one."""
+        kept = [place for place, (_, gap) in enumerate(self.entries) if gap not in left_out]
+        return replace(self, records=self.records.without(left_out)), np.array(kept)
+
+    def holding(self, names: frozenset[str]) -> tuple[Space, NDArray[np.intp]]:
+        """Hold more at zero: the space, and the places of its coordinates in this one."""
+        kept = [place for place, (name, _) in enumerate(self.entries) if name not in names]
+        return replace(self, held=self.held | names), np.array(kept)
 
     def unpack(self, theta: Floats) -> list[tuple[Local, Floats]]:
         """Parameters at each gap, and their derivatives by the coordinates, shape (7, size)."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from anhyst.data import LoopSet
 from anhyst.identify.default import Found
 from anhyst.identify.fitting import Evaluation
 from anhyst.identify.objective import Objective
-from anhyst.identify.space import IN_SERIES
+from anhyst.identify.space import IN_SERIES, Space
 from anhyst.record import Uncertainty
 
 Floats = NDArray[np.float64]
@@ -48,17 +50,20 @@ def memory(deviations: Floats) -> float:
     return max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
 
 
+def mean_memory(space: Space, deviation: Floats) -> float:
+    """Average the memory of weighted deviations over the drives of a space."""
+    ends = np.cumsum([drive.input.size for drive in space.records.drives])
+    return float(np.mean([memory(one) for one in np.split(deviation, ends)[:-1]]))
+
+
 def _covariance(found: Found) -> Floats:
     objective = Objective(found.space)
     evaluation = Evaluation(objective)
-    deviation = evaluation.deviations(found.theta)
-    jacobian = evaluation.derivatives(found.theta)
-    sizes = [drive.input.size for drive in found.space.records.drives]
-    loops = np.split(deviation, np.cumsum(sizes)[:-1])
+    here = evaluation.at(found.theta)
+    deviation, normal = here.deviation, here.normal
     freedom = max(1, deviation.size - found.theta.size)
-    variance = float(deviation @ deviation) / freedom * float(np.mean([memory(d) for d in loops]))
+    variance = here.cost / freedom * mean_memory(found.space, deviation)
     # A coordinate the data do not feel at all gets a huge, finite variance.
-    normal = jacobian.T @ jacobian
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
     return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
 
@@ -89,23 +94,36 @@ def assess(found: Found, loopset: LoopSet) -> Uncertainty:
         "gain": loopset.output.unit,
         "out_0": loopset.output.unit,
     }
+    readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
     for (name, gap), coordinate, std in zip(space.entries, found.theta, deviation, strict=True):
-        local = found.sets[gap or 0]
-        value = getattr(local, name)
-        label = _MEANING[name] + (f" ({units[name]})" if name in units else "")
+        value = float(getattr(found.sets[gap or 0], name))
+        label = _label(name, units)
         if gap is not None and loopset.schedule is not None:
             label += f" at {loopset.schedule.show(float(space.records.nodes[gap]))}"
         names.append(label)
-        values.append(float(value))
         stds.append(float(std * _slope(name, float(coordinate), value, space.unit(name))))
+        values.append(value + (readings[name].offset if name in readings else 0.0))
+    said = _statements(found, names, values, stds, correlation)
+    for name, reading in readings.items():
+        if name in space.held and reading.std is not None and reading.offset != 0.0:
+            names.append(_label(name, units))
+            values.append(reading.offset)
+            stds.append(reading.std)
+            said.append(f"{names[-1]}: what the sensor reads at rest, not fitted")
+    whole = np.eye(len(names))
+    whole[: space.size, : space.size] = correlation
     return Uncertainty(
         names=tuple(names),
         values=tuple(values),
         std=tuple(stds),
-        correlation=tuple(tuple(float(v) for v in row) for row in correlation),
-        statements=tuple(_statements(found, names, values, stds, correlation)),
+        correlation=tuple(tuple(row) for row in whole.tolist()),
+        statements=tuple(said),
     )
+
+
+def _label(name: str, units: Mapping[str, str]) -> str:
+    return _MEANING[name] + (f" ({units[name]})" if name in units else "")
 
 
 def _slope(name: str, coordinate: float, value: float, unit: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from anhyst.elementary import passed
 from anhyst.plants.sensors import Converter
 
 
@@ -40,7 +41,7 @@ class Amplifier:
     ) -> None:
         self.converter = converter
         self.shunt_offset = shunt_offset
-        self._share = -math.expm1(-2.0 * math.pi * bandwidth * dt)
+        self._share = passed(2.0 * math.pi * bandwidth * dt)
         self._most = slew * dt
         self._reference = 0.0
         self.current = 0.0

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst._core import log
+from anhyst.elementary import power
+
 MU_0 = 4e-7 * math.pi
 Floats = NDArray[np.float64]
 
@@ -47,8 +50,8 @@ class CellSteel:
     @property
     def thresholds(self) -> Floats:
         """Pinning thresholds, A/m, shape (cells + 1,): zero for the reversible part first."""
-        quantile = (np.arange(self.cells) + 0.5) / self.cells
-        pinned = self.pinning_scale * (-np.log1p(-quantile)) ** (1.0 / self.pinning_shape)
+        above = (self.cells - np.arange(self.cells) - 0.5) / self.cells
+        pinned = self.pinning_scale * power(-log(above), 1.0 / self.pinning_shape)
         return np.concatenate(([0.0], pinned))
 
     @property

@@ -39,6 +39,8 @@ class Poles:
         Permeance between the legs, parallel to the gaps, H.
     iron_length : float
         Mean length of the flux path in the iron, m.
+    joints : float, optional
+        Air in the joints of the core, all of them together, m.
     """
 
     turns: int
@@ -47,6 +49,7 @@ class Poles:
     depth: float
     leakage: float
     iron_length: float
+    joints: float = 0.0
 
     @property
     def area(self) -> float:
@@ -54,29 +57,31 @@ class Poles:
         return self.width * self.depth
 
     def reluctance(self, gap: float) -> float:
-        """Return what the flux of the iron passes outside it, leakage included, 1/H.
+        """Return what the flux of the iron passes outside it, leakage and joints included, 1/H.
 
         Fringing widens the pole by half a gap on each side.
         """
         gaps = 2.0 * gap / (MU_0 * (self.width + gap) * (self.depth + gap))
-        return 1.0 / (1.0 / gaps + self.leakage)
+        return 1.0 / (1.0 / gaps + self.leakage) + self.joints / (MU_0 * self.area)
 
     def inductance(self, gap: float) -> float:
         """Return that of the winding with an iron that needs no ampere-turns, H."""
         return self.turns**2 / self.reluctance(gap)
 
 
-def cell_magnet(poles: Poles, steel: CellSteel, eddy_time: float, gap: float) -> Magnet:
+def cell_magnet(
+    poles: Poles, steel: CellSteel, eddy_time: float = 0.0, gap: float = 1e-3
+) -> Magnet:
     """Return a magnet whose iron is not a Jiles-Atherton material.
 
     Parameters
     ----------
     poles : Poles
     steel : CellSteel
-    eddy_time : float
+    eddy_time : float, optional
         Time by which the flux lags behind the current at this gap, s.
-    gap : float
-        m.
+    gap : float, optional
+        m; counts with eddy currents alone.
 
     Raises
     ------
@@ -95,11 +100,30 @@ def cell_magnet(poles: Poles, steel: CellSteel, eddy_time: float, gap: float) ->
         "pole_width": poles.width,
         "pole_depth": poles.depth,
         "leakage": poles.leakage,
+        "joints": poles.joints / (MU_0 * poles.area),
         "eddy": eddy_time * poles.reluctance(gap) * poles.area / poles.iron_length,
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
     return Magnet(numbers, steel.thresholds, steel.weights)
+
+
+class Electromagnet:
+    """A magnet with the memory of its iron, moved so slowly that nothing is induced.
+
+    Parameters
+    ----------
+    magnet : Magnet
+        What it is made of; it starts demagnetised.
+    """
+
+    def __init__(self, magnet: Magnet) -> None:
+        self._coil = Coil(magnet)
+
+    def step(self, current: float, gap: float) -> float:
+        """Move to a current, A, at a gap, m, and return the pull, N."""
+        self._coil.hold(current, gap)
+        return self._coil.force
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anhyst.elementary import passed
+
 _CHUNK = 4096
 
 
@@ -55,7 +57,7 @@ class Lag:
     """
 
     def __init__(self, bandwidth: float, dt: float) -> None:
-        self._share = -math.expm1(-2.0 * math.pi * bandwidth * dt)
+        self._share = passed(2.0 * math.pi * bandwidth * dt)
         self._value: float | None = None
 
     def __call__(self, value: float) -> float:

@@ -49,6 +49,10 @@ class Cell:
 
 Row = tuple[Cell, ...]
 
+MOST_LETTERS = 115
+"""Letters side by side, with those that the space between columns takes up, on the page."""
+_BETWEEN = 2
+
 
 @dataclass(frozen=True, slots=True)
 class Table:
@@ -60,6 +64,13 @@ class Table:
     caption: str = ""
     texts: int = 1
     kind: str = "table"
+
+    @property
+    def wide(self) -> bool:
+        """Whether it is wider than a page, so that it has to be set smaller and wrapped."""
+        columns = zip(self.head, *([cell.text for cell in row] for row in self.rows), strict=True)
+        letters = sum(max(map(len, column)) + _BETWEEN for column in columns)
+        return letters > MOST_LETTERS
 
 
 @dataclass(frozen=True, slots=True)

@@ -134,7 +134,12 @@ def own_figures(model: ActuatorModel, evidence: Evidence) -> tuple[FitFigures | 
     fresh = fit_figures(evidence.loops, fitted)
     if model.fit is None:
         return fresh, ""
-    kept = replace(fresh, left_out=model.fit.left_out, monotone=model.fit.monotone)
+    kept = replace(
+        fresh,
+        left_out=model.fit.left_out,
+        monotone=model.fit.monotone,
+        cross_validation=model.fit.cross_validation,
+    )
     if abs(fresh.mean_abs - model.fit.mean_abs) <= STALE * max(fresh.mean_abs, model.fit.mean_abs):
         return kept, ""
     return kept, (

@@ -21,6 +21,7 @@ from anhyst.data.branches import branches
 from anhyst.data.loopset import Loop, LoopSet
 from anhyst.data.noise import noise
 from anhyst.record import ReductionStep, Uncertainty
+from anhyst.report.curves import smooth_curve
 from anhyst.report.figures_over_schedule import figure_between, figure_parameters
 from anhyst.report.numbers import NBSP, Scale, label, name_of, number, scale_for, shown_at, written
 from anhyst.report.style import (
@@ -38,6 +39,7 @@ from anhyst.report.style import (
 __all__ = [
     "figure_between",
     "figure_correlation",
+    "figure_differences",
     "figure_loops",
     "figure_parameters",
     "figure_reduction",
@@ -127,6 +129,66 @@ def figure_loops(loopset: LoopSet, fitted: Fitted) -> Figure:
 
 
 @styled
+def figure_differences(
+    loopset: LoopSet, fitted: Fitted, single_valued: Sequence[FloatArray]
+) -> Figure:
+    """Draw the loops as what is left of them without their best single-valued curve.
+
+    Hysteresis is a few per cent of the output: over the whole range it can hardly be seen.
+
+    Parameters
+    ----------
+    loopset, fitted
+        As in :func:`figure_loops`.
+    single_valued : sequence of ndarray
+        Deviation of each loop's output from the best single-valued curve, SI.
+
+    Returns
+    -------
+    Figure
+        Measured samples as grey points, the model as a line, both less that curve.
+    """
+    groups = shown(groups_of(loopset))
+    figure, axes = _panels(len(groups), panel_height=(3.6, 2.7, 2.2), share_y=True)
+    across = scale_for(loopset.input, [_largest(loop.input) for loop in loopset.loops])
+    up = scale_for(loopset.output, [_largest(over) for over in single_valued])
+    for ax, group in zip(axes, groups, strict=True):
+        ax.axhline(0.0, color="#555555", lw=0.7)
+        curve = _curve([(loopset.loops[place], single_valued[place]) for place in group.places])
+        for place in group.places:
+            loop, output = loopset.loops[place], fitted[place]
+            x, without = across.factor * loop.input, np.interp(loop.input, *curve)
+            ax.plot(x, up.factor * (loop.output - without), rasterized=True, **_dots(loop.n))
+            if output is not None:
+                ax.plot(x, up.factor * (output - without), color=MODEL, lw=0.9)
+        ax.set_title(group.title)
+        _label(ax, axes, loopset, across, up, what="less the curve")
+        if (axes.index(ax) + 1) % columns_of(len(axes)) == 0 or ax is axes[-1]:
+            _percent_axis(ax, up.factor * _largest_output(loopset))
+    _measured_and_model(figure)
+    return figure
+
+
+def _curve(group: Sequence[tuple[Loop, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    """Return the single-valued curve of loops, its steps from sample to sample smoothed out."""
+    drive = np.concatenate([loop.input for loop, _ in group])
+    return smooth_curve(drive, np.concatenate([loop.output - over for loop, over in group]))
+
+
+def _dots(samples: int) -> dict[str, Any]:
+    size = 2.6 if samples < 2000 else 1.9
+    return {"ls": "none", "marker": "o", "ms": size, "mew": 0.0, "color": MEASURED}
+
+
+def _measured_and_model(figure: Figure) -> None:
+    handles = [
+        Line2D([], [], ls="none", marker="o", ms=5.0, mew=0.0, color=MEASURED, label="measured"),
+        Line2D([], [], color=MODEL, lw=1.6, label="model"),
+    ]
+    figure.legend(handles=handles, loc="outside upper right", ncols=2)
+
+
+@styled
 def figure_small_loops(loopset: LoopSet, fitted: Fitted) -> Figure | None:
     """Draw each loop that :func:`figure_loops` shows too small, on its own; None if there is none.
 
@@ -150,26 +212,14 @@ def _loops(
         loops = [loopset.loops[place] for place in group.places]
         x = across.factor * np.concatenate([loop.input for loop in loops])
         y = up.factor * np.concatenate([loop.output for loop in loops])
-        size = 2.6 if x.size < 2000 else 1.9
-        dots: dict[str, Any] = {
-            "ls": "none",
-            "marker": "o",
-            "ms": size,
-            "mew": 0.0,
-            "color": MEASURED,
-        }
-        ax.plot(x, y, rasterized=True, **dots)
+        ax.plot(x, y, rasterized=True, **_dots(x.size))
         for loop, place in zip(loops, group.places, strict=True):
             output = fitted[place]
             if output is not None:
                 ax.plot(across.factor * loop.input, up.factor * output, color=MODEL, lw=0.9)
         ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, every=own_units)
-    handles = [
-        Line2D([], [], ls="none", marker="o", ms=5.0, mew=0.0, color=MEASURED, label="measured"),
-        Line2D([], [], color=MODEL, lw=1.6, label="model"),
-    ]
-    figure.legend(handles=handles, loc="outside upper right", ncols=2)
+    _measured_and_model(figure)
     return figure
 
 

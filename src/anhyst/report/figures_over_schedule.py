@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from anhyst.errors import InputError, NegativeResult
 from anhyst.model import ActuatorModel
-from anhyst.modelschema import parameter_names
+from anhyst.modelkeys import parameter_names
 from anhyst.monotone import GapCheck
 from anhyst.report.numbers import GREEK, Scale, label, name_of, number, scale_for, scale_of
 from anhyst.report.style import ALARM, MODEL, columns_of, new_figure, panels, styled

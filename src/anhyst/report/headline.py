@@ -113,14 +113,12 @@ def verdict(subject: Subject) -> tuple[Note, ...]:
 
 
 def acceptance(subject: Subject) -> Note:
-    """Tell the outcome of the acceptance test over the gap."""
-    check, model = subject.check, subject.model
-    if check is not None and check.passed:
-        return Note(
-            "good", "Acceptance test passed", _sentence(check.text(subject.model.input.unit))
-        )
-    if check is not None:
+    """Tell the outcome of the acceptance test, over the gap and over the drive."""
+    check, model = subject.acceptance, subject.model
+    if check.passed is not None:
         text = _sentence(check.text(model.input.unit))
+        if check.passed:
+            return Note("good", "Acceptance test passed", text)
         return Note("bad", "ACCEPTANCE TEST FAILED", text)
     if model.schedule is None or not model.varying:
         why = "the model does not run over a gap"
@@ -128,7 +126,7 @@ def acceptance(subject: Subject) -> Note:
         why = f"it is for gaps, and this model runs over the {subject.over}"
     else:
         why = "the model file has no valid range that says how far to drive"
-    return Note("info", "Acceptance test over the gap", f"Does not apply: {why}.")
+    return Note("info", "Acceptance test", f"Does not apply: {why}.")
 
 
 def _sentence(text: str) -> str:

@@ -14,6 +14,7 @@ from anhyst.atomic import PathLike, atomic_writer
 from anhyst.errors import InputError
 from anhyst.model import ActuatorModel
 from anhyst.modelfile import read_model
+from anhyst.monotone import check_over_drive
 from anhyst.report.blocks import Section
 from anhyst.report.evidence import gather, own_figures
 from anhyst.report.headline import Headline, headline
@@ -63,8 +64,10 @@ def write_report(model_path: PathLike, out: PathLike) -> tuple[str, ...]:
     warnings = list(subject.warnings)
     if subject.absent:
         warnings.insert(0, f"{subject.absent}; the report is written from the model file alone")
-    if subject.check is not None and not subject.check.passed:
-        warnings.insert(0, f"{os.fspath(path)}: {subject.check.text(subject.model.input.unit)}")
+    if subject.acceptance.passed is False:
+        warnings.insert(
+            0, f"{os.fspath(path)}: {subject.acceptance.text(subject.model.input.unit)}"
+        )
     return tuple(warnings)
 
 
@@ -83,14 +86,14 @@ def subject_of(model: ActuatorModel, folder: PathLike) -> Subject:
     Subject
         Without evidence if the measurements cannot be read, and why.
     """
-    check = model.check_over_gap()
+    check, over_drive = model.check_over_gap(), check_over_drive(model)
     try:
         evidence = gather(model, folder)
     except InputError as error:
-        return Subject(model, model.fit, check, None, str(error))
+        return Subject(model, model.fit, check, None, str(error), (), over_drive)
     fit, stale = own_figures(model, evidence)
     warnings = (*evidence.warnings, *([stale] if stale else []))
-    return Subject(model, fit, check, evidence, "", warnings)
+    return Subject(model, fit, check, evidence, "", warnings, over_drive)
 
 
 def render(subject: Subject, file_name: str, file_hash: str) -> str:

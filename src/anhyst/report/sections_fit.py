@@ -15,6 +15,7 @@ from anhyst.report.blocks import Block, Cell, Items, Picture, Section, Table, Te
 from anhyst.report.evidence import Evidence, FloatArray
 from anhyst.report.figures import (
     MOST_PANELS,
+    figure_differences,
     figure_loops,
     figure_residuals,
     figure_small_loops,
@@ -40,7 +41,17 @@ def section_loops(subject: Subject) -> Section | None:
             f"{subject.answer} over {subject.drive}, {panels}: measured samples as grey points, "
             "the modelled loops as blue lines. " + _distance(subject),
             f"Measured samples (points) and model (line), {panels}." + _left_out(evidence),
-        )
+        ),
+        Picture(
+            svg_text(
+                figure_differences(evidence.loops, evidence.fitted, evidence.rival),
+                subject.next_prefix(),
+            ),
+            f"The same less the best single-valued curve, {panels}: what remains is hysteresis, "
+            "measured as grey points, modelled as blue lines.",
+            "The same less the best single-valued curve (one for each panel): hysteresis by "
+            "itself. A curve without memory would be the zero line.",
+        ),
     ]
     small = figure_small_loops(evidence.loops, evidence.fitted)
     if small is not None:

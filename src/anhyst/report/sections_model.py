@@ -9,9 +9,9 @@ from types import MappingProxyType
 from markupsafe import Markup
 
 from anhyst.model import PARAMETERS
-from anhyst.modelschema import parameter_names
+from anhyst.modelkeys import parameter_names
 from anhyst.modelwriter import MEANING
-from anhyst.record import Uncertainty
+from anhyst.record import CrossValidation, Uncertainty
 from anhyst.report.blocks import Block, Cell, Items, Note, Picture, Section, Table, Text, table
 from anhyst.report.figures import figure_correlation, figure_reduction
 from anhyst.report.figures_over_schedule import (
@@ -220,8 +220,22 @@ def section_gap_map(subject: Subject) -> Section | None:
             f"the others, in parts of the largest {subject.answer}; mean over all inner ones."
         )
         head = ["map", "", "mean deviation"]
-        blocks.append(table("Left-out error of each map", head, rows, caption, texts=2))
+        blocks.append(table("Cross-validation error of each map", head, rows, caption, texts=2))
+    if model.fit and model.fit.cross_validation:
+        blocks.append(Text(_expected(subject, model.fit.cross_validation)))
     return Section("gap-map", f"How the {subject.over} enters: maps compared", tuple(blocks))
+
+
+def _expected(subject: Subject, found: CrossValidation) -> str:
+    """Say what to expect between the nodes, where the least error of a choice promises too much."""
+    each = ", ".join(percent(error) for error in found.folds)
+    return (
+        f"Expected at a {subject.over} between those measured: mean deviation "
+        f"{percent(found.error)} of the largest {subject.answer}, in nine of ten cases "
+        f"{percent(found.low)} to {percent(found.high)}. Found ({each}) where the {subject.over} "
+        "was left out of the fit, of the choice of the map and of the decision about offsets; "
+        "noise of the sensor is taken off."
+    )
 
 
 def section_parameters(subject: Subject) -> Section:

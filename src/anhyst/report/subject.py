@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from anhyst.model import ActuatorModel
-from anhyst.monotone import GapCheck
+from anhyst.monotone import Acceptance, DriveCheck, GapCheck
 from anhyst.record import FitFigures
 from anhyst.report.evidence import Evidence
 from anhyst.report.numbers import Scale, name_of, scale_for
@@ -30,6 +30,8 @@ class Subject:
         Why they could not; empty if they could.
     warnings : tuple of str
         What a reader has to know before anything else.
+    over_drive : DriveCheck or None
+        Outcome of the acceptance test over the drive; None where it does not apply.
     """
 
     model: ActuatorModel
@@ -38,7 +40,13 @@ class Subject:
     evidence: Evidence | None
     absent: str = ""
     warnings: tuple[str, ...] = ()
+    over_drive: DriveCheck | None = None
     _pictures: Iterator[int] = field(default_factory=lambda: iter(range(1, 1000)))
+
+    @property
+    def acceptance(self) -> Acceptance:
+        """Outcome of the acceptance test, over the gap and over the drive."""
+        return Acceptance(self.check, self.over_drive)
 
     def next_prefix(self) -> str:
         """Give an identifier that no other figure of the page has."""

@@ -1,4 +1,4 @@
-"""The virtual test bench: a solenoid, its amplifier and its sensors, tick by tick.
+"""The virtual test bench: an actuator, its amplifier and its sensors, tick by tick.
 
 At tick n the sensors are read; the current that a controller then asks for begins to flow at tick
 n + 1. The armature is moved from outside, so the gap of every tick is given.
@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.plants.solenoid import Solenoid
 from anhyst.rig.rigfile import Rig
 
 Floats = NDArray[np.float64]
@@ -73,7 +72,7 @@ class Bench:
     """
 
     def __init__(self, rig: Rig, gap: Floats, seed: list[int], unknown_past: bool) -> None:
-        self.solenoid: Solenoid = rig.magnet.solenoid()
+        self._actuator = rig.actuator()
         self._gap = gap.tolist()
         self._amplifier = rig.settings.amplifier.amplifier(rig.dt)
         self._sensors = rig.instruments(seed)
@@ -82,14 +81,14 @@ class Bench:
         if unknown_past:
             rng = np.random.default_rng([rig.settings.seed, *seed, 3])
             for share in rng.uniform(size=_PAST).tolist():
-                self.solenoid.step(share * rig.settings.amplifier.current_max_A, self._gap[0])
-            self.solenoid.step(0.0, self._gap[0])
+                self._actuator.step(share * rig.settings.amplifier.current_max_A, self._gap[0])
+            self._actuator.step(0.0, self._gap[0])
 
     def condition(self, turns: list[float]) -> None:
         """Take the reference from turning point to turning point, A, slowly and off the record."""
         for turn in turns:
             flowing = max(turn - self._amplifier.shunt_offset, 0.0)
-            self.solenoid.step(flowing, self._gap[0])
+            self._actuator.step(flowing, self._gap[0])
 
     def begin(self) -> None:
         """Let the record, and with it the motion of the armature, begin with the next step."""
@@ -113,7 +112,7 @@ class Bench:
         current = self._amplifier.current
         tick = 0 if self._begin is None else len(self._rows) - self._begin
         gap = self._gap[min(tick, len(self._gap) - 1)]
-        force = self.solenoid.step(current, gap)
+        force = self._actuator.step(current, gap)
         reading = Reading(
             self._sensors.gap.read(gap),
             self._sensors.force.read(force),

@@ -28,7 +28,7 @@ from anhyst.rig.trials import Outcome
 
 Floats = NDArray[np.float64]
 
-DEMAND = "#000000"
+DEMAND = "#C4C4C4"
 SIMPLIFIED = "#009E73"
 SINGLE = "#CC79A7"
 SIMULATED = "#F0E442"
@@ -38,6 +38,8 @@ COLOURS: Mapping[str, str] = {
     "single": SINGLE,
     "ratio": FALLING,
 }
+_COMPARED = ("full", "simplified", "single")
+"""Whose errors are drawn: the models, and the strongest curve without memory."""
 MOST_POINTS = 1500
 """Points of a curve in a figure at most."""
 
@@ -86,7 +88,7 @@ def figure_constant_gap(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
     axes = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=(3, 2))
     for (above, below), outcome in zip(axes.T, shown, strict=True):
         _forces(above, rig, outcome)
-        _deviations(below, rig, outcome, ("full", "simplified", "single"))
+        _deviations(below, rig, outcome, _COMPARED)
         above.set_title(f"{outcome.trial.demand.name}, {_place(outcome)}")
         below.set_xlabel("time (s)")
     axes[0, 0].set_ylabel("force (N)")
@@ -97,20 +99,31 @@ def figure_constant_gap(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
 
 @styled
 def figure_positions(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
-    """Draw the same at a row of positions, one row a demand (the paper's Fig. 8)."""
+    """Draw the same at a row of positions: for each demand a row of forces and one of errors.
+
+    The paper's Fig. 8 has the forces alone, under which good compensation cannot be seen.
+    """
     names = list(dict.fromkeys(outcome.trial.demand.name for outcome in outcomes))
     columns = max(sum(o.trial.demand.name == name for o in outcomes) for name in names)
-    figure = new_figure(2.6 * len(names) + 0.6, width=max(9.6, 1.9 * columns))
-    axes = figure.subplots(len(names), columns, squeeze=False, sharey=True, sharex="row")
-    for row, name in zip(axes, names, strict=True):
+    figure = new_figure(4.4 * len(names) + 0.8, width=max(9.6, 1.9 * columns))
+    axes = figure.subplots(
+        2 * len(names), columns, squeeze=False, sharey="row", height_ratios=(3, 2) * len(names)
+    )
+    for name, row, errors in zip(names, axes[::2], axes[1::2], strict=True):
         members = [outcome for outcome in outcomes if outcome.trial.demand.name == name]
-        for ax, outcome in zip(row, members, strict=True):
+        for ax, below, outcome in zip(row, errors, members, strict=False):
             _forces(ax, rig, outcome)
-            worst = _worst(rig, outcome, "full")
-            ax.set_title(f"{_place(outcome)}\n{name}: {worst:.1f} %")
-            ax.set_xlabel("time (s)")
+            ax.set_title(f"{_place(outcome)}\n{name}")
+            ax.tick_params(labelbottom=False)
+            _deviations(below, rig, outcome, _COMPARED, title=False)
+            told = (f"{one} {_worst(rig, outcome, one):.1f}" for one in ("full", "single"))
+            below.set_title(f"{', '.join(told)} %", fontsize=8.0, weight="normal")
+            below.set_xlabel("time (s)")
+        for empty in (*row[len(members) :], *errors[len(members) :]):
+            empty.remove()
         row[0].set_ylabel("force (N)")
-    _legend(figure, axes[0, 0])
+        errors[0].set_ylabel("true force - demand (N)")
+    _legend(figure, axes[0, 0], axes[1, 0])
     return figure
 
 
@@ -121,7 +134,7 @@ def figure_moving(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
     axes = figure.subplots(3, len(outcomes), squeeze=False, sharex="col", height_ratios=(3, 2, 1.2))
     for (above, middle, below), outcome in zip(axes.T, outcomes, strict=True):
         _forces(above, rig, outcome)
-        _deviations(middle, rig, outcome, ("full", "simplified", "single"))
+        _deviations(middle, rig, outcome, _COMPARED)
         recording = outcome.recordings["full"]
         time, gap = _curve(rig, outcome, 1e3 * recording.gap)
         below.plot(time, gap, color=MEASURED, lw=1.0)
@@ -136,18 +149,23 @@ def figure_moving(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
 
 
 def _forces(ax: Axes, rig: Rig, outcome: Outcome) -> None:
-    """Demand, measured with compensation, simulated program, and the constant ratio."""
+    """Demand, measured with compensation, simulated program, and the constant ratio.
+
+    The demand lies below, wide and pale, so that what follows it is seen on it.
+    """
     curves = (
+        ("demand", outcome.trial.demand.force, DEMAND, 4.0, "-"),
         ("constant ratio", outcome.recordings["ratio"].read_force, FALLING, 0.9, "-"),
         ("measured, full", outcome.recordings["full"].read_force, RISING, 1.4, "-"),
-        ("simulated program, full", outcome.simulated["full"], SIMULATED, 0.8, "-"),
-        ("demand", outcome.trial.demand.force, DEMAND, 0.9, (0, (4, 3))),
+        ("simulated program, full", outcome.simulated["full"], SIMULATED, 0.8, (0, (4, 3))),
     )
     for label, force, colour, width, dashes in curves:
         ax.plot(*_curve(rig, outcome, force), color=colour, lw=width, ls=dashes, label=label)
 
 
-def _deviations(ax: Axes, rig: Rig, outcome: Outcome, names: Sequence[str]) -> None:
+def _deviations(
+    ax: Axes, rig: Rig, outcome: Outcome, names: Sequence[str], *, title: bool = True
+) -> None:
     told = []
     for name in names:
         deviation = outcome.recordings[name].force - outcome.trial.demand.force
@@ -155,7 +173,8 @@ def _deviations(ax: Axes, rig: Rig, outcome: Outcome, names: Sequence[str]) -> N
         label = f"error, {TITLES[name]}"
         ax.plot(*_curve(rig, outcome, deviation), color=COLOURS[name], lw=1.0, label=label)
         told.append(f"{TITLES[name]} {_worst(rig, outcome, name):.2f} %")
-    ax.set_title(f"worst: {', '.join(told)}", fontsize=8.0, weight="normal")
+    if title:
+        ax.set_title(f"worst: {', '.join(told)}", fontsize=8.0, weight="normal")
 
 
 def _worst(rig: Rig, outcome: Outcome, name: str) -> float:

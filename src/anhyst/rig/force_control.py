@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,12 +24,14 @@ from anhyst.link.process import find_qemu
 from anhyst.model import ActuatorModel
 from anhyst.rig.baselines import fit_ratio, fit_single_valued
 from anhyst.rig.demand import Demand, triangle, with_lead_in
+from anhyst.rig.distance import PlantCheck
 from anhyst.rig.drawing import draw
 from anhyst.rig.modelling import find_model, loops_at, read_loops
 from anhyst.rig.programs import Program, prepare
 from anhyst.rig.results import figures
-from anhyst.rig.rigfile import Rig, read_rig
+from anhyst.rig.rigfile import Rig, complete_rig, read_rig
 from anhyst.rig.trials import Controllers, Outcome, Stage, Trial, plan_trials, run_trial
+from anhyst.rig.verdict import verdict
 
 Progress = Callable[[float, float], None]
 T = TypeVar("T")
@@ -54,11 +58,14 @@ class ForceControl:
         As in ``figures.json``.
     outcomes : tuple of Outcome
         Recordings of all trials.
+    plant : PlantCheck
+        What the loops say about the actuator.
     """
 
     out: Path
     figures: dict[str, Any]
     outcomes: tuple[Outcome, ...]
+    plant: PlantCheck
 
 
 def force_control(
@@ -108,9 +115,8 @@ def force_control(
         "end": (ratio, None, fit_single_valued(end, force_max)),
         "stroke": (ratio, fit_ratio(loops, force_max), fit_single_valued(loops, force_max)),
     }
-    folder = Path(out)
-    _make(folder)
-    with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with _draft(Path(out)) as folder, ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+        rig = complete_rig(rig, loops)
         models = dict(zip(curves, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
         told.step(4.0)
         programs = _programs(pool, rig, models, board, folder)
@@ -119,9 +125,11 @@ def force_control(
             scope: Controllers(programs[scope], *curves[scope], board) for scope in curves
         }
         outcomes = list(told.each(_run(pool, rig, trials, controllers)))
-    found = figures(rig, outcomes, board)
-    _write(rig, folder, found, outcomes)
-    return ForceControl(folder, found, tuple(outcomes))
+        plant = rig.check(loops, models["stroke"])
+        found = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
+        found["verdict"] = verdict(found["summary"])
+        _write(rig, folder, found, outcomes)
+    return ForceControl(Path(out), found, tuple(outcomes), plant)
 
 
 def _run(
@@ -163,11 +171,31 @@ def _check_tools(board: str) -> None:
         find_qemu()
 
 
-def _make(folder: Path) -> None:
+@contextmanager
+def _draft(folder: Path) -> Iterator[Path]:
+    """Give a folder to work in; when all is done, what is in it goes where it belongs."""
+    is_new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        draft = TemporaryDirectory(prefix=".", suffix=".part", dir=folder)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made: {error.strerror}; name a folder") from error
+    try:
+        with draft as place:
+            yield Path(place)
+            _move_all(Path(place), folder)
+    except BaseException:
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
+
+
+def _move_all(draft: Path, folder: Path) -> None:
+    for file in sorted(path for path in draft.rglob("*") if path.is_file()):
+        target = folder / file.relative_to(draft)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        file.replace(target)
 
 
 def _programs(

@@ -27,6 +27,7 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
     ax = figure.add_subplot()
     ax.set_axis_off()
     ax.grid(visible=False)
+    actuator, turns = rig.actuator_text
     boxes: dict[str, tuple[_Place, str, str]] = {
         "pc": ((0.0, 2.0), "PC", "demands, recording"),
         "controller": (
@@ -42,9 +43,8 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
         ),
         "solenoid": (
             (8.0, 0.0),
-            "proportional solenoid",
-            f"{rig.magnet.circuit.turns} turns, {settings.force_control.force_max_N:g} N\n"
-            f"gap {_stroke(rig)} mm",
+            actuator,
+            f"{turns} turns, {settings.force_control.force_max_N:g} N\ngap {_stroke(rig)} mm",
         ),
         "lvdt": (
             (4.0, 0.0),

@@ -11,8 +11,9 @@ from scipy.optimize import minimize
 
 from anhyst.data import LoopSet
 from anhyst.errors import InputError
-from anhyst.identify import identify
 from anhyst.model import ActuatorModel
+from anhyst.rig.distance import thinned
+from anhyst.rig.loopfiles import identify_loops
 from anhyst.rig.rigfile import Rig
 
 Floats = NDArray[np.float64]
@@ -28,7 +29,7 @@ PLAUSIBLE = 0.82
 """The start-up sequence pulls with the largest measured force; boards take a quarter above full
 scale for plausible."""
 
-_SAMPLES = 6000
+SAMPLES = 6000
 """Samples of the loops on which the polish runs at most."""
 
 
@@ -41,9 +42,7 @@ def read_loops(rig: Rig) -> LoopSet:
         As the reader; also if there are none at the stroke's end, or they are no loops of force
         over current.
     """
-    loops = LoopSet.from_csv(rig.loops)
-    if (loops.input.name, loops.output.name) != ("current", "force") or loops.schedule is None:
-        raise InputError(f"{rig.loops}: force control needs columns I_A, F_N and gap_m")
+    loops = rig.measured.read()
     end = rig.settings.force_control.end_m
     if not _at(loops, end):
         gaps = ", ".join(f"{float(gap or 0.0):g}" for gap in loops.by_schedule())
@@ -87,7 +86,7 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
     ActuatorModel
     """
     several = len(loops.by_schedule()) > 1
-    found = identify(loops, gap_map="circuit" if several else "auto").model
+    found = identify_loops(loops, rig.settings.identify, "circuit" if several else "auto")
     polished = _polish(found, loops, _least_play(found, rig))
     valid = polished.valid
     assert valid is not None
@@ -115,7 +114,7 @@ def _least_play(model: ActuatorModel, rig: Rig) -> float:
 
 def _polish(model: ActuatorModel, loops: LoopSet, least_play: float) -> ActuatorModel:
     """Move pinning, reversible fraction and play to the least high power of the deviation."""
-    records = thinned(loops)
+    records = thinned(loops, SAMPLES)
     k, c = float(model.parameters["k"]), float(model.parameters["c"])  # type: ignore[arg-type]
     c = min(max(c, 0.01), 0.99)
     odds = math.log(c / (1.0 - c))
@@ -138,20 +137,3 @@ def _polish(model: ActuatorModel, loops: LoopSet, least_play: float) -> Actuator
     simplex = start + np.vstack([np.zeros(3), np.diag([0.1, 0.1, 0.5])])
     options = {"xatol": 1e-2, "fatol": 1e-4, "maxfev": EVALUATIONS, "initial_simplex": simplex}
     return changed(minimize(cost, start, method="Nelder-Mead", options=options).x)
-
-
-def thinned(loops: LoopSet) -> LoopSet:
-    """Leave out samples evenly; where a record turns, that costs less than a step of its drive."""
-    every = -(-sum(loop.n for loop in loops.loops) // _SAMPLES)
-    if every == 1:
-        return loops
-    return loops.with_loops(
-        replace(
-            loop,
-            input=loop.input[::every],
-            output=loop.output[::every],
-            schedule=None if loop.schedule is None else loop.schedule[::every],
-            time=None if loop.time is None else loop.time[::every],
-        )
-        for loop in loops.loops
-    )

@@ -1,4 +1,4 @@
-"""The rig file: a virtual solenoid, its instruments, and what is tried on them.
+"""The rig file: a virtual actuator, its instruments, and what is tried on them.
 
 Everything is SI and the unit stands in the key. Every key is described in docs/force-control.md.
 """
@@ -7,44 +7,38 @@ Everything is SI and the unit stands in the key. Every key is described in docs/
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from anhyst.atomic import PathLike
+from anhyst.data import LoopSet
+from anhyst.identifyoptions import IdentifyTable
+from anhyst.model import ActuatorModel
 from anhyst.plants.amplifier import Amplifier
-from anhyst.plants.iron import CellSteel
+from anhyst.plants.magnet import Electromagnet, cell_magnet
 from anhyst.plants.sensors import Converter, Sensor
 from anhyst.plants.solenoid import Geometry, Solenoid
-from anhyst.tomlfile import Bits, NotNegative, Number, Positive, Share, Table, read_toml
+from anhyst.rig.distance import Follow, PlantCheck, along, distance, model_distance
+from anhyst.rig.fromloops import Fitted, fit_magnet
+from anhyst.rig.loopfiles import FileList, Measured, identify_faults
+from anhyst.rig.magnettable import ElectromagnetTable, SteelTable
+from anhyst.tomlfile import (
+    Bits,
+    NotNegative,
+    Number,
+    Positive,
+    Share,
+    Table,
+    faults_error,
+    read_toml,
+)
 
-
-class SteelTable(Table):
-    """A steel of pinned cells."""
-
-    cells: Annotated[int, Field(ge=1, le=1000)]
-    reversible_fraction: Share
-    pinning_scale_A_per_m: Positive
-    pinning_shape: Positive
-    saturation_sharp_T: Positive
-    knee_sharp_A_per_m: Positive
-    saturation_slow_T: Positive
-    knee_slow_A_per_m: Positive
-
-    def steel(self) -> CellSteel:
-        """Return what it is made of."""
-        return CellSteel(
-            cells=self.cells,
-            reversible_fraction=self.reversible_fraction,
-            pinning_scale=self.pinning_scale_A_per_m,
-            pinning_shape=self.pinning_shape,
-            saturation_sharp=self.saturation_sharp_T,
-            knee_sharp=self.knee_sharp_A_per_m,
-            saturation_slow=self.saturation_slow_T,
-            knee_slow=self.knee_slow_A_per_m,
-        )
+Floats = NDArray[np.float64]
 
 
 class IronTable(SteelTable):
@@ -171,7 +165,7 @@ class MovingTable(Table):
 class ForceControlTable(Table):
     """``[force_control]``: what is tried."""
 
-    loops: str
+    loops: FileList
     force_max_N: Positive
     end_m: Positive
     positions_m: Annotated[list[Positive], Field(min_length=1)]
@@ -185,7 +179,9 @@ class RigTable(Table):
     format: Literal["anhyst-rig"]
     version: Literal[1]
     name: str
-    solenoid: str
+    solenoid: str | None = None
+    magnet: ElectromagnetTable | None = None
+    identify: IdentifyTable = Field(default_factory=IdentifyTable)
     rate_Hz: Annotated[float, Field(ge=100.0, le=100e3)]
     seed: Annotated[int, Field(ge=0)]
     amplifier: AmplifierTable
@@ -193,6 +189,15 @@ class RigTable(Table):
     lvdt: LvdtTable
     force_sensor: ForceTable
     force_control: ForceControlTable
+
+    @model_validator(mode="after")
+    def _one_actuator(self) -> Self:
+        if (self.solenoid is None) == (self.magnet is None):
+            both = "is named beside [magnet]" if self.solenoid else "is missing, and so is [magnet]"
+            raise ValueError(f"solenoid: {both}; a rig has one of the two")
+        if self.magnet is not None and self.magnet.iron is None:
+            raise ValueError('magnet: needs iron; add the table [magnet.iron] or "from loops"')
+        return self
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,13 +219,16 @@ class Rig:
         The rig file.
     settings : RigTable
         What it says.
-    magnet : SolenoidFile
-        The solenoid file it names.
+    solenoid_file : SolenoidFile or None
+        Where it names one.
+    fitted : Fitted or None
+        Magnet that was fitted to the loops; `settings` holds its numbers then.
     """
 
     path: Path
     settings: RigTable
-    magnet: SolenoidFile
+    solenoid_file: SolenoidFile | None
+    fitted: Fitted | None = None
 
     @property
     def dt(self) -> float:
@@ -228,9 +236,60 @@ class Rig:
         return 1.0 / self.settings.rate_Hz
 
     @property
-    def loops(self) -> Path:
-        """File with the measured loops."""
-        return self.path.parent / self.settings.force_control.loops
+    def measured(self) -> Measured:
+        """The loops that its file names."""
+        key, names = ("force_control", "loops"), tuple(self.settings.force_control.loops)
+        return Measured(self.path, key, names, self.settings.identify)
+
+    def actuator(self) -> Solenoid | Electromagnet:
+        """Return what pulls, demagnetised."""
+        magnet = self.settings.magnet
+        if magnet is None:
+            return self.solenoid.solenoid()
+        return Electromagnet(cell_magnet(magnet.poles, magnet.steel.steel()))
+
+    def follower(self) -> Follow:
+        """Return what its actuator does along currents and gaps, from demagnetised on."""
+        actuator = self.actuator()
+
+        def follow(current: Floats, gap: Floats) -> Floats:
+            pairs = zip(current.tolist(), gap.tolist(), strict=True)
+            return np.array([actuator.step(*pair) for pair in pairs])
+
+        return follow
+
+    def check(self, loops: LoopSet, model: ActuatorModel) -> PlantCheck:
+        """Hold its actuator and a model against loops.
+
+        Parameters
+        ----------
+        loops : LoopSet
+            Those that its file names.
+        model : ActuatorModel
+            That a compensator is made of.
+        """
+        fitted = self.fitted
+        zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
+        return PlantCheck(
+            plant=distance(loops, lambda loop: along(self.follower(), loop, zeros[0]) + zeros[1]),
+            model=model_distance(loops, model),
+            fitted=fitted is not None,
+            guessed=() if fitted is None else fitted.guessed,
+        )
+
+    @property
+    def solenoid(self) -> SolenoidFile:
+        """Its solenoid, where it has one."""
+        assert self.solenoid_file is not None
+        return self.solenoid_file
+
+    @property
+    def actuator_text(self) -> tuple[str, int]:
+        """What the actuator is called, and its turns."""
+        magnet = self.settings.magnet
+        if magnet is None:
+            return "proportional solenoid", self.solenoid.circuit.turns
+        return "electromagnet", magnet.poles.turns
 
     def instruments(self, seed: list[int], dt: float | None = None) -> Instruments:
         """Return the sensors.
@@ -291,5 +350,26 @@ def read_rig(path: PathLike) -> Rig:
     """
     place = Path(path)
     settings = read_toml(place, RigTable)
-    magnet = read_toml(place.parent / settings.solenoid, SolenoidFile)
-    return Rig(place, settings, magnet)
+    faults = identify_faults(settings.identify)
+    if faults:
+        raise faults_error(place, faults)
+    if settings.solenoid is None:
+        return Rig(place, settings, None)
+    return Rig(place, settings, read_toml(place.parent / settings.solenoid, SolenoidFile))
+
+
+def complete_rig(rig: Rig, loops: LoopSet) -> Rig:
+    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted.
+
+    Parameters
+    ----------
+    rig : Rig
+    loops : LoopSet
+        Those that its file names.
+    """
+    magnet = rig.settings.magnet
+    if magnet is None or not magnet.from_loops:
+        return rig
+    found = fit_magnet(loops, magnet)
+    settings = rig.settings.model_copy(update={"magnet": magnet.model_copy(update=found.keys)})
+    return replace(rig, settings=settings, fitted=found)

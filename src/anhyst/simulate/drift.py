@@ -10,7 +10,8 @@ from anhyst._core import Bearing
 from anhyst.model import ActuatorModel, Parameter
 from anhyst.modelfile import read_model
 from anhyst.simulate.plant import make_bearing, make_magnet
-from anhyst.simulate.rigfile import BearingRig, DriftTable
+from anhyst.simulate.rigfile import BearingRig
+from anhyst.simulate.rigtables import DriftTable
 from anhyst.simulate.variations import changed
 
 CUT = 3.0
@@ -82,11 +83,11 @@ def drifted_rig(rig: BearingRig, drift: Drift) -> BearingRig:
     and offset are two things.
     """
     settings = rig.settings
-    iron, mechanics = settings.magnet.iron, settings.mechanics
+    magnet, mechanics = settings.magnet, settings.mechanics
     sensor, shunt, hall = settings.position_sensor, settings.current_sensor, settings.hall_probe
     turned = drift.position_gain * settings.simulate.gap_m
     changes = {
-        "magnet.resistance_ohm": settings.magnet.resistance_ohm * (1.0 + drift.resistance),
+        "magnet.resistance_ohm": settings.magnet.poles.resistance * (1.0 + drift.resistance),
         "mechanics.mass_kg": mechanics.mass_kg * (1.0 + drift.mass),
         "position_sensor.gain_error": sensor.gain_error + drift.position_gain,
         "position_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
@@ -94,7 +95,8 @@ def drifted_rig(rig: BearingRig, drift: Drift) -> BearingRig:
     }
     if hall is not None:
         changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain
-    if iron is not None:
+    if magnet.iron is not None:
+        iron = magnet.steel
         pinning, more = iron.pinning_scale_A_per_m * (1.0 + drift.pinning), 1.0 + drift.saturation
         fraction = min(iron.reversible_fraction * (1.0 + drift.reversible), 1.0)
         changes |= {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.elementary import sine, triangle
 from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.limitcycle import LimitCycle, limit_cycle
 from anhyst.simulate.loop import Loop, lost_at
@@ -18,7 +18,8 @@ from anhyst.simulate.metrics import deviation, mean_interval, recovery_time
 from anhyst.simulate.pool import Progress, all_of
 from anhyst.simulate.recording import RISE, Recording
 from anhyst.simulate.responses import position_resolution
-from anhyst.simulate.rigfile import BearingRig, TrajectoryTable
+from anhyst.simulate.rigfile import BearingRig
+from anhyst.simulate.rigtables import TrajectoryTable
 from anhyst.simulate.scenario import DROP, Scenario, Script, Step
 from anhyst.simulate.setup import Setup
 
@@ -125,9 +126,7 @@ def following(setup: Setup, shape: TrajectoryTable) -> tuple[Scenario, int]:
     rig = setup.rig
     period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
     phase = np.arange(2 * period) / period
-    wave = np.sin(2.0 * math.pi * phase)
-    if shape.kind == "triangle":
-        wave = 2.0 / math.pi * np.arcsin(wave)
+    wave = triangle(phase) if shape.kind == "triangle" else sine(phase)
     script = _lifted(setup)
     script.follow(rig.settings.simulate.gap_m - shape.amplitude_m * wave)
     return script.build(), script.ticks - period

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.elementary import passed
 from anhyst.errors import InputError
 from anhyst.simulate.surface import Surface
 
@@ -158,6 +158,6 @@ def design_flux_loop(
         proportional=integral * calibration.lag,
         integral=integral * tick,
         back=min(1.0, crossover * tick),
-        smoothing=-math.expm1(-tick / (calibration.delay + calibration.lag)),
+        smoothing=passed(tick / (calibration.delay + calibration.lag)),
         crossover=crossover,
     )

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from anhyst.atomic import PathLike
-from anhyst.data.reading import files_read
 from anhyst.errors import Interrupted
 from anhyst.simulate.controllerfile import ControllerFile, Variant
 from anhyst.simulate.drift import Drift, draw_drift, drifted_bearing, drifted_rig
@@ -20,12 +19,13 @@ from anhyst.simulate.loop import Loop, lost_at
 from anhyst.simulate.metrics import step_figures
 from anhyst.simulate.plantrow import fault_of
 from anhyst.simulate.pool import Progress, each
+from anhyst.simulate.ready import make_ready
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.responses import position_resolution
 from anhyst.simulate.resuming import ResultsFile
 from anhyst.simulate.rigfile import BearingRig
 from anhyst.simulate.scenario import Scenario, steps_up_and_down
-from anhyst.simulate.setup import Setup, make_setups, read_knowledge
+from anhyst.simulate.setup import Setup, make_setups
 from anhyst.version import running_version
 
 PERCENTILES = (5, 50, 95, 99)
@@ -173,7 +173,8 @@ def monte_carlo(
         After ctrl-C; what was flown is kept.
     """
     seed = rig.settings.seed if seed is None else seed
-    knowledge = read_knowledge(rig, controller)
+    ready = make_ready(rig, controller)
+    rig, knowledge = ready.rig, ready.knowledge()
     setups = tuple(make_setups(rig, controller, knowledge, tuple(variants)).values())
     plants = [Plant(setups, seed, index) for index in range(count)]
     heights = tuple(rig.settings.simulate.steps_m)
@@ -201,12 +202,8 @@ def _fly_missing(
     count = len(plants)
     left = [plant for plant in plants if plant.index not in results.done]
 
-    def report(done: int, total: int) -> None:
-        if progress is not None:
-            progress(count - total + done, count)
-
     try:
-        for _, result in each(fly, left, report, jobs):
+        for _, result in each(fly, left, progress, jobs):
             results.add(result)
     except KeyboardInterrupt:
         kept = sum(plant.index in results.done for plant in plants)
@@ -321,7 +318,7 @@ def _header(
         "version": 1,
         "anhyst": running_version(),
         "rig": _hash(
-            rig.settings.model_dump_json(), [*files_read(rig.loops), rig.model, rig.flux_table]
+            rig.settings.model_dump_json(), [*rig.measured.files, rig.model, rig.flux_table]
         ),
         "controller": _hash(controller.settings.model_dump_json(), [controller.model]),
         "variants": list(variants),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import Coil
+from anhyst.elementary import spaced
 from anhyst.simulate import linear
 from anhyst.simulate.plant import current_gains, make_magnet, static_map
 from anhyst.simulate.rigfile import BearingRig, check_load, check_rate
@@ -98,7 +99,7 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
         k_i=magnets * slopes.static.k_i,
         k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
         inductance=magnets * float(ends[1] - ends[0]) / (2.0 * around),
-        resistance=magnets * settings.magnet.resistance_ohm,
+        resistance=magnets * settings.magnet.poles.resistance,
         damping=settings.mechanics.damping_N_s_per_m + settings.load.damping_N_s_per_m,
         eddy_time=settings.magnet.eddy_time_s,
     )
@@ -183,7 +184,7 @@ def _amplifier(rig: BearingRig, magnets: float) -> linear.Amplifier | linear.Dig
     if rig.settings.amplifier.mode == "current":
         return linear.Amplifier(gain, reset)
     return linear.DigitalAmplifier(
-        magnets * rig.settings.magnet.resistance_ohm,
+        magnets * rig.settings.magnet.poles.resistance,
         gain,
         reset * rig.dt,
         rig.settings.current_sensor.bandwidth_Hz,
@@ -192,4 +193,4 @@ def _amplifier(rig: BearingRig, magnets: float) -> linear.Amplifier | linear.Dig
 
 def sweep_frequencies(rig: BearingRig) -> Floats:
     """Return the frequencies of a swept sine, Hz: around everything that a bearing's loop does."""
-    return np.geomspace(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
+    return spaced(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)

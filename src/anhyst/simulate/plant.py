@@ -9,18 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import Bearing, Coil, Magnet
+from anhyst.elementary import passed
 from anhyst.errors import InputError
 from anhyst.model import ActuatorModel
 from anhyst.modelfile import read_model
 from anhyst.plants.magnet import (
     FluxTable,
-    Poles,
     cell_magnet,
     flux_table_of,
     law_magnet,
 )
 from anhyst.simulate.fluxfile import check_flux_range, read_flux_table
-from anhyst.simulate.rigfile import BearingRig, PositionSensor
+from anhyst.simulate.rigfile import BearingRig
+from anhyst.simulate.rigtables import PositionSensor
 
 Floats = NDArray[np.float64]
 
@@ -35,19 +36,6 @@ DIGITAL_CROSSOVER = 0.4
 
 ROWS = 129
 """Places over the gap at which a law's gap map is looked at."""
-
-
-def poles(rig: BearingRig) -> Poles:
-    """Return winding and poles of the rig's magnet."""
-    magnet = rig.settings.magnet
-    return Poles(
-        turns=magnet.turns,
-        resistance=magnet.resistance_ohm,
-        width=magnet.pole_width_m,
-        depth=magnet.pole_depth_m,
-        leakage=magnet.leakage_H,
-        iron_length=magnet.iron_length_m,
-    )
 
 
 def make_magnet(rig: BearingRig, law: ActuatorModel | None = None) -> Magnet:
@@ -67,21 +55,32 @@ def make_magnet(rig: BearingRig, law: ActuatorModel | None = None) -> Magnet:
     settings = rig.settings.magnet
     middle = rig.settings.simulate.gap_m
     if settings.force == "cells":
-        assert settings.iron is not None
-        return cell_magnet(poles(rig), settings.iron.steel(), settings.eddy_time_s, middle)
+        return cell_magnet(settings.poles, settings.steel.steel(), settings.eddy_time_s, middle)
     table = flux_table(rig)
+    model = law or law_of(rig)
+    at = np.linspace(float(table.gap[0]), float(table.gap[-1]), ROWS)
+    names = ("c_H", "rho", "c_out", "out_0", "in_0")
+    rows = np.column_stack([model.over_schedule(name, at) for name in names])
+    eddy = float(model.over_schedule("gamma", np.array([middle]))[0])
+    return law_magnet(settings.poles, model.iron_at(middle), rows, eddy, table)
+
+
+def law_of(rig: BearingRig) -> ActuatorModel:
+    """Return the identified law that makes a rig's force.
+
+    Raises
+    ------
+    InputError
+        A model that cannot be read or makes no force of current and gap.
+    """
     assert rig.model is not None
-    model = law or read_model(rig.model)
+    model = read_model(rig.model)
     if model.fixed_gap_only or not model.needs_schedule or model.power != 2:
         raise InputError(
             f"{rig.model}: a bearing needs a model of force over current whose gap may move; "
             "identify one from loops at several gaps"
         )
-    at = np.linspace(float(table.gap[0]), float(table.gap[-1]), ROWS)
-    names = ("c_H", "rho", "c_out", "out_0", "in_0")
-    rows = np.column_stack([model.over_schedule(name, at) for name in names])
-    eddy = float(model.over_schedule("gamma", np.array([middle]))[0])
-    return law_magnet(poles(rig), model.iron_at(middle), rows, eddy, table)
+    return model
 
 
 def flux_table(rig: BearingRig) -> FluxTable:
@@ -98,10 +97,9 @@ def flux_table(rig: BearingRig) -> FluxTable:
         check_flux_range(rig.flux_table, table, mechanics.stop_low_m, mechanics.stop_high_m, high)
         return table
     settings = rig.settings
-    assert settings.magnet.iron is not None
     ends = (0.8 * settings.mechanics.stop_low_m, 1.2 * settings.mechanics.stop_high_m)
     high = 1.5 * settings.amplifier.current_high_A
-    return flux_table_of(poles(rig), settings.magnet.iron.steel(), high, ends)
+    return flux_table_of(settings.magnet.poles, settings.magnet.steel.steel(), high, ends)
 
 
 def static_map(rig: BearingRig, current: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
@@ -151,7 +149,7 @@ def current_loop(rig: BearingRig) -> dict[str, float]:
     gain, reset = current_gains(rig)
     needed = rig.settings.amplifier.mode == "voltage"
     return {
-        "resistance": rig.settings.magnet.resistance_ohm,
+        "resistance": rig.settings.magnet.poles.resistance,
         "gain": gain if needed else 0.0,
         "reset": reset * rig.dt,
         "limit": rig.settings.amplifier.supply_V,
@@ -169,7 +167,7 @@ def current_gains(rig: BearingRig) -> tuple[float, float]:
     if settings.amplifier.mode == "voltage":
         late = (settings.timing.delay_ticks + 0.5) * rig.dt + settings.amplifier.delay_s
         omega = min(omega, DIGITAL_CROSSOVER / late)
-    gain = omega * poles(rig).inductance(settings.simulate.gap_m)
+    gain = omega * settings.magnet.poles.inductance(settings.simulate.gap_m)
     return gain, CURRENT_RESET * omega * gain
 
 
@@ -184,7 +182,7 @@ def _mechanics(rig: BearingRig) -> dict[str, float]:
         "gravity": mechanics.gravity_m_per_s2,
         "stop_low": mechanics.stop_low_m,
         "stop_high": mechanics.stop_high_m,
-        "stop_stiffness": mechanics.mass_kg * omega**2,
+        "stop_stiffness": mechanics.mass_kg * (omega * omega),
         "stop_damping": mechanics.mass_kg * omega,
         "tick": rig.dt,
         "substeps": timing.substeps,
@@ -268,4 +266,4 @@ def _lag(step: float, bandwidth: float, delay: float = 0.0) -> dict[str, float]:
 
 def _share(bandwidth: float, seconds: float) -> float:
     """Share of a step that a low-pass of first order passes in so many seconds."""
-    return -math.expm1(-2.0 * math.pi * bandwidth * seconds)
+    return passed(2.0 * math.pi * bandwidth * seconds)

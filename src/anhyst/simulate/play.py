@@ -19,7 +19,8 @@ from anhyst.data import LoopSet
 from anhyst.data.loopset import Loop
 from anhyst.model import ActuatorModel
 from anhyst.record import fit_figures
-from anhyst.rig.modelling import thinned
+from anhyst.rig.distance import thinned
+from anhyst.rig.modelling import SAMPLES
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ def with_widest_play(model: ActuatorModel, loops: LoopSet) -> ActuatorModel:
     ActuatorModel
         The given one where even the narrowest play costs more than 3 % of the error.
     """
-    records = thinned(loops)
+    records = thinned(loops, SAMPLES)
     most = COST * _error(model, records)
     for part in PARTS:
         found, error = _fit(model, records, part)

@@ -138,7 +138,7 @@ def _judge(run: Run, recording: Recording, step: Step) -> StepResult:
     time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
     found = step_figures(time, reference, gap, position_resolution(run.setup.rig))
     off = deviation(gap, reference)
-    cost = effort(time, part["current_A"], run.setup.rig.settings.magnet.resistance_ohm)
+    cost = effort(time, part["current_A"], run.setup.rig.settings.magnet.poles.resistance)
     values = (
         found.overshoot,
         found.noise,

@@ -3,30 +3,18 @@
 Everything is SI and the unit stands in the key. Every key is described in docs/rig-file.md.
 """
 
-# ruff: noqa: N815 - keys of the file carry units
-
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal, Self
-
-from pydantic import Field, model_validator
 
 from anhyst.atomic import PathLike
-from anhyst.rig.rigfile import SteelTable
-from anhyst.tomlfile import (
-    Bits,
-    Fault,
-    NotNegative,
-    Number,
-    Positive,
-    Share,
-    Table,
-    faults_error,
-    read_toml,
-)
+from anhyst.data import LoopSet
+from anhyst.rig.fromloops import Fitted, fit_magnet
+from anhyst.rig.loopfiles import Measured, identify_faults
+from anhyst.simulate.rigtables import BearingTable
+from anhyst.tomlfile import Fault, faults_error, read_toml
 from anhyst.tomltext import Path as KeyPath
 
 TICKS_PER_POLE = 20.0
@@ -37,320 +25,8 @@ LONGEST_PERIOD_S = 60.0
 """Of a trajectory, s."""
 TICKS_PER_PERIOD = 10.0
 """More than so many ticks make a period of a trajectory."""
-MOST_SEED = 1 << 31
-"""Seeds are below it."""
 MOST_DELAY = 128
 """Sub-steps between sample and output, or by which a sensor may be late."""
-MOST_CELLS = 63
-"""Pinned cells of an iron."""
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
-GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
-Spread = Annotated[float, Field(ge=0.0, le=30.0)]
-
-
-class TimingTable(Table):
-    """``[timing]``: when what happens."""
-
-    rate_Hz: Annotated[float, Field(ge=100.0, le=200e3)]
-    substeps: Annotated[int, Field(ge=1, le=64)] = 4
-    delay_ticks: Annotated[float, Field(ge=0.0, le=8.0)] = 1.0
-
-    @model_validator(mode="after")
-    def _whole(self) -> Self:
-        steps = self.delay_ticks * self.substeps
-        if abs(steps - round(steps)) > 1e-9:
-            raise ValueError(
-                f"delay_ticks of {self.delay_ticks} is no whole number of sub-steps of "
-                f"1/{self.substeps} tick; correct one of them"
-            )
-        return self
-
-
-class ModelTable(Table):
-    """``[magnet.model]``: the identified law that makes the force."""
-
-    file: str
-    flux_table: str | None = None
-
-
-class MagnetTable(Table):
-    """``[magnet]``: winding, poles, and what the iron does."""
-
-    arrangement: Literal["single", "pair"] = "single"
-    force: Literal["cells", "model"] = "cells"
-    turns: Annotated[int, Field(ge=1)]
-    resistance_ohm: Positive
-    pole_width_m: Positive
-    pole_depth_m: Positive
-    leakage_H: NotNegative
-    iron_length_m: Positive
-    eddy_time_s: NotNegative = 0.0
-    gap_total_m: Positive | None = None
-    bias_force_N: Positive | None = None
-    iron: SteelTable | None = None
-    model: ModelTable | None = None
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        for key, value in (("gap_total_m", self.gap_total_m), ("bias_force_N", self.bias_force_N)):
-            if self.arrangement == "pair" and value is None:
-                raise ValueError(f"a pair needs {key}; add it")
-            if self.arrangement == "single" and value is not None:
-                raise ValueError(f'{key} belongs to a pair; remove it or write arrangement "pair"')
-        if self.force == "cells" and self.iron is None:
-            raise ValueError('force "cells" needs the table [magnet.iron]; add it')
-        if self.force == "model" and self.model is None:
-            raise ValueError('force "model" needs the table [magnet.model]; add it')
-        if self.model is not None and self.model.flux_table is None and self.iron is None:
-            raise ValueError("a model without flux_table needs the table [magnet.iron]; add one")
-        return self
-
-
-class AmplifierTable(Table):
-    """``[amplifier]``: the power stage, one for each coil."""
-
-    mode: Literal["current", "voltage"] = "current"
-    supply_V: Positive
-    bandwidth_Hz: Positive
-    current_low_A: Number = 0.0
-    current_high_A: Positive
-    dac_bits: Bits
-    delay_s: NotNegative = 0.0
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _ordered("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
-        return self
-
-
-class MechanicsTable(Table):
-    """``[mechanics]``: the armature and its guide."""
-
-    mass_kg: Positive
-    stop_low_m: Positive
-    stop_high_m: Positive
-    damping_N_s_per_m: NotNegative = 0.0
-    gravity_m_per_s2: Number = 0.0
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _ordered("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
-        return self
-
-
-class DisturbanceTable(Table):
-    """``[[load.disturbance]]``: a force beside the commanded one."""
-
-    kind: Literal["step", "sine", "noise"]
-    force_N: Number
-    frequency_Hz: Positive | None = None
-    start_s: NotNegative = 0.0
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        if self.kind == "step" and self.frequency_Hz is not None:
-            raise ValueError("a step has no frequency_Hz; remove it")
-        if self.kind != "step" and self.frequency_Hz is None:
-            raise ValueError(f"a {self.kind} needs frequency_Hz; add it")
-        return self
-
-
-class LoadTable(Table):
-    """``[load]``: the load drive, which pulls the gap open."""
-
-    force_N: Number
-    bandwidth_Hz: Positive
-    damping_N_s_per_m: Number = 0.0
-    stiffness_N_per_m: Number = 0.0
-    encoder_step_m: NotNegative
-    velocity_bandwidth_Hz: Positive
-    disturbance: list[DisturbanceTable] = Field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True)
-class PositionSensor:
-    """A sensor of the gap with nothing left open.
-
-    Parameters
-    ----------
-    low, high : float
-        Range, m.
-    step : float
-        Resolution, m.
-    noise : float
-        Standard deviation before that, m.
-    bandwidth : float
-        Of -3 dB, Hz.
-    delay : float
-        s.
-    """
-
-    low: float
-    high: float
-    step: float
-    noise: float
-    bandwidth: float
-    delay: float
-
-
-class PositionTable(Table):
-    """``[position_sensor]``: what is left out, the kind of sensor says."""
-
-    kind: Literal["encoder", "capacitive", "laser", "lvdt"]
-    low_m: NotNegative
-    high_m: Positive
-    step_m: Positive | None = None
-    adc_bits: Bits | None = None
-    noise_m: NotNegative | None = None
-    bandwidth_Hz: Positive | None = None
-    delay_s: NotNegative | None = None
-    gain_error: GainError = 0.0
-    offset_m: Number = 0.0
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        _ordered("low_m", self.low_m, "high_m", self.high_m)
-        if self.step_m is not None and self.adc_bits is not None:
-            raise ValueError("step_m and adc_bits both say the resolution; keep one")
-        return self
-
-    def sensor(self) -> PositionSensor:
-        """Return it with the values that its kind has where none are given."""
-        usual = POSITION_SENSORS[self.kind]
-        step = self.step_m or (0.0 if self.adc_bits else usual.step)
-        bits = self.adc_bits or LVDT_BITS
-        return PositionSensor(
-            low=self.low_m,
-            high=self.high_m,
-            step=step or (self.high_m - self.low_m) / ((1 << bits) - 1),
-            noise=usual.noise if self.noise_m is None else self.noise_m,
-            bandwidth=self.bandwidth_Hz or usual.bandwidth,
-            delay=usual.delay if self.delay_s is None else self.delay_s,
-        )
-
-
-LVDT_BITS = 16
-"""Converter behind an LVDT, which unlike the others has no step of its own."""
-POSITION_SENSORS = {
-    "encoder": PositionSensor(0.0, 0.0, 50e-9, 5e-9, 20e3, 0.0),
-    "capacitive": PositionSensor(0.0, 0.0, 1e-9, 5e-9, 5e3, 0.0),
-    "laser": PositionSensor(0.0, 0.0, 1.25e-9, 1e-9, 50e3, 12.5e-6),
-    "lvdt": PositionSensor(0.0, 0.0, 0.0, 50e-9, 500.0, 0.0),
-}
-"""What each kind of sensor has where the file says nothing; the range never comes from here."""
-
-
-class CurrentSensorTable(Table):
-    """``[current_sensor]``: the shunts, one for each coil, as the controller reads them."""
-
-    low_A: Number
-    high_A: Number
-    adc_bits: Bits
-    noise_A: NotNegative
-    bandwidth_Hz: Positive
-    gain_error: GainError = 0.0
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _ordered("low_A", self.low_A, "high_A", self.high_A)
-        return self
-
-
-class ForceSensorTable(Table):
-    """``[force_sensor]``: measures the loops; the position controller does not see it."""
-
-    low_N: Number
-    high_N: Number
-    adc_bits: Bits
-    noise_N: NotNegative
-    bandwidth_Hz: Positive
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _ordered("low_N", self.low_N, "high_N", self.high_N)
-        return self
-
-
-class HallTable(Table):
-    """``[hall_probe]``: measures the flux density in the gap."""
-
-    range_T: Positive
-    adc_bits: Bits
-    noise_T: NotNegative
-    bandwidth_Hz: Positive
-    gain_error: GainError = 0.0
-
-
-class RecordTable(Table):
-    """One of ``measurement.records``: straight from turning point to turning point."""
-
-    name: Name
-    turns: Annotated[list[Share], Field(min_length=2)]
-
-
-class MeasurementTable(Table):
-    """``[measurement]``: how the loops are measured, with armature held."""
-
-    gaps_m: Annotated[list[Positive], Field(min_length=1)]
-    current_max_A: Positive
-    sweep_A_per_s: Positive
-    sample_s: Positive
-    conditioning_cycles: Annotated[int, Field(ge=1, le=20)]
-    records: Annotated[list[RecordTable], Field(min_length=1)]
-
-
-class TrajectoryTable(Table):
-    """One of ``simulate.trajectories``: a reference that moves all the time."""
-
-    kind: Literal["triangle", "sine"]
-    amplitude_m: Positive
-    frequency_Hz: Positive
-
-
-class SimulateTable(Table):
-    """``[simulate]``: what is tried."""
-
-    gap_m: Positive
-    also_gaps_m: list[Positive] = Field(default_factory=list)
-    steps_m: Annotated[list[Positive], Field(min_length=1)]
-    hold_s: Positive
-    load_steps_N: list[Number] = Field(default_factory=list)
-    trajectories: list[TrajectoryTable] = Field(default_factory=list)
-    noise_seeds: Annotated[int, Field(ge=2, le=10_000)] = 20
-
-
-class DriftTable(Table):
-    """``[drift]``: standard deviations of what changes after the controller was made."""
-
-    pinning_percent: Spread = 10.0
-    reversible_percent: Spread = 20.0
-    saturation_percent: Spread = 2.0
-    mass_percent: Spread = 2.0
-    resistance_percent: Spread = 10.0
-    sensor_gain_percent: Spread = 0.5
-    gap_offset_m: NotNegative = 2e-6
-
-
-class BearingTable(Table):
-    """The whole file."""
-
-    format: Literal["anhyst-bearing"]
-    version: Literal[1]
-    name: str
-    seed: Annotated[int, Field(ge=0, lt=MOST_SEED)]
-    loops: str
-    timing: TimingTable
-    magnet: MagnetTable
-    amplifier: AmplifierTable
-    mechanics: MechanicsTable
-    load: LoadTable
-    position_sensor: PositionTable
-    current_sensor: CurrentSensorTable
-    force_sensor: ForceSensorTable
-    hall_probe: HallTable | None = None
-    measurement: MeasurementTable
-    simulate: SimulateTable
-    drift: DriftTable = Field(default_factory=DriftTable)
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,10 +39,13 @@ class BearingRig:
         The rig file.
     settings : BearingTable
         What it says.
+    fitted : Fitted or None
+        Magnet that was fitted to the loops; `settings` holds its numbers then.
     """
 
     path: Path
     settings: BearingTable
+    fitted: Fitted | None = None
 
     @property
     def dt(self) -> float:
@@ -379,9 +58,10 @@ class BearingRig:
         return self.dt / self.settings.timing.substeps
 
     @property
-    def loops(self) -> Path:
-        """File with the measured loops."""
-        return self.path.parent / self.settings.loops
+    def measured(self) -> Measured:
+        """The loops that its file names."""
+        settings = self.settings
+        return Measured(self.path, ("loops",), tuple(settings.loops), settings.identify)
 
     @property
     def model(self) -> Path | None:
@@ -446,9 +126,27 @@ def read_bearing(path: PathLike) -> BearingRig:
     place = Path(path)
     settings = read_toml(place, BearingTable)
     faults = [*_delay_faults(settings), *_plant_faults(settings), *_simulate_faults(settings)]
+    faults += identify_faults(settings.identify)
     if faults:
         raise faults_error(place, faults)
     return BearingRig(place, settings)
+
+
+def complete_rig(rig: BearingRig, loops: LoopSet) -> BearingRig:
+    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    loops : LoopSet
+        Those that its file names.
+    """
+    magnet = rig.settings.magnet
+    if not magnet.from_loops:
+        return rig
+    found = fit_magnet(loops, magnet)
+    settings = rig.settings.model_copy(update={"magnet": magnet.model_copy(update=found.keys)})
+    return replace(rig, settings=settings, fitted=found)
 
 
 def check_load(rig: BearingRig, force_max: float) -> None:
@@ -503,11 +201,6 @@ def check_rate(rig: BearingRig, pole_Hz: float) -> None:
         raise faults_error(rig.path, [(("timing", "rate_Hz"), text)])
 
 
-def _ordered(low_key: str, low: float, high_key: str, high: float) -> None:
-    if not low < high:
-        raise ValueError(f"{low_key} must be below {high_key}; correct them")
-
-
 def _delay_faults(settings: BearingTable) -> list[Fault]:
     """Find delays that the plant has no memory for."""
     timing = settings.timing
@@ -528,9 +221,6 @@ def _plant_faults(settings: BearingTable) -> list[Fault]:
     """Find what does not fit together in the plant and its instruments."""
     faults: list[Fault] = []
     mechanics, magnet = settings.mechanics, settings.magnet
-    if magnet.iron is not None and magnet.iron.cells > MOST_CELLS:
-        text = f"the plant has room for {MOST_CELLS}; lower it"
-        faults.append((("magnet", "iron", "cells"), text))
     low, high = mechanics.stop_low_m, mechanics.stop_high_m
     if magnet.gap_total_m is not None and not high < magnet.gap_total_m:
         text = f"must be above stop_high_m, {high:g} m, or the second magnet is touched; raise it"

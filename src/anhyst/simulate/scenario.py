@@ -12,7 +12,9 @@ from scipy.signal import lfilter
 
 from anhyst.control.position import Command
 from anhyst.controllerfile import ControllerTable
-from anhyst.simulate.rigfile import BearingRig, DisturbanceTable, step_ends
+from anhyst.elementary import passed, sine
+from anhyst.simulate.rigfile import BearingRig, step_ends
+from anhyst.simulate.rigtables import DisturbanceTable
 
 Floats = NDArray[np.float64]
 
@@ -302,9 +304,9 @@ def _disturbance(rig: BearingRig, what: DisturbanceTable, ticks: int, number: in
         return np.where(after, what.force_N, 0.0)
     assert what.frequency_Hz is not None
     if what.kind == "sine":
-        wave: Floats = what.force_N * np.sin(2.0 * math.pi * what.frequency_Hz * time) * after
+        wave: Floats = what.force_N * sine(what.frequency_Hz * time) * after
         return wave
-    share = -math.expm1(-2.0 * math.pi * what.frequency_Hz * rig.dt)
+    share = passed(2.0 * math.pi * what.frequency_Hz * rig.dt)
     white = np.random.default_rng([rig.settings.seed, 99, number]).standard_normal(ticks)
     coloured = lfilter([share], [1.0, share - 1.0], white)
     # A low-pass of first order leaves share/(2 - share) of the power of white noise.

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from anhyst.elementary import sine
 from anhyst.simulate.recording import Recording
 from anhyst.simulate.zones import Zone, zone
 
@@ -143,7 +144,7 @@ def _sweep(frequencies: Sequence[float], rate: float) -> list[_Piece]:
 def _sine(piece: _Piece, rate: float) -> Floats:
     """Return the sine of one piece, zero at its beginning."""
     ticks = np.arange(piece.end - piece.begin)
-    return np.asarray(np.sin(2.0 * np.pi * piece.frequency / rate * ticks))
+    return sine(piece.frequency / rate * ticks)
 
 
 def _fit(seen: Floats, piece: _Piece, rate: float) -> tuple[complex, float]:

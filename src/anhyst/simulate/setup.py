@@ -11,9 +11,9 @@ import numpy as np
 from anhyst.controllerfile import told_by_key
 from anhyst.data import LoopSet
 from anhyst.errors import InputError
-from anhyst.identify import identify
+from anhyst.identifyoptions import IdentifyTable
 from anhyst.model import ActuatorModel
-from anhyst.modelfile import read_model
+from anhyst.rig.loopfiles import identify_loops
 from anhyst.simulate.controllerfile import (
     ControllerFile,
     ControllerTable,
@@ -71,61 +71,23 @@ class Knowledge:
     model: ActuatorModel
 
 
-def learn(loops: LoopSet) -> Knowledge:
+def learn(loops: LoopSet, options: IdentifyTable | None = None) -> Knowledge:
     """Identify the model of a bearing's magnet from its loops; the armature may move under it.
 
     Parameters
     ----------
     loops : LoopSet
         Force over current at several gaps.
+    options : IdentifyTable, optional
+        How, as the rig file says; the gap map is ``circuit`` where it says nothing.
 
     Returns
     -------
     Knowledge
         The model has a play against creep, since noise of the position reaches it.
     """
-    return Knowledge(loops, with_widest_play(identify(loops, gap_map="circuit").model, loops))
-
-
-def read_knowledge(rig: BearingRig, controller: ControllerFile) -> Knowledge:
-    """Read the loops of a rig, and the model that a controller file names or else identify one.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Names the loops, and the gap that they must lie around.
-    controller : ControllerFile
-        Names the model, if any.
-
-    Returns
-    -------
-    Knowledge
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, the loops are none of force over current at gaps around the
-        operating gap, or the model is of another device.
-    """
-    loops = LoopSet.from_csv(rig.loops)
-    if (loops.input.name, loops.output.name) != ("current", "force") or loops.schedule is None:
-        raise InputError(f"{rig.loops}: a bearing needs columns I_A, F_N and gap_m")
-    gaps = list(loops.by_schedule())
-    middle = rig.settings.simulate.gap_m
-    if not min(gaps) < middle < max(gaps):
-        raise InputError(
-            f"{rig.loops}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} works at "
-            f"{middle:g} m; measure loops around it"
-        )
-    if controller.model is None:
-        return learn(loops)
-    model = read_model(controller.model)
-    if (model.input.name, model.output.name) != ("current", "force") or not model.needs_schedule:
-        raise InputError(
-            f"{controller.model}: a bearing needs a model of force over current and gap; identify "
-            f"one from {rig.loops}"
-        )
-    return Knowledge(loops, model)
+    found = identify_loops(loops, options or IdentifyTable(), "circuit")
+    return Knowledge(loops, with_widest_play(found, loops))
 
 
 def make_setup(
@@ -203,7 +165,9 @@ def make_setups(
         try:
             found[variant] = make_setup(rig, table, knowledge, variant, table.compensation.format)
         except InputError as error:
-            raise InputError(f"{controller.model if modelled else rig.loops}: {error}") from error
+            raise InputError(
+                f"{controller.model if modelled else rig.measured.text}: {error}"
+            ) from error
         with told_by_key(controller):
             check_position(found[variant])
     return found

@@ -11,33 +11,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.atomic import PathLike, atomic_writer, check_writable
+from anhyst.atomic import PathLike, atomic_writer
 from anhyst.compile.folder import json_text
 from anhyst.control.position import Command
 from anhyst.errors import InputError, NegativeResult
 from anhyst.modelfile import write_model
+from anhyst.rig.distance import PlantCheck
 from anhyst.simulate import experiments, linear
 from anhyst.simulate.controllerfile import (
     ControllerFile,
     Variant,
-    check_controller,
-    read_controller,
 )
 from anhyst.simulate.flight import Flight, lost_blocks
 from anhyst.simulate.loop import Loop
 from anhyst.simulate.operating import (
     OperatingPoint,
-    find_operating_point,
     has_constants,
     linear_loop,
     sweep_frequencies,
 )
+from anhyst.simulate.plantcheck import check_plant
+from anhyst.simulate.ready import make_ready, read_files
 from anhyst.simulate.recording import Recording, check_ending, write_recording
 from anhyst.simulate.responses import Cell, as_rows, compare, default_seeds
-from anhyst.simulate.rigfile import BearingRig, read_bearing
+from anhyst.simulate.rigfile import BearingRig
 from anhyst.simulate.scenario import Scenario, Script, land_time, steps_up_and_down
 from anhyst.simulate.sensitivity import Sensitivity
-from anhyst.simulate.setup import Knowledge, Setup, make_setups, read_knowledge
+from anhyst.simulate.setup import Knowledge, Setup, make_setups
 from anhyst.simulate.sweep import sweep
 
 Floats = NDArray[np.float64]
@@ -55,6 +55,8 @@ COMPARED: tuple[Variant, ...] = (
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
 
 FIGURES = "figures.json"
+_WORK_OF_STAGES = (5.0, 4.0)
+"""Model and first flight, then the steps, in units of any other experiment."""
 """What is written beside the recording."""
 
 
@@ -83,6 +85,8 @@ class Simulation:
         For small movements, by variant.
     sensitivity : mapping of str to Sensitivity
         As measured, by variant; without those that lost levitation.
+    plant : PlantCheck
+        What the loops say about the plant.
     figures : dict
         What ``figures.json`` holds; infinite where a level was not reached, null in the file.
     """
@@ -98,6 +102,7 @@ class Simulation:
     cells: list[Cell]
     loops: Mapping[Variant, linear.Loop]
     sensitivity: Mapping[Variant, Sensitivity]
+    plant: PlantCheck
     figures: dict[str, Any]
 
     @property
@@ -120,12 +125,28 @@ def simulate(
 ) -> Simulation:
     """Simulate a bearing with every kind of compensation; write recording and ``figures.json``.
 
+    As :func:`explore`, and :func:`write_simulation` of what it found.
+    """
+    found = explore(rig_path, out, controller_path, progress)
+    write_simulation(found, out)
+    return found
+
+
+def explore(
+    rig_path: PathLike,
+    out: PathLike,
+    controller_path: PathLike | None = None,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Simulate a bearing with every kind of compensation.
+
     Parameters
     ----------
     rig_path : path-like
         Rig file of a bearing.
     out : path-like
-        Recording to write, ``.csv`` or ``.mat``; ``figures.json`` goes beside it.
+        Recording to be written, ``.csv`` or ``.mat``; ``figures.json`` goes beside it. Whether both
+        can be is found out first.
     controller_path : path-like, optional
         Controller file; ``controller.toml`` beside the rig file if left out.
     progress : callable, optional
@@ -145,32 +166,62 @@ def simulate(
         Levitation was lost before anything could be compared; the recording is kept, the figures
         of a run before it are removed.
     """
-    rig, controller = _read(rig_path, controller_path)
     check_ending(out)
     figures_file = Path(out).parent / FIGURES
-    for path in (out, figures_file):
-        check_writable(path, reads=_read_files(rig, controller))
-    at = find_operating_point(rig)
-    check_controller(controller, rig)
-    knowledge = read_knowledge(rig, controller)
+    rig, controller = read_files(rig_path, controller_path)
+    model_file = [] if controller.model is not None else [_model_file(out)]
+    ready = make_ready(rig, controller, (out, figures_file, *model_file))
+    rig = ready.rig
+    tried = rig.settings.simulate
+    beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
+    stages = _stages(progress, [*_WORK_OF_STAGES, *[1.0] * (1 + beside_steps)])
+    knowledge = ready.knowledge()
     own = controller.settings.compensation.variant
     mine = make_setups(rig, controller, knowledge, (own,))[own]
     flight = _whole_run(mine)
     fault = flight.fault()
     if fault:
         figures_file.unlink(missing_ok=True)  # of another recording
-    write_recording(out, flight.recording)
-    if controller.model is None:
-        write_model(knowledge.model, Path(out).with_suffix(".model.toml"))
-    if fault:
+        _write_recording(out, flight.recording, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}")
+    next(stages)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
-    found = _compare(controller, knowledge, setups, at, flight.recording, progress)
+    found = _compare(controller, knowledge, setups, ready.at, flight.recording, stages)
     found.figures["left_out"] = left_out
     found.figures["lost_in"] = [*flight.lost_later(), *lost_blocks(found.figures)]
-    with atomic_writer(figures_file) as stream:
-        stream.write(json_text(_finite(found.figures)))
     return found
+
+
+def write_simulation(found: Simulation, out: PathLike) -> None:
+    """Write recording, identified model and ``figures.json``.
+
+    Parameters
+    ----------
+    found : Simulation
+    out : path-like
+        Of the recording.
+
+    Raises
+    ------
+    InputError
+        A place cannot be written.
+    """
+    _write_recording(out, found.recording, found.controller, found.knowledge)
+    with atomic_writer(Path(out).parent / FIGURES) as stream:
+        stream.write(json_text(_finite(found.figures)))
+
+
+def _write_recording(
+    out: PathLike, recording: Recording, controller: ControllerFile, knowledge: Knowledge
+) -> None:
+    write_recording(out, recording)
+    if controller.model is None:
+        write_model(knowledge.model, _model_file(out))
+
+
+def _model_file(out: PathLike) -> Path:
+    """Return where the model that was identified goes."""
+    return Path(out).with_suffix(".model.toml")
 
 
 def refuse_losses(found: Simulation) -> None:
@@ -186,15 +237,6 @@ def refuse_losses(found: Simulation) -> None:
             f"'{found.own}' of the controller file lost levitation: {'; '.join(found.lost_in)}; "
             "figures and recording are kept"
         )
-
-
-def _read(
-    rig_path: PathLike, controller_path: PathLike | None
-) -> tuple[BearingRig, ControllerFile]:
-    rig = read_bearing(rig_path)
-    beside = rig.path.parent / "controller.toml"
-    controller = read_controller(beside if controller_path is None else controller_path)
-    return rig, controller
 
 
 def _beside(
@@ -224,13 +266,11 @@ def _compare(
     setups: Mapping[Variant, Setup],
     at: OperatingPoint,
     recording: Recording,
-    progress: Progress | None,
+    stages: Iterator[Callable[[int, int], None]],
 ) -> Simulation:
     """Try everything with every variant."""
     rig = setups[controller.settings.compensation.variant].rig
     tried = rig.settings.simulate
-    beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
-    stages = _stages(progress, 2 + beside_steps)
     cells = compare(
         list(setups.values()),
         _gaps(rig),
@@ -243,8 +283,10 @@ def _compare(
     loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
     place, frequencies = (tried.gap_m, _load(rig)), sweep_frequencies(rig)
     swept = {name: sweep(one, *place, frequencies, seed=0) for name, one in setups.items()}
+    plant = check_plant(rig, knowledge)
     figures = {
         **_head(rig, controller),
+        "plant": plant.as_dict(),
         "operating_point": _point(at),
         "steps": as_rows(cells),
         **_experiments(rig, setups, stages),
@@ -269,6 +311,7 @@ def _compare(
         cells=cells,
         loops=loops,
         sensitivity={name: one for name, one in swept.items() if one is not None},
+        plant=plant,
         figures=figures,
     )
 
@@ -291,12 +334,6 @@ def compared(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
     found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
     return tuple(dict.fromkeys([*found, own]))
-
-
-def _read_files(rig: BearingRig, controller: ControllerFile) -> list[Path]:
-    """Return every file that a simulation reads."""
-    named = (rig.path, rig.loops, rig.model, rig.flux_table, controller.path, controller.model)
-    return [path for path in named if path is not None]
 
 
 def _finite(value: Any) -> Any:
@@ -338,17 +375,21 @@ def _whole_run(setup: Setup) -> Flight:
     return Flight(setup, recording, scenario, landing)
 
 
-def _stages(progress: Progress | None, count: int) -> Iterator[Callable[[int, int], None]]:
+def _stages(
+    progress: Progress | None, work: Sequence[float]
+) -> Iterator[Callable[[int, int], None]]:
     """Yield for one stage after the other what makes its progress a part of the whole."""
 
     def of_stage(stage: int) -> Callable[[int, int], None]:
+        before = sum(work[:stage])
+
         def update(done: int, total: int) -> None:
             if progress is not None:
-                progress(stage + done / total, count)
+                progress(before + work[stage] * done / total, sum(work))
 
         return update
 
-    return map(of_stage, range(count))
+    return map(of_stage, range(len(work)))
 
 
 def _experiments(

@@ -32,6 +32,12 @@ TITLES: Mapping[Variant, str] = {
 }
 """Every variant in words."""
 
+BASELINES: tuple[Variant, ...] = ("ratio", "ratio-chord", "linearised", "static")
+"""Without a hysteresis model and without another sensor."""
+
+MODELS: tuple[Variant, ...] = ("simplified", "full")
+"""With a hysteresis model."""
+
 
 @dataclass(frozen=True)
 class Operating:

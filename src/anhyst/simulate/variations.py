@@ -47,8 +47,8 @@ def with_iron(rig: BearingRig, reversible_fraction: float, width: float = 1.0) -
     InputError
         The force is made by an identified law.
     """
-    iron = rig.settings.magnet.iron
-    if rig.settings.magnet.force != "cells" or iron is None:
+    magnet = rig.settings.magnet
+    if magnet.force != "cells":
         raise InputError(
             f'{rig.path}: magnet.force: other irons are tried with force "cells"; set it so'
         )
@@ -56,7 +56,7 @@ def with_iron(rig: BearingRig, reversible_fraction: float, width: float = 1.0) -
         rig,
         {
             "magnet.iron.reversible_fraction": reversible_fraction,
-            "magnet.iron.pinning_scale_A_per_m": width * iron.pinning_scale_A_per_m,
+            "magnet.iron.pinning_scale_A_per_m": width * magnet.steel.pinning_scale_A_per_m,
         },
     )
 

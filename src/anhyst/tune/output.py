@@ -12,6 +12,7 @@ from anhyst.atomic import atomic_writer
 from anhyst.compile.folder import json_text
 from anhyst.simulate.responses import as_rows
 from anhyst.tune.aims import TITLES, Aims, Figures, text_of
+from anhyst.tune.worth import worth
 from anhyst.version import running_version
 
 if TYPE_CHECKING:
@@ -167,6 +168,8 @@ def markdown(tuning: Tuning) -> str:
         f"| {' | '.join('---' for _ in _HEADS)} |",
         *(f"| {' | '.join(row)} |" for row in rows(tuning)),
         "",
+        f"Verdict: {worth(tuning)}.",
+        "",
         "What limits:",
         "",
     ]
@@ -185,6 +188,7 @@ def figures_of(tuning: Tuning) -> dict[str, Any]:
         "number_format": tuning.controller.settings.compensation.format,
         "rate_Hz": rig.timing.rate_Hz,
         "delay_ticks": rig.timing.delay_ticks,
+        "plant": tuning.plant.as_dict(),
         "supply_V": rig.amplifier.supply_V,
         "aims": tuning.aims.limits,
         "conditions": [{"gap_m": one.gap, "load_N": one.load} for one in tuning.conditions],

@@ -44,6 +44,8 @@ _CHECKED = 2  # of the best, after every round
 _ROUNDS = 3  # at most: a check that fails sends the search back
 _BACK = 4  # generations of a search that was sent back
 _STRICTER = 0.98  # than what the check found too much
+_WORK_OF_CHECK = 15.0  # in sets of gains tried, for whoever wants to know how far it is
+_WORK_AFTER = 40.0  # finding out what limits the best gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +133,8 @@ class Search:
     _brief: Setup = field(init=False)
     _candidates: list[Candidate] = field(init=False, default_factory=list)
     _tried: int = field(init=False, default=0)
+    _done: float = field(init=False, default=0.0)
+    _whole: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         rig = self.setup.rig
@@ -138,6 +142,8 @@ class Search:
         self._space = Space(plant.timing.rate_Hz, plant.mechanics.mass_kg)
         hold = min(plant.simulate.hold_s, HOLD_S)
         self._brief = replace(self.setup, rig=changed(rig, {"simulate.hold_s": hold}))
+        front = 2.0 * len(_BOUNDS) * len(FIRMNESS)
+        self._whole = front + self.budget + _CHECKED * _WORK_OF_CHECK + _WORK_AFTER
 
     def run(self) -> Found:
         """Search.
@@ -179,12 +185,14 @@ class Search:
         aims = self.aims
         generations = max(self.budget // CHILDREN, 1)
         for round_ in range(_ROUNDS):
+            if round_ > 0:
+                self._whole += _BACK * CHILDREN + _CHECKED * _WORK_OF_CHECK
             self._search(aims, generations if round_ == 0 else _BACK, round_)
             seen = [one for _, one, _ in checked]
             for candidate in [one for one in self._best(aims) if one not in seen][:_CHECKED]:
                 found = check(self._at(candidate.place), self.conditions, self.jobs)
                 checked.append((self.aims.cost(found.worst), candidate, found))
-                self._tell()
+                self._tell(_WORK_OF_CHECK)
             _, _, best = min(checked, key=lambda each: each[0])
             misses = self.aims.misses(best.worst)
             if not misses:
@@ -198,7 +206,8 @@ class Search:
         screens = [make_screen(self.setup, self.conditions, one) for one in FIRMNESS]
         stricter = [self.aims.tightened({"peak_sensitivity": bound}) for bound in _BOUNDS]
         work = partial(_refine, self._space, self.setup.controller, self.seed)
-        places = all_of(work, list(product(screens, stricter)), jobs=self.jobs)
+        tasks = list(product(screens, stricter))
+        places = all_of(work, tasks, lambda *_: self._tell(1.0), self.jobs)
         self._try(np.array(places), self.conditions, self.aims, math.inf)
         if not self._candidates:
             raise NegativeResult(
@@ -252,14 +261,13 @@ class Search:
             )
             for place in places
         ]
-        outcomes = all_of(run_trial, trials, jobs=self.jobs)
+        outcomes = all_of(run_trial, trials, lambda *_: self._tell(1.0), self.jobs)
         self._tried += len(trials)
         self._candidates += [
             Candidate(place, outcome)
             for place, outcome in zip(places, outcomes, strict=True)
             if outcome.complete
         ]
-        self._tell()
         return outcomes
 
     def _at(self, place: Floats) -> Setup:
@@ -272,10 +280,10 @@ class Search:
         """Return what was tried at every condition, the best first."""
         return sorted(self._candidates, key=lambda each: aims.cost(each.outcome.worst))
 
-    def _tell(self) -> None:
+    def _tell(self, work: float) -> None:
+        self._done += work
         if self.progress is not None:
-            whole = self.budget + len(_BOUNDS) * len(FIRMNESS)
-            self.progress(min(self._tried, whole), whole)
+            self.progress(self._done, self._whole)
 
 
 @dataclass

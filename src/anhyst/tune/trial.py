@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.elementary import spaced
 from anhyst.errors import InputError
 from anhyst.simulate.position import make_position
 from anhyst.simulate.responses import Run, StepResult, run_steps
@@ -166,13 +167,13 @@ def of_steps(steps: Sequence[StepResult]) -> Figures:
 def search_frequencies(rig: BearingRig) -> Floats:
     """Return the few frequencies of a search, Hz: where a loop that is fast enough has its peak."""
     rate = rig.settings.timing.rate_Hz
-    return np.geomspace(rate / 160.0, rate / 10.0, 11)
+    return spaced(rate / 160.0, rate / 10.0, 11)
 
 
 def check_frequencies(rig: BearingRig) -> Floats:
     """Return the frequencies of a check, Hz."""
     rate = rig.settings.timing.rate_Hz
-    return np.geomspace(rate / 500.0, rate / 8.0, 40)
+    return spaced(rate / 500.0, rate / 8.0, 40)
 
 
 def peak_of(measured: Sensitivity) -> float:

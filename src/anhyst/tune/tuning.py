@@ -10,15 +10,17 @@ from pathlib import Path
 
 from anhyst.atomic import PathLike, check_writable
 from anhyst.errors import InputError, Interrupted
+from anhyst.rig.distance import PlantCheck
 from anhyst.simulate.controllerfile import (
     ControllerFile,
     ControllerTable,
     Variant,
-    read_controller,
     write_controller,
 )
-from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.setup import Setup, make_setups, read_knowledge
+from anhyst.simulate.plantcheck import check_plant
+from anhyst.simulate.ready import make_ready, read_files
+from anhyst.simulate.rigfile import BearingRig
+from anhyst.simulate.setup import Setup, make_setups
 from anhyst.simulate.simulate import compared
 from anhyst.tune.aims import Aims, Figures
 from anhyst.tune.limits import Limit, find_limits
@@ -68,6 +70,8 @@ class Tuning:
     rig : BearingRig
     controller : ControllerFile
         As it was.
+    plant : PlantCheck
+        What the loops say about the plant.
     aims : Aims
     conditions : tuple of Condition
     budget, seed : int
@@ -83,6 +87,7 @@ class Tuning:
 
     rig: BearingRig
     controller: ControllerFile
+    plant: PlantCheck
     aims: Aims
     conditions: tuple[Condition, ...]
     budget: int
@@ -154,14 +159,15 @@ def tune(
     if budget < 10:
         raise InputError(f"--budget: {budget} sets of gains are too few; give 10 or more")
     begin, used = time.perf_counter(), _processor_time()
-    rig = read_bearing(rig_path)
-    beside = Path(rig_path).parent / "controller.toml"
-    controller = read_controller(beside if controller_path is None else controller_path)
+    rig, controller = read_files(rig_path, controller_path)
     own = controller.settings.compensation.variant
     variants = compared(rig, own) if all_variants else (own,)
     folder = Path(out)
     places = _places(folder, variants, rig, controller)
-    setups = make_setups(rig, controller, read_knowledge(rig, controller), variants)
+    ready = make_ready(rig, controller)
+    rig = ready.rig
+    knowledge = ready.knowledge()
+    setups = make_setups(rig, controller, knowledge, variants)
     task = _Task(default_conditions(rig), aims or Aims(), budget, seed, jobs)
     tuned, interrupted = task.run(setups, progress)
     written = {name: places[name] for name in tuned}
@@ -176,6 +182,7 @@ def tune(
     result = Tuning(
         rig=rig,
         controller=controller,
+        plant=check_plant(rig, knowledge),
         aims=task.aims,
         conditions=task.conditions,
         budget=budget,
@@ -213,6 +220,8 @@ class _Task:
             try:
                 found = search.run()
                 limits = self._limits(found)
+                if part is not None:
+                    part(1, 1)
             except KeyboardInterrupt:
                 if not tuned:
                     raise Interrupted("too early for any gains, nothing written") from None
@@ -240,7 +249,7 @@ def _places(
     }
     if folder.is_dir():
         for name in (*names.values(), *RESULTS):
-            check_writable(folder / name, reads=[rig.path, controller.path, rig.loops])
+            check_writable(folder / name, reads=[rig.path, controller.path, *rig.measured.files])
     elif folder.exists():
         raise InputError(f"{folder}: is a file; name a folder")
     else:

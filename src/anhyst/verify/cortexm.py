@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from anhyst.errors import NegativeResult
 from anhyst.verify.elf import FLASH, Image
 from anhyst.verify.protocol import BOX_BYTES, WINDOW_OFFSET, Reply, Request
-from anhyst.verify.toolchain import Build, compile_c, need_modules, zig_cc
+from anhyst.verify.toolchain import Build, compile_c, zig_cc
 
 TIME_LIMIT = 600.0
 FLASH_BYTES = 256 * 1024
@@ -96,7 +96,6 @@ class CortexProgram:
         NegativeResult
             The program reads or writes where nothing is, or runs astray.
         """
-        need_modules(["unicorn", "elftools"], self.name)
         machine = _Machine(self)
         return [machine.answer(request) for request in requests]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -20,7 +19,7 @@ from anhyst.link.process import Running, run_host, run_qemu
 from anhyst.verify.bundle import Bundle
 from anhyst.verify.compare import Difference
 from anhyst.verify.result import TargetResult
-from anhyst.verify.toolchain import need_modules
+from anhyst.verify.tools import Missing, missing_modules, missing_programs
 
 TARGET = "cortex-m3-qemu"
 QEMU = "qemu-system-arm"
@@ -67,18 +66,13 @@ class FirmwareRun:
     statuses: list[dict[str, int]]
 
 
-def check_tools() -> None:
-    """Check that the emulator and the compiler are there.
-
-    Raises
-    ------
-    InputError
-        One is not installed.
-    """
-    need_modules(["ziglang"], TARGET)
-    need_modules(["serial"], TARGET, extra="link")
-    if shutil.which(QEMU) is None:
-        raise InputError(f"target {TARGET}: {QEMU} is not installed: apt install {QEMU}")
+def missing_tools() -> tuple[Missing, ...]:
+    """Return what of emulator, compiler and link is not there."""
+    return (
+        *missing_programs(TARGET, {QEMU: QEMU}),
+        *missing_modules(TARGET, ["ziglang"]),
+        *missing_modules(TARGET, ["serial"], extra="link"),
+    )
 
 
 def verify_firmware(bundle: Bundle, folder: Path, ticks: int, seed: int) -> TargetResult:

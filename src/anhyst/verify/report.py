@@ -49,7 +49,22 @@ def tables(verification: Verification) -> list[Rows]:
         found.append(_memory(results))
     if verification.estimates:
         found.append(_estimates(verification.estimates))
+    if verification.missing:
+        found.append(_missing(verification))
     return found
+
+
+def _missing(verification: Verification) -> Rows:
+    cells = tuple(
+        (
+            one.target,
+            one.tool,
+            one.install,
+            "did not run" if one.target in verification.not_run else "ran without it",
+        )
+        for one in verification.missing
+    )
+    return Rows("missing tools", ("target", "tool", "comes with", "outcome"), cells)
 
 
 def _equality(results: Sequence[TargetResult]) -> Rows:
@@ -142,6 +157,8 @@ def _estimates(estimates: Sequence[Estimate]) -> Rows:
 def _markdown(verification: Verification) -> str:
     kind, io = verification.kind, verification.io
     verdict = "identical everywhere" if verification.passed else verification.first_failure()
+    if verification.not_run:
+        verdict += f"; not run for want of tools: {', '.join(verification.not_run)}"
     lines = ["# Verification", "", f"{kind}, {io}, seed {verification.seed}: {verdict}.", ""]
     for rows in tables(verification):
         lines += [f"## {rows.title[:1].upper()}{rows.title[1:]}", "", _line(rows.headings)]

@@ -8,6 +8,7 @@ from typing import Any
 from anhyst.verify.compare import Difference
 from anhyst.verify.elf import Sizes
 from anhyst.verify.estimate import Estimate
+from anhyst.verify.tools import Missing
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +128,10 @@ class Verification:
         One for each build.
     estimates : tuple of Estimate
         For a 16-bit digital signal controller, by part of the step.
+    not_run : tuple of str
+        Targets that were asked for and could not run: their tools are missing.
+    missing : tuple of Missing
+        Tools that are missing, those without which a target ran with fewer builds included.
     """
 
     folder: str
@@ -136,10 +141,12 @@ class Verification:
     seed: int
     results: tuple[TargetResult, ...]
     estimates: tuple[Estimate, ...]
+    not_run: tuple[str, ...] = ()
+    missing: tuple[Missing, ...] = ()
 
     @property
     def passed(self) -> bool:
-        """Whether every bit was the same everywhere."""
+        """Whether every bit was the same wherever it ran."""
         return all(result.passed for result in self.results)
 
     def first_failure(self) -> str:

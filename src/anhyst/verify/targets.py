@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,21 +21,39 @@ from anhyst.verify.toolchain import (
     Build,
     compile_c,
     compile_cortex_m,
-    find_program,
-    need_modules,
     zig_cc,
 )
+from anhyst.verify.tools import Missing, missing_modules, missing_programs
 from anhyst.verify.workshop import HARNESS, Variant, Workshop
 
-Maker = Callable[[Workshop], list["Order"]]
 Order = Callable[[], Variant]
 """A build that has not been made yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """What can be built for a target with the tools that are there, and which are not.
+
+    Parameters
+    ----------
+    orders : tuple of Order
+        Empty where the target cannot run.
+    missing : tuple of Missing
+        Tools that would be needed, or with which more could be built.
+    """
+
+    orders: tuple[Order, ...] = ()
+    missing: tuple[Missing, ...] = ()
+
+
+Maker = Callable[[Workshop], Offer]
 
 PORT_DEFINE = {"ANHYST_PORT_HEADER": f'"{PORT_HEADER}"'}
 OPTIMISATIONS = ("-O0", "-O2", "-O3")
 SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-SANITIZER_LIBRARIES = ("libclang_rt", "libasan", "libubsan", "-lasan", "-lubsan")
 HOST_COMPILERS = {"gcc": "gcc", "clang": "clang"}
+SANITIZERS = {"gcc": "libgcc-12-dev", "clang": "libclang-rt-dev"}
+"""Packages with the libraries of their sanitizers."""
 
 AVR_CPU = "atmega1284p"
 AVR_DATA = 0x800000
@@ -72,6 +90,19 @@ CORTEX = {
 }
 
 
+def host_compilers() -> dict[str, list[str]]:
+    """Return the commands of the compilers for this machine that are there, by name.
+
+    Those that a report names; where there is none of them, any other.
+    """
+    found = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
+    if found:
+        return found
+    if shutil.which("cc"):
+        return {"cc": ["cc"]}
+    return {} if missing_modules("host", ["ziglang"]) else {"zig cc": zig_cc("host")}
+
+
 def reference(workshop: Workshop) -> Variant:
     """Build what all others are compared with: the C on this machine.
 
@@ -80,23 +111,38 @@ def reference(workshop: Workshop) -> Variant:
     InputError
         There is no C compiler.
     """
-    for name in ("cc", *HOST_COMPILERS):
-        if found := shutil.which(name):
-            return _host(workshop, name, [found], ("-O2",))
-    return _host(workshop, "zig cc", zig_cc("host"), ("-O2",))
+    for name, command in host_compilers().items():
+        return _host(workshop, name, command, ("-O2",))
+    raise InputError(
+        "no C compiler for this machine, which all targets are compared with: apt install gcc, or "
+        "pip install 'anhyst[verify]'"
+    )
 
 
-def host(workshop: Workshop) -> list[Order]:
+def host(workshop: Workshop) -> Offer:
     """Return the builds for this machine: each compiler at each optimisation, and sanitizers."""
-    compilers = {
-        name: [find_program(name, package, "host")] for name, package in HOST_COMPILERS.items()
-    }
-    settings = (*((level,) for level in OPTIMISATIONS), SANITIZE)
-    return [
-        partial(_host, workshop, name, command, flags)
-        for name, command in compilers.items()
-        for flags in settings
-    ]
+    orders: list[Order] = []
+    missing = list(missing_programs("host", HOST_COMPILERS))
+    for name, command in host_compilers().items():
+        settings: list[tuple[str, ...]] = [(level,) for level in OPTIMISATIONS]
+        if name in SANITIZERS:
+            if _has_sanitizers(command, workshop.folder):
+                settings.append(SANITIZE)
+            else:
+                tool = f"sanitizers of {name}"
+                missing.append(Missing("host", tool, f"apt install {SANITIZERS[name]}"))
+        orders += [partial(_host, workshop, name, command, flags) for flags in settings]
+    return Offer(tuple(orders), tuple(missing))
+
+
+def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
+    probe = folder / "probe.c"
+    probe.write_text("int main(void) { return 0; }\n", encoding="ascii")
+    try:
+        compile_c(command, Build((probe,), flags=SANITIZE), folder / "probe", "host")
+    except NegativeResult:
+        return False
+    return True
 
 
 def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, ...]) -> Variant:
@@ -104,30 +150,18 @@ def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, .
     title = f"{name} sanitizers" if sanitized else f"{name} {flags[0]}"
     program = workshop.folder / f"host-{title.replace(' ', '-')}"
     label = f"host ({title})"
-    try:
-        warnings = compile_c(command, workshop.build("host", *flags), program, label)
-    except NegativeResult as error:
-        if sanitized and any(part in str(error) for part in SANITIZER_LIBRARIES):
-            raise InputError(
-                f"target host: the sanitizers of {name} are not installed: "
-                f"apt install {'libclang-rt-dev' if name == 'clang' else 'libgcc-12-dev'}"
-            ) from None
-        raise
+    warnings = compile_c(command, workshop.build("host", *flags), program, label)
     process = ProcessProgram(label, (str(program),))
     return Variant("host", title, process, "", "this machine", name, warnings)
 
 
-def cortex_m(name: str, workshop: Workshop) -> list[Order]:
+def cortex_m(name: str, workshop: Workshop) -> Offer:
     """Return the builds for a Cortex-M: without and with its own instructions, if it has some.
 
     In fixed point those are the port header's, in floating point those of its floating-point unit.
-
-    Raises
-    ------
-    InputError
-        A package of the extra ``verify`` is not installed.
     """
-    need_modules(["ziglang", "unicorn", "elftools", "capstone"], name)
+    if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
+        return Offer(missing=missing)
     counter = build_counter(HARNESS, workshop.folder, name)
     floating = workshop.bundle.io == "f32"
     builds = [("soft float" if floating else "portable", "")]
@@ -135,7 +169,7 @@ def cortex_m(name: str, workshop: Workshop) -> list[Order]:
         builds.append(("hard float", CORTEX[name].float_unit))
     elif CORTEX[name].has_port and workshop.bundle.has_port:
         builds.append(("port header", ""))
-    return [partial(_cortex, name, workshop, counter, *build) for build in builds]
+    return Offer(tuple(partial(_cortex, name, workshop, counter, *build) for build in builds))
 
 
 def _cortex(
@@ -156,32 +190,28 @@ def _cortex(
     return Variant(name, title, program, "instructions", cpu, "zig cc -O2", warnings, image)
 
 
-def avr(workshop: Workshop) -> list[Order]:
-    """Return the build for an ATmega, run by simavr.
-
-    Raises
-    ------
-    InputError
-        A package is not installed.
-    """
-    compiler = find_program("avr-gcc", "gcc-avr avr-libc", "avr")
-    need_modules(["elftools"], "avr")
-    host_compiler = find_program("cc", "gcc", "avr")
+def avr(workshop: Workshop) -> Offer:
+    """Return the build for an ATmega, run by simavr."""
+    missing = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
+    missing += missing_modules("avr", ["elftools"])
+    compilers = list(host_compilers().values())
+    if not compilers:
+        missing += missing_programs("avr", HOST_COMPILERS)
     if not (SIMAVR_HEADERS / "sim_avr.h").exists():
-        raise InputError(
-            "target avr: libsimavr is not installed: apt install libsimavr-dev libelf-dev"
-        )
-    return [partial(_avr, workshop, compiler, host_compiler)]
+        missing.append(Missing("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
+    if missing:
+        return Offer(missing=tuple(missing))
+    return Offer((partial(_avr, workshop, "avr-gcc", compilers[0]),))
 
 
-def _avr(workshop: Workshop, compiler: str, host_compiler: str) -> Variant:
+def _avr(workshop: Workshop, compiler: str, host_compiler: list[str]) -> Variant:
     path = workshop.folder / "avr.elf"
     build = workshop.build("avr", "-O2", f"-mmcu={AVR_CPU}", "-Wl,--gc-sections")
     warnings = compile_c([compiler], build, path, "avr")
     image = read_image(path)
     runner = workshop.folder / "avr_runner"
     compile_c(
-        [host_compiler],
+        host_compiler,
         Build(
             (HARNESS / "avr_runner.c",),
             # simavr's own headers are not clean under this project's warnings.
@@ -210,16 +240,15 @@ def _avr(workshop: Workshop, compiler: str, host_compiler: str) -> Variant:
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
 
-def msp430(workshop: Workshop) -> list[Order]:
-    """Return the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator.
-
-    Raises
-    ------
-    InputError
-        A package is not installed.
-    """
-    need_modules(["ziglang", "elftools"], "msp430")
-    return [partial(_msp430, workshop, find_program("mspdebug", "mspdebug", "msp430"))]
+def msp430(workshop: Workshop) -> Offer:
+    """Return the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
+    missing = (
+        *missing_programs("msp430", {"mspdebug": "mspdebug"}),
+        *missing_modules("msp430", ["ziglang", "elftools"]),
+    )
+    if missing:
+        return Offer(missing=missing)
+    return Offer((partial(_msp430, workshop, "mspdebug"),))
 
 
 def _msp430(workshop: Workshop, simulator: str) -> Variant:

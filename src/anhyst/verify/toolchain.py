@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import shutil
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -11,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from anhyst.errors import InputError, NegativeResult
+from anhyst.verify.tools import missing_modules
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
 FREESTANDING = (
@@ -22,44 +21,6 @@ FREESTANDING = (
 TIME_LIMIT = 300.0
 
 
-def find_program(name: str, package: str, wanted_by: str) -> str:
-    """Return the path of a program of the system.
-
-    Parameters
-    ----------
-    name : str
-        The program, such as ``avr-gcc``.
-    package : str
-        The Debian package that has it.
-    wanted_by : str
-        Target that needs it, for the message.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    """
-    place = shutil.which(name)
-    if place is None:
-        raise InputError(f"target {wanted_by}: {name} is not installed: apt install {package}")
-    return place
-
-
-def need_modules(names: Sequence[str], wanted_by: str, extra: str = "verify") -> None:
-    """Check that Python packages of an extra are there.
-
-    Raises
-    ------
-    InputError
-        One is not installed.
-    """
-    for name in names:
-        if importlib.util.find_spec(name) is None:
-            raise InputError(
-                f"target {wanted_by}: {name} is not installed: pip install 'anhyst[{extra}]'"
-            )
-
-
 def zig_cc(wanted_by: str) -> list[str]:
     """Return the command of the C compiler inside the PyPI package ziglang.
 
@@ -68,7 +29,8 @@ def zig_cc(wanted_by: str) -> list[str]:
     InputError
         It is not installed.
     """
-    need_modules(["ziglang"], wanted_by)
+    for missing in missing_modules(wanted_by, ["ziglang"]):
+        raise InputError(f"target {missing.text()}")
     return [sys.executable, "-m", "ziglang", "cc"]
 
 

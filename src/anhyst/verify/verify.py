@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -18,14 +18,24 @@ from anhyst.verify.cortexm import CortexProgram
 from anhyst.verify.elf import measure_sizes
 from anhyst.verify.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
 from anhyst.verify.firmware import TARGET as FIRMWARE
-from anhyst.verify.firmware import check_tools, verify_firmware
+from anhyst.verify.firmware import missing_tools, verify_firmware
 from anhyst.verify.protocol import Form, Reply
 from anhyst.verify.result import Cost, TargetResult, Verification
 from anhyst.verify.stackdepth import stack_below
-from anhyst.verify.targets import CORTEX, TARGETS, cortex_m, parse_targets, reference
+from anhyst.verify.targets import (
+    CORTEX,
+    TARGETS,
+    Offer,
+    Order,
+    cortex_m,
+    parse_targets,
+    reference,
+)
+from anhyst.verify.tools import Missing
 from anhyst.verify.vectors import GoldenVectors, read_flight, read_vectors
 from anhyst.verify.workshop import Variant, Workshop
 
+DEFAULT = "host,cortex-m4"
 HOST_STEPS = 1_000_000
 TARGET_STEPS = 10_000
 ESTIMATE_STEPS = 2_000
@@ -36,7 +46,7 @@ Progress = Callable[[float, float], None]
 
 def verify(
     folder: Path,
-    on: str = "host,cortex-m4",
+    on: str | None = None,
     host_steps: int = HOST_STEPS,
     target_steps: int = TARGET_STEPS,
     seed: int = SEED,
@@ -50,8 +60,8 @@ def verify(
     ----------
     folder : Path
         What ``anhyst compile --out`` wrote.
-    on : str
-        Targets, separated by commas.
+    on : str, optional
+        Targets, separated by commas. Left out: :data:`DEFAULT`, as far as there are tools.
     host_steps, target_steps : int
         Random steps on the host and on each other target, at least 1.
     seed : int
@@ -62,42 +72,85 @@ def verify(
     Returns
     -------
     Verification
-        Differences included: look at ``passed``.
+        Differences included: look at ``passed``; targets whose tools are missing, too: look at
+        ``not_run`` and ``missing``.
 
     Raises
     ------
     InputError
-        The folder is not what compile wrote, a target is unknown, its tools are not installed, or
-        a number is out of range.
+        The folder is not what compile wrote, a target is unknown, no target at all can run, or a
+        number is out of range.
     """
     for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
         if not 1 <= number < 1 << 32:
             raise InputError(f"{name}: {number} is not within 1 .. 2^32 - 1")
     bundle = read_bundle(folder)
-    names = parse_targets(on, bundle)
+    names = parse_targets(DEFAULT if on is None else on, bundle)
     vectors = read_vectors(folder / VECTORS, bundle.io == "f32")
     with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
         numbers = (host_steps, target_steps, seed)
         workshop = Workshop.set_up(bundle, Path(scratch))
-        job = _Job(workshop, vectors, *numbers)
-        jobs = [job]
+        offers, missing = _offers(workshop, names)
+        works = {name for name, offer in offers.items() if offer.orders}
+        if FIRMWARE in names and not missing_tools():
+            works.add(FIRMWARE)
+        if not works:
+            raise InputError(f"no target can run; missing is {_listed(missing)}")
+        jobs = [(_Job(workshop, vectors, *numbers), offers)]
         if bundle.has_controller:
             place = Path(scratch) / "controller"
             around = Workshop.set_up(bundle, place, "controller")
-            jobs.append(_Job(around, read_flight(folder / FLIGHT), *numbers))
-        alone = [name for name in names if name in TARGETS]
-        orders = [each.orders(alone) for each in jobs]
-        if FIRMWARE in names:
-            check_tools()
+            flight = _Job(around, read_flight(folder / FLIGHT), *numbers)
+            jobs.append((flight, _offers(around, names)[0]))
+        counted = _Counted(
+            progress,
+            sum(len(one.orders) for _, some in jobs for one in some.values()) + (FIRMWARE in works),
+        )
         results: list[TargetResult] = []
-        for each, own in zip(jobs, orders, strict=True):
-            results += each.run_all(alone, own, progress)
-        if FIRMWARE in names:
+        for job, some in jobs:
+            results += job.run_all(some, counted)
+        if FIRMWARE in works:
             results.append(verify_firmware(bundle, Path(scratch), target_steps, seed))
-        estimates = tuple(e for each in jobs for e in _estimates(each)) if SOURCE in names else ()
+            counted.one_more()
+        estimates = tuple(e for job, _ in jobs for e in _estimates(job)) if SOURCE in works else ()
     return Verification(
-        str(folder), bundle.kind, bundle.io, bundle.rate, seed, tuple(results), estimates
+        str(folder),
+        bundle.kind,
+        bundle.io,
+        bundle.rate,
+        seed,
+        tuple(results),
+        estimates,
+        tuple(name for name in names if name not in works),
+        missing,
     )
+
+
+def _offers(
+    workshop: Workshop, names: Sequence[str]
+) -> tuple[dict[str, Offer], tuple[Missing, ...]]:
+    """Return what can be built for each target, and all tools that are missing."""
+    offers = {name: TARGETS[name](workshop) for name in names if name in TARGETS}
+    missing = [one for offer in offers.values() for one in offer.missing]
+    return offers, (*missing, *(missing_tools() if FIRMWARE in names else ()))
+
+
+def _listed(missing: Sequence[Missing]) -> str:
+    return "; ".join(one.text() for one in missing)
+
+
+class _Counted:
+    """Counts what is done for whoever wants to know."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self._progress = progress
+        self._total = total
+        self._done = 0
+
+    def one_more(self) -> None:
+        self._done += 1
+        if self._progress is not None:
+            self._progress(self._done, self._total)
 
 
 class _Job:
@@ -121,29 +174,20 @@ class _Job:
     def steps(self, target: str) -> int:
         return self.host_steps if target == "host" else self.target_steps
 
-    def orders(self, names: Sequence[str]) -> list[tuple[str, Callable[[], Variant]]]:
-        """Return the builds for these targets; tools that are missing are told now."""
-        return [(name, order) for name in names for order in TARGETS[name](self.workshop)]
-
-    def run_all(
-        self,
-        names: Sequence[str],
-        orders: Sequence[tuple[str, Callable[[], Variant]]],
-        progress: Progress | None,
-    ) -> list[TargetResult]:
+    def run_all(self, offers: Mapping[str, Offer], counted: _Counted) -> list[TargetResult]:
         """Build and run everything, as many at a time as there are processors."""
-        for steps in {self.steps(name) for name in names}:
+        orders = [(name, order) for name, offer in offers.items() for order in offer.orders]
+        for steps in {self.steps(name) for name, _ in orders}:
             self._answers[steps] = run(self._reference.program, self.vectors, steps, self.seed)
         results: list[TargetResult] = []
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             waiting = [pool.submit(partial(self._one, *order)) for order in orders]
-            for done, future in enumerate(waiting):
-                if progress:
-                    progress(done, len(waiting))
+            for future in waiting:
                 results.append(future.result())
+                counted.one_more()
         return results
 
-    def _one(self, target: str, order: Callable[[], Variant]) -> TargetResult:
+    def _one(self, target: str, order: Order) -> TargetResult:
         began = time.monotonic()
         steps = self.steps(target)
         try:
@@ -209,7 +253,7 @@ def costs(reply: Reply, form: Form) -> tuple[Cost, ...]:
 def _estimates(job: _Job) -> tuple[Estimate, ...]:
     """Run the Cortex-M0+ once more for each list of prices."""
     try:
-        program = cortex_m(SOURCE, job.workshop)[0]().program
+        program = cortex_m(SOURCE, job.workshop).orders[0]().program
         assert isinstance(program, CortexProgram)
         replies = {
             name: run(

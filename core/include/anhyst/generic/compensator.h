@@ -6,7 +6,7 @@ typedef struct {
   ANHYST_REAL gain;      /* flux for the root of a full-scale output (power 2) or for it (1), > 0 */
   ANHYST_REAL offset;    /* output at zero flux, taken off the demand */
   ANHYST_REAL bias;      /* current at zero flux and field */
-  ANHYST_REAL flux_arm;  /* current for a unit of flux, >= 0 */
+  ANHYST_REAL flux_arm;  /* current for a unit of flux; below 0 in the full law alone */
   ANHYST_REAL field_arm; /* current for a unit of field (full) or of u (simplified), > 0 */
 } ANHYST_NAME(anhyst_at_gap);
 

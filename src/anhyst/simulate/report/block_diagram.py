@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch
+from matplotlib.text import Text
 
 from anhyst.report.style import FALLING, RISING, new_figure, styled
 from anhyst.simulate.controllerfile import ControllerTable
@@ -21,6 +23,7 @@ _LOAD_HIGH = 0.96
 _FIGURE = (_LEFT + 4 * _WIDE + 3 * _APART + 0.5, 4.8)
 _TITLE, _TEXT = 8.5, 7.5  # points
 _LINE = 0.155  # inches from line to line
+_FILL = 0.86  # of the width of a box that a text may take up
 
 _SOFTWARE, _PLANT, _INK = "#EAF3FA", "#F4F6F8", "#333333"
 Place = tuple[float, float]
@@ -112,11 +115,23 @@ def _box(ax: Axes, centre: Place, name: str, block: Block, fill: str, high: floa
     top = y + 0.5 * high - 0.14
     text = ax.text(x, top, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE)
     text.set_gid(f"title-{name}")
+    _fit(text)
     spare = high - 0.28 - _LINE * len(block.lines)
     first = top - 0.14 - 0.5 * max(spare, 0.0) - 0.5 * _LINE
     for row, line in enumerate(block.lines):
         text = ax.text(x, first - row * _LINE, line, ha="center", va="center", fontsize=_TEXT)
         text.set_gid(f"line{row}-{name}")
+        _fit(text)
+
+
+def _fit(text: Text) -> None:
+    """Make a text smaller until it keeps within its box, with room for a wider typeface."""
+    figure = text.get_figure(root=True)
+    assert figure is not None
+    width = text.get_window_extent(FigureCanvasAgg(figure).get_renderer()).width  # type: ignore[no-untyped-call]
+    room = _FILL * _WIDE * figure.dpi
+    if width > room:
+        text.set_fontsize(float(text.get_fontsize()) * room / width)
 
 
 def _arrow(ax: Axes, corners: Sequence[Place], colour: str = RISING) -> None:

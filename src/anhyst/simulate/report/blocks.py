@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from anhyst.report.numbers import number
 from anhyst.simulate.controllerfile import ControllerTable
-from anhyst.simulate.rigfile import BearingRig, BearingTable
+from anhyst.simulate.rigfile import BearingRig
+from anhyst.simulate.rigtables import BearingTable
 from anhyst.simulate.variants import TITLES
 
 FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixed": "fixed point"}
@@ -76,7 +77,7 @@ def _controller(settings: ControllerTable) -> Block:
         f"K_p {_short(gains.K_p)} N/m",
         f"K_i {_short(gains.K_i)} N/(m s)",
         f"K_d {_short(gains.K_d)} N s/m",
-        f"K_dd {_short(gains.K_dd)} N s²/m, weight {settings.set_point_weight:g}",
+        f"K_dd {_short(gains.K_dd)} N s²/m, weight {settings.set_point_weight:.3g}",
         f"derivatives below {_hertz(settings.filter.cutoff_Hz)}",
     ]
     if settings.filter.cutoff_2_Hz != settings.filter.cutoff_Hz and gains.K_dd:
@@ -130,7 +131,7 @@ def _electrical(plant: BearingTable) -> Block:
     magnet = plant.magnet
     table = magnet.model is not None and magnet.force == "model"
     lines = [
-        f"{magnet.turns} turns, {magnet.resistance_ohm:g} Ω",
+        f"{magnet.turns} turns, {magnet.poles.resistance:.3g} Ω",
         "flux linkage ψ(i, gap) "
         + ("from a table" if table and magnet.model and magnet.model.flux_table else "of the iron"),
         "u = R·i + dψ/dt, by",
@@ -142,16 +143,16 @@ def _electrical(plant: BearingTable) -> Block:
 
 
 def _hysteresis(plant: BearingTable) -> Block:
-    magnet = plant.magnet
-    pole = f"pole {1e3 * magnet.pole_width_m:g} × {1e3 * magnet.pole_depth_m:g} mm"
+    magnet, poles = plant.magnet, plant.magnet.poles
+    pole = f"pole {1e3 * poles.width:.3g} × {1e3 * poles.depth:.3g} mm"
     if magnet.force == "model" and magnet.model is not None:
         lines = ["identified Jiles-Atherton law", magnet.model.file, pole]
     else:
-        assert magnet.iron is not None
+        iron = magnet.steel
         lines = [
-            f"iron of {magnet.iron.cells} pinned cells",
-            f"reversible fraction {magnet.iron.reversible_fraction:g}",
-            f"pinning {magnet.iron.pinning_scale_A_per_m:g} A/m",
+            f"iron of {iron.cells} pinned cells",
+            f"reversible fraction {iron.reversible_fraction:.3g}",
+            f"pinning {iron.pinning_scale_A_per_m:.3g} A/m",
             pole,
         ]
     if magnet.arrangement == "pair":
@@ -215,7 +216,7 @@ def _short(value: float) -> str:
 
 
 def _hertz(value: float) -> str:
-    return f"{value / 1e3:g} kHz" if value >= 1e3 else f"{value:g} Hz"
+    return f"{value / 1e3:.4g} kHz" if value >= 1e3 else f"{value:.4g} Hz"
 
 
 def _metres(value: float) -> str:

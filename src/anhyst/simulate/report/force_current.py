@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from anhyst.data.loopset import LoopSet
 from anhyst.model import ActuatorModel
+from anhyst.report.curves import smooth_curve
 from anhyst.report.style import new_figure, styled
 from anhyst.simulate.report.look import INK, PALE, SHADE, Floats, legend_below, line_of, ordered
 from anhyst.simulate.report.over_time import Recordings
@@ -80,6 +81,9 @@ def figure_force_current(
 ) -> Figure:
     """Draw true force over true current of a run, over measured and identified loops.
 
+    Below, the loops by themselves, less the single-valued curve through each: their width is a
+    few per cent of the force.
+
     Parameters
     ----------
     recordings : mapping of str to Recording
@@ -89,8 +93,10 @@ def figure_force_current(
     identified : LoopCurve or None
         At the gap of the run.
     """
-    figure = new_figure(4.2)
-    whole, near = figure.subplots(1, 2)
+    figure = new_figure(6.4)
+    grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
+    whole, near = (figure.add_subplot(grid[0, column]) for column in range(2))
+    _widths(figure.add_subplot(grid[1, :]), measured, identified)
     for ax in (whole, near):
         _loops(ax, measured, identified)
         for name in ordered(recordings):
@@ -108,6 +114,26 @@ def figure_force_current(
 
 
 _PLANE = ("current_A", "force_N")
+
+
+def _widths(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
+    """Draw loops less the curve through those of their gap."""
+    flat = []
+    for gap in dict.fromkeys(loop.gap for loop in measured):
+        held = [loop for loop in measured if loop.gap == gap]
+        flat += _less_curve(held)
+    ax.axhline(0.0, color=SHADE, lw=0.7)
+    _loops(ax, flat, None if identified is None else _less_curve([identified])[0])
+    ax.set_title("loops less the single-valued curve of their gap")
+    ax.set_xlabel("current (A)")
+    ax.set_ylabel("force (N)")
+
+
+def _less_curve(loops: Sequence[LoopCurve]) -> list[LoopCurve]:
+    curve = smooth_curve(
+        *(np.concatenate(row) for row in zip(*((o.current, o.force) for o in loops), strict=True))
+    )
+    return [replace(one, force=one.force - np.interp(one.current, *curve)) for one in loops]
 
 
 def _loops(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:

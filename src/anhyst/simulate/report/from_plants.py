@@ -47,7 +47,7 @@ def subject_of_plants(
         notes=tuple(_lost(found)),
         files={
             path.name: hashlib.sha256(path.read_bytes()).hexdigest()
-            for path in (rig.path, controller.path, rig.loops)
+            for path in (rig.path, controller.path, *rig.measured.files)
         },
         command=command,
     )

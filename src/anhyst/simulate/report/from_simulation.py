@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.report.blocks import Table, table
+from anhyst.report.blocks import Note, Table, table
 from anhyst.report.numbers import NBSP, NOT_TOLD, number
+from anhyst.rig.distance import PlantCheck
 from anhyst.simulate import experiments
 from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.loop import Loop, lost_at
@@ -22,7 +23,7 @@ from anhyst.simulate.report.over_frequency import Response
 from anhyst.simulate.report.over_time import StepPanel
 from anhyst.simulate.report.subject import Comparison, Intervals, Subject, Tracking, grouped
 from anhyst.simulate.report.tables import OVERSHOOT
-from anhyst.simulate.rigfile import SimulateTable
+from anhyst.simulate.rigtables import SimulateTable
 from anhyst.simulate.scenario import Scenario, Step
 from anhyst.simulate.setup import Setup
 from anhyst.simulate.simulate import Simulation
@@ -93,10 +94,17 @@ def subject_of(simulation: Simulation, command: str) -> Subject:
         blocks={"standstill": (_cycles(simulation.figures["standstill"]),)},
         files={
             path.name: hashlib.sha256(path.read_bytes()).hexdigest()
-            for path in (rig.path, simulation.controller.path, rig.loops)
+            for path in (rig.path, simulation.controller.path, *rig.measured.files)
         },
         command=command,
+        notes=plant_notes(simulation.plant),
     )
+
+
+def plant_notes(plant: PlantCheck) -> tuple[Note, ...]:
+    """Say how far the plant is from its loops, and what that takes from the results."""
+    known = Note("info", "The plant", f"{'; '.join(plant.lines)}.")
+    return (known, *(Note("warn", "The plant", f"{text}.") for text in plant.warnings))
 
 
 def _part(

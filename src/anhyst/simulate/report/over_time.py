@@ -63,7 +63,7 @@ class StepPanel:
 
 @styled
 def figure_steps(panels: Sequence[StepPanel], shown: float = 0.02) -> Figure:
-    """Draw step responses, one panel a step (the paper's Fig. 11).
+    """Draw step responses, one panel a step (the paper's Fig. 11), and what is off below each.
 
     Parameters
     ----------
@@ -74,23 +74,50 @@ def figure_steps(panels: Sequence[StepPanel], shown: float = 0.02) -> Figure:
     """
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
-    figure = new_figure(3.4 * rows, width=4.8 * columns)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for ax in axes[len(panels) :]:
+    figure = new_figure(4.8 * rows, width=4.8 * columns)
+    axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=(3, 1.4) * rows)
+    upper, lower = axes[::2].ravel(), axes[1::2].ravel()
+    for ax in (*upper[len(panels) :], *lower[len(panels) :]):
         ax.remove()
-    for ax, panel in zip(axes, panels, strict=False):
+    for ax, below, panel in zip(upper, lower, panels, strict=False):
         _step(ax, panel, shown)
+        _off(below, panel, shown)
     return figure
+
+
+def _shown(panel: StepPanel, name: Variant, shown: float) -> tuple[Floats, Recording]:
+    """Return the time since the step, ms, and what is shown of a recording."""
+    step, whole = panel.step, panel.recordings[name]
+    tick = whole["t_s"][1] - whole["t_s"][0]
+    first = max(step.begin - round(_BEFORE / tick), 0)
+    part = whole.part(first, min(step.end, step.begin + round(shown / tick)))
+    return 1e3 * (part["t_s"] - whole["t_s"][step.begin]), part
+
+
+def _off(ax: Axes, panel: StepPanel, shown: float) -> None:
+    """Draw how far beyond the end of a step it is, % of the height, as near as overshoots need."""
+    step, most = panel.step, 0.0
+    way = np.sign(step.before - step.after)
+    for name in ordered(panel.recordings):
+        time, part = _shown(panel, name, shown)
+        off = 100.0 * way * (step.after - part["gap_m"]) / step.height
+        most = max(most, float(off.max()))
+        after = time >= 0.0
+        ax.plot(*thinned(time[after], off[after]), **line_of(name))
+    band = 100.0 * SETTLED
+    ax.axhspan(-band, band, color=SHADE, alpha=0.2, lw=0)
+    ax.axhline(0.0, color=INK, lw=0.9)
+    reach = max(1.2 * most, 2.0 * band)
+    ax.set_ylim(-reach, reach)
+    ax.set_xlim(-1e3 * _BEFORE, 1e3 * shown)
+    ax.set_xlabel("time (ms)")
+    ax.set_ylabel("off (% of height)")
 
 
 def _step(ax: Axes, panel: StepPanel, shown: float) -> None:
     step, sign = panel.step, float(np.sign(panel.step.before - panel.step.after))
     for place, name in enumerate(ordered(panel.recordings)):
-        whole = panel.recordings[name]
-        tick = whole["t_s"][1] - whole["t_s"][0]
-        first = max(step.begin - round(_BEFORE / tick), 0)
-        part = whole.part(first, min(step.end, step.begin + round(shown / tick)))
-        time = 1e3 * (part["t_s"] - whole["t_s"][step.begin])
+        time, part = _shown(panel, name, shown)
         if not place:
             wanted = 1e6 * (step.before - part["reference_m"])
             ax.plot(time, wanted, color=INK, lw=0.9, drawstyle="steps-post", label="reference")
@@ -104,7 +131,7 @@ def _step(ax: Axes, panel: StepPanel, shown: float) -> None:
     if sign < 0.0:
         ax.set_ylim(low - 0.1 * (high - low), high)
     ax.set_xlim(-1e3 * _BEFORE, 1e3 * shown)
-    ax.set_xlabel("time (ms)")
+    ax.tick_params(labelbottom=False)
     ax.set_ylabel("position (µm)")
     way = "up" if sign > 0.0 else "down"
     ax.set_title(f"{1e6 * step.height:g} µm {way}, around {1e3 * panel.gap:g} mm")

@@ -13,6 +13,7 @@ from anhyst.report.headline import Headline, Tile
 from anhyst.report.numbers import NBSP, number
 from anhyst.report.page import render_page
 from anhyst.report.style import svg_text
+from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.montecarlo import PERCENTILES, percentile
 from anhyst.simulate.report.block_diagram import figure_structure
 from anhyst.simulate.report.force_current import figure_force_current
@@ -30,7 +31,7 @@ from anhyst.simulate.report.over_time import (
     figure_steps,
     figure_tracking,
 )
-from anhyst.simulate.report.subject import Subject
+from anhyst.simulate.report.subject import Steps, Subject
 from anhyst.simulate.report.tables import (
     OVERSHOOT,
     benefit_table,
@@ -39,10 +40,10 @@ from anhyst.simulate.report.tables import (
     margin_table,
     overshoot_text,
     settling_sentence,
-    step_difference,
     step_tables,
 )
-from anhyst.simulate.rigfile import DriftTable
+from anhyst.simulate.report.verdict import judge, strongest
+from anhyst.simulate.rigtables import DriftTable
 from anhyst.simulate.zones import zone
 from anhyst.version import running_version
 
@@ -117,9 +118,8 @@ def _headline(subject: Subject) -> Headline:
     )
     if subject.steps:
         basis += f"; intervals are those of 95 % confidence over {subject.seeds} noise seeds"
-    notes = sorted(
-        (*subject.notes, *_lost(subject), *_verdict(subject)), key=lambda note: note.tone != "bad"
-    )
+    judged = [judge(subject.steps, subject.variant).note()] if subject.steps else []
+    notes = (*judged, *subject.notes, *_lost(subject))
     return Headline(
         title=plant.name,
         what=what,
@@ -133,57 +133,32 @@ def _headline(subject: Subject) -> Headline:
 
 
 def _tiles(subject: Subject) -> tuple[Tile, ...]:
-    """Overshoot at every height at the operating gap, beside that of the paper's case."""
+    """Overshoot at every height at the operating gap, beside the strongest of the others."""
     tiles = []
     gap = subject.rig.settings.simulate.gap_m
     for step in subject.steps:
-        overshoot = step.of(OVERSHOOT)
-        mine, other = overshoot.get(subject.variant), overshoot.get("ratio")
-        if subject.variant == "ratio" or mine is None or other is None:
+        mine = step.of(OVERSHOOT).get(subject.variant)
+        if mine is None or math.isnan(mine.mean):
             continue
         if step.gap == gap and step.load == subject.steps[0].load:
             tiles.append(
                 Tile(
                     f"{number(mine.mean, 2)}{NBSP}%",
                     f"overshoot, {1e6 * step.height:g}{NBSP}µm",
-                    f"{subject.variant}: {overshoot_text(step, subject.variant)}; without "
-                    f"compensation (ratio): {overshoot_text(step, 'ratio')}",
+                    "; ".join(_beside(step, subject.variant)),
                 )
             )
     return tuple(tiles[:_TILES])
 
 
-def _verdict(subject: Subject) -> Iterable[Note]:
-    """Say for every baseline at how many of the steps there is a gain."""
-    for baseline in subject.baselines:
-        both = [
-            step_difference(step, subject.variant, baseline)
-            for step in subject.steps
-            if {subject.variant, baseline} <= set(step.cells)
-        ]
-        found = [one for one in both if not math.isnan(one.mine + one.baseline)]
-        less, more = [one for one in found if one.less], [one for one in found if one.more]
-        if not found:
-            text = f"Nothing to compare: {baseline} or {subject.variant} lost the armature."
-            yield Note("info", f"Against {baseline}", text)
-            continue
-        text = (
-            f"At {len(less)} of {len(found)} steps {subject.variant} certainly overshoots less "
-            f"than {baseline}, at {len(more)} more: beyond what noise leaves open and what either "
-            "moves about at a standstill."
-        )
-        if less:
-            text += (
-                f" Where less, {_span([100.0 * one.share for one in less])}{NBSP}% of the "
-                f"overshoot of {baseline} are gone."
-            )
-        if more:
-            text += (
-                f" Where more, it is {_span([one.points for one in more])} percentage points of "
-                "the height more."
-            )
-        tone = "good" if len(less) == len(found) else "warn" if more else "info"
-        yield Note(tone, f"Against {baseline}", text)  # type: ignore[arg-type]
+def _beside(step: Steps, variant: Variant) -> Iterable[str]:
+    """Write the overshoot of a variant, of the strongest baseline and of measured flux."""
+    yield f"{variant}: {overshoot_text(step, variant)}"
+    other = strongest(step)
+    if other not in (None, variant):
+        yield f"strongest without hysteresis model ({other}): {overshoot_text(step, other)}"
+    if "flux" in step.cells and variant != "flux":
+        yield f"measured flux: {overshoot_text(step, 'flux')}"
 
 
 def _lost(subject: Subject) -> Iterable[Note]:
@@ -197,11 +172,6 @@ def _lost(subject: Subject) -> Iterable[Note]:
     if runs:
         text = f"{'; '.join(runs)}. A figure of which a run was lost has no mean."
         yield Note("bad", "Levitation lost", text)
-
-
-def _span(values: list[float]) -> str:
-    low, high = number(min(values), 2), number(max(values), 2)
-    return low if low == high else f"{low} to {high}"
 
 
 def _sentence(text: str) -> str:
@@ -238,7 +208,8 @@ def _steps(subject: Subject) -> Section:
                 "Step responses with and without compensation (the paper's Fig. 11), one run of "
                 f"{subject.seeds}; overshoot in the legends is the mean over all of them, in % of "
                 "the height. The grey band is 2 % of the height. True position; upwards closes "
-                "the gap.",
+                "the gap. Below each, how far it is from the reference, enlarged: above zero it is "
+                "beyond its end.",
             )
         )
     if told := settling_sentence(subject):
@@ -280,7 +251,8 @@ def _loops(subject: Subject) -> Section | None:
                 f"Force over current: measured loops at {gaps}, and where the run goes: "
                 f"{', '.join(ordered(subject.run))}.",
                 f"True force over true current of the run, over the loops measured at {gaps}, the "
-                "nearest gaps, and the identified loop at the gap of the run.",
+                "nearest gaps, and the identified loop at the gap of the run. Below, the loops "
+                "less the single-valued curve of their gap: hysteresis by itself.",
             ),
         ),
     )

@@ -188,15 +188,15 @@ def step_tables(subject: Subject) -> list[Table]:
 def comparison_table(comparison: Comparison) -> Table:
     """Return a table of one figure: a row a situation, a column a variant."""
     variants = ordered(name for row in comparison.rows.values() for name in row)
+
+    def cell(situation: str, name: Variant, found: Interval | None) -> str:
+        """Write a figure and its remark, between which alone a line may end."""
+        remark = comparison.remarks.get(situation, {}).get(name, "")
+        parts = (interval_text(found, factor=comparison.factor), remark)
+        return " ".join(part.replace(" ", NBSP) for part in parts if part)
+
     rows = [
-        [
-            situation,
-            *(
-                f"{interval_text(row.get(name), factor=comparison.factor)} "
-                f"{comparison.remarks.get(situation, {}).get(name, '')}".rstrip()
-                for name in variants
-            ),
-        ]
+        [situation, *(cell(situation, name, row.get(name)) for name in variants)]
         for situation, row in comparison.rows.items()
     ]
     counts = {one.count for row in comparison.rows.values() for one in row.values() if one.count}

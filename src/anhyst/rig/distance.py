@@ -1,0 +1,199 @@
+"""How far a plant is from the loops that were measured of it, and how far the compensator is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import Coil, Magnet
+from anhyst.data import LoopSet
+from anhyst.data.loopset import Loop
+from anhyst.model import ActuatorModel
+
+Floats = NDArray[np.float64]
+SLACK = 1.1
+"""A plant counts as farther from its loops than a model from this ratio of the means on."""
+
+Follow = Callable[[Floats, Floats], Floats]
+"""From currents, A, and gaps, m, shape (n,), to forces, N, going on from where it is."""
+
+
+def follower(magnet: Magnet) -> Follow:
+    """Return what follows currents and gaps, from demagnetised on."""
+    coil = Coil(magnet)
+    return lambda current, gap: coil.run(current, gap)[:, 0].copy()
+
+
+def along(follow: Follow, loop: Loop, zero: float = 0.0) -> Floats:
+    """Return the force of a magnet along the drive of a loop, with its history.
+
+    Parameters
+    ----------
+    follow : callable
+        Demagnetised.
+    loop : Loop
+        Of force over current and gap.
+    zero : float, optional
+        What the current sensor of the loop reads where there is none, A.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        N.
+    """
+    assert loop.schedule is not None
+    before = np.array(loop.history.turning_points) - zero
+    if before.size:
+        follow(before, np.full(before.size, loop.schedule[0]))
+    current = loop.input - zero
+    if loop.history.kind == "settled":
+        follow(current, loop.schedule)  # what pinned cells remember of it does not change any more
+    return follow(current, loop.schedule)
+
+
+@dataclass(frozen=True, slots=True)
+class Distance:
+    """Deviation of all samples of all loops.
+
+    Parameters
+    ----------
+    mean, worst : float
+        Of its size, N.
+    force_max : float
+        Largest force in the loops, N.
+    """
+
+    mean: float
+    worst: float
+    force_max: float
+
+    @property
+    def text(self) -> str:
+        """Both, in N and per cent."""
+        parts = (
+            f"{name} {value:.3g} N ({100.0 * value / self.force_max:.2g} %)"
+            for name, value in (("mean", self.mean), ("worst", self.worst))
+        )
+        return ", ".join(parts)
+
+    def as_dict(self) -> dict[str, float]:
+        """Return it with units in the keys."""
+        return {
+            "mean_N": self.mean,
+            "worst_N": self.worst,
+            "mean_percent": 100.0 * self.mean / self.force_max,
+            "worst_percent": 100.0 * self.worst / self.force_max,
+        }
+
+
+def distance(loops: LoopSet, force: Callable[[Loop], Floats]) -> Distance:
+    """Return how far forces are from loops.
+
+    Parameters
+    ----------
+    loops : LoopSet
+    force : callable
+        From a loop to the force at its samples, N.
+    """
+    misses = np.abs(np.concatenate([force(loop) - loop.output for loop in loops.loops]))
+    largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
+    return Distance(float(misses.mean()), float(misses.max()), largest)
+
+
+def model_distance(loops: LoopSet, model: ActuatorModel) -> Distance:
+    """Return how far a model is from loops."""
+    return distance(
+        loops,
+        lambda loop: (
+            model.predict(
+                loop.input, loop.schedule if model.needs_schedule else None, history=loop.history
+            ).output
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PlantCheck:
+    """What the loops say about a virtual plant.
+
+    Parameters
+    ----------
+    plant, model : Distance
+        Of the plant and of the compensator's model, from the same loops.
+    same : bool
+        Whether the compensator's model is the very law that makes the plant's force.
+    fitted : bool
+        Whether the plant was fitted to them.
+    guessed : tuple of str
+        Keys of the rig file that the loops do not tell and nobody said.
+    """
+
+    plant: Distance
+    model: Distance
+    same: bool = False
+    fitted: bool = False
+    guessed: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> list[str]:
+        """What is always said."""
+        found = [
+            f"plant against its loops: {self.plant.text}; the compensator's model: "
+            f"{self.model.text}"
+        ]
+        if self.guessed:
+            found.append(f"guessed for the plant: {', '.join(self.guessed)}")
+        return found
+
+    @property
+    def warnings(self) -> list[str]:
+        """What takes something from the results."""
+        found = []
+        if self.same:
+            found.append(
+                "the plant's force is made by the compensator's own model: what compensation gains "
+                'here proves nothing; set iron = "from loops" and force = "cells"'
+            )
+        elif self.plant.mean > SLACK * self.model.mean:
+            remedy = (
+                "say what is known of the magnet, or correct the history of the loops"
+                if self.fitted
+                else 'set iron = "from loops"'
+            )
+            found.append(
+                f"the plant is {self.plant.mean:.3g} N from its loops in the mean, the "
+                f"compensator's model {self.model.mean:.3g} N: errors of that size are those of "
+                f"the plant, not of the magnet that was measured; {remedy}"
+            )
+        return found
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as JSON files hold it."""
+        return {
+            "force_max_N": self.plant.force_max,
+            "plant": self.plant.as_dict(),
+            "model": self.model.as_dict(),
+            "guessed": list(self.guessed),
+            "warnings": self.warnings,
+        }
+
+
+def thinned(loops: LoopSet, samples: int) -> LoopSet:
+    """Leave out samples evenly; where a record turns, that costs less than a step of its drive."""
+    every = -(-sum(loop.n for loop in loops.loops) // samples)
+    if every == 1:
+        return loops
+    return loops.with_loops(
+        replace(
+            loop,
+            input=loop.input[::every],
+            output=loop.output[::every],
+            schedule=None if loop.schedule is None else loop.schedule[::every],
+            time=None if loop.time is None else loop.time[::every],
+        )
+        for loop in loops.loops
+    )

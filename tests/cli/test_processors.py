@@ -1,0 +1,126 @@
+"""The same files, seed and version give the same model and flights on every processor."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.simulate import bearings
+
+from anhyst._core import batch_levels
+from anhyst.identify.dispatch import VARIABLE
+from anhyst.modelfile import read_model, write_model
+
+from .command import anhyst
+
+LOOPS = Path(__file__).resolve().parents[2] / "examples" / "electromagnet" / "loops.csv"
+OPENBLAS = {"base": "Prescott", "avx2": "Haswell", "avx512": "SkylakeX"}
+"""What the linear algebra would choose on such a processor."""
+
+
+def variables(level: str) -> dict[str, str]:
+    """Return an environment in which this processor behaves like a lesser one."""
+    found = np.show_config("dicts")["SIMD Extensions"].get("found", [])
+    beyond = {"base": found, "avx2": [one for one in found if "512" in one or "V4" in one]}
+    chosen = {
+        VARIABLE: level,
+        "OPENBLAS_CORETYPE": OPENBLAS[level],
+        "NPY_DISABLE_CPU_FEATURES": " ".join(beyond.get(level, [])),
+    }
+    if level == "base":
+        chosen["GLIBC_TUNABLES"] = "glibc.cpu.hwcaps=-AVX2,-FMA"
+    return chosen
+
+
+@pytest.mark.slow
+def test_every_processor_finds_the_same_model_to_1e_9(tmp_path: Path) -> None:
+    current = np.concatenate([np.linspace(0.0, 4.0, 200), np.linspace(4.0, 0.5, 200)])
+    forces = []
+    for level in batch_levels():
+        out = tmp_path / f"{level}.toml"
+        done = anhyst("identify", LOOPS, "--out", out, cwd=tmp_path, variables=variables(level))
+        assert done.returncode == 0, done.stderr
+        forces.append(read_model(out).predict(current, 0.45e-3, history="demagnetised").output)
+    for force in forces[1:]:
+        assert np.max(np.abs(force - forces[0])) < 1e-9 * np.max(forces[0])
+
+
+LAW = """
+[magnet.model]
+file = "magnet.toml"
+"""
+SHORT = {
+    "also_gaps_m = [0.42e-3, 0.48e-3]": "also_gaps_m = []",
+    "steps_m = [10e-6, 20e-6, 50e-6, 100e-6]": "steps_m = [20e-6]",
+    "frequency_Hz = 1.0": "frequency_Hz = 10.0",
+    "noise_seeds = 20": "noise_seeds = 2",
+}
+
+
+def write_files(folder: Path, force: str) -> None:
+    """Write the example, shortened, with a model that every processor is given."""
+    rig = (bearings.EXAMPLE / "rig.toml").read_text()
+    for old, new in {**SHORT, 'force = "cells"': f'force = "{force}"'}.items():
+        assert rig.count(old) == 1, old
+        rig = rig.replace(old, new)
+    wave = """
+[[load.disturbance]]
+kind = "sine"
+force_N = 2.0
+frequency_Hz = 33.0
+"""
+    (folder / "rig.toml").write_text(rig + wave + (LAW if force == "model" else ""))
+    controller = (bearings.EXAMPLE / "controller.toml").read_text()
+    own = 'variant = "full"'
+    assert controller.count(own) == 1
+    controller = controller.replace(own, f'{own}\nmodel = "model.toml"')
+    (folder / "controller.toml").write_text(controller)
+    for name in ("loops.csv", "loops.toml"):
+        shutil.copy(bearings.EXAMPLE / name, folder)
+    for name in ("model.toml", "magnet.toml"):
+        write_model(bearings.knowledge().model, folder / name)
+
+
+def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Everything that a JSON file holds, with the way to it."""
+    if isinstance(value, dict | list):
+        for key, one in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from leaves(one, f"{path}/{key}")
+    else:
+        yield path, value
+
+
+def expected(path: str, value: Any) -> Any:
+    """Numbers to 1e-9; where a peak lies to the root of that, as flat as it is there."""
+    if not isinstance(value, float):
+        return value
+    return pytest.approx(value, rel=3e-5 if path.endswith("peak_frequency") else 1e-9, abs=0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force", ["cells", "model"])
+def test_every_processor_flies_the_same_flight_bit_for_bit(force: str, tmp_path: Path) -> None:
+    write_files(tmp_path, force)
+    recordings, figures = [], []
+    for level in batch_levels():
+        out = tmp_path / level
+        out.mkdir()
+        done = anhyst(
+            "simulate",
+            "rig.toml",
+            "--out",
+            out / "run.csv",
+            cwd=tmp_path,
+            variables=variables(level),
+        )
+        assert done.returncode == 0, done.stderr
+        recordings.append((out / "run.csv").read_bytes())
+        figures.append(dict(leaves(json.loads((out / "figures.json").read_text()))))
+    for recording, found in zip(recordings[1:], figures[1:], strict=True):
+        assert recording == recordings[0]
+        assert found == {path: expected(path, value) for path, value in figures[0].items()}

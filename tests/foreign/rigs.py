@@ -1,0 +1,168 @@
+"""Small rigs for foreign magnets: a bearing and a force control, iron from the loops alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from tests.foreign.magnets import ForeignMagnet
+
+FROM_LOOPS = 'iron = "from loops"'
+
+
+def reach(magnet: ForeignMagnet, gap: float) -> float:
+    """Return the force of the largest current, N."""
+    return float(magnet.force(np.linspace(0.0, magnet.top, 20), gap)[-1])
+
+
+def write_bearing(magnet: ForeignMagnet, folder: Path, keys: str = FROM_LOOPS) -> Path:
+    """Write loops, rig and controller of a bearing that one magnet carries; return the rig file.
+
+    Parameters
+    ----------
+    magnet : ForeignMagnet
+    folder : Path
+    keys : str, optional
+        What stands in ``[magnet]``.
+    """
+    magnet.write_loops(folder / "loops.csv")
+    low, high, top = magnet.gaps[0], magnet.gaps[-1], magnet.top
+    step, middle, load = high - low, 0.5 * (low + high), 0.4 * reach(magnet, high)
+    mass, largest = load / 30.0, reach(magnet, low)
+    rig = folder / "rig.toml"
+    rig.write_text(f"""\
+format = "anhyst-bearing"
+version = 1
+name = "{magnet.name}"
+seed = 1
+loops = "loops.csv"
+[timing]
+rate_Hz = 20000.0
+[magnet]
+{keys}
+[amplifier]
+supply_V = 150.0
+bandwidth_Hz = 2500.0
+current_high_A = {top}
+dac_bits = 16
+[mechanics]
+mass_kg = {mass:.5g}
+stop_low_m = {low + 0.05 * step:.6g}
+stop_high_m = {high - 0.05 * step:.6g}
+[load]
+force_N = {load:.5g}
+bandwidth_Hz = 500.0
+encoder_step_m = 50e-9
+velocity_bandwidth_Hz = 200.0
+[position_sensor]
+kind = "encoder"
+low_m = {0.5 * low:.6g}
+high_m = {1.5 * high:.6g}
+[current_sensor]
+low_A = {-0.1 * top:.6g}
+high_A = {1.1 * top:.6g}
+adc_bits = 16
+noise_A = {1e-4 * top:.3g}
+bandwidth_Hz = 10e3
+[force_sensor]
+low_N = {-0.1 * largest:.6g}
+high_N = {1.2 * largest:.6g}
+adc_bits = 14
+noise_N = {1e-3 * largest:.3g}
+bandwidth_Hz = 500.0
+[measurement]
+gaps_m = [{low}, {high}]
+current_max_A = {top}
+sweep_A_per_s = {top}
+sample_s = 0.01
+conditioning_cycles = 1
+records = [{{ name = "full", turns = [0.0, 1.0, 0.0] }}]
+[simulate]
+gap_m = {middle:.6g}
+steps_m = [{0.1 * step:.3g}]
+hold_s = 0.03
+noise_seeds = 2
+""")
+    (folder / "controller.toml").write_text(f"""\
+format = "anhyst-controller"
+version = 1
+name = "by the design rule"
+rate_Hz = 20000.0
+set_point_weight = 0.3
+[design]
+mass_kg = {mass:.5g}
+bandwidth_Hz = 150.0
+damping = 1.0
+[filter]
+cutoff_Hz = 2000.0
+cutoff_2_Hz = 2000.0
+[limits]
+force_low_N = 0.0
+force_high_N = {2.0 * load:.5g}
+current_low_A = 0.0
+current_high_A = {top}
+gap_low_m = {low:.6g}
+gap_high_m = {high:.6g}
+step_m = 20e-6
+[compensation]
+variant = "full"
+format = "fixed"
+[lift_off]
+force_rate_N_per_s = {8.0 * load:.5g}
+detect_m = 2e-6
+speed_m_per_s = 2e-3
+[landing]
+speed_m_per_s = 2e-3
+force_rate_N_per_s = {8.0 * load:.5g}
+[safety]
+patience_ticks = 3
+hold_ticks = 2000
+""")
+    return rig
+
+
+def write_force_control(magnet: ForeignMagnet, folder: Path) -> Path:
+    """Write loops and rig of an open-loop force control; return the rig file."""
+    magnet.write_loops(folder / "loops.csv")
+    low, high, top = magnet.gaps[0], magnet.gaps[-1], magnet.top
+    largest = reach(magnet, low)
+    rig = folder / "rig.toml"
+    rig.write_text(f"""\
+format = "anhyst-rig"
+version = 1
+name = "{magnet.name}"
+rate_Hz = 1000.0
+seed = 1
+[magnet]
+{FROM_LOOPS}
+[amplifier]
+current_max_A = {top}
+dac_bits = 14
+bandwidth_Hz = 200.0
+slew_A_per_s = {100.0 * top:.6g}
+[current_sensor]
+low_A = {-0.1 * top:.6g}
+high_A = {1.1 * top:.6g}
+adc_bits = 14
+noise_A = {1e-4 * top:.3g}
+[lvdt]
+low_m = 0.0
+high_m = {1.5 * high:.6g}
+adc_bits = 14
+noise_m = {1e-4 * low:.3g}
+bandwidth_Hz = 50.0
+[force_sensor]
+low_N = {-0.1 * largest:.6g}
+high_N = {1.2 * largest:.6g}
+adc_bits = 14
+noise_N = {1e-3 * largest:.3g}
+bandwidth_Hz = 500.0
+[force_control]
+loops = "loops.csv"
+force_max_N = {0.9 * reach(magnet, high):.5g}
+end_m = {low}
+positions_m = [{0.5 * (low + high):.6g}]
+demand = [{{ name = "wide", low = 0.1, high = 0.9, period_s = 0.5, cycles = 1 }}]
+moving = {{ low_m = {low}, high_m = {high}, period_s = 0.4 }}
+""")
+    return rig

@@ -1,0 +1,170 @@
+"""Loops of foreign magnets become models whose claims hold, with nothing but defaults."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.cli.command import quick
+from tests.foreign.magnets import MAGNETS, ForeignMagnet
+
+from anhyst.model import ActuatorModel
+from anhyst.modelfile import read_model
+
+NAMES = sorted(MAGNETS)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("foreign")
+
+
+def identified(place: Path, magnet: ForeignMagnet, *options: str) -> tuple[ActuatorModel, Any]:
+    """Identify a magnet's loops by the command line; the model, and what was printed as JSON."""
+    loops = magnet.write_loops(place / f"{magnet.name}.csv")
+    out = place / f"{magnet.name}.toml"
+    done = quick("identify", loops, "--out", out, "--json", *options, cwd=place)
+    assert done.returncode == 0, done.stderr
+    return read_model(out), json.loads(done.stdout)
+
+
+@cache
+def found(place: Path, name: str) -> tuple[ActuatorModel, Any]:
+    return identified(place, MAGNETS[name])
+
+
+def missed(model: ActuatorModel, magnet: ForeignMagnet) -> list[float]:
+    """Mean deviation from the noise-free truth at each unseen gap, of the largest force."""
+    assert model.fit is not None
+    history = "demagnetised" if magnet.demagnetised else "settled"
+    errors = []
+    for gap in magnet.unseen:
+        off = []
+        for _, _, current, force in replace(magnet, gaps=(gap,))._records():
+            read = current + magnet.sensors.current_offset
+            output = model.predict(read, gap, history=history).output
+            off.append(np.abs(output - force - magnet.sensors.force_offset))
+        errors.append(float(np.mean(np.concatenate(off))) / model.fit.largest_output)
+    return errors
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_default_can_be_compiled_and_passes_its_acceptance_test(place: Path, name: str) -> None:
+    model, told = found(place, name)
+    assert model.gap_map in {"scaling", "reluctance", "circuit"}
+    assert set(told["fit"]["left_out"]) == {"scaling", "reluctance", "circuit"}
+    assert model.acceptance().passed is True
+    assert not any("compiled" in text for text in told["warnings"])
+
+
+@pytest.mark.parametrize("name", ["u", "soft"])
+def test_no_offset_is_invented_where_there_is_none(place: Path, name: str) -> None:
+    model, told = found(place, name)
+    assert not np.any(model.parameters["in_0"])
+    assert not np.any(model.parameters["out_0"])
+    assert not any("offset" in text for text in told["uncertainty"]["names"])
+    for gap in model.nodes:
+        rest = model.predict([0.0], gap, history="demagnetised").output
+        assert abs(rest[0]) < 1e-9 * told["fit"]["largest_output"]
+
+
+def test_the_offset_of_the_current_sensor_is_read_at_rest(place: Path) -> None:
+    model, told = found(place, "hard")
+    true = MAGNETS["hard"].sensors.current_offset
+    assert model.parameters["in_0"] == pytest.approx(true, abs=3e-3)
+    unsure = told["uncertainty"]
+    std = dict(zip(unsure["names"], unsure["std"], strict=True))["input offset (A)"]
+    assert 1e-4 < std < 5e-3
+    assert abs(model.parameters["in_0"] - true) < 4.0 * std  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("offset", [-2.5, 2.5])
+def test_an_offset_of_the_force_is_read_before_the_iron_is_magnetised(
+    place: Path, offset: float
+) -> None:
+    u = MAGNETS["u"]
+    magnet = replace(u, name="tared", sensors=replace(u.sensors, force_offset=offset))
+    model, told = identified(place, magnet, "--gap-map", "reluctance")
+    assert model.parameters["out_0"] == pytest.approx(offset, abs=0.4)
+    assert not np.any(model.parameters["in_0"])
+    assert "output offset (N)" in told["uncertainty"]["names"]
+    none, _ = identified(place, magnet, "--gap-map", "reluctance", "--no-offsets")
+    assert none.parameters["out_0"] == 0.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_promised_between_the_gaps_is_kept(place: Path, name: str) -> None:
+    model, told = found(place, name)
+    assert model.fit is not None
+    promised = model.fit.cross_validation
+    assert promised is not None
+    assert told["fit"]["cross_validation"]["error"] == promised.error
+    for error in missed(model, MAGNETS[name]):
+        assert promised.low < error < promised.high
+    assert promised.high < 5.0 * promised.error  # an interval that holds everything says nothing
+
+
+def test_a_record_from_the_demagnetised_state_is_used_from_its_first_sample(place: Path) -> None:
+    """The virgin rise is predicted as well as the rest, and the fit is no worse for it."""
+    model, _ = found(place, "u")
+    assert str(model.history) == "demagnetised"
+    settled, _ = identified(place, replace(MAGNETS["u"], name="s"), "--history", "settled")
+    assert model.fit is not None
+    assert settled.fit is not None
+    assert model.fit.rms < 1.01 * settled.fit.rms
+    assert max(missed(model, MAGNETS["u"])) < 1.02 * max(missed(settled, MAGNETS["u"]))
+    rise = MAGNETS["u"].sweep_between(0.0, MAGNETS["u"].top)
+    for gap in MAGNETS["u"].unseen:
+        off = model.predict(rise, gap, history="demagnetised").output
+        off = off - MAGNETS["u"].force(rise, gap)
+        assert np.mean(np.abs(off)) < 5e-3 * model.fit.largest_output
+
+
+def test_a_force_that_falls_as_the_current_rises_is_a_negative_result(place: Path) -> None:
+    """The offset that was once fitted where there is none: 3.4 % of the range."""
+    model, _ = found(place, "u")
+    shifted = dict(model.parameters) | {"in_0": 0.17, "out_0": 2.75}
+    failing = replace(model, parameters=shifted).acceptance()
+    assert failing.passed is False
+    assert failing.over_drive is not None
+    assert "falls as the drive rises" in failing.text("A")
+    assert "from the demagnetised state" in failing.text("A")
+
+
+def test_the_report_shows_offsets_and_what_to_expect(place: Path) -> None:
+    found(place, "hard")
+    assert quick("report", "hard.toml", "--out", "hard.html", cwd=place).returncode == 0
+    text = (place / "hard.html").read_text(encoding="utf-8")
+    assert "Expected at a gap between those measured" in text
+    assert "input offset (A)" in text
+    assert "nowhere falls as the drive rises from rest" in text.replace("\n", " ")
+
+
+def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
+    loops = MAGNETS["soft"].write_loops(place / "again.csv")
+    done = quick("identify", loops, "--out", "again.toml", cwd=place)
+    assert "offsets of input and output: none, the loops demand none" in done.stdout
+    assert "expected between the measured values" in done.stdout
+
+
+def test_a_load_cell_that_nobody_tared_is_found_out(place: Path) -> None:
+    soft = MAGNETS["soft"]
+    untared = replace(soft, name="untared", sensors=replace(soft.sensors, force_offset=4.0))
+    model, _ = identified(place, untared)
+    assert model.parameters["out_0"] == pytest.approx(4.0, abs=0.02)
+
+
+def test_a_gauge_whose_zero_is_anywhere_is_no_obstacle(place: Path, measurements: Path) -> None:
+    # A piezo actuator: the displacement starts at -123 um, two and a half times its range.
+    loops = measurements / "piezo_flexure" / "model_run.csv"
+    out = place / "piezo.toml"
+    options = ("--columns", "V_in=u_V,y_um=x_um", "--clean", "skew", "--out", out, "--json")
+    done = quick("identify", loops, *options, cwd=place)
+    assert done.returncode == 0, done.stderr
+    fit = json.loads(done.stdout)["fit"]
+    assert fit["mean_abs"] < 0.01 * fit["largest_output"]

@@ -1,0 +1,85 @@
+"""A drafted rig flies: for magnets that nobody here made the package for, and the bundled ones."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.cli.command import anhyst, quick
+from tests.foreign.magnets import MAGNETS
+
+from anhyst.simulate.controllerfile import check_controller, read_controller
+from anhyst.simulate.rigfile import read_bearing
+
+PATIENCE = 1200.0
+"""Seconds for half a minute of processor time, on a machine with much else to do."""
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+BUNDLED = ("bearing", "electromagnet", "solenoid")
+GIVEN: dict[str, tuple[object, ...]] = {
+    "u": ("--mass", 20, "--load", 200),
+    "soft": ("--mass", 0.1, "--load", 1, "--gap", 0.25e-3),
+}
+"""What is said of a machine; of the others nothing at all."""
+
+
+@pytest.fixture(scope="module", params=[*sorted(MAGNETS), *BUNDLED])
+def drafted(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with the draft of a bearing, moved away from where it was made."""
+    name, folder = request.param, tmp_path_factory.mktemp(request.param)
+    loops = EXAMPLES / name / "loops.csv"
+    if name in MAGNETS:
+        loops = MAGNETS[name].write_loops(folder / f"{name}.csv")
+    done = quick("init", loops, *GIVEN.get(name, ()), "--out", "made", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return (folder / "made").rename(folder / "my")
+
+
+def test_a_draft_of_any_magnet_fits_its_schemas(drafted: Path) -> None:
+    rig, controller = (
+        read_bearing(drafted / "rig.toml"),
+        read_controller(drafted / "controller.toml"),
+    )
+    check_controller(controller, rig)
+    assert rig.load < controller.settings.limits.force_high_N
+    assert len(rig.measured.files) >= 1
+
+
+@pytest.mark.slow
+def test_a_draft_of_any_magnet_levitates_at_once(drafted: Path) -> None:
+    rig = read_bearing(drafted / "rig.toml").settings.simulate
+    heights = [rig.steps_m[0], rig.steps_m[-1]]
+    shortened(drafted / "rig.toml", noise_seeds="2", also_gaps_m="[]", steps_m=f"{heights}")
+    done = anhyst("simulate", "rig.toml", "--out", "run.csv", cwd=drafted, patience=PATIENCE)
+    assert done.returncode == 0, done.stderr
+    figures: dict[str, Any] = json.loads((drafted / "figures.json").read_text())
+    assert figures["lost_in"] == []
+    mine = [step for step in figures["steps"] if step["variant"] == "full"]
+    assert max(step["overshoot_percent"]["mean"] for step in mine) < 30.0
+    assert figures["sensitivity"]["full"]["peak"] < 4.0
+    standstill = figures["standstill"]["full"]["rms_m"]["mean"]
+    assert standstill < 0.05 * min(step["height_m"] for step in mine)
+
+
+def shortened(path: Path, **values: str) -> None:
+    """Write other values into a file."""
+    text = path.read_text()
+    for key, value in values.items():
+        text, count = re.subn(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.M)
+        assert count == 1
+    path.write_text(text)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*sorted(MAGNETS), *BUNDLED])
+def test_the_force_of_any_magnet_is_controlled_at_once(tmp_path: Path, name: str) -> None:
+    loops = EXAMPLES / name / "loops.csv"
+    if name in MAGNETS:
+        loops = MAGNETS[name].write_loops(tmp_path / f"{name}.csv")
+    done = quick("init", loops, "--force-control", "--out", "my", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    done = anhyst("force-control", "my/rig.toml", "--out", "run", cwd=tmp_path, patience=PATIENCE)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,223 @@
+"""Rigs of magnets that nobody typed in: the plant comes from the loops, and says how far it is."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+from tests.cli.command import Result, anhyst, contents, refused
+from tests.foreign.magnets import MAGNETS
+from tests.foreign.rigs import FROM_LOOPS, write_bearing, write_force_control
+
+from anhyst.data import LoopSet
+from anhyst.rig.distance import along, distance, follower
+from anhyst.rig.fromloops import Fitted, fit_magnet
+from anhyst.rig.magnettable import ElectromagnetTable
+
+ROOT = Path(__file__).resolve().parents[2]
+RUN = ("simulate", "rig.toml", "--out", "run.csv")
+CLOSE = {"u": 0.25, "hard": 1.2, "soft": 0.1}
+"""Largest mean distance of a fitted plant from its loops, % of the largest force."""
+
+TYPED = """\
+turns = 150
+resistance_ohm = 1.0
+pole_width_m = 0.02
+pole_depth_m = 0.02
+leakage_H = 1e-7
+iron_length_m = 0.2
+[magnet.iron]
+cells = 10
+reversible_fraction = 0.2
+pinning_scale_A_per_m = 100.0
+pinning_shape = 2.0
+saturation_sharp_T = 1.4
+knee_sharp_A_per_m = 200.0
+saturation_slow_T = 0.6
+knee_slow_A_per_m = 4000.0
+"""
+"""Somebody's guess at the magnet ``u``: its turns are a quarter too few."""
+
+
+def fit(path: Path, **known: float) -> tuple[Fitted, LoopSet]:
+    loops = LoopSet.from_csv(path)
+    table = ElectromagnetTable.model_validate({"iron": "from loops", **known})
+    return fit_magnet(loops, table), loops
+
+
+def percent(found: Fitted, loops: LoopSet) -> float:
+    magnet, zero = found.magnet, found.zero_current
+    far = distance(loops, lambda loop: along(follower(magnet), loop, zero) + found.zero_force)
+    return 100.0 * far.mean / far.force_max
+
+
+@pytest.mark.parametrize("name", MAGNETS)
+def test_a_plant_is_fitted_to_the_loops_of_any_magnet(name: str, tmp_path: Path) -> None:
+    began = time.process_time()
+    found, loops = fit(MAGNETS[name].write_loops(tmp_path / "loops.csv"))
+    assert time.process_time() - began < 25.0
+    assert percent(found, loops) < CLOSE[name]
+
+
+@pytest.mark.parametrize("example", ["bearing", "electromagnet"])
+def test_a_plant_is_fitted_to_the_bundled_loops_within_their_noise(example: str) -> None:
+    found, loops = fit(ROOT / "examples" / example / "loops.csv")
+    assert percent(found, loops) < 0.35
+
+
+def test_what_the_rig_file_says_of_a_magnet_is_held(tmp_path: Path) -> None:
+    shape = MAGNETS["soft"].geometry
+    path = MAGNETS["soft"].write_loops(tmp_path / "loops.csv")
+    found, loops = fit(path, turns=shape.turns, resistance_ohm=7.0, pole_depth_m=shape.depth)
+    assert (found.poles.turns, found.poles.resistance) == (shape.turns, 7.0)
+    assert found.poles.depth == shape.depth
+    assert found.poles.width == pytest.approx(shape.width, rel=0.15)
+    assert found.guessed == ("iron_length_m",)
+    assert percent(found, loops) < CLOSE["soft"]
+
+
+def carried(result: Result, folder: Path) -> dict[str, object]:
+    assert result.returncode == 0, result.stderr
+    figures = json.loads((folder / "figures.json").read_text())
+    assert figures["lost_in"] == []
+    plant: dict[str, object] = figures["plant"]
+    assert "plant against its loops: mean" in result.stdout
+    return plant
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["u", "soft"])
+def test_a_bearing_with_iron_from_its_loops_levitates(name: str, tmp_path: Path) -> None:
+    write_bearing(MAGNETS[name], tmp_path)
+    (tmp_path / "loops").mkdir()
+    (tmp_path / "loops.csv").rename(tmp_path / "loops" / "one.csv")
+    rig = (tmp_path / "rig.toml").read_text()
+    (tmp_path / "rig.toml").write_text(rig.replace('"loops.csv"', '"loops"'))
+    plant = carried(anhyst(*RUN, cwd=tmp_path), tmp_path)
+    assert plant["guessed"] == ["resistance_ohm", "iron_length_m"]
+    assert "The plant" in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.slow
+def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
+    write_bearing(MAGNETS["u"], tmp_path, TYPED)
+    result = anhyst(*RUN, cwd=tmp_path)
+    assert "anhyst: warning: the plant is " in result.stderr
+    assert 'set iron = "from loops"' in result.stderr
+    assert "errors of that size are those of the plant" in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.slow
+def test_the_force_of_a_magnet_is_controlled_from_its_loops_alone(tmp_path: Path) -> None:
+    write_force_control(MAGNETS["hard"], tmp_path)
+    result = anhyst("force-control", "rig.toml", "--out", "out", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    figures = json.loads((tmp_path / "out" / "figures.json").read_text())
+    assert figures["ticks_that_differ"] == 0
+    assert figures["plant"]["plant"]["mean_percent"] < CLOSE["hard"]
+    assert "plant against its loops: mean" in result.stdout
+    assert figures["summary"]["positions"]["full"]["of_single"] < 1.0
+    kept = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"figures.json", "fig7.svg", "end", "stroke"} <= kept
+    assert not any(name.startswith(".") for name in kept)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        pytest.param("noise_seeds = 2", "noise_seeds = 1", "rig.toml:51: simulate.noise_seeds: ",
+                     id="last key of the rig"),
+        pytest.param('loops = "loops.csv"', 'loops = ["loops.csv", "gone"]',
+                     "rig.toml:5: loops[2]: gone: no such file or folder; check the path",
+                     id="one of several files"),
+        pytest.param('loops = "loops.csv"', 'loops = "empty"',
+                     "rig.toml:5: loops: empty: this folder holds no .csv", id="empty folder"),
+        pytest.param('loops = "loops.csv"', "loops = 3",
+                     "rig.toml:5: loops: must be a file, a folder, or a list of them", id="number"),
+        pytest.param(FROM_LOOPS, 'iron = "from loop"', "rig.toml:9: magnet.iron: must be 'from "
+                     "loops', is 'from loop'", id="another word"),
+        pytest.param(FROM_LOOPS, f'{FROM_LOOPS}\n[identify]\nclean = "dedupe,dirt"',
+                     "rig.toml:11: identify.clean: 'dirt' is not known", id="unknown cleaning"),
+        pytest.param(FROM_LOOPS, f'{FROM_LOOPS}\n[identify]\ngap_map = "free"',
+                     "rig.toml:11: identify.gap_map: ", id="map of fixed gaps"),
+        pytest.param(FROM_LOOPS, f'{FROM_LOOPS}\n[identify]\nlaw = "jiles-atherton-1986"',
+                     "rig.toml:10: identify: gap map ", id="law without that map"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_rig_file_is_said_before_any_work(
+    old: str, new: str, said: str, tmp_path: Path
+) -> None:
+    rig = write_bearing(MAGNETS["soft"], tmp_path)
+    (tmp_path / "empty").mkdir()
+    text = rig.read_text()
+    assert text.count(old) == 1
+    rig.write_text(text.replace(old, new))
+    assert refused(*RUN, cwd=tmp_path).startswith(said)
+
+
+def test_a_wrong_last_key_costs_no_work(tmp_path: Path) -> None:
+    rig = write_bearing(MAGNETS["u"], tmp_path)
+    rig.write_text(rig.read_text().replace("noise_seeds = 2", "noise_seeds = 1"))
+    before = os.times()
+    assert "simulate.noise_seeds: " in refused(*RUN, cwd=tmp_path, preexec_fn=None)
+    after = os.times()
+    used = after.children_user + after.children_system
+    # Nearly all of it imports, which take twice as long on a busy machine.
+    assert used - before.children_user - before.children_system < 4.0
+
+
+def test_a_wrong_key_of_the_controller_is_said_before_the_fit(tmp_path: Path) -> None:
+    write_bearing(MAGNETS["soft"], tmp_path)
+    place = tmp_path / "controller.toml"
+    place.write_text(place.read_text().replace("hold_ticks = 2000", "hold_ticks = -1"))
+    assert refused(*RUN, cwd=tmp_path).startswith("controller.toml:33: safety.hold_ticks: ")
+
+
+def test_several_files_of_loops_are_one_set(tmp_path: Path) -> None:
+    from anhyst.simulate.rigfile import read_bearing
+
+    rig = write_bearing(MAGNETS["soft"], tmp_path)
+    head, *rows = (tmp_path / "loops.csv").read_text().splitlines()
+    whole = read_bearing(rig).measured.read()
+    for number, gap in enumerate(("0.15", "0.25", "0.4")):
+        part = [row for row in rows if row.split(",")[3] == gap]
+        (tmp_path / f"{number}.csv").write_text("\n".join([head, *part]) + "\n")
+    text = rig.read_text().replace('"loops.csv"', '["0.csv", "1.csv", "2.csv"]')
+    rig.write_text(text)
+    parts = read_bearing(rig).measured.read()
+    assert len(parts) == len(whole)
+    assert sorted(loop.n for loop in parts.loops) == sorted(loop.n for loop in whole.loops)
+
+
+def test_an_error_of_force_control_leaves_nothing(tmp_path: Path) -> None:
+    rig = write_force_control(MAGNETS["soft"], tmp_path)
+    (tmp_path / "out").mkdir()
+    before = contents(tmp_path)
+    rig.write_text(rig.read_text().replace("force_max_N = ", "force_max_N = 1000"))
+    said = refused("force-control", "rig.toml", "--out", "out", cwd=tmp_path)
+    assert "lower force_max_N" in said
+    assert set(contents(tmp_path)) == set(before)
+
+
+def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
+    from anhyst.modelfile import write_model
+    from anhyst.simulate.plantcheck import check_plant
+    from anhyst.simulate.ready import make_ready, read_files
+
+    example = ROOT / "examples" / "bearing"
+    for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
+        shutil.copy(example / name, tmp_path)
+    ready = make_ready(*read_files(tmp_path / "rig.toml", None))
+    knowledge = ready.knowledge()
+    assert check_plant(ready.rig, knowledge).warnings == []
+    write_model(knowledge.model, tmp_path / "model.toml")
+    rig = (tmp_path / "rig.toml").read_text().replace('force = "cells"', 'force = "model"')
+    rig = rig.replace("[amplifier]", '[magnet.model]\nfile = "model.toml"\n[amplifier]')
+    (tmp_path / "rig.toml").write_text(rig)
+    own = make_ready(*read_files(tmp_path / "rig.toml", None))
+    (said,) = check_plant(own.rig, knowledge).warnings
+    assert "proves nothing" in said

@@ -1,0 +1,56 @@
+"""The straight way, with nothing but defaults, for magnets of other people."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from tests.cli.command import Result, anhyst
+from tests.foreign.magnets import MAGNETS
+
+RATE = 20000
+BEARINGS = {"u": (20.0, 150.0, 0.45e-3), "hard": (8.0, 80.0, 0.4e-3), "soft": (0.1, 1.0, 0.25e-3)}
+"""Mass, kg; load, N; gap, m."""
+
+
+def run(folder: Path, *arguments: object) -> Result:
+    """Run a command that must succeed."""
+    done = anhyst(*arguments, cwd=folder, patience=1800.0)
+    assert done.returncode == 0, (arguments, done.stdout, done.stderr)
+    assert "Traceback" not in done.stderr
+    return done
+
+
+@pytest.fixture(scope="module", params=sorted(MAGNETS))
+def magnet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with the loops of one magnet and the model identified from them."""
+    folder = tmp_path_factory.mktemp(request.param)
+    MAGNETS[request.param].write_loops(folder / "loops.csv")
+    run(folder, "inspect", "loops.csv")
+    run(folder, "identify", "loops.csv", "--out", "model.toml")
+    return folder
+
+
+def test_what_is_identified_is_compiled_and_verified(magnet: Path) -> None:
+    run(magnet, "compile", "model.toml", "--rate", RATE, "--out", "controller")
+    done = run(magnet, "verify", "controller", "--on", "host", "--json")
+    found = json.loads(done.stdout)
+    assert found["passed"]
+    assert {result["target"] for result in found["results"]} == {"host"}
+
+
+@pytest.mark.slow
+def test_a_bearing_is_set_up_simulated_and_tuned(magnet: Path) -> None:
+    name = magnet.name.rstrip("0123456789")
+    mass, load, gap = BEARINGS[name]
+    where = ("--mass", mass, "--load", load, "--gap", gap)
+    run(magnet, "init", "loops.csv", *where, "--out", "bearing")
+    run(magnet, "simulate", "bearing/rig.toml", "--out", "run.csv")
+    run(magnet, "tune", "bearing/rig.toml", "--out", "tuned")
+
+
+@pytest.mark.slow
+def test_a_force_rig_is_set_up_and_controlled(magnet: Path) -> None:
+    run(magnet, "init", "loops.csv", "--force-control", "--out", "force")
+    run(magnet, "force-control", "force/rig.toml", "--out", "forced")

@@ -1,0 +1,64 @@
+"""The plant flies the same flights, bit for bit, whatever compiled it and wherever it runs."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from tests.core.test_c_core import tool
+from tests.plant.test_sanitized import sources
+
+FLAGS = ("-O0", "-O2", "-O3", "-O3 -march=native")
+"""Ways to compile; a processor of one's own may fuse products into sums if it is let."""
+
+FLIGHTS = (
+    "ok cells, 1 magnets, voltage, c3964ec9365790fa",
+    "ok cells, 1 magnets, current, 245d0e78a3bdf201",
+    "ok law, 1 magnets, voltage, 1be65399f2823a09",
+    "ok law, 1 magnets, current, 0e4044597ad02e97",
+    "ok cells, 2 magnets, voltage, bcdb025991aa9da5",
+    "ok cells, 2 magnets, current, d1f619427449ea73",
+    "ok law, 2 magnets, voltage, 48293fb37b4a0226",
+    "ok law, 2 magnets, current, 1a4eb3f55b1742f4",
+)
+"""What every build on every processor prints."""
+
+
+def built(compiler: str, flags: str, folder: Path) -> Path:
+    """Compile core, plant and flights without fused products."""
+    program = folder / "flights"
+    command = [
+        *compiler.split(),
+        "-std=c99",
+        *flags.split(),
+        "-ffp-contract=off",
+        *sources(),
+        "-lm",
+        "-o",
+        str(program),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return program
+
+
+def flights(*command: object) -> tuple[str, ...]:
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, check=True, timeout=120
+    )
+    return tuple(done.stdout.splitlines())
+
+
+@pytest.mark.parametrize("flags", FLAGS)
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_compilers_and_their_flags_do_not_change_a_bit(
+    compiler: str, flags: str, tmp_path: Path
+) -> None:
+    assert flights(built(tool(compiler), flags, tmp_path)) == FLIGHTS
+
+
+def test_another_processor_does_not_change_a_bit(tmp_path: Path) -> None:
+    emulator = tool("qemu-aarch64", "qemu-aarch64-static")
+    program = built(f"{tool('python-zig')} cc -target aarch64-linux-musl", "-O2", tmp_path)
+    assert flights(emulator, program) == FLIGHTS
