@@ -36,7 +36,7 @@ static void record(app *a, const port_sample *sample)
   signals[LINK_SIGNAL_DEMAND] = control->demand;
   signals[LINK_SIGNAL_FORCE] = sample->force;
   signals[LINK_SIGNAL_GAP] = sample->gap;
-  signals[LINK_SIGNAL_CURRENT] = sample->current;
+  signals[LINK_SIGNAL_CURRENT] = sample->current[0];
   signals[LINK_SIGNAL_DRIVE] = control->drive;
   signals[LINK_SIGNAL_FLUX] = control->compensator.flux_applied;
   signals[LINK_SIGNAL_EXPECTED] =
@@ -53,9 +53,10 @@ void app_tick(app *a)
   if ((sample.status & PORT_NO_SAMPLE) != 0U) {
     sample.gap = PORT_RESERVED;
     sample.force = PORT_RESERVED;
-    sample.current = PORT_RESERVED;
+    sample.current[0] = PORT_RESERVED;
   }
-  const int32_t drive = app_control_tick(&a->control, &a->sensors, a->board, a->settings, &sample);
+  const int32_t drive[PORT_CURRENTS] = {
+      app_control_tick(&a->control, &a->sensors, a->board, a->settings, &sample), 0};
   port_drive(drive, a->control.state + 256U * a->control.fault);
   record(a, &sample);
 }

@@ -80,8 +80,8 @@ static uint16_t judge(const app_control *control, app_sensors *sensors, const ap
       app_sensor_judge(&sensors->gap, &limits->gap, least, sample->gap, ticks, drive);
   const uint16_t force =
       app_sensor_judge(&sensors->force, &limits->force, least, sample->force, ticks, drive);
-  const uint16_t current =
-      app_sensor_judge(&sensors->current, &limits->current, least, sample->current, ticks, drive);
+  const uint16_t current = app_sensor_judge(&sensors->current, &limits->current, least,
+                                            sample->current[0], ticks, drive);
   if ((sample->status & PORT_NO_SAMPLE) != 0U) {
     return LINK_FAULT_SENSOR_FAILED;
   }
@@ -101,6 +101,27 @@ static int is_stuck(uint16_t fault)
 {
   return fault == LINK_FAULT_GAP_STUCK || fault == LINK_FAULT_FORCE_STUCK ||
          fault == LINK_FAULT_CURRENT_STUCK;
+}
+
+/* The reason of the fault that the hardware reports, or none: the first of these. */
+static uint16_t reported(uint32_t status)
+{
+  static const struct {
+    uint16_t bit;
+    uint16_t fault;
+  } faults[] = {
+      {PORT_EMERGENCY_STOP, LINK_FAULT_EMERGENCY_STOP},
+      {PORT_OVER_CURRENT, LINK_FAULT_OVER_CURRENT},
+      {PORT_AMPLIFIER, LINK_FAULT_AMPLIFIER},
+      {PORT_SUPPLY, LINK_FAULT_SUPPLY},
+      {PORT_TOO_WARM, LINK_FAULT_TOO_WARM},
+  };
+  for (size_t i = 0; i < sizeof faults / sizeof faults[0]; i++) {
+    if ((status & faults[i].bit) != 0U) {
+      return faults[i].fault;
+    }
+  }
+  return LINK_FAULT_NONE;
 }
 
 /* Goes by the sample: to a fault, or on from init and selftest. */
@@ -204,6 +225,10 @@ int32_t app_control_tick(app_control *control, app_sensors *sensors, const app_b
     }
   }
   control->flags &= lasting;
+  const uint16_t outside = reported(sample->status);
+  if (outside != LINK_FAULT_NONE) {
+    enter_fault(control, outside);
+  }
   watch_sample(control, sensors, limits, sample, ticks);
   control->silent = control->silent > UINT32_MAX - ticks ? UINT32_MAX : control->silent + ticks;
   if (is_live(control) && control->silent > (uint32_t)settings[LINK_SETTING_HEARTBEAT_TICKS]) {

@@ -7,7 +7,7 @@
 
 #include "link/bytes.h"
 
-#define LINK_VERSION 2
+#define LINK_VERSION 3
 #define LINK_PAYLOAD_MOST 240
 #define LINK_PLANT_MAGIC UINT32_C(0x616E6879)
 
@@ -76,7 +76,12 @@ enum {
   LINK_FAULT_CURRENT_RANGE = 14, /* current out of its plausible range */
   LINK_FAULT_CURRENT_SLEW = 15, /* current changed faster than it can */
   LINK_FAULT_CURRENT_STUCK = 16, /* the measured current did not change although it should have */
-  LINK_FAULT_COUNT = 17
+  LINK_FAULT_AMPLIFIER = 17, /* an amplifier reports a fault or does not answer */
+  LINK_FAULT_EMERGENCY_STOP = 18, /* the emergency stop is open */
+  LINK_FAULT_OVER_CURRENT = 19, /* the hardware saw more current than can be */
+  LINK_FAULT_SUPPLY = 20, /* the supply sags */
+  LINK_FAULT_TOO_WARM = 21, /* winding or power stage: I^2 t has passed its limit */
+  LINK_FAULT_COUNT = 22
 };
 
 /* What a command asks for. */
@@ -459,14 +464,16 @@ static inline void link_put_recorder_data(uint8_t *p, const link_recorder_data *
   link_put_u32(p + 0, m->offset);
 }
 
-#define LINK_SIZE_PLANT_SAMPLE 24
+#define LINK_SIZE_PLANT_SAMPLE 32
 /* Plant to controller: what the sensors show at the beginning of a tick. */
 typedef struct {
   uint32_t tick; /* counts from 1 */
   int32_t gap; /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
   int32_t force; /* q30 of the full-scale force */
-  int32_t current; /* q30 of the full-scale current */
-  uint32_t status; /* 0, or 1: there are no values (PORT_NO_SAMPLE) */
+  int32_t position; /* q31 of the controller's full scale */
+  int32_t current; /* q30 of the full-scale current, of the first magnet */
+  int32_t current_2; /* of the second */
+  uint32_t status; /* bits of PORT_... in port/port.h */
 } link_plant_sample;
 /* Whether the record is sound; fills it either way. */
 static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
@@ -474,26 +481,30 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
   m->tick = link_get_u32(p + 0);
   m->gap = link_get_i32(p + 4);
   m->force = link_get_i32(p + 8);
-  m->current = link_get_i32(p + 12);
-  m->status = link_get_u32(p + 16);
-  return (link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20)) ==
+  m->position = link_get_i32(p + 12);
+  m->current = link_get_i32(p + 16);
+  m->current_2 = link_get_i32(p + 20);
+  m->status = link_get_u32(p + 24);
+  return (link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28)) ==
          LINK_PLANT_MAGIC;
 }
 
-#define LINK_SIZE_PLANT_DRIVE 16
+#define LINK_SIZE_PLANT_DRIVE 20
 /* Controller to plant: what is to flow from the beginning of the next tick on. */
 typedef struct {
   uint32_t tick; /* of the sample from which this was computed */
-  int32_t drive; /* q31 of the full-scale current */
+  int32_t drive; /* q31 of the full-scale current, of the first magnet */
+  int32_t drive_2; /* of the second */
   uint32_t state; /* state + 256*fault */
 } link_plant_drive;
 static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
 {
   link_put_u32(p + 0, m->tick);
   link_put_u32(p + 4, (uint32_t)m->drive);
-  link_put_u32(p + 8, m->state);
-  link_put_u32(p + 12,
-               link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ LINK_PLANT_MAGIC);
+  link_put_u32(p + 8, (uint32_t)m->drive_2);
+  link_put_u32(p + 12, m->state);
+  link_put_u32(p + 16,
+               link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ LINK_PLANT_MAGIC);
 }
 
 #endif

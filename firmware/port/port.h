@@ -27,25 +27,38 @@
 /* Instead of a value: this sensor sent its error code, or its code cannot be one of a value. */
 #define PORT_RESERVED INT32_MIN
 
-/* Bit of port_sample.status: there are no values; the tick is right all the same. */
-#define PORT_NO_SAMPLE 1U
+/* Bits of port_sample.status. A bit of the hardware stays as long as its cause does, and may stay
+   until the power stage was switched on anew. */
+#define PORT_NO_SAMPLE 1U      /* there are no values; the tick is right all the same */
+#define PORT_AMPLIFIER 2U      /* an amplifier reports a fault, or does not answer */
+#define PORT_EMERGENCY_STOP 4U /* the emergency stop is open */
+#define PORT_OVER_CURRENT 8U   /* the hardware saw more current than can be, and took it away */
+#define PORT_SUPPLY 16U        /* the supply sags: what is asked for cannot be driven for long */
+#define PORT_TOO_WARM 32U      /* winding or power stage: I^2 t has passed its limit */
 
+/* Currents that a board has: of one magnet, or of two that pull against each other. */
+#define PORT_CURRENTS 2
+
+/* A board whose controller is one of force fills gap and force, one of position fills position; the
+   others, and the second current where there is one magnet, are 0. */
 typedef struct {
-  uint32_t tick;   /* n: one more than at the last tick, or as many more as began since; wraps */
-  int32_t gap;     /* q30: 0 is the low end of the model's range of gaps, 1.0 the high one */
-  int32_t force;   /* q30 of the full-scale force */
-  int32_t current; /* q30 of the full-scale current: what flows at t_n */
-  uint32_t status; /* 0 or PORT_NO_SAMPLE */
+  uint32_t tick;    /* n: one more than at the last tick, or as many more as began since; wraps */
+  int32_t gap;      /* q30: 0 is the low end of the model's range of gaps, 1.0 the high one */
+  int32_t force;    /* q30 of the full-scale force */
+  int32_t position; /* q31 of the controller's full scale, rising as the armature rises */
+  int32_t current[PORT_CURRENTS]; /* q30 of the full-scale current: what flows at t_n */
+  uint32_t status;                /* bits of PORT_..., or 0 */
 } port_sample;
 
 /* Fills the sample of the tick that began last. Called once by each app_tick. All values are of the
    same instant t_n. Must not wait: where a converter has not finished, that is PORT_NO_SAMPLE. */
 void port_sense(port_sample *sample);
 
-/* The current that shall flow from t_n+1 on, q31 of full scale. Called once by each app_tick, also
-   in the state fault. state is the state of the controller plus 256 times the reason of a fault;
-   a board may show it, and may switch its power stage off in fault once the current is 0. */
-void port_drive(int32_t current, uint32_t state);
+/* The currents that shall flow from t_n+1 on, q31 of full scale, PORT_CURRENTS of them. Called once
+   by each app_tick, also in the state fault. state is the state of the controller plus 256 times
+   the reason of a fault; a board may show it, and may switch its power stage off in fault once the
+   currents are 0. */
+void port_drive(const int32_t *currents, uint32_t state);
 
 /* Takes at most `most` bytes that arrived on the link, in order, and tells how many; 0 where there
    are none. Must not wait. A byte that the line knows to be broken (framing, overrun) may be

@@ -34,9 +34,9 @@ static uint8_t sequence;
 
 void port_sense(port_sample *sample) { *sample = bench.sample; }
 
-void port_drive(int32_t current, uint32_t state)
+void port_drive(const int32_t *currents, uint32_t state)
 {
-  bench.drive = current;
+  bench.drive = currents[0];
   bench.drive_state = state;
 }
 
@@ -110,7 +110,7 @@ void bench_ticks(int count)
   for (int i = 0; i < count; i++) {
     bench.sample.gap ^= 64;
     bench.sample.force ^= 64;
-    bench.sample.current ^= 64;
+    bench.sample.current[0] ^= 64;
     bench_tick();
   }
 }

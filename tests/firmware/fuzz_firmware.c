@@ -82,9 +82,9 @@ static int32_t next32(script *s)
 
 void port_sense(port_sample *to) { *to = sample; }
 
-void port_drive(int32_t current, uint32_t state)
+void port_drive(const int32_t *currents, uint32_t state)
 {
-  drive = current;
+  drive = currents[0];
   drive_state = state;
 }
 
@@ -272,7 +272,7 @@ static void quiet_ticks(script *s)
     sample.tick++;
     sample.gap ^= 64;
     sample.force ^= 64;
-    sample.current ^= 64;
+    sample.current[0] ^= 64;
     tick();
   }
 }
@@ -286,7 +286,7 @@ static void any_sample(script *s)
     sample.force = next32(s);
   }
   if ((kind & 8U) != 0U) {
-    sample.current = next32(s);
+    sample.current[0] = next32(s);
   }
   sample.status = (kind & 16U) != 0U ? next8(s) : 0U;
   tick();

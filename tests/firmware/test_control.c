@@ -181,7 +181,7 @@ static void show(int32_t *sensor, int32_t value, int count)
 
 static void each_sensor_fault_has_its_reason(void)
 {
-  int32_t *sensors[3] = {&bench.sample.gap, &bench.sample.force, &bench.sample.current};
+  int32_t *sensors[3] = {&bench.sample.gap, &bench.sample.force, &bench.sample.current[0]};
   for (int i = 0; i < 3; i++) {
     const int32_t beyond[2] = {INT32_MAX, -INT32_MAX};
     begin_at_full_current();
@@ -208,6 +208,28 @@ static void no_sample_at_all_is_a_fault(void)
   bench_ticks(3);
   bench.sample.status = 0;
   falls_safely(LINK_FAULT_SENSOR_FAILED);
+}
+
+static void what_the_hardware_reports_is_a_fault_at_once(void)
+{
+  static const uint16_t reports[5][2] = {
+      {PORT_AMPLIFIER, LINK_FAULT_AMPLIFIER},
+      {PORT_EMERGENCY_STOP, LINK_FAULT_EMERGENCY_STOP},
+      {PORT_OVER_CURRENT, LINK_FAULT_OVER_CURRENT},
+      {PORT_SUPPLY, LINK_FAULT_SUPPLY},
+      {PORT_TOO_WARM, LINK_FAULT_TOO_WARM},
+  };
+  for (int i = 0; i < 5; i++) {
+    begin_at_full_current();
+    bench.sample.status = reports[i][0];
+    bench_ticks(1);
+    falls_safely(reports[i][1]);
+    bench_ticks(100);
+    CHECK(control()->state == LINK_STATE_FAULT); /* as long as it is reported */
+    bench.sample.status = 0;
+    CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_ACK);
+    comes_back_on_clear();
+  }
 }
 
 static void a_change_while_there_was_no_sample_is_judged_by_its_time(void)
@@ -251,7 +273,7 @@ static void a_fast_but_possible_change_is_no_fault(void)
 
 static void a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves(void)
 {
-  int32_t *sensors[3] = {&bench.sample.gap, &bench.sample.force, &bench.sample.current};
+  int32_t *sensors[3] = {&bench.sample.gap, &bench.sample.force, &bench.sample.current[0]};
   const int windows[3] = {20, 30, 40};
   for (int i = 0; i < 3; i++) {
     bench_start();
@@ -263,7 +285,7 @@ static void a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves(void)
       (void)bench_demand(INT32_MAX / 4 * (tick % 3));
       bench.sample.gap ^= 64;
       bench.sample.force ^= 64;
-      bench.sample.current ^= 64;
+      bench.sample.current[0] ^= 64;
       show(sensors[i], frozen, 1);
     }
     falls_safely((uint16_t)(LINK_FAULT_GAP_STUCK + 4 * i));
@@ -483,7 +505,7 @@ static void the_memory_follows_what_was_driven_or_what_was_measured(void)
   (void)bench_command(LINK_COMMAND_STOP);
   CHECK(bench_set(LINK_SETTING_FOLLOW, 1) == LINK_TYPE_SETTING);
   (void)bench_command(LINK_COMMAND_RUN);
-  bench.sample.current = 123456;
+  bench.sample.current[0] = 123456;
   const int commits = fake.commits;
   bench_tick();
   CHECK(fake.committed == 2 * 123456 && fake.commits == commits + 1);
@@ -524,6 +546,7 @@ int main(void)
   conditioning_is_ended_by_idle_and_then_nothing_is_known();
   each_sensor_fault_has_its_reason();
   no_sample_at_all_is_a_fault();
+  what_the_hardware_reports_is_a_fault_at_once();
   a_change_while_there_was_no_sample_is_judged_by_its_time();
   two_doubtful_samples_are_bridged_by_the_last_plausible_one();
   a_fast_but_possible_change_is_no_fault();

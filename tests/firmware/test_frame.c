@@ -180,14 +180,14 @@ static void a_record_of_the_plant_tells_when_it_slipped(void)
   uint8_t p[LINK_SIZE_PLANT_SAMPLE];
   uint32_t check = LINK_PLANT_MAGIC;
   link_plant_sample sample;
-  for (uint8_t *at = p; at < p + 20; at += 4) {
+  for (uint8_t *at = p; at < p + LINK_SIZE_PLANT_SAMPLE - 4; at += 4) {
     const uint32_t word = 0x01020304U * (uint32_t)(at + 4 - p) / 4U;
     link_put_u32(at, word);
     check ^= word;
   }
-  link_put_u32(p + 20, check);
+  link_put_u32(p + LINK_SIZE_PLANT_SAMPLE - 4, check);
   CHECK(link_get_plant_sample(&sample, p) == 1);
-  CHECK(sample.tick == 0x01020304U && sample.status == 5U * 0x01020304U);
+  CHECK(sample.tick == 0x01020304U && sample.status == 7U * 0x01020304U);
   memmove(p, p + 1, sizeof p - 1);
   CHECK(link_get_plant_sample(&sample, p) == 0);
 }

@@ -163,7 +163,7 @@ def snake(name: str) -> str:
 
 
 def test_a_record_of_the_plant_that_slipped_is_refused() -> None:
-    record = frames.PlantSample(7, -1, 2, -3, 0)
+    record = frames.PlantSample(7, -1, 2, -3, 4, -5, 0)
     assert frames.PlantSample.unpack(record.pack()) == record
     with pytest.raises(ValueError, match="PlantSample"):
         frames.PlantSample.unpack(record.pack()[1:] + b"\0")

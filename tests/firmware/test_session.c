@@ -222,7 +222,7 @@ static void status_names_the_tick_and_what_was_measured(void)
   CHECK(link_get_u16(p + 2) == (LINK_FLAG_KNOWN | LINK_FLAG_DEMAND_LIMITED));
   CHECK(link_get_i32(p + 4) == -2000);
   CHECK(link_get_i32(p + 8) == bench.sample.force && link_get_i32(p + 12) == bench.sample.gap);
-  CHECK(link_get_i32(p + 16) == bench.sample.current && link_get_i32(p + 20) == -1000);
+  CHECK(link_get_i32(p + 16) == bench.sample.current[0] && link_get_i32(p + 20) == -1000);
 }
 
 static void the_control_task_is_locked_out_in_pairs(void)

@@ -27,8 +27,9 @@ class NoisyPlant:
         self._next = 0.0
         self._random = Random(1)
 
-    def step(self, tick: int, current: float) -> Reading:
+    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
         """Let the current of the tick before flow."""
+        current = currents[0]
         self.drives.append(current)
         self._flows, self._next = self._next, current
         shown = {"gap": 0.5, "force": 0.5 * self._flows, "current": self._flows}

@@ -101,16 +101,17 @@ STATUS = StatusAnswer(2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
 def test_firmware_of_another_protocol_version(answer: bytes) -> None:
     with fake(answer) as url:
         text = refusal(url)
-    assert "speaks version 3 of the protocol, this anhyst version 2" in text
+    ours = frames.VERSION
+    assert f"speaks version {ours + 1} of the protocol, this anhyst version {ours}" in text
     assert "build and flash" in text
 
 
 def test_firmware_tells_a_pc_of_another_version(board: Running, monkeypatch: object) -> None:
-    patch = monkeypatch
+    patch, its = monkeypatch, frames.VERSION
     assert isinstance(patch, pytest.MonkeyPatch)
-    patch.setattr(frames, "VERSION", 9)
+    patch.setattr(frames, "VERSION", its + 7)
     text = refusal(board.url)
-    assert "speaks version 2 of the protocol, this anhyst version 9" in text
+    assert f"speaks version {its} of the protocol, this anhyst version {its + 7}" in text
 
 
 @pytest.mark.parametrize("answer", [encode(STATUS, 1), b"\1\2\3\0", b"\0\0\0"])

@@ -62,14 +62,16 @@ void port_sense(port_sample *to)
   to->tick = sample.tick;
   to->gap = sample.gap;
   to->force = sample.force;
-  to->current = sample.current;
+  to->position = sample.position;
+  to->current[0] = sample.current;
+  to->current[1] = sample.current_2;
   to->status = sample.status;
 }
 
-void port_drive(int32_t current, uint32_t state)
+void port_drive(const int32_t *currents, uint32_t state)
 {
   uint8_t bytes[LINK_SIZE_PLANT_DRIVE];
-  const link_plant_drive drive = {sample.tick, current, state};
+  const link_plant_drive drive = {sample.tick, currents[0], currents[1], state};
   link_put_plant_drive(bytes, &drive);
   board_plant_write(bytes, LINK_SIZE_PLANT_DRIVE);
 }

@@ -101,15 +101,18 @@ void port_sense(port_sample *sample)
   sample->tick = tick;
   sample->gap = value_of_code(ADC_JDR1(GAP_ADC));
   sample->force = value_of_code(ADC_JDR1(FORCE_ADC));
-  sample->current = value_of_code(ADC_JDR1(CURRENT_ADC));
+  sample->position = 0;
+  sample->current[0] = value_of_code(ADC_JDR1(CURRENT_ADC));
+  sample->current[1] = 0;
   sample->status = 0;
 }
 
 static void set_pin(uint32_t pin, int high) { GPIOA_BSRR = high ? 1U << pin : 1U << (pin + 16U); }
 
 /* The converter holds the code back until the next tick begins. */
-void port_drive(int32_t current, uint32_t state)
+void port_drive(const int32_t *currents, uint32_t state)
 {
+  const int32_t current = currents[0];
   const uint32_t now = state & 0xFFU;
   DAC_DHR12R1 = current > 0 ? (uint32_t)current >> 19 : 0U;
   set_pin(PIN_STAGE, current != 0 || now == LINK_STATE_READY || now == LINK_STATE_RUN);

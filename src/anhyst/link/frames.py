@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from enum import IntEnum, IntFlag
 from typing import ClassVar, NamedTuple, Self
 
-VERSION = 2
+VERSION = 3
 PAYLOAD_MOST = 240
 PLANT_MAGIC = 0x616E6879
 
@@ -46,6 +46,11 @@ class Fault(IntEnum):
     CURRENT_RANGE = 14  # current out of its plausible range
     CURRENT_SLEW = 15  # current changed faster than it can
     CURRENT_STUCK = 16  # the measured current did not change although it should have
+    AMPLIFIER = 17  # an amplifier reports a fault or does not answer
+    EMERGENCY_STOP = 18  # the emergency stop is open
+    OVER_CURRENT = 19  # the hardware saw more current than can be
+    SUPPLY = 20  # the supply sags
+    TOO_WARM = 21  # winding or power stage: I^2 t has passed its limit
 
 
 class Command(IntEnum):
@@ -498,23 +503,26 @@ class RecorderDataAnswer(Message):
 class PlantSample(PlantRecord):
     """Plant to controller: what the sensors show at the beginning of a tick."""
 
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiiiI")
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiiiiiI")
 
     tick: int  # counts from 1
     gap: int  # q30: 0 is the low end of the model's gaps, 1.0 the high one
     force: int  # q30 of the full-scale force
-    current: int  # q30 of the full-scale current
-    status: int  # 0, or 1: there are no values (PORT_NO_SAMPLE)
+    position: int  # q31 of the controller's full scale
+    current: int  # q30 of the full-scale current, of the first magnet
+    current_2: int  # of the second
+    status: int  # bits of PORT_... in port/port.h
 
 
 @dataclass(frozen=True)
 class PlantDrive(PlantRecord):
     """Controller to plant: what is to flow from the beginning of the next tick on."""
 
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiI")
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiiI")
 
     tick: int  # of the sample from which this was computed
-    drive: int  # q31 of the full-scale current
+    drive: int  # q31 of the full-scale current, of the first magnet
+    drive_2: int  # of the second
     state: int  # state + 256*fault
 
 

@@ -19,7 +19,7 @@ Q30 = float(1 << 30)
 Q31 = float(1 << 31)
 _RESERVED = -(1 << 31)
 _LEAST, _MOST = _RESERVED + 1, (1 << 31) - 1
-_DRIVE_BYTES = 16
+_DRIVE_BYTES = 20
 
 
 class Reading(NamedTuple):
@@ -32,34 +32,38 @@ class Reading(NamedTuple):
     force, current : float
         As a fraction of full scale.
     status : int, optional
-        0, or 1 where there is no sample at all.
+        Bits of ``PORT_...`` in ``firmware/port/port.h``; 1: there is no sample at all.
+    position, current_2 : float, optional
+        Of a controller of position, as a fraction of full scale; the current of a second magnet.
     """
 
     gap: float
     force: float
     current: float
     status: int = 0
+    position: float = 0.0
+    current_2: float = 0.0
 
 
 class Plant(Protocol):
     """What stands at the other end of the bus."""
 
-    def step(self, tick: int, current: float) -> Reading | tuple[float, float, float, int]:
+    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
         """Go on by one tick, to the beginning of tick number `tick`.
 
         Parameters
         ----------
         tick : int
             Counts from 1.
-        current : float
-            Driven by the controller in the tick before, as a fraction of full scale. It begins to
-            flow now, in the tick that this step leads to: what flowed until now is the current of
-            the step before. That is the one tick of delay of every controller.
+        currents : tuple of float
+            Driven by the controller in the tick before, as fractions of full scale; the second is
+            that of a second magnet. They begin to flow now, in the tick that this step leads to:
+            what flowed until now are the currents of the step before. That is the one tick of
+            delay of every controller.
 
         Returns
         -------
-        Reading or tuple
-            Gap, force, current, status.
+        Reading
         """
         ...  # pragma: no cover
 
@@ -80,8 +84,8 @@ class PlantBus:
     ----------
     tick : int
         Number of the last tick; 0 before the first.
-    drive : float
-        Current that the controller wants from the next tick on, as a fraction of full scale.
+    drives : tuple of float
+        Currents that the controller wants from the next tick on, as fractions of full scale.
     state : State
         Of the controller after the last tick.
     fault : Fault
@@ -91,7 +95,7 @@ class PlantBus:
     def __init__(self, plant: Plant, connection: socket.socket, timeout: float = 10.0) -> None:
         self.plant = plant
         self.tick = 0
-        self.drive = 0.0
+        self.drives = (0.0, 0.0)
         self.state = State.INIT
         self.fault = Fault.NONE
         self._connection = connection
@@ -116,10 +120,10 @@ class PlantBus:
         """Let the plant go on without the controller, which misses these ticks."""
         for _ in range(ticks):
             self.tick += 1
-            self.plant.step(self.tick, self.drive)
+            self.plant.step(self.tick, self.drives)
 
     def _step(self, tick: int) -> None:
-        sample = _encode(tick, *self.plant.step(tick, self.drive))
+        sample = _encode(tick, self.plant.step(tick, self.drives))
         try:
             self._connection.sendall(sample.pack())
             drive = PlantDrive.unpack(self._receive())
@@ -130,7 +134,7 @@ class PlantBus:
         if drive.tick != tick:
             raise InputError(f"the controller answered tick {drive.tick} to tick {tick}")
         self.tick = tick
-        self.drive = drive.drive / Q31
+        self.drives = (drive.drive / Q31, drive.drive_2 / Q31)
         self.state = State(drive.state & 0xFF)
         self.fault = Fault(drive.state >> 8 & 0xFF)
 
@@ -140,9 +144,22 @@ class PlantBus:
             raise ConnectionError("it hung up")
         return data
 
+    @property
+    def drive(self) -> float:
+        """The first of the currents that the controller wants."""
+        return self.drives[0]
 
-def _encode(tick: int, gap: float, force: float, current: float, status: int = 0) -> PlantSample:
-    return PlantSample(tick & 0xFFFFFFFF, _q30(gap), _q30(force), _q30(current), status)
+
+def _encode(tick: int, reading: Reading) -> PlantSample:
+    return PlantSample(
+        tick=tick & 0xFFFFFFFF,
+        gap=_q30(reading.gap),
+        force=_q30(reading.force),
+        position=_q31(reading.position),
+        current=_q30(reading.current),
+        current_2=_q30(reading.current_2),
+        status=reading.status,
+    )
 
 
 def _q30(value: float) -> int:
@@ -150,3 +167,10 @@ def _q30(value: float) -> int:
     if math.isnan(value):
         return _RESERVED
     return round(min(max(value * Q30, _LEAST), _MOST))
+
+
+def _q31(value: float) -> int:
+    """Likewise; halves go up, as in the simulated loop."""
+    if math.isnan(value):
+        return _RESERVED
+    return min(max(math.floor(value * Q31 + 0.5), _LEAST), _MOST)

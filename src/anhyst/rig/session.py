@@ -40,8 +40,9 @@ class _Plant:
         self._scales = program.scales
         self._span = program.scales.gap_high - program.scales.gap_low or 1.0
 
-    def step(self, tick: int, current: float) -> Reading:
+    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
         del tick  # the bench counts for itself
+        current = currents[0]
         if self.gaps:
             self.drives.append(round(current * ONE))
         reading = self.bench.step(current * self._scales.current)

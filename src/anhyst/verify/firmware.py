@@ -46,8 +46,9 @@ class WalkingPlant:
         self._next = 0.0
         self._random = Random(seed)
 
-    def step(self, tick: int, current: float) -> Reading:
+    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
         """Let the current of the tick before flow."""
+        current = currents[0]
         self.drives.append(round(current * ONE))
         self._flows, self._next = self._next, current
         gap = 0.5 + 0.3 * math.sin(tick * 2.0 * math.pi / 5000.0)
