@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "block.h"
 
+#include "lookup.h"
+
 /* CRC-32 (IEEE 802.3, reflected) of one word, low byte first, without a table. */
 static uint32_t checksum_word(uint32_t sum, uint16_t word)
 {
@@ -59,6 +61,62 @@ int anhyst_over_gap_sound(const int16_t *words, int16_t word, int16_t least)
   return 1;
 }
 
+/* The 32 bits of a number of two words. */
+static uint32_t double_word(const int16_t *words, int16_t word)
+{
+  return (uint32_t)(uint16_t)words[word] | ((uint32_t)(uint16_t)words[word + 1] << 16);
+}
+
+/* Singles above 0 stand in the order of their bits: exponent, then fraction. */
+#define SINGLE_LEAST ((uint32_t)(127 - 60) << 23) /* 2^-60 */
+#define SINGLE_MOST ((uint32_t)(127 + 60) << 23)  /* 2^60 */
+#define SINGLE_ONE ((uint32_t)1 << 23)            /* the lowest digit of the exponent */
+
+int anhyst_single_sound(const int16_t *words, int16_t word)
+{
+  const uint32_t bits = double_word(words, word);
+  return bits >= SINGLE_LEAST && bits <= SINGLE_MOST;
+}
+
+/* The digits of a single, 2^23..2^24 - 1. */
+static int32_t digits_of(uint32_t single)
+{
+  return (int32_t)((single & (SINGLE_ONE - 1U)) | SINGLE_ONE);
+}
+
+int32_t anhyst_in_unit(int32_t a, const int16_t *before, const int16_t *words, int16_t word)
+{
+  const uint32_t of = double_word(before, word);
+  const uint32_t to = double_word(words, word);
+  const int32_t numerator = digits_of(of);
+  const int32_t denominator = digits_of(to);
+  int16_t shift = (int16_t)((int16_t)(of >> 23) - (int16_t)(to >> 23));
+  int32_t part;
+  if (of == to) {
+    return a;
+  }
+  if (numerator < denominator) {
+    part = anhyst_share(a, anhyst_ratio(numerator, denominator));
+  } else {
+    part = anhyst_share(a, anhyst_ratio(numerator, 2 * denominator));
+    shift = (int16_t)(shift + 1);
+  }
+  if (shift >= 0) {
+    return anhyst_shl_q31(part, (uint16_t)(shift < 31 ? shift : 31));
+  }
+  return part >> (shift > -31 ? -shift : 31);
+}
+
+uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales)
+{
+  for (uint16_t i = 0; i < ANHYST_SCALE_WORDS; i++) {
+    if (words[ANHYST_WORD_SCALE_DEMAND + i] != scales[i]) {
+      return (uint16_t)(ANHYST_WORD_SCALE_DEMAND + (i & ~1U));
+    }
+  }
+  return 0;
+}
+
 static int head_sound(const int16_t *words, uint16_t capacity)
 {
   return (uint16_t)words[ANHYST_WORD_MAGIC] == ANHYST_BLOCK_MAGIC_LOW &&
@@ -81,6 +139,7 @@ static int common_sound(const int16_t *words)
          anhyst_within(words[ANHYST_WORD_CONDITION_CYCLES], 0, 64) &&
          words[ANHYST_WORD_CONDITION_TICKS] >= 2 &&
          anhyst_within(words[ANHYST_WORD_ROOT_KNEE], 2, 8) &&
+         anhyst_single_sound(words, ANHYST_WORD_UNIT_FLUX) &&
          anhyst_over_gap_sound(words, ANHYST_WORD_GAP_GAIN, 1) &&
          anhyst_over_gap_sound(words, ANHYST_WORD_GAP_OFFSET, -ANHYST_Q15_MAX) &&
          anhyst_over_gap_sound(words, ANHYST_WORD_GAP_BIAS, -ANHYST_Q15_MAX) &&
@@ -95,10 +154,8 @@ anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *wor
       (uint16_t)words[ANHYST_WORD_KIND] != kernel->kind) {
     return ANHYST_BAD_PARAMETER;
   }
-  const uint32_t stated = (uint32_t)(uint16_t)words[ANHYST_WORD_CRC] |
-                          ((uint32_t)(uint16_t)words[ANHYST_WORD_CRC + 1] << 16);
-  if (checksum(words, (uint16_t)words[ANHYST_WORD_LENGTH]) != stated || !common_sound(words) ||
-      !kernel->sound(words)) {
+  if (checksum(words, (uint16_t)words[ANHYST_WORD_LENGTH]) != double_word(words, ANHYST_WORD_CRC) ||
+      !common_sound(words) || !kernel->sound(words)) {
     return ANHYST_BAD_PARAMETER;
   }
   return ANHYST_OK;

@@ -14,6 +14,15 @@ int anhyst_closed_sound(const int16_t *words)
          anhyst_over_gap_sound(words, ANHYST_WORD_GAP_FLUX_ARM, 0);
 }
 
+void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t flux,
+                         anhyst_memory *memory)
+{
+  (void)before;
+  (void)words;
+  memory->a = flux;
+  memory->c = 0;
+}
+
 static anhyst_memory mirrored(const anhyst_memory *memory)
 {
   const anhyst_memory other = {-memory->a, -memory->b, -memory->c, 0, 0};

@@ -38,6 +38,11 @@ static inline int32_t anhyst_lag_slope(const int16_t *words, int32_t p)
 /* The words that both kinds have. */
 int anhyst_closed_sound(const int16_t *words);
 
+/* Brings a memory to another block of its kind: what the iron has of its width stays; how far it
+   came since is found anew. */
+void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t flux,
+                         anhyst_memory *memory);
+
 /* Where a way in flux leads from a memory, on a rising path; way >= 0. */
 typedef void anhyst_advance(const int16_t *words, const anhyst_memory *from, int32_t way,
                             anhyst_memory *to);

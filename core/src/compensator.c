@@ -65,6 +65,19 @@ static int32_t square(int32_t a, int16_t knee)
   return anhyst_shl_q31(anhyst_scale(a, anhyst_sat_q15(a >> 15)), 2);
 }
 
+/* What an output at this gap needs as a flux, q30, beyond the offset and at least 0 if it goes with
+   a square; saturates. */
+static int32_t flux_for(const int16_t *words, int32_t output, place at)
+{
+  const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
+  const int32_t beyond = anhyst_sub_q31(output, offset);
+  const int32_t part = words[ANHYST_WORD_POWER] == 2
+                           ? root(beyond > 0 ? beyond : 0, words[ANHYST_WORD_ROOT_KNEE])
+                           : beyond >> 1;
+  return anhyst_shl_q31(anhyst_scale(part, over_gap(at, words[ANHYST_WORD_GAP_GAIN])),
+                        (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
+}
+
 /* The demand at this gap as a flux, q30. */
 static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
 {
@@ -72,21 +85,10 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
   const int32_t wanted = anhyst_clamp(demand, (int32_t)words[ANHYST_WORD_DEMAND_LOW] * 65536,
                                       (int32_t)words[ANHYST_WORD_DEMAND_HIGH] * 65536);
   const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
-  int32_t part = anhyst_sub_q31(wanted, offset);
-  if (words[ANHYST_WORD_POWER] == 2) {
-    if (part < 0) {
-      part = 0;
-      c->flags |= ANHYST_DEMAND_LIMITED;
-    }
-    part = root(part, words[ANHYST_WORD_ROOT_KNEE]);
-  } else {
-    part >>= 1;
-  }
-  if (wanted != demand) {
+  if (wanted != demand || (words[ANHYST_WORD_POWER] == 2 && wanted < offset)) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const int32_t flux = anhyst_shl_q31(anhyst_scale(part, over_gap(at, words[ANHYST_WORD_GAP_GAIN])),
-                                      (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
+  const int32_t flux = flux_for(words, wanted, at);
   const int32_t limit = (int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536;
   const int32_t reached = anhyst_clamp(flux, -limit, limit);
   if (reached != flux) {
@@ -114,12 +116,6 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
   c->flags = 0;
   c->solved = 0;
   return ANHYST_OK;
-}
-
-void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words)
-{
-  c->words = words;
-  c->solved = 0;
 }
 
 int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap)
@@ -194,6 +190,20 @@ int32_t anhyst_compensator_output_q31(const anhyst_compensator *c)
     part = anhyst_shl_q31(c->flux_applied < 0 ? -part : part, 1);
   }
   return anhyst_add_q31(part, offset);
+}
+
+void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words)
+{
+  const int32_t output = anhyst_compensator_output_q31(c);
+  int32_t flux = flux_for(words, output, gap_place(words, c->gap));
+  if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
+    flux = -flux;
+  }
+  flux = anhyst_clamp(flux, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  c->kernel->carry(c->words, words, flux, &c->memory);
+  c->flux_applied = flux;
+  c->words = words;
+  c->solved = 0;
 }
 
 int16_t anhyst_compensator_output_q15(const anhyst_compensator *c)

@@ -46,4 +46,5 @@ static int euler_sound(const int16_t *words)
   return anhyst_closed_sound(words) && anhyst_within(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
 }
 
-const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER, euler_field, euler_flux, euler_sound};
+const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER, euler_field, euler_flux, euler_sound,
+                                           anhyst_closed_carry};

@@ -476,7 +476,7 @@ static int full_sound(const int16_t *words)
          anhyst_within(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, 12) &&
          words[ANHYST_WORD_FULL_STEEPNESS] > 0 &&
          anhyst_within(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16) && anhyst_within(n, 3, 9) &&
-         anhyst_within(n_inverse, 3, 9) &&
+         anhyst_within(n_inverse, 3, 9) && anhyst_single_sound(words, ANHYST_WORD_UNIT_FIELD) &&
          anhyst_table_rises(words, words[ANHYST_WORD_FULL_CURVE], (int16_t)((1 << n) + 1), 0,
                             steepest) &&
          anhyst_table_rises(words, words[ANHYST_WORD_FULL_BRANCH], (int16_t)((2 << n) + 1),
@@ -486,4 +486,24 @@ static int full_sound(const int16_t *words)
          current_rises(words);
 }
 
-const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL, full_field, full_flux, full_sound};
+/* Effective field and flux density are kept: both terms of flux = h*x + m are counted in units of
+   their own. The play stays within its width of the field, and turns here: a path that began under
+   another law does not lead here under this one. */
+static void full_carry(const int16_t *before, const int16_t *words, int32_t flux,
+                       anhyst_memory *memory)
+{
+  const int32_t most = ANHYST_Q30_ONE - 1;
+  const int32_t play = (int32_t)words[ANHYST_WORD_FULL_PLAY] * 32768;
+  (void)flux;
+  const int32_t x = anhyst_in_unit(memory->a, before, words, ANHYST_WORD_UNIT_FIELD);
+  const int32_t y = anhyst_in_unit(memory->b, before, words, ANHYST_WORD_UNIT_FLUX);
+  const int32_t p = anhyst_in_unit(memory->c, before, words, ANHYST_WORD_UNIT_FIELD);
+  memory->a = anhyst_clamp(x, -most, most);
+  memory->b = anhyst_clamp(y, -most, most);
+  memory->c = anhyst_clamp(anhyst_clamp(p, -most, most), memory->a - play, memory->a + play);
+  memory->d = memory->c;
+  memory->e = memory->b;
+}
+
+const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL, full_field, full_flux, full_sound,
+                                          full_carry};

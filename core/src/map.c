@@ -3,6 +3,8 @@
 
 #include <stddef.h>
 
+#include "lookup.h"
+
 /* Where a signal falls among 2^n equal segments. */
 typedef struct {
   uint16_t index; /* of the segment */
@@ -18,14 +20,6 @@ static segment segment_of(int32_t signal, uint16_t n)
 
 /* Entries of a row or column of 2^n segments. */
 static uint16_t entries_of(uint16_t n) { return (uint16_t)(((uint32_t)1U << n) + 1U); }
-
-/* a*part, part a q31 that is not negative: within 4 units in the last place, floor. */
-static int32_t share(int32_t a, int32_t part)
-{
-  const int16_t high = (int16_t)(part >> 16);
-  const int16_t low = (int16_t)((part & 0xFFFF) >> 1);
-  return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);
-}
 
 /* The entry of a column, interpolated over the gap, q31. */
 static int32_t entry_at(const anhyst_map_q31 *map, segment gap, uint16_t column)
@@ -75,24 +69,7 @@ int32_t anhyst_map_value_q31(const anhyst_map_q31 *map, int32_t force, int32_t g
   const segment column = segment_of(force, map->force_segments);
   const int32_t low = entry_at(map, row, column.index);
   const int32_t high = entry_at(map, row, (uint16_t)(column.index + 1U));
-  return low + share(high - low, column.part);
-}
-
-/* numerator/denominator as a q31, floor, digit by digit; 0 <= numerator < denominator. */
-static int32_t ratio(int32_t numerator, int32_t denominator)
-{
-  const uint32_t whole = (uint32_t)denominator;
-  uint32_t rest = (uint32_t)numerator;
-  uint32_t part = 0;
-  for (uint16_t digit = 0; digit < 31U; digit++) {
-    rest <<= 1;
-    part <<= 1;
-    if (rest >= whole) {
-      rest -= whole;
-      part |= 1U;
-    }
-  }
-  return (int32_t)part;
+  return low + anhyst_share(high - low, column.part);
 }
 
 int32_t anhyst_map_force_q31(const anhyst_map_q31 *map, int32_t value, int32_t gap)
@@ -115,5 +92,5 @@ int32_t anhyst_map_force_q31(const anhyst_map_q31 *map, int32_t value, int32_t g
   if (value <= low) {
     return start;
   }
-  return start + (ratio(value - low, high - low) >> n);
+  return start + (anhyst_ratio(value - low, high - low) >> n);
 }

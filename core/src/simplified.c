@@ -126,4 +126,5 @@ static int simplified_sound(const int16_t *words)
 }
 
 const anhyst_kernel anhyst_kernel_simplified = {ANHYST_KIND_SIMPLIFIED, simplified_field,
-                                                simplified_flux, simplified_sound};
+                                                simplified_flux, simplified_sound,
+                                                anhyst_closed_carry};

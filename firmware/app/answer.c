@@ -189,7 +189,7 @@ static void swap(app *a, const int16_t *words)
   if (first) {
     *compensator = fresh;
   } else {
-    anhyst_compensator_swap(compensator, words);
+    app_control_swap(&a->control, words);
   }
   port_unlock();
 }
@@ -199,13 +199,15 @@ static void on_block_swap(app *a, const uint8_t *p, answer *to)
   link_block_swap request;
   const int16_t *words = NULL;
   link_get_block_swap(&request, p);
+  uint16_t detail = word_in_force(a, ANHYST_WORD_GENERATION);
   const uint16_t reason =
-      app_download_check(&a->download, a->board->kernel, request.generation, &words);
+      app_download_check(&a->download, a->board, request.generation, &words, &detail);
   if (reason == LINK_REASON_NONE) {
     swap(a, words);
     a->download.under_way = 0;
+    detail = word_in_force(a, ANHYST_WORD_GENERATION);
   }
-  say_done(to, LINK_TYPE_BLOCK_SWAP, reason, word_in_force(a, ANHYST_WORD_GENERATION));
+  say_done(to, LINK_TYPE_BLOCK_SWAP, reason, detail);
 }
 
 static void on_block_read(app *a, const uint8_t *p, answer *to)

@@ -39,6 +39,8 @@ typedef struct {
   const anhyst_kernel *kernel;
   const int16_t *words;    /* parameter block built in */
   uint16_t words_capacity; /* words that may be read there */
+  const int16_t *scales;   /* what its signals are counted in, as anhyst_block_misfit takes it: no
+                              block made for others is taken */
   uint16_t firmware;       /* version: 256*major + minor */
   uint32_t rate;           /* ticks a second, 10..1000000 */
   const app_limits *limits;

@@ -41,11 +41,13 @@ void app_control_start(app_control *control, app_sensors *sensors, const app_boa
   control->silent = 0;
   control->flags = LINK_FLAG_CURRENT_ZERO;
   control->missed = 0;
+  control->swapped = 0;
   control->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)ramp_ticks(board), 1);
   enter_selftest(control, sensors);
   control->state = LINK_STATE_INIT;
   if (anhyst_compensator_init(&control->compensator, board->kernel, board->words,
-                              board->words_capacity) != ANHYST_OK) {
+                              board->words_capacity) != ANHYST_OK ||
+      anhyst_block_misfit(board->words, board->scales) != 0U) {
     control->compensator.words = NULL;
   }
 }
@@ -196,20 +198,45 @@ static int32_t conditioning_current(app_control *control)
   return current;
 }
 
-/* A step of the ramp to zero. */
-static int32_t ramp_down(const app_control *control)
+/* A step along the ramp from the current driven towards another. */
+static int32_t ramp_to(const app_control *control, int32_t current)
 {
-  return anhyst_clamp(0, anhyst_sub_q31(control->drive, control->ramp),
+  return anhyst_clamp(current, anhyst_sub_q31(control->drive, control->ramp),
                       anhyst_add_q31(control->drive, control->ramp));
+}
+
+/* The current of a state in which it may flow, or a step towards it as long as it has not been
+   reached since a block was swapped. */
+static int32_t after_swap(app_control *control, int32_t current)
+{
+  if (control->swapped == 0U) {
+    return current;
+  }
+  const int32_t step = ramp_to(control, current);
+  control->swapped = step != current ? 1U : 0U;
+  return step;
 }
 
 /* The current that this state asks for, before the limits of the board. */
 static int32_t wanted_current(app_control *control, const int32_t *settings, int32_t gap)
 {
   if (control->state == LINK_STATE_RUN) {
-    return force_current(control, settings, gap);
+    return after_swap(control, force_current(control, settings, gap));
   }
-  return control->step >= 0 ? conditioning_current(control) : ramp_down(control);
+  if (control->step >= 0) {
+    return after_swap(control, conditioning_current(control));
+  }
+  control->swapped = 0;
+  return ramp_to(control, 0);
+}
+
+void app_control_swap(app_control *control, const int16_t *words)
+{
+  anhyst_compensator_swap(&control->compensator, words);
+  control->swapped = 1;
+  if (control->step > 0) {
+    control->step = 0;
+  }
 }
 
 int32_t app_control_tick(app_control *control, app_sensors *sensors, const app_board *board,

@@ -30,6 +30,7 @@ typedef struct {
   uint16_t passed;   /* plausible samples in a row in selftest */
   uint16_t doubtful; /* implausible samples in a row */
   uint16_t missed;   /* ticks left out since power on, modulo 65536 */
+  uint16_t swapped;  /* whether the current is still on its way to that of a block put in force */
 } app_control;
 
 typedef char app_control_is_at_most_128_bytes[sizeof(app_control) <= 128 ? 1 : -1];
@@ -54,5 +55,10 @@ int32_t app_control_tick(app_control *control, app_sensors *sensors, const app_b
 /* Does a command between two ticks: LINK_REASON_NONE, or why it cannot be done (state, value,
    current, block); nothing has changed then. */
 uint16_t app_control_command(app_control *control, app_sensors *sensors, uint16_t command);
+
+/* Goes on with another sound block for this board, between two ticks. Where current may flow it
+   moves no faster than along the ramp to zero until it has reached what the block asks for; a
+   conditioning sequence begins anew. */
+void app_control_swap(app_control *control, const int16_t *words);
 
 #endif

@@ -44,8 +44,8 @@ uint16_t app_download_words(app_download *download, uint16_t offset, const uint8
   return LINK_REASON_NONE;
 }
 
-uint16_t app_download_check(const app_download *download, const anhyst_kernel *kernel,
-                            uint16_t generation, const int16_t **words)
+uint16_t app_download_check(const app_download *download, const app_board *board,
+                            uint16_t generation, const int16_t **words, uint16_t *detail)
 {
   const int16_t *block = download->words[download->place];
   if (download->under_way == 0U || download->received != download->announced.words) {
@@ -54,12 +54,17 @@ uint16_t app_download_check(const app_download *download, const anhyst_kernel *k
   if (download->checksum != download->announced.checksum) {
     return LINK_REASON_CHECKSUM;
   }
-  if (anhyst_block_check(kernel, block, download->announced.words) != ANHYST_OK) {
+  if (anhyst_block_check(board->kernel, block, download->announced.words) != ANHYST_OK) {
     return LINK_REASON_BLOCK;
   }
   const uint16_t own = (uint16_t)block[ANHYST_WORD_GENERATION];
   if (own != generation || own != download->announced.generation) {
     return LINK_REASON_GENERATION;
+  }
+  const uint16_t misfit = anhyst_block_misfit(block, board->scales);
+  if (misfit != 0U) {
+    *detail = misfit;
+    return LINK_REASON_SCALE;
   }
   *words = block;
   return LINK_REASON_NONE;

@@ -116,7 +116,9 @@ enum {
   LINK_REASON_GENERATION = 10, /* the block has another generation; detail: its own */
   LINK_REASON_SESSION = 11, /* no session is open: hello comes first */
   LINK_REASON_CURRENT = 12, /* in this state, but current still flows; once it is zero */
-  LINK_REASON_COUNT = 13
+  /* made for other full scales, gaps, rate or units; detail: the first word that differs */
+  LINK_REASON_SCALE = 13,
+  LINK_REASON_COUNT = 14
 };
 
 /* When the recorder starts. */

@@ -15,7 +15,7 @@ int main(void)
   SHOW(at.part >= 0);
 #else
   const int32_t whole = any_within(2, ANHYST_Q31_MAX);
-  SHOW(ratio(any_within(1, whole - 1), whole) >= 0);
+  SHOW(anhyst_ratio(any_within(1, whole - 1), whole) >= 0);
 #endif
   return 0;
 }

@@ -78,7 +78,7 @@ static void a_ratio_is_exact_but_for_its_floor(void)
   for (int i = 0; i < 100000; i++) {
     const int32_t whole = any_within(2, ANHYST_Q31_MAX);
     const int32_t part = any_within(1, whole - 1);
-    const double missing = (double)part / (double)whole * FULL - (double)ratio(part, whole);
+    const double missing = (double)part / (double)whole * FULL - (double)anhyst_ratio(part, whole);
     keep_worst(&worst, fabs(missing - 0.5));
   }
   CHECK_BELOW("ratio, from the middle of a unit in the last place", worst, 0.500001);

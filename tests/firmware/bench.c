@@ -21,10 +21,13 @@ static const app_limits start_limits = {
     .heartbeat_ms = 500,
 };
 
+static int16_t scales[ANHYST_SCALE_WORDS];
+
 static app_board board = {
     .kernel = &fake_kernel,
     .words = bench_words,
     .words_capacity = BENCH_WORDS,
+    .scales = scales,
     .firmware = 0x0102,
     .rate = BENCH_RATE,
     .limits = &bench_limits,
@@ -75,6 +78,7 @@ void bench_power_on(void)
   memset(&fake, 0, sizeof fake);
   bench_limits = start_limits;
   fake_block(bench_words, BENCH_WORDS, 1);
+  memcpy(scales, bench_words + ANHYST_WORD_SCALE_DEMAND, sizeof scales);
   bench.accepts = UINT16_MAX;
   bench.sample.gap = PORT_ONE / 2;
   sequence = 0;

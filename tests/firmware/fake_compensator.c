@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "fake_compensator.h"
 
+#include <string.h>
+
 fake_calls fake;
 
-const anhyst_kernel fake_kernel = {ANHYST_KIND_SIMPLIFIED, NULL, NULL, NULL};
+const anhyst_kernel fake_kernel = {ANHYST_KIND_SIMPLIFIED, NULL, NULL, NULL, NULL};
 
 void fake_block(int16_t *words, uint16_t length, uint16_t generation)
 {
@@ -28,6 +30,12 @@ anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *wor
                     words[ANHYST_WORD_KIND] == (int16_t)kernel->kind &&
                     words[ANHYST_WORD_LENGTH] <= (int16_t)capacity;
   return sound ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+}
+
+uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales)
+{
+  const int same = memcmp(words + ANHYST_WORD_SCALE_DEMAND, scales, 2 * ANHYST_SCALE_WORDS) == 0;
+  return same ? 0 : ANHYST_WORD_SCALE_DEMAND;
 }
 
 anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,

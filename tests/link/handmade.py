@@ -8,6 +8,7 @@ from tests.actuators import compiled
 
 from anhyst.compile.block import Kind
 from anhyst.compile.core import SOURCES, core_folder
+from anhyst.compile.parameters import scales_source
 
 KIND: Kind = "simplified"
 
@@ -15,7 +16,8 @@ KIND: Kind = "simplified"
 def write_parameters(folder: Path, rate: int | str) -> Path:
     """Write what a firmware is built from: a compensator for `rate` ticks a second."""
     core = core_folder()
-    words = [int(word) for word in compiled(KIND).words]
+    block = compiled(KIND)
+    words = [int(word) for word in block.words]
     folder.mkdir()
     (folder / "anhyst").symlink_to(core / "include" / "anhyst")
     files = {
@@ -25,6 +27,7 @@ def write_parameters(folder: Path, rate: int | str) -> Path:
 #include "anhyst.h"
 #define ANHYST_KERNEL anhyst_kernel_{KIND}
 #define ANHYST_RATE_HZ {rate}
+#define ANHYST_SCALES {scales_source(block)}
 #define ANHYST_PARAMETERS_WORDS {len(words)}
 extern const int16_t anhyst_parameters[ANHYST_PARAMETERS_WORDS];
 """,

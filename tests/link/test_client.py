@@ -138,7 +138,7 @@ def test_a_corrupted_block_is_rejected_and_the_old_one_stays(
 
 
 def test_a_block_that_arrives_incomplete_is_not_put_in_force(controller: ForceController) -> None:
-    controller.request(BlockBeginRequest(60, 3, 0), AckAnswer)
+    controller.request(BlockBeginRequest(64, 3, 0), AckAnswer)
     with pytest.raises(Refused) as refused:
         controller.request(BlockDataRequest(20, (1, 2)), AckAnswer)
     assert (refused.value.reason, refused.value.detail) == (Reason.ORDER, 0)

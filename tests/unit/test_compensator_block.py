@@ -99,7 +99,7 @@ def taken(kind: Kind, words: Words) -> bool:
 def test_the_layout_in_python_is_that_of_the_header() -> None:
     text = LAYOUT.read_text(encoding="utf-8")
     words = {name: int(value) for name, value in re.findall(r"\bANHYST_WORD_(\w+) = (\d+)", text)}
-    mine = layout.COMMON | layout.FULL | layout.SIMPLE
+    mine = layout.WORDS["full"] | layout.WORDS["simplified"]
     head = {"MAGIC", "LAYOUT", "KIND", "LENGTH", "GENERATION", "CRC", "MODEL"}
     assert {name: at for name, at in words.items() if name not in head} == mine
     assert words["CRC"] == layout.CRC_AT
@@ -111,6 +111,14 @@ def test_the_layout_in_python_is_that_of_the_header() -> None:
     assert int(defines["BLOCK_MOST_WORDS"]) == layout.MOST_WORDS
     assert {kind: int(defines[f"KIND_{kind.upper()}"]) for kind in KINDS} == layout.KINDS
     assert f"ANHYST_BLOCK_LEAST_WORDS = {layout.LEAST_WORDS}" in text
+    assert int(defines["SCALE_WORDS"]) == layout.SCALE_WORDS
+    units = re.findall(r"\bANHYST_UNIT_(\w+) = (\d+)", text)
+    mine_by_name = {
+        unit.upper().replace("/", "_PER_").replace("1", "NUMBER"): code
+        for code, unit in enumerate(layout.UNITS)
+        if unit
+    }
+    assert {name: int(code) for name, code in units} == mine_by_name
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -123,7 +131,7 @@ def test_a_sound_block_is_taken_and_its_checksum_is_that_of_zlib(kind: Kind) -> 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_block_of_another_make_is_refused(kind: Kind) -> None:
     block = compiled(kind)
-    for at, value in ((0, 0x6E42), (1, 0x7969), (2, 2), (3, 4), (3, block.words[3] % 3 + 1)):
+    for at, value in ((0, 0x6E42), (1, 0x7969), (2, 1), (3, 4), (3, block.words[3] % 3 + 1)):
         assert not taken(kind, changed(block, at, value))
     assert not any(taken(other, block.words) for other in KINDS if other != kind)
 
@@ -132,9 +140,9 @@ def test_a_block_of_another_make_is_refused(kind: Kind) -> None:
 def test_a_length_that_does_not_fit_is_refused(kind: Kind) -> None:
     block = compiled(kind)
     size = block.words.size
-    for length in (-1, 0, 7, 47, size - 1, size + 1, 1025, 32767):
+    for length in (-1, 0, 7, 63, size - 1, size + 1, 1025, 32767):
         assert not taken(kind, changed(block, 4, length))
-    for capacity in (0, 1, 47, size - 1):
+    for capacity in (0, 1, 63, size - 1):
         assert not taken(kind, block.words[:capacity].copy())
     room = np.concatenate([block.words, np.full(9, 77, dtype=np.int16)])
     assert taken(kind, room)  # what follows the block is not its own

@@ -56,6 +56,9 @@ typedef struct {
                   int32_t current, anhyst_memory *to);
   /* Whether a block's words of this kind are sound. */
   int (*sound)(const int16_t *words);
+  /* Brings a memory from one sound block to another; flux: where the iron stands under that, q30.
+     |flux| <= 1. */
+  void (*carry)(const int16_t *before, const int16_t *words, int32_t flux, anhyst_memory *memory);
 } anhyst_kernel;
 
 extern const anhyst_kernel anhyst_kernel_full;
@@ -87,8 +90,17 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
 anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *words,
                                  uint16_t capacity);
 
-/* Goes on with another block, which must have passed anhyst_block_check for the same kernel. The
-   memory is kept: it means the same under both. Between two ticks. */
+/* Whether a sound block is made for the signals there are: 0, or the place of the first number that
+   is another one in the block. scales: full scales, range of the gap, ticks a second and units, as
+   ANHYST_SCALE_WORDS words of a block from ANHYST_WORD_SCALE_DEMAND on. */
+uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales);
+
+/* Goes on with another block, which must have passed anhyst_block_check for the same kernel and
+   anhyst_block_misfit. The memory is brought to it: field and flux density of the iron stay what
+   they were (simplified and Euler: the output and the bounded state), counted in its units; what is
+   beyond its reach saturates. At an unchanged demand the current moves by what the two models
+   differ. A block of another kind needs an init, and the iron a new start-up. Between two ticks;
+   costs about as much as a solve. */
 void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words);
 
 /* The current that gives the demanded output now. */

@@ -3,6 +3,7 @@
 
    A block is a row of 16-bit words without pointers, so that it can be stored, sent and swapped
    whole. Words are signed unless said otherwise; 32-bit numbers stand as low word, high word; a
+   single is the 32 bits of an IEEE number of single precision, never computed with as such; a
    table is named by the number of its first word in the block. Interpolated tables have 2^n equal
    segments and so 2^n + 1 entries, neighbours of which differ by at most 32767. */
 #ifndef ANHYST_LAYOUT_H
@@ -10,13 +11,32 @@
 
 #define ANHYST_BLOCK_MAGIC_LOW 0x6E41  /* "An" */
 #define ANHYST_BLOCK_MAGIC_HIGH 0x7968 /* "hy" */
-#define ANHYST_BLOCK_LAYOUT 1
+#define ANHYST_BLOCK_LAYOUT 2
 #define ANHYST_BLOCK_MOST_WORDS 1024 /* 2 KiB */
 
 /* Kinds of compensator. */
 #define ANHYST_KIND_FULL 1
 #define ANHYST_KIND_SIMPLIFIED 2
 #define ANHYST_KIND_EULER 3
+
+/* Units of the signals; 0: none. */
+enum {
+  ANHYST_UNIT_NUMBER = 1,
+  ANHYST_UNIT_A = 2,
+  ANHYST_UNIT_A_PER_M = 3,
+  ANHYST_UNIT_V = 4,
+  ANHYST_UNIT_N = 5,
+  ANHYST_UNIT_T = 6,
+  ANHYST_UNIT_WB = 7,
+  ANHYST_UNIT_M = 8,
+  ANHYST_UNIT_S = 9,
+  ANHYST_UNIT_PA = 10,
+  ANHYST_UNIT_HZ = 11,
+  ANHYST_UNIT_RAD = 12,
+  ANHYST_UNIT_DEGC = 13
+};
+
+#define ANHYST_SCALE_WORDS 11 /* from ANHYST_WORD_SCALE_DEMAND on */
 
 enum {
   /* Head, the same in every kind. */
@@ -51,7 +71,7 @@ enum {
 
   ANHYST_WORD_ROOT_KNEE = 26, /* k: below 2^(-2k) of full scale the root is a straight line, 2..8 */
 
-  /* 27..31 are zero; words from 32 on belong to the kind. */
+  /* 27..31 are zero; 32..47 belong to the kind. */
 
   /* Full: the exact step. The field is in units of the largest one the tables reach, X. */
   ANHYST_WORD_FULL_AIR = 32,        /* weight: quarter of the flux of a unit of field, h*X/4 */
@@ -80,7 +100,20 @@ enum {
   ANHYST_WORD_SIMPLE_CURVE = 40,      /* table of (octaves + 1)*2^n segments: q15, 1 - v over z */
   ANHYST_WORD_EULER_SUBSTEPS = 41,    /* 1..16; Euler only */
 
-  ANHYST_BLOCK_LEAST_WORDS = 48
+  /* What the signals are counted in, the same in every kind. A board states the same words, and
+     takes no block in which one of them is another. */
+  ANHYST_WORD_SCALE_DEMAND = 48,   /* single: demand of 1.0, SI */
+  ANHYST_WORD_SCALE_CURRENT = 50,  /* single: current of 1.0, SI */
+  ANHYST_WORD_SCALE_GAP_LOW = 52,  /* single: gap of 0, SI */
+  ANHYST_WORD_SCALE_GAP_HIGH = 54, /* single: gap of 1.0, SI */
+  ANHYST_WORD_SCALE_RATE = 56,     /* single: ticks a second that the start-up is laid out for */
+  ANHYST_WORD_SCALE_UNITS = 58,    /* of demand + 16*current + 256*gap: ANHYST_UNIT_... */
+
+  /* What the memory is counted in: it is brought from one block to another by these. */
+  ANHYST_WORD_UNIT_FLUX = 60,  /* single: flux density of a flux of 1.0, T */
+  ANHYST_WORD_UNIT_FIELD = 62, /* single: effective field of a field of 1.0, A/m; full only */
+
+  ANHYST_BLOCK_LEAST_WORDS = 64
 };
 
 #endif

@@ -22,10 +22,13 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
+static const int16_t scales[ANHYST_SCALE_WORDS] = ANHYST_SCALES;
+
 static const app_board board = {
     .kernel = &ANHYST_KERNEL,
     .words = anhyst_parameters,
     .words_capacity = ANHYST_PARAMETERS_WORDS,
+    .scales = scales,
     .firmware = BOARD_FIRMWARE_VERSION,
     .rate = ANHYST_RATE_HZ,
     .limits = &limits,

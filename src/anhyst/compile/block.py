@@ -20,9 +20,9 @@ Kind = Literal["full", "simplified", "euler"]
 
 KINDS: dict[Kind, int] = {"full": 1, "simplified": 2, "euler": 3}
 MAGIC = (0x6E41, 0x7968)
-LAYOUT = 1
+LAYOUT = 2
 MOST_WORDS = 1024
-LEAST_WORDS = 48
+LEAST_WORDS = 64
 CRC_AT = 6
 
 COMMON = {
@@ -44,6 +44,18 @@ COMMON = {
     "CONDITION_TICKS": 25,
     "ROOT_KNEE": 26,
 }
+SCALES = {
+    "SCALE_DEMAND": 48,
+    "SCALE_CURRENT": 50,
+    "SCALE_GAP_LOW": 52,
+    "SCALE_GAP_HIGH": 54,
+    "SCALE_RATE": 56,
+    "SCALE_UNITS": 58,
+}
+SCALE_WORDS = 11
+MEMORY = {"UNIT_FLUX": 60, "UNIT_FIELD": 62}
+UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
+"""Units of the signals, by their numbers in ``SCALE_UNITS``."""
 FULL = {
     "FULL_AIR": 32,
     "FULL_REVERSIBLE": 33,
@@ -71,9 +83,9 @@ SIMPLE = {
     "EULER_SUBSTEPS": 41,
 }
 WORDS: dict[Kind, dict[str, int]] = {
-    "full": COMMON | FULL,
-    "simplified": COMMON | SIMPLE,
-    "euler": COMMON | SIMPLE,
+    "full": COMMON | FULL | SCALES | MEMORY,
+    "simplified": COMMON | SIMPLE | SCALES | MEMORY,
+    "euler": COMMON | SIMPLE | SCALES | MEMORY,
 }
 
 
@@ -123,6 +135,8 @@ class Conditioning:
 
     cycles: int = 3
     ramp_ticks: int = 1000
+    rate: float = 0.0
+    """Ticks a second for which it is laid out; 0: for none."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +158,11 @@ class Block:
     def word(self, name: str) -> int:
         """One word by its name in the layout, without ``ANHYST_WORD_``."""
         return int(self.words[WORDS[self.kind][name]])
+
+    def single(self, name: str) -> float:
+        """One number of two words by its name in the layout."""
+        at = WORDS[self.kind][name]
+        return single_value(*self.words[at : at + 2].tolist())
 
     def table(self, name: str) -> NDArray[np.int16]:
         """Entries of one table, by the name of the word that points to it."""
@@ -183,6 +202,18 @@ def mantissa(factor: float, name: str) -> tuple[int, int]:
     return weight, shift
 
 
+def single_words(value: float) -> tuple[int, int]:
+    """Return the bits of a number in single precision, low half, high half."""
+    bits = int(np.float32(value).view(np.uint32))
+    return bits & 0xFFFF, bits >> 16
+
+
+def single_value(low: int, high: int) -> float:
+    """Return the number of two words, each signed or not."""
+    bits = (low & 0xFFFF) | (high & 0xFFFF) << 16
+    return float(f"{np.uint32(bits).view(np.float32):.7g}")
+
+
 class Packer:
     """Collects words and tables, and closes the block with its checksum."""
 
@@ -196,6 +227,11 @@ class Packer:
     def set(self, name: str, value: int) -> None:
         """Put one word."""
         self._head[WORDS[self.kind][name]] = value
+
+    def set_single(self, name: str, value: float) -> None:
+        """Put a number of two words."""
+        at = WORDS[self.kind][name]
+        self._head[at : at + 2] = single_words(value)
 
     def table(self, name: str, values: FloatArray, one: float, least: int = -32767) -> None:
         """Put a table of numbers in which `one` counts as 1.0.
@@ -223,6 +259,13 @@ class Packer:
         InputError
             The block is longer than a controller takes.
         """
+        for name, value in (
+            ("SCALE_DEMAND", scales.demand),
+            ("SCALE_CURRENT", scales.current),
+            ("SCALE_GAP_LOW", scales.gap_low),
+            ("SCALE_GAP_HIGH", scales.gap_high),
+        ):
+            self.set_single(name, value)
         places: dict[str, tuple[int, int]] = {}
         parts = [self._head]
         end = LEAST_WORDS

@@ -199,6 +199,7 @@ def build_full(
     pack = Packer("full", model_hash)
     pack_common(pack, model, scales, limits, sizes, conditioning)
     pack_arms(pack, scales, law.bias, law.flux_arm, law.field_arm * reach)
+    pack.set_single("UNIT_FIELD", reach * model.parameters_at(float(at[0]))["a"])
 
     pack.table("FULL_CURVE", tables.curve, 32768.0)
     pack.table("FULL_BRANCH", tables.branch, 32768.0)

@@ -81,7 +81,7 @@ def _words(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
     for word in BODY[block.kind]:
         unit = word.physical(block, names) if word.physical else Unit()
         place = word.place(block.kind)
-        first, entries = block.tables.get(word.name, (place, 1))
+        first, entries = block.tables.get(word.name, (place, word.size))
         yield {
             "name": word.name,
             "word": place,

@@ -8,7 +8,7 @@ from textwrap import wrap
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compile.block import LEAST_WORDS, Block
+from anhyst.compile.block import LEAST_WORDS, SCALE_WORDS, SCALES, Block
 from anhyst.compile.words import BODY, HEAD, HEAD_PLACES, ONES, Names, Unit, Word
 from anhyst.data.units import Quantity
 
@@ -37,22 +37,29 @@ def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> 
     """
     lines = list(_head(block))
     tables: dict[int, list[Word]] = {}
-    end = HEAD_WORDS
+    place = HEAD_WORDS
     for word in BODY[block.kind]:
+        lines += _unused(block, place, word.place(block.kind))
         place = word.place(block.kind)
-        value = int(block.words[place])
+        value = block.single(word.name) if word.size == 2 else int(block.words[place])
         if word.axis:
-            tables.setdefault(value, []).append(word)
+            tables.setdefault(int(value), []).append(word)
             text = f"{word.doc}, table at {value}"
         else:
             text = word.doc + _worth(word, value, block, names)
-        lines += _unused(block, end, place)
-        lines.append(_line(place, [value], f"{word.name}: {text}"))
-        end = place + 1
-    lines += _unused(block, end, LEAST_WORDS)
+        entries = block.words[place : place + word.size]
+        lines.append(_line(place, entries, f"{word.name}: {text}"))
+        place += word.size
+    lines += _unused(block, place, LEAST_WORDS)
     for _, named in sorted(tables.items()):
         lines += ["", *_table(named, block, names, schedule)]
     return "\n".join(lines)
+
+
+def scales_source(block: Block) -> str:
+    """Return the words that say what the signals are counted in, as an initialiser."""
+    words = block.words[SCALES["SCALE_DEMAND"] :][:SCALE_WORDS]
+    return f"{{{', '.join(_literal(int(word)) for word in words)}}}"
 
 
 def _head(block: Block) -> Iterator[str]:
@@ -73,11 +80,13 @@ def _line(place: int, entries: Iterable[int], text: str) -> str:
     return f"{f'    {row},':<{VALUES_END}} /* {place:2d} {text} */"
 
 
-def _worth(word: Word, value: int, block: Block, names: Names) -> str:
+def _worth(word: Word, value: float, block: Block, names: Names) -> str:
     """Say what a word is worth, where that is more than its number."""
     unit = word.physical(block, names) if word.physical else Unit()
     if word.format == "integer":
         return ""
+    if word.format == "single":
+        return f"; {value:.7g} {unit.name}".rstrip()
     return f"; {word.format}, {value / ONES[word.format] * unit.scale:.6g} {unit.name}".rstrip()
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from anhyst.compilable import obstacle
 from anhyst.compile.block import (
+    UNITS,
     Conditioning,
     FloatArray,
     Limits,
@@ -40,6 +41,15 @@ def flux_unit(model: ActuatorModel) -> float:
     """Flux density of saturated iron without the air around it, T: the unit of the inner flux."""
     first = model.parameters_at(model.nodes[0] if model.nodes else None)
     return MU_0 * first["M_s"] * (1.0 - first["alpha"])
+
+
+def unit_codes(model: ActuatorModel) -> int:
+    """Return the units of demand, current and gap as one word."""
+    gap = model.schedule.unit if model.schedule is not None else ""
+    demand, current, gap_code = (
+        UNITS.index(unit) for unit in (model.output.unit, model.input.unit, gap)
+    )
+    return demand + 16 * current + 256 * gap_code
 
 
 def flux_shift(gain: FloatArray) -> int:
@@ -84,6 +94,9 @@ def pack_common(
         ("CURRENT_HIGH", limits.current[1], scales.current),
     ):
         pack.set(name, as_word(value / scale, 32768.0, name.lower()))
+    pack.set_single("SCALE_RATE", conditioning.rate)
+    pack.set("SCALE_UNITS", unit_codes(model))
+    pack.set_single("UNIT_FLUX", flux_unit(model))
     pack.set("CONDITION_CYCLES", conditioning.cycles)
     pack.set("CONDITION_TICKS", conditioning.ramp_ticks)
     pack.set("GAP_SEGMENTS", sizes.gap_segments if model.needs_schedule else 0)

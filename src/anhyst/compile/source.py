@@ -15,7 +15,7 @@ from anhyst.compile.controllersource import told
 from anhyst.compile.core import join, read_core, section_names
 from anhyst.compile.floating import RealBlock
 from anhyst.compile.memory import controller_bytes, parameters_bytes, state_bytes
-from anhyst.compile.parameters import parameters_source
+from anhyst.compile.parameters import parameters_source, scales_source
 from anhyst.compile.plan import Plan
 from anhyst.compile.realsource import c_parameters_f32
 from anhyst.compile.words import Names
@@ -121,6 +121,7 @@ def _parameters(plan: Plan) -> dict[str, object]:
     return told | {
         "kernel": f"anhyst_kernel_{block.kind}",
         "defines": _defines(plan),
+        "scales": scales_source(block),
         "rows": parameters_source(block, names, model.schedule),
         "words": block.words.size,
     }

@@ -73,7 +73,7 @@ def plan_start(
     while remaining > SHARE * wanted and cycles < MOST_CYCLES:
         cycles += 1
         remaining = left_after(model, scales, limits, cycles)
-    return StartUp(Conditioning(cycles, ticks), 2 * cycles * ticks / rate, remaining)
+    return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining)
 
 
 def left_after(model: ActuatorModel, scales: Scales, limits: Limits, cycles: int) -> float:

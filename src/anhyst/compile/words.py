@@ -12,7 +12,7 @@ from typing import Literal
 
 from anhyst.compile.block import CRC_AT, KINDS, LAYOUT, MAGIC, WORDS, Block, Kind
 
-Format = Literal["q14", "q15", "q8", "weight", "integer", "unsigned"]
+Format = Literal["q14", "q15", "q8", "weight", "integer", "unsigned", "single"]
 
 ONES: dict[Format, float] = {
     "q14": 16384.0,
@@ -21,6 +21,7 @@ ONES: dict[Format, float] = {
     "weight": 65536.0,
     "integer": 1.0,
     "unsigned": 1.0,
+    "single": 1.0,
 }
 """The word that means 1.0 in each format."""
 
@@ -59,7 +60,7 @@ class Word:
     low, high : int
         Range that the controller accepts; of the entries, if it names a table.
     physical : callable or None
-        What 1.0 is worth; None for a pure number.
+        What 1.0 is worth; None for a pure number. A single is worth what it is.
     axis : str
         For a table: what it runs over, ``"gap"``, ``"field"``, ``"field, both signs"``,
         ``"magnetisation"`` or ``"distance"``.
@@ -72,6 +73,11 @@ class Word:
     high: int
     physical: Physical | None = None
     axis: str = ""
+
+    @property
+    def size(self) -> int:
+        """How many words it takes; a table is told by its first."""
+        return 2 if self.format == "single" else 1
 
     def place(self, kind: Kind) -> int:
         """Position in a block of this kind."""
@@ -102,7 +108,12 @@ def _times(factor: float) -> Physical:
     return lambda _block, _: Unit(factor)
 
 
+def _in(name: str) -> Physical:
+    return lambda _block, _: Unit(1.0, name)
+
+
 _INT16 = 32767
+_WHOLE = (0, 65535)
 
 HEAD = (
     Word("MAGIC", "unsigned", "marks the start of a block, two words", *MAGIC),
@@ -228,10 +239,25 @@ CLOSED = (
 
 EULER = (Word("EULER_SUBSTEPS", "integer", "explicit Euler steps a sample", 1, 16),)
 
+SIGNALS = (
+    Word(
+        "SCALE_DEMAND", "single", "demand of 1.0", *_WHOLE, lambda _, names: Unit(1, names.output)
+    ),
+    Word(
+        "SCALE_CURRENT", "single", "current of 1.0", *_WHOLE, lambda _, names: Unit(1, names.input)
+    ),
+    Word("SCALE_GAP_LOW", "single", "gap of 0", *_WHOLE),
+    Word("SCALE_GAP_HIGH", "single", "gap of 1.0", *_WHOLE),
+    Word("SCALE_RATE", "single", "ticks a second of the start-up", *_WHOLE, _in("Hz")),
+    Word("SCALE_UNITS", "integer", "units of demand + 16*current + 256*gap", 0, _INT16),
+    Word("UNIT_FLUX", "single", "flux density of a flux of 1.0", *_WHOLE, _in("T")),
+)
+FIELDS = (Word("UNIT_FIELD", "single", "field of a field of 1.0", *_WHOLE, _in("A/m")),)
+
 BODY: dict[Kind, tuple[Word, ...]] = {
-    "full": COMMON + FULL,
-    "simplified": COMMON + SIMPLE + CLOSED,
-    "euler": COMMON + SIMPLE + EULER,
+    "full": COMMON + FULL + SIGNALS + FIELDS,
+    "simplified": COMMON + SIMPLE + CLOSED + SIGNALS,
+    "euler": COMMON + SIMPLE + EULER + SIGNALS,
 }
 """Every word of a kind behind the head, in the order of the block."""
 

@@ -75,6 +75,7 @@ _MEANING = {
     Reason.GENERATION: "the parameter block has another generation than was announced",
     Reason.SESSION: "it knows of no session: it was started again; open the port again",
     Reason.CURRENT: "current still flows; ask again once it is zero",
+    Reason.SCALE: "the parameter block is made for other signals than the board's",
 }
 
 

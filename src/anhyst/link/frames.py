@@ -82,6 +82,8 @@ class Reason(IntEnum):
     GENERATION = 10  # the block has another generation; detail: its own
     SESSION = 11  # no session is open: hello comes first
     CURRENT = 12  # in this state, but current still flows; once it is zero
+    # made for other full scales, gaps, rate or units; detail: the first word that differs
+    SCALE = 13
 
 
 class Trigger(IntEnum):
