@@ -54,13 +54,25 @@ static uint16_t generation_in_force(void)
   return link_get_u16(bench.payload + LINK_SIZE_STATUS - 8);
 }
 
-static uint8_t send_whole(uint16_t generation)
+/* Changes a word of the block that is sent next. */
+static void change(uint16_t word, int16_t value)
 {
-  make_block(generation);
+  link_put_u16(bytes + 2 * (size_t)word, (uint16_t)value);
+  checksum = link_crc32(0, bytes, BLOCK_BYTES);
+}
+
+static uint8_t send_made(uint16_t generation)
+{
   (void)begin(BENCH_WORDS, generation, checksum);
   (void)data(0, 40);
   (void)data(40, BENCH_WORDS - 40);
   return swap(generation);
+}
+
+static uint8_t send_whole(uint16_t generation)
+{
+  make_block(generation);
+  return send_made(generation);
 }
 
 static void a_sound_block_is_in_force_from_the_next_tick_and_keeps_the_memory(void)
@@ -123,6 +135,75 @@ static void on_any_error_the_old_block_stays(void)
   CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_BLOCK);
   CHECK(generation_in_force() == 1);
   CHECK(bench.firmware.control.compensator.words == bench_words);
+}
+
+static void a_block_made_for_other_scales_is_refused_and_says_where(void)
+{
+  bench_start();
+  bench_run();
+  for (uint16_t word = 0; word < ANHYST_SCALE_WORDS; word++) {
+    make_block(2);
+    change((uint16_t)(ANHYST_WORD_SCALE_DEMAND + word), 1);
+    CHECK(send_made(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_SCALE);
+    CHECK(bench_detail() == ANHYST_WORD_SCALE_DEMAND);
+  }
+  CHECK(generation_in_force() == 1);
+}
+
+static void a_built_in_block_made_for_other_scales_is_a_fault(void)
+{
+  bench_start();
+  bench_words[ANHYST_WORD_SCALE_CURRENT] = 1;
+  app_start(&bench.firmware, bench.firmware.board);
+  bench_ticks(12);
+  CHECK(bench.firmware.control.fault == LINK_FAULT_BLOCK && bench.drive == 0);
+}
+
+/* At a demand at which the board's block asks for half of full scale, one that asks for a quarter
+   less, or more than the board allows. */
+static void after_a_swap_the_current_moves_along_the_ramp(int16_t more)
+{
+  bench_start();
+  bench_run();
+  const int32_t step = bench.firmware.control.ramp;
+  (void)bench_demand(INT32_MAX / 4 * 3);
+  bench_ticks(1);
+  int32_t before = bench.drive;
+  CHECK(before == INT32_MAX / 4 * 3 / 2);
+  make_block(2);
+  change(FAKE_MORE, more);
+  CHECK(send_made(2) == LINK_TYPE_ACK);
+  int32_t wanted = before + (int32_t)more * 65536;
+  wanted = wanted > bench_limits.current_high ? bench_limits.current_high : wanted;
+  for (int i = 0; i < 6; i++) {
+    bench_ticks(1);
+    const int32_t moved = bench.drive - before;
+    CHECK(moved <= step && moved >= -step && fake.committed == bench.drive);
+    CHECK(moved != 0 || bench.drive == wanted);
+    before = bench.drive;
+  }
+  CHECK(bench.drive == wanted);
+}
+
+static void once_there_the_current_is_as_fast_as_before(void)
+{
+  after_a_swap_the_current_moves_along_the_ramp(-8192);
+  (void)bench_demand(0);
+  bench_ticks(1);
+  CHECK(bench.drive == -8192 * 65536);
+}
+
+static void a_swap_begins_the_conditioning_anew(void)
+{
+  bench_start();
+  bench_ticks(12);
+  (void)bench_command(LINK_COMMAND_CONDITION);
+  bench_ticks(5);
+  CHECK(send_whole(2) == LINK_TYPE_ACK);
+  bench_ticks(FAKE_CYCLES * FAKE_CYCLE_TICKS - 1);
+  CHECK(bench_state() == LINK_STATE_IDLE);
+  bench_ticks(1);
+  CHECK(bench_state() == LINK_STATE_READY);
 }
 
 static void a_swap_is_done_once(void)
@@ -331,6 +412,12 @@ int main(void)
   a_sound_block_is_in_force_from_the_next_tick_and_keeps_the_memory();
   blocks_follow_each_other_and_never_overwrite_the_one_in_force();
   on_any_error_the_old_block_stays();
+  a_block_made_for_other_scales_is_refused_and_says_where();
+  a_built_in_block_made_for_other_scales_is_a_fault();
+  after_a_swap_the_current_moves_along_the_ramp(4096);
+  after_a_swap_the_current_moves_along_the_ramp(20000);
+  once_there_the_current_is_as_fast_as_before();
+  a_swap_begins_the_conditioning_anew();
   a_swap_is_done_once();
   half_a_word_is_refused();
   a_sound_block_cures_an_unsound_one_built_in();

@@ -10,7 +10,8 @@ import pytest
 
 from anhyst.errors import InputError
 from anhyst.link import frames
-from anhyst.link.client import ForceController, Refused, regenerate
+from anhyst.link.blocks import regenerate
+from anhyst.link.client import ForceController, Refused
 from anhyst.link.frames import (
     AckAnswer,
     BlockBeginRequest,

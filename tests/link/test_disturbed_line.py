@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from anhyst.errors import InputError
-from anhyst.link.client import ForceController, regenerate
+from anhyst.link.blocks import regenerate
+from anhyst.link.client import ForceController
 from anhyst.link.frames import Command, Setting, Signal, State, Trigger
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, start_recording

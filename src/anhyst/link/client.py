@@ -9,16 +9,14 @@ from __future__ import annotations
 import secrets
 import threading
 import time
-import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Self, TypeVar
 
-import numpy as np
-
 from anhyst.errors import InputError
 from anhyst.link import frames
+from anhyst.link.blocks import GENERATION_AT, LENGTH_AT, checksum, misfit
 from anhyst.link.frames import (
     ANSWERS,
     AckAnswer,
@@ -58,9 +56,6 @@ _WORDS_MOST = 118
 
 _POLL = 0.005
 """Between two questions of :meth:`ForceController.wait_for`, s."""
-
-_GENERATION_AT = 5
-_CRC_AT = 6
 
 _MEANING = {
     Reason.VERSION: "it speaks another version of the protocol",
@@ -252,7 +247,8 @@ class ForceController:
         Parameters
         ----------
         words : sequence of int
-            The whole block, its generation and checksum included; see :func:`regenerate`.
+            The whole block, its generation and checksum included; see
+            :func:`anhyst.link.blocks.regenerate`.
 
         Returns
         -------
@@ -265,26 +261,38 @@ class ForceController:
             The block is not sound or not for this firmware; the old one stays in force.
         """
         row = [int(word) for word in words]
-        if len(row) <= _GENERATION_AT:
+        if len(row) <= GENERATION_AT:
             raise InputError(f"a block of {len(row)} words: is too short; send a whole one")
-        generation = row[_GENERATION_AT] & 0xFFFF
+        generation = row[GENERATION_AT] & 0xFFFF
         with self._lock:
-            begin = BlockBeginRequest(len(row), generation, _checksum(row))
+            begin = BlockBeginRequest(len(row), generation, checksum(row))
             self.request(begin, AckAnswer)
             for at in range(0, len(row), _WORDS_MOST):
                 data = BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST]))
                 self.request(data, AckAnswer)
-            return self.request(BlockSwapRequest(generation), AckAnswer).detail
+            try:
+                return self.request(BlockSwapRequest(generation), AckAnswer).detail
+            except Refused as refused:
+                if refused.reason is Reason.SCALE:
+                    refused.args = (f"{self.url}: {misfit(row, self._block_in_force())}",)
+                raise
 
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""
         words: list[int] = []
         with self._lock:
-            length = self._block_words(0, _GENERATION_AT)[4]
+            length = self._block_words(0, LENGTH_AT + 1)[LENGTH_AT]
             while len(words) < length:
                 most = min(length - len(words), _WORDS_MOST)
                 words += self._block_words(len(words), most)
         return words
+
+    def _block_in_force(self) -> list[int]:
+        """Return the block in force, or no word where there is none."""
+        try:
+            return self.read_block()
+        except Refused:
+            return []
 
     def _block_words(self, offset: int, count: int) -> tuple[int, ...]:
         return self.request(BlockReadRequest(offset, count), BlockWordsAnswer).words
@@ -438,36 +446,6 @@ class ForceController:
             "controller runs, that the cable and the baud rate are right, and that no other "
             "program talks to it"
         )
-
-
-def regenerate(words: Sequence[int], generation: int) -> list[int]:
-    """Give a parameter block another generation, and the checksum that belongs to it.
-
-    Parameters
-    ----------
-    words : sequence of int
-        A sound block.
-    generation : int
-        0 to 65535.
-
-    Returns
-    -------
-    list of int
-        The new block.
-    """
-    row = [int(word) for word in words]
-    row[_GENERATION_AT] = _signed(generation)
-    crc = _checksum(row[:_CRC_AT] + row[_CRC_AT + 2 :])
-    row[_CRC_AT : _CRC_AT + 2] = [_signed(crc & 0xFFFF), _signed(crc >> 16)]
-    return row
-
-
-def _signed(word: int) -> int:
-    return word - 0x10000 if word >= 0x8000 else word
-
-
-def _checksum(words: Sequence[int]) -> int:
-    return zlib.crc32(np.asarray(words, dtype="<i2").tobytes())
 
 
 def _belongs(answer: Message, request: Message) -> bool:

@@ -1,0 +1,103 @@
+"""Parameter blocks as the link sees them: a generation, a checksum, and what they are made for.
+
+Positions are those of ``core/include/anhyst/layout.h``; a test holds them together.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+LENGTH_AT = 4
+GENERATION_AT = 5
+CRC_AT = 6
+UNITS_AT = 58
+
+
+class _Scale(NamedTuple):
+    """A number that says what a signal is counted in: where, what, and where its unit stands."""
+
+    at: int
+    name: str
+    unit_shift: int | None
+    unit: str = ""
+
+
+_SCALES = (
+    _Scale(48, "full scale of the demand", 0),
+    _Scale(50, "full scale of the current", 4),
+    _Scale(52, "low end of the gap", 8),
+    _Scale(54, "high end of the gap", 8),
+    _Scale(56, "rate", None, "Hz"),
+)
+_UNITS = ("", "", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
+
+
+def regenerate(words: Sequence[int], generation: int) -> list[int]:
+    """Give a parameter block another generation, and the checksum that belongs to it.
+
+    Parameters
+    ----------
+    words : sequence of int
+        A sound block.
+    generation : int
+        0 to 65535.
+
+    Returns
+    -------
+    list of int
+        The new block.
+    """
+    row = [int(word) for word in words]
+    row[GENERATION_AT] = _signed(generation)
+    crc = checksum(row[:CRC_AT] + row[CRC_AT + 2 :])
+    row[CRC_AT : CRC_AT + 2] = [_signed(crc & 0xFFFF), _signed(crc >> 16)]
+    return row
+
+
+def checksum(words: Sequence[int]) -> int:
+    """Return the CRC-32 of words, low byte first."""
+    return zlib.crc32(np.asarray(words, dtype="<i2").tobytes())
+
+
+def misfit(block: Sequence[int], board: Sequence[int]) -> str:
+    """Say in which scale a block is made for another board.
+
+    Parameters
+    ----------
+    block : sequence of int
+        That was refused.
+    board : sequence of int
+        The block in force there; none if empty.
+
+    Returns
+    -------
+    str
+        One line with the remedy.
+    """
+    remedy = "compile for the board's scales, or build the firmware around the new folder"
+    for scale in _SCALES:
+        mine, theirs = _number(block, scale), _number(board, scale)
+        if mine != theirs:
+            has = f"the board has {theirs}" if board else "the board has another"
+            return f"the parameter block is made for a {scale.name} of {mine}, {has}; {remedy}"
+    return f"the parameter block is made for other units than the board's; {remedy}"
+
+
+def _number(words: Sequence[int], scale: _Scale) -> str:
+    """Return a number of single precision with its unit."""
+    if not words:
+        return ""
+    (value,) = struct.unpack("<f", np.asarray(words[scale.at : scale.at + 2], "<i2").tobytes())
+    unit = scale.unit
+    if scale.unit_shift is not None:
+        unit = _UNITS[words[UNITS_AT] >> scale.unit_shift & 0xF]
+    return f"{value:.7g} {unit}".rstrip()
+
+
+def _signed(word: int) -> int:
+    return word - 0x10000 if word >= 0x8000 else word
