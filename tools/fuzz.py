@@ -20,6 +20,7 @@ from pathlib import Path
 from anhyst.compile.output import compile_model
 from anhyst.compile.plan import Request
 from anhyst.data.units import QUANTITIES
+from anhyst.link.firmware import actuator_defines
 from anhyst.model import ActuatorModel, Parameter
 from anhyst.modelfile import write_model
 from anhyst.record import ValidRange
@@ -39,6 +40,7 @@ FLAGS = [
     "-fno-sanitize-coverage=trace-cmp,trace-div,trace-gep",
     f"-DAPP_RECORDER_VALUES={RECORDER_VALUES}",
 ]
+NAME = "magnet"
 LENGTH_MOST = 160
 """Bytes of a script."""
 
@@ -64,17 +66,18 @@ def small_magnet() -> ActuatorModel:
 def build(kind: str, folder: Path, clang: str) -> Path:
     """Compile the compensator and the harness on it; return the program."""
     compiled = folder / f"compiled-{kind}"
-    compile_model(folder / "model.toml", compiled, Request(kind, "q31", RATE))  # type: ignore[arg-type]
+    compile_model(folder / "model.toml", compiled, Request(kind, "q31", RATE, name=NAME))  # type: ignore[arg-type]
     sources = [
         ROOT / "tests" / "firmware" / "fuzz_firmware.c",
         *sorted(ROOT.glob("firmware/link/*.c")),
         *sorted(ROOT.glob("firmware/app/*.c")),
-        compiled / "anhyst.c",
-        compiled / "anhyst_parameters.c",
+        *sorted(compiled.glob("src/*.c")),
+        *compiled.glob("*_parameters.c"),
     ]
     program = folder / f"fuzz-{kind}"
-    include = [f"-I{ROOT / 'firmware'}", f"-I{compiled}"]
-    subprocess.run([clang, *FLAGS, *include, *map(str, sources), "-o", str(program)], check=True)
+    options = [f"-I{place}" for place in (ROOT / "firmware", compiled / "include", compiled)]
+    options += [f"-D{key}={value}" for key, value in actuator_defines(NAME).items()]
+    subprocess.run([clang, *FLAGS, *options, *map(str, sources), "-o", str(program)], check=True)
     return program
 
 

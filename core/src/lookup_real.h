@@ -1,14 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of the floating-point compensator, and what its parts share. */
+/* Interpolation in both precisions. */
 #ifndef ANHYST_LOOKUP_REAL_H
 #define ANHYST_LOOKUP_REAL_H
 
-#include <stdint.h>
-
-#include "anhyst/f64.h"
-#include "generic/lookup.h"
-#include "anhyst/f32.h"
-#include "generic/lookup.h"
-#include "anhyst/no_format.h"
+#include "lookup_f32.h"
+#include "lookup_f64.h"
 
 #endif

@@ -172,7 +172,9 @@ def table_of(models: dict[str, ActuatorModel], truth: LoopSet, seconds: dict[str
 
 def compiled_and_verified(model: Path, folder: Path) -> str:
     """Turn a model into C and run that on an emulated Cortex-M4; tell what came out."""
-    compiled = compile_model(model, folder, Request("full", "q15", rate=20e3, accuracy=0.2))
+    compiled = compile_model(
+        model, folder, Request("full", "q15", rate=20e3, accuracy=0.2, name="electromagnet")
+    )
     found = verify(folder, "cortex-m4")
     worst = compiled.manifest["accuracy"]["worst_percent"]
     size = compiled.manifest["memory"]["parameters_bytes"]

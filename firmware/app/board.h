@@ -4,7 +4,7 @@
 #ifndef ANHYST_FIRMWARE_BOARD_H
 #define ANHYST_FIRMWARE_BOARD_H
 
-#include "anhyst.h"
+#include "anhyst/compensator.h"
 
 /* What a sensor can plausibly show, q30.
 

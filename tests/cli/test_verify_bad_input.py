@@ -68,12 +68,15 @@ def test_a_manifest_that_was_edited(folder: Path) -> None:
     right = json.loads(place.read_text())
     for wrong, said in (
         ("{", "c/manifest.json: is not JSON: "),
-        (json.dumps({**right, "format": 2}), f"c/manifest.json: key 'format' is not 1; {AGAIN}"),
+        (json.dumps({**right, "format": 1}), f"c/manifest.json: key 'format' is not 2; {AGAIN}"),
         (json.dumps({**right, "io": "q7"}), "c/manifest.json: key 'io': q7 cannot be verified"),
-        (json.dumps({**right, "files": {}}), "c/manifest.json: key 'files' does not name anhyst.h"),
         (
-            json.dumps({**right, "files": {**right["files"], "anhyst.c": "0"}}),
-            f"c/anhyst.c: was changed since it was written (sha256); {AGAIN}",
+            json.dumps({**right, "files": {}}),
+            "c/manifest.json: key 'files' does not name magnet_parameters.h",
+        ),
+        (
+            json.dumps({**right, "files": {**right["files"], "src/full.c": "0"}}),
+            f"c/src/full.c: was changed since it was written (sha256); {AGAIN}",
         ),
     ):
         place.write_text(wrong)
@@ -81,7 +84,7 @@ def test_a_manifest_that_was_edited(folder: Path) -> None:
 
 
 def test_c_that_was_edited_is_not_verified(folder: Path) -> None:
-    parameters = folder / "c" / "anhyst_parameters.c"
+    parameters = folder / "c" / "magnet_parameters.c"
     parameters.write_text(parameters.read_text() + "\n")
     said = refused("verify", "c", cwd=folder)
-    assert said == f"c/anhyst_parameters.c: was changed since it was written (sha256); {AGAIN}"
+    assert said == f"c/magnet_parameters.c: was changed since it was written (sha256); {AGAIN}"

@@ -2,7 +2,7 @@
 /* Fuzzing harness: an input is a script of what a line, a PC and sensors may do to the firmware.
    Parser, request handler and control task run on a compiled compensator; address and undefined
    behaviour sanitizers watch the memory, `require` watches what must hold at any time. */
-#include "anhyst_parameters.h"
+#include "boards/actuator.h"
 #include "app/app.h"
 #include "link/crc.h"
 
@@ -31,15 +31,15 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
-static const int16_t scales[ANHYST_SCALE_WORDS] = ANHYST_SCALES;
+static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
 
 static const app_board board = {
-    .kernel = &ANHYST_KERNEL,
-    .words = anhyst_parameters,
-    .words_capacity = ANHYST_PARAMETERS_WORDS,
+    .kernel = &ACTUATOR_KERNEL,
+    .words = ACTUATOR_PARAMETERS,
+    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
     .scales = scales,
     .firmware = 1,
-    .rate = ANHYST_RATE_HZ,
+    .rate = ACTUATOR_RATE_HZ,
     .limits = &limits,
 };
 
@@ -131,7 +131,7 @@ static void check_session(void)
   const int16_t *words = firmware.control.compensator.words;
   require(locks == 0);
   require(answers == requests && line.bad == 0 && firmware.session.receiver.bad == twin.bad);
-  require(words == anhyst_parameters || words == firmware.download.words[0] ||
+  require(words == ACTUATOR_PARAMETERS || words == firmware.download.words[0] ||
           words == firmware.download.words[1]);
   for (uint16_t i = 0; i < (uint16_t)LINK_SETTING_COUNT; i++) {
     require(app_setting_obstacle(&board, i, firmware.settings[i], 0) == LINK_REASON_NONE);
@@ -200,25 +200,25 @@ static void send_words(const uint8_t *words, uint16_t count)
    that what is behind the checksum is reached. */
 static void download(script *s)
 {
-  static uint8_t words[2 * ANHYST_PARAMETERS_WORDS];
+  static uint8_t words[2 * ACTUATOR_PARAMETERS_WORDS];
   uint8_t payload[LINK_SIZE_BLOCK_BEGIN];
-  for (size_t i = 0; i < ANHYST_PARAMETERS_WORDS; i++) {
-    link_put_u16(words + 2 * i, (uint16_t)anhyst_parameters[i]);
+  for (size_t i = 0; i < ACTUATOR_PARAMETERS_WORDS; i++) {
+    link_put_u16(words + 2 * i, (uint16_t)ACTUATOR_PARAMETERS[i]);
   }
   for (int changes = next8(s) & 3; changes > 0; changes--) {
-    const size_t at = next16(s) % ANHYST_PARAMETERS_WORDS;
+    const size_t at = next16(s) % ACTUATOR_PARAMETERS_WORDS;
     link_put_u16(words + 2 * at, next16(s));
   }
   const uint32_t head = link_crc32(0, words, 2 * ANHYST_WORD_CRC);
   const uint32_t own = link_crc32(head, words + 2 * (ANHYST_WORD_CRC + 2),
-                                  2 * (ANHYST_PARAMETERS_WORDS - ANHYST_WORD_CRC - 2));
+                                  2 * (ACTUATOR_PARAMETERS_WORDS - ANHYST_WORD_CRC - 2));
   link_put_u32(words + 2 * ANHYST_WORD_CRC, own);
-  link_put_u16(payload, ANHYST_PARAMETERS_WORDS);
+  link_put_u16(payload, ACTUATOR_PARAMETERS_WORDS);
   memcpy(payload + 2, words + 2 * ANHYST_WORD_GENERATION, 2);
   link_put_u32(payload + 4, link_crc32(0, words, sizeof words));
   sequence++;
   put_frame(LINK_TYPE_BLOCK_BEGIN, payload, LINK_SIZE_BLOCK_BEGIN, 0);
-  send_words(words, ANHYST_PARAMETERS_WORDS);
+  send_words(words, ACTUATOR_PARAMETERS_WORDS);
   sequence++;
   put_frame(LINK_TYPE_BLOCK_SWAP, words + 2 * ANHYST_WORD_GENERATION, LINK_SIZE_BLOCK_SWAP, 0);
   poll();

@@ -2,38 +2,36 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from tests.actuators import compiled
 
 from anhyst.compile.block import Kind
-from anhyst.compile.core import SOURCES, core_folder
+from anhyst.compile.core import SOURCES, core_files
 from anhyst.compile.parameters import scales_source
 
 KIND: Kind = "simplified"
 
 
-def write_parameters(folder: Path, rate: int | str) -> Path:
+def write_parameters(folder: Path, rate: float) -> Path:
     """Write what a firmware is built from: a compensator for `rate` ticks a second."""
-    core = core_folder()
     block = compiled(KIND)
     words = [int(word) for word in block.words]
-    folder.mkdir()
-    (folder / "anhyst").symlink_to(core / "include" / "anhyst")
-    files = {
-        "anhyst.h": '#include "anhyst/compensator.h"\n',
-        "anhyst.c": "".join(f'#include "{core}/src/{name}"\n' for name in SOURCES[KIND]),
-        "anhyst_parameters.h": f"""\
-#include "anhyst.h"
-#define ANHYST_KERNEL anhyst_kernel_{KIND}
-#define ANHYST_RATE_HZ {rate}
-#define ANHYST_SCALES {scales_source(block)}
-#define ANHYST_PARAMETERS_WORDS {len(words)}
-extern const int16_t anhyst_parameters[ANHYST_PARAMETERS_WORDS];
+    files = core_files(SOURCES[KIND]) | {
+        "manifest.json": json.dumps({"name": "handmade", "rate_Hz": rate}),
+        "handmade_parameters.h": f"""\
+#include "anhyst/compensator.h"
+#define HANDMADE_KERNEL anhyst_kernel_{KIND}
+#define HANDMADE_RATE_HZ {rate}
+#define HANDMADE_SCALES {scales_source(block)}
+#define HANDMADE_PARAMETERS_WORDS {len(words)}
+extern const int16_t handmade_parameters[HANDMADE_PARAMETERS_WORDS];
 """,
-        "anhyst_parameters.c": '#include "anhyst_parameters.h"\n'
-        f"const int16_t anhyst_parameters[] = {{{', '.join(map(str, words))}}};\n",
+        "handmade_parameters.c": '#include "handmade_parameters.h"\n'
+        f"const int16_t handmade_parameters[] = {{{', '.join(map(str, words))}}};\n",
     }
     for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
     return folder

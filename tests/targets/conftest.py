@@ -19,6 +19,7 @@ from anhyst.modelfile import write_model
 
 ROOT = Path(__file__).resolve().parents[2]
 RATE = 10_000.0
+NAME = "magnet"
 
 Compile = Callable[[str, str], Path]
 Seed = Callable[[str, str, str], Path]
@@ -34,7 +35,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
 
     def give(kind: str, io: str) -> Path:
         model = made_once(tmp_path_factory, "magnet", identify_magnet) / "model.toml"
-        request = Request(kind, io, RATE, None)  # type: ignore[arg-type]
+        request = Request(kind, io, RATE, name=NAME)  # type: ignore[arg-type]
         name = f"compiled-{kind}-{io}"
         place = made_once(
             tmp_path_factory, name, lambda folder: compile_model(model, folder / "out", request)

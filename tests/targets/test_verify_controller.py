@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def compile_bearing(place: Path) -> None:
     loops = LoopSet.from_csv(BEARING / "loops.csv")
     write_model(identify(loops, gap_map="circuit").model, place / "model.toml")
-    request = Request("full", "q31", 20e3)
+    request = Request("full", "q31", 20e3, name="bearing")
     compile_model(place / "model.toml", place / "out", request, BEARING / "controller.toml")
 
 
@@ -139,19 +139,19 @@ def spoiled(folder: Path, name: str, right: str, wrong: str, place: Path) -> Pat
 
 FAULTS = {
     "a setting": (
-        "anhyst_controller.c",
+        "bearing_controller.c",
         ".rise = ",
         "\n#ifdef __thumb__\n      .rise = 1 +\n#else\n      .rise = \n#endif\n",
         None,
     ),
     "a limit": (
-        "anhyst_controller.c",
+        "bearing_controller.c",
         ".current_high = ",
         "\n#ifdef __thumb__\n    .current_high = -29492 +\n#else\n    .current_high = \n#endif\n",
         "hash of the limits",
     ),
     "the side of a comparison": (
-        "anhyst.c",
+        "src/levitation.c",
         "if (l->reference == target) {",
         "\n#ifdef __thumb__\n    if (l->reference >= target) {\n#else\n"
         "    if (l->reference == target) {\n#endif\n",

@@ -28,7 +28,7 @@ from tests.actuators import (
 from anhyst._core import Compensator, Parameters
 from anhyst.compilable import least_slope
 from anhyst.compile.block import Limits, Scales, Sizes
-from anhyst.compile.core import join
+from anhyst.compile.core import SINGLE, core_folder
 from anhyst.compile.floating import COLUMNS, RealBlock, RealIo, RealKind, RealTwin, build_real
 from anhyst.compile.realsource import c_parameters_f32, literal
 from anhyst.compile.twin import Twin
@@ -336,7 +336,7 @@ int main(void)
 {
   static anhyst_compensator_f32 c;
   float demand, gap;
-  if (anhyst_compensator_init_f32(&c, &anhyst_parameters) != ANHYST_OK) {
+  if (anhyst_compensator_init_f32(&c, &magnet_parameters) != ANHYST_OK) {
     return 1;
   }
   while (scanf("%f %f", &demand, &gap) == 2) {
@@ -360,17 +360,15 @@ def test_the_c_that_is_written_out_gives_the_same_bits(
     if compiler is None:
         pytest.skip("gcc is not installed")
     block = real(kind, sizes=Sizes())
-    joined = join(kind, single=True)
-    parameters = c_parameters_f32(block, Names("N", "A"), magnet().schedule)
-    system = "".join(f"#include <{name}>\n" for name in joined.system)
-    text = system + joined.header + "#ifdef __cplusplus\n}\n#endif\n" + joined.source + parameters
-    assert "ANHYST_REAL" not in text
-    assert "ANHYST_NAME" not in text
-    assert max(map(len, text.splitlines())) <= 100
+    core = core_folder()
+    parameters = c_parameters_f32("magnet", block, Names("N", "A"), magnet().schedule)
     source, program = tmp_path / "all.c", tmp_path / "all"
-    source.write_text(text + PROGRAM, encoding="utf-8")
+    head = '#include "anhyst/compensator_f32.h"\n'
+    source.write_text(head + parameters + PROGRAM, encoding="utf-8")
+    sources = [str(source), *(f"{core}/src/{name}" for name in SINGLE[kind])]
     strict = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
-    command = [compiler, *strict, level, "-ffp-contract=off", str(source), "-o", str(program)]
+    options = [*strict, level, "-ffp-contract=off", f"-I{core}/include"]
+    command = [compiler, *options, *sources, "-o", str(program)]
     subprocess.run(command, check=True)
     demand = demanding(HIGH)
     gap = moving(demand.size)

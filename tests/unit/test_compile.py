@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 from tests.actuators import GAPS, magnet, ring
 from tests.core.test_c_core import tool
+from tests.firmware.build import tool as avr_gcc
 
 from anhyst.cli.app import main
 from anhyst.compile.block import KINDS, WORDS, Block
-from anhyst.compile.core import SOURCES, join
+from anhyst.compile.core import core_folder
 from anhyst.compile.measure import against_demand, run_with_losses, start
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.compile.paths import paths
@@ -82,15 +83,20 @@ def full(folder: Path) -> Compiled:
 
 def built(place: Path, compiler: str, program: Path) -> str:
     """Compile a folder with all warnings; return the program."""
-    sources = sorted(str(file) for file in place.glob("*.c"))
+    sources = sorted(str(file) for file in place.rglob("*.c"))
     done = subprocess.run(
-        [compiler, *WARNINGS, *sources, "-o", str(program)],
+        [compiler, *WARNINGS, f"-I{place / 'include'}", *sources, "-o", str(program)],
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
     return str(program)
+
+
+def files_below(folder: Path) -> set[str]:
+    """Return the files of a folder by their paths below it."""
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
 @pytest.mark.parametrize("compiler", ["cc", "clang"])
@@ -164,11 +170,11 @@ def test_same_model_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
 def test_manifest_tells_what_the_folder_is(compiled: Compiled) -> None:
     plan = compiled.plan
     manifest = json.loads((compiled.out / "manifest.json").read_text())
-    assert manifest["format"] == 1
+    assert manifest["format"] == 2
     assert (manifest["kind"], manifest["io"]) == (plan.block.kind, plan.request.io)
     for name, sha256 in manifest["files"].items():
         assert hashlib.sha256((compiled.out / name).read_bytes()).hexdigest() == sha256
-    assert {*manifest["files"], "manifest.json"} == {p.name for p in compiled.out.iterdir()}
+    assert {*manifest["files"], "manifest.json"} == files_below(compiled.out)
     gap = manifest["signals"]["gap"]
     assert (gap["low"], gap["high"], gap["unit"]) == (GAPS[0], GAPS[-1], "m")
     assert manifest["signals"]["demand"]["scale"] > plan.largest
@@ -211,20 +217,57 @@ def test_rounding_costs_less_the_finer_the_format(folder: Path) -> None:
     assert costs["q31"] < costs["q15"]
 
 
-@pytest.mark.parametrize("kind", SOURCES)
-def test_joined_core_holds_what_is_needed_and_nothing_twice(kind: Any) -> None:
-    joined = join(kind)
-    text = joined.header + joined.source
-    assert '#include "' not in text
-    assert set(re.findall(r"anhyst_kernel_(\w+)", joined.header)) == {kind}
-    defined = re.findall(r"^(?:static )?(?:inline )?[\w ]+?\**(\w+)\([^;]*?\)\n\{", text, re.M)
-    assert len(defined) == len(set(defined))
-    assert text.count("SPDX") == 0
+def compiles_alone_on_16_bits(folder: Path) -> None:
+    """Compile each file of a folder by itself where int has 16 bits; warnings are errors.
+
+    A generic header is the body of others, and no file by itself.
+    """
+    files = [path for path in folder.rglob("*.[ch]") if path.name != "main.c"]
+    alone = [path for path in files if "generic" not in path.parts and "port" not in path.parts]
+    assert len(alone) > 8
+    include = [f"-I{folder / 'include'}", f"-I{folder}", f"-I{folder / 'src'}"]
+    for path in alone:
+        options = [*WARNINGS, "-mmcu=atmega1284p", "-fsyntax-only", "-x", "c"]
+        if path.suffix == ".h":
+            options.append("-Wno-pedantic")  # which wants a declaration in every file
+        done = subprocess.run(
+            [avr_gcc("avr-gcc"), *options, *include, str(path)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stderr) == (0, ""), path
+
+
+def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
+    compiles_alone_on_16_bits(compiled.out)
+
+
+def test_the_core_is_shipped_as_it_is(compiled: Compiled) -> None:
+    """So one copy of it serves every actuator of a program."""
+    kind = compiled.plan.block.kind
+    core = {name for name in compiled.files if name.startswith(("include/", "src/", "port/"))}
+    for name in core:
+        assert (compiled.out / name).read_bytes() == (core_folder() / name).read_bytes(), name
+    others = {"full", "simplified", "euler"} - {kind}
+    laws = {name for name in core if re.search(r"src/(full|simplified|euler)\w*\.c", name)}
+    assert len(laws) == 1
+    assert not any(re.search(rf"src/.*({'|'.join(others)})", name) for name in core)
+
+
+def test_names_of_an_actuator_begin_with_its_name(folder: Path, tmp_path: Path) -> None:
+    request = Request("full", "q31", 1e4, accuracy=2.0, name="left_2")
+    out = compile_model(folder / "magnet.toml", tmp_path / "out", request).out
+    text = (out / "left_2_parameters.h").read_text() + (out / "left_2_parameters.c").read_text()
+    defined = re.findall(r"^#define (\w+)|^(?:extern )?const \w+ (\w+)", text, re.M)
+    assert len(defined) > 5
+    assert all(name.lower().startswith("left_2_") for pair in defined for name in pair if name)
+    assert json.loads((out / "manifest.json").read_text())["name"] == "left_2"
 
 
 def test_generated_c_is_formatted_as_the_core_is(folder: Path) -> None:
     out = full(folder).out
-    for name in ("anhyst.h", "anhyst.c", "anhyst_parameters.h", "anhyst_parameters.c", "main.c"):
+    for name in ("magnet_parameters.h", "magnet_parameters.c", "main.c"):
         style = f"--style=file:{ROOT / '.clang-format'}"
         done = subprocess.run(
             [tool("clang-format"), style, str(out / name)],
@@ -261,7 +304,7 @@ def test_fragments_for_make_and_cmake_build_the_example(folder: Path, tmp_path: 
 
 def test_parameters_in_c_are_the_block(folder: Path) -> None:
     compiled = full(folder)
-    text = (compiled.out / "anhyst_parameters.c").read_text()
+    text = (compiled.out / "magnet_parameters.c").read_text()
     rows = text[text.index("= {") :]
     words = [int(word) for word in re.findall(r"-?\d+", re.sub(r"/\*.*?\*/", "", rows, flags=re.S))]
     assert isinstance(compiled.plan.block, Block)
@@ -295,11 +338,18 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io
         request = Request("full", "f32", 1e4, accuracy=2.0)
         manifest = compile_model(folder / "magnet.toml", place, request).manifest
     (tmp_path / "size.c").write_text(
-        '#include <stdio.h>\n#include "anhyst.h"\n'
+        f'#include <stdio.h>\n#include "anhyst/compensator{suffix}.h"\n'
         f'int main(void) {{ printf("%zu", sizeof(anhyst_compensator{suffix})); }}\n'
     )
     program = tmp_path / "size"
-    command = [tool("cc"), "-std=c99", f"-I{place}", str(tmp_path / "size.c"), "-o", str(program)]
+    command = [
+        tool("cc"),
+        "-std=c99",
+        f"-I{place}/include",
+        str(tmp_path / "size.c"),
+        "-o",
+        str(program),
+    ]
     subprocess.run(command, check=True)
     said = int(subprocess.run([program], capture_output=True, text=True, check=True).stdout)
     assert said == -(-(manifest["memory"]["state_bytes"] + 4 * pointers) // 8) * 8
@@ -376,6 +426,7 @@ def test_what_cannot_be_compiled_is_told_in_a_line(
         (["--rate", "1e4", "--accuracy", "0"], "--accuracy"),
         (["--rate", "1e4", "--kind", "square"], "square"),
         (["--rate", "1e4", "--io", "q7"], "q7"),
+        (["--rate", "1e4", "--name", "Magnet 2"], "--name: 'Magnet 2' is no name; give up to 31"),
     ],
 )
 def test_bad_options_exit_with_two(
@@ -417,7 +468,7 @@ def test_json_says_what_the_manifest_says(
     said = json.loads(capsys.readouterr().out)
     written = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert said["accuracy"] == written["accuracy"]
-    assert set(said["files"]) == {p.name for p in (tmp_path / "out").iterdir()}
+    assert set(said["files"]) == files_below(tmp_path / "out")
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from tests.core.test_c_core import tool
+from tests.unit.test_compile import compiles_alone_on_16_bits
 
 from anhyst.cli.app import main
 from anhyst.compile.lifting import COLUMNS, INPUTS
@@ -48,13 +49,14 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def compiled(place: Path) -> Compiled:
     """Compile the bundled controller."""
-    request = Request("full", "q31", RATE)
+    request = Request("full", "q31", RATE, name="bearing")
     return compile_model(place / "model.toml", place / "out", request, place / "controller.toml")
 
 
 def built(folder: Path, compiler: str, program: Path) -> str:
-    sources = sorted(str(file) for file in folder.glob("*.c"))
-    command = [tool(compiler), *WARNINGS.split(), *sources, "-o", str(program)]
+    sources = sorted(str(file) for file in folder.rglob("*.c"))
+    options = [*WARNINGS.split(), f"-I{folder / 'include'}"]
+    command = [tool(compiler), *options, *sources, "-o", str(program)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return str(program)
@@ -91,6 +93,10 @@ def test_c_compiles_without_a_warning_and_gives_the_golden_answers(
         cells[COLUMNS.index(column)] = str(int(cells[COLUMNS.index(column)]) ^ 1)
         lines[700] = ",".join(cells)
         assert played(program, "\n".join(lines)) == f"{rows} rows, 1 differ\n"
+
+
+def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
+    compiles_alone_on_16_bits(compiled.out)
 
 
 def test_the_golden_flight_lifts_steps_loses_a_sample_and_lands(compiled: Compiled) -> None:
@@ -212,7 +218,7 @@ def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_
 
 
 def test_same_inputs_give_the_same_bytes(place: Path, compiled: Compiled, tmp_path: Path) -> None:
-    request = Request("full", "q31", RATE)
+    request = Request("full", "q31", RATE, name="bearing")
     again = compile_model(
         place / "model.toml", tmp_path / "again", request, place / "controller.toml"
     )
@@ -223,11 +229,11 @@ def test_same_inputs_give_the_same_bytes(place: Path, compiled: Compiled, tmp_pa
 
 def test_the_manifest_tells_what_the_codes_mean(compiled: Compiled) -> None:
     manifest = json.loads((compiled.out / "manifest.json").read_text())
-    assert {"anhyst_controller.c", "anhyst_controller.h", "controller.csv"} <= set(
+    assert {"bearing_controller.c", "bearing_controller.h", "controller.csv"} <= set(
         manifest["files"]
     )
     controller = manifest["controller"]
-    header = (compiled.out / "anhyst_controller.h").read_text()
+    header = (compiled.out / "bearing_controller.h").read_text()
     for name, value in (
         ("GAP_MIDDLE_M", controller["signals"]["position"]["zero_gap"]),
         ("FULL_SCALE_POSITION_M", controller["signals"]["position"]["scale"]),
@@ -235,7 +241,7 @@ def test_the_manifest_tells_what_the_codes_mean(compiled: Compiled) -> None:
         ("FULL_SCALE_DEMAND_N", controller["signals"]["demand"]["scale"]),
         ("CURRENT_STEP", controller["signals"]["current"]["step_codes"]),
     ):
-        found = re.search(rf"#define ANHYST_CONTROLLER_{name} (\S+)", header)
+        found = re.search(rf"#define BEARING_CONTROLLER_{name} (\S+)", header)
         assert found
         assert float(found[1]) == value
     assert controller["signals"]["position"]["zero_gap"] == pytest.approx(0.45e-3)
@@ -251,13 +257,15 @@ def test_fragments_for_make_and_cmake_name_its_source(compiled: Compiled, tmp_pa
     vectors = (compiled.out / "controller.csv").read_text()
     assert " 0 differ" in played(str(tmp_path / "example"), vectors)
     cmake = (compiled.out / "anhyst.cmake").read_text()
-    assert '"${CMAKE_CURRENT_LIST_DIR}/anhyst_controller.c")\n' in cmake
+    assert '"${CMAKE_CURRENT_LIST_DIR}/bearing_controller.c")\n' in cmake
 
 
 def test_every_setting_of_the_core_is_given(compiled: Compiled) -> None:
     """What an initialiser leaves out is zero in C, without a word."""
-    header = (compiled.out / "anhyst.h").read_text()
-    source = (compiled.out / "anhyst_controller.c").read_text()
+    headers = sorted((compiled.out / "include").rglob("*.h"))
+    header = "\n".join(path.read_text() for path in headers)
+    header = re.sub(r"ANHYST_NAME\((\w+)\)", r"\1_q31", header)
+    source = (compiled.out / "bearing_controller.c").read_text()
     for structure in (
         "anhyst_levitation_limits",
         "anhyst_levitation_settings",
@@ -295,7 +303,7 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
     # The least current of the converter that is not below the limit of 0 A.
     first = math.ceil(0.5 / step)
     assert current["low"] == pytest.approx(first * step - 0.5, abs=1e-9)
-    assert f"FIRST_WORD {first}\n" in (out / "anhyst_controller.h").read_text()
+    assert f"FIRST_WORD {first}\n" in next(out.glob("*_controller.h")).read_text()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@
    factor between -0.5 and 0.5.
 
    Every function is defined for every argument within its stated range; none overflows on the way
-   (proved, see docs/proofs.md). "Saturates" means: a result beyond the format becomes its largest
+   (proved). "Saturates" means: a result beyond the format becomes its largest
    or smallest number. "Floor" means towards minus infinity. */
 #ifndef ANHYST_FIXED_H
 #define ANHYST_FIXED_H

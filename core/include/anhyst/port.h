@@ -4,7 +4,7 @@
    The fixed-point core needs 16- and 32-bit two's complement integers, nothing else: no 8-bit
    type, no 64-bit type, no assumption about the width of int. A compiler is told to take a
    processor's own instructions by -DANHYST_PORT_HEADER='"anhyst_port_cortex_m4.h"' (see
-   core/port/). Such a header may define any of
+   port/). Such a header may define any of
 
      ANHYST_PORT_SCALE(a, b)  floor(a*b/65536) for int32_t a, int16_t b
      ANHYST_PORT_ADD_Q31(a, b), ANHYST_PORT_SUB_Q31(a, b)  saturating, int32_t

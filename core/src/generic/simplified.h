@@ -1,4 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* The law with a straight anhysteretic curve in its closed form, in floating point: exact for a
+   step of any size. Reduced to one state u in -1..1 that follows the flux; in the direction of
+   travel, with p = u and v = 1 - p,
+
+     dp/dflux = hold = rate/(1-nu)          while p < 0
+     dp/dflux = rate*v/(1 - nu*v)           after that
+
+   so that z = -ln v + nu*v - nu, the distance from p = 0, grows in proportion to the flux. A table
+   over z gives p back; its segments double from octave to octave, since the curve is sharp at z = 0
+   and flat far out. */
 
 /* p over z, z >= 0. */
 static ANHYST_REAL ANHYST_NAME(p_of)(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL z)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "lockstep.h"
 
-#include "anhyst_parameters.h"
+#include "boards/actuator.h"
 #include "app/app.h"
 #include "port/port.h"
 
@@ -22,15 +22,15 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
-static const int16_t scales[ANHYST_SCALE_WORDS] = ANHYST_SCALES;
+static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
 
 static const app_board board = {
-    .kernel = &ANHYST_KERNEL,
-    .words = anhyst_parameters,
-    .words_capacity = ANHYST_PARAMETERS_WORDS,
+    .kernel = &ACTUATOR_KERNEL,
+    .words = ACTUATOR_PARAMETERS,
+    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
     .scales = scales,
     .firmware = BOARD_FIRMWARE_VERSION,
-    .rate = ANHYST_RATE_HZ,
+    .rate = ACTUATOR_RATE_HZ,
     .limits = &limits,
 };
 

@@ -15,7 +15,7 @@
    is 1.0. docs/boards.md tells the rest. */
 #include <stdint.h>
 
-#include "anhyst_parameters.h"
+#include "boards/actuator.h"
 #include "app/app.h"
 #include "port/port.h"
 #include "registers.h"
@@ -29,7 +29,8 @@
 #define APB1_HZ (CORE_HZ / 4U)
 #define TIMER_HZ (2U * APB1_HZ)
 #define BAUD 921600U
-#define WATCHDOG_COUNTS (40U + 32000U / ANHYST_RATE_HZ) /* of about 8 kHz: 5 ms and four ticks */
+/* Of about 8 kHz: 5 ms and four ticks. */
+#define WATCHDOG_COUNTS (40U + 32000U / ACTUATOR_RATE_HZ)
 
 #define GAP_ADC 1U
 #define FORCE_ADC 2U
@@ -77,15 +78,15 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
-static const int16_t scales[ANHYST_SCALE_WORDS] = ANHYST_SCALES;
+static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
 
 static const app_board board = {
-    .kernel = &ANHYST_KERNEL,
-    .words = anhyst_parameters,
-    .words_capacity = ANHYST_PARAMETERS_WORDS,
+    .kernel = &ACTUATOR_KERNEL,
+    .words = ACTUATOR_PARAMETERS,
+    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
     .scales = scales,
     .firmware = BOARD_FIRMWARE_VERSION,
-    .rate = ANHYST_RATE_HZ,
+    .rate = ACTUATOR_RATE_HZ,
     .limits = &limits,
 };
 
@@ -256,7 +257,7 @@ static void start_ticks(void)
   TIM5_SMCR = TIM5_SMCR_COUNT_TIM2;
   TIM5_CR1 = TIM5_CR1_CEN;
   TIM2_PSC = 0;
-  TIM2_ARR = TIMER_HZ / ANHYST_RATE_HZ - 1U;
+  TIM2_ARR = TIMER_HZ / ACTUATOR_RATE_HZ - 1U;
   TIM2_CR2 = TIM2_CR2_MMS_UPDATE;
   TIM2_CR1 = TIM2_CR1_CEN;
 }

@@ -76,6 +76,15 @@ Accuracy = Annotated[
         show_default=False,
     ),
 ]
+ActuatorName = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="What the actuator is called in the C: two of one program need two names. "
+        "[default: as the model]",
+        show_default=False,
+    ),
+]
 
 
 def compile_(
@@ -86,21 +95,22 @@ def compile_(
     kind: Kind = KindChoice.FULL,
     io: Io = IoChoice.Q15,
     accuracy: Accuracy = None,
+    name: ActuatorName = None,
     as_json: AsJson = False,
 ) -> None:
     """Compile a model into C for a controller, in fixed point or single precision.
 
-    The folder holds one header, one source and the parameters of the compensator (wanted output
-    in, current out), with --controller the position controller around it, an example, fragments
-    for make and CMake, golden vectors, an accuracy budget measured against the model, and
-    DROP_IN.md: how it goes into a project.
+    The folder holds the sources of a compensator (wanted output in, current out), shared by all
+    actuators of a program, the parameters of this one, with --controller the position controller
+    around it, an example, fragments for make and CMake, golden vectors, an accuracy budget
+    measured against the model, and DROP_IN.md: how it goes into a project.
 
     Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
     from anhyst.compile.output import compile_model
     from anhyst.compile.plan import Request
 
-    request = Request(kind.value, io.value, _rate(rate, controller), accuracy)
+    request = Request(kind.value, io.value, _rate(rate, controller), accuracy, name)
     with progress_bar("choosing tables and measuring") as progress:
         compiled = compile_model(model, out, request, controller, progress)
     if text := compiled.warning:

@@ -23,12 +23,12 @@ Rows = Iterator[tuple[str, str]]
 
 
 def limits_rows(plan: ControllerPlan) -> list[str]:
-    """Return the members of ``anhyst_controller_limits``, lines of C."""
+    """Return the members of ``NAME_controller_limits``, lines of C."""
     return _lined_up(_limits(plan))
 
 
 def settings_rows(plan: ControllerPlan) -> list[str]:
-    """Return the members of ``anhyst_controller_settings``, lines of C."""
+    """Return the members of ``NAME_controller_settings``, lines of C."""
     return _lined_up(_settings(plan))
 
 

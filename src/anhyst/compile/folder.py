@@ -50,7 +50,8 @@ def _is_ours(folder: Path) -> bool:
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         ours = {MANIFEST, *REPORTS, *manifest["files"]}
-        return manifest["product"] == FORMAT and all(p.name in ours for p in folder.iterdir())
+        found = {path for path in folder.rglob("*") if not path.is_dir()}
+        return manifest["product"] == FORMAT and found <= {folder / name for name in ours}
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
@@ -63,7 +64,7 @@ def write_folder(out: PathLike, files: Mapping[str, str], manifest: Mapping[str,
     out : path-like
         The folder; one that ``anhyst compile`` has written is replaced.
     files : mapping of str to str
-        Content by name.
+        Content by path below the folder.
     manifest : mapping
         What the folder is; hashes of the files are added.
 
@@ -82,6 +83,7 @@ def write_folder(out: PathLike, files: Mapping[str, str], manifest: Mapping[str,
     try:
         draft.mkdir()
         for name, content in {**files, MANIFEST: text}.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
             (draft / name).write_text(content, encoding="utf-8", newline="\n")
         if target.exists():
             target.rename(old)

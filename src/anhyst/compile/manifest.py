@@ -16,7 +16,7 @@ from anhyst.compile.plan import Plan
 from anhyst.compile.words import BODY, Names, Unit
 from anhyst.data.units import Quantity
 
-VERSION = 1
+VERSION = 2
 
 
 def manifest(
@@ -50,6 +50,7 @@ def manifest(
     return {
         "format": VERSION,
         "anhyst": version,
+        "name": plan.name,
         "model": {"name": plan.model.name, "sha256": sha256},
         "kind": block.kind,
         "io": request.io,

@@ -9,7 +9,6 @@ from functools import cache
 from anhyst.compile.core import read_core
 from anhyst.compile.floating import RealBlock
 from anhyst.compile.measure import AnyBlock
-from anhyst.compile.single import in_format
 
 REAL_STATE_BYTES = 64
 """Of ``anhyst_compensator_f32``."""
@@ -36,11 +35,16 @@ def state_bytes(block: AnyBlock) -> int:
 def controller_bytes(magnets: int) -> int:
     """Return the size of everything that changes in a position controller and its drives."""
     headers = ("levitation.h", "pidd2.h", "compensator.h", "drive.h", "position.h")
-    generic = in_format(read_core("include/anhyst/generic/position.h"), "q31")
+    generic = _in_q31(read_core("include/anhyst/generic/position.h"))
     sizes = _structures(
         *(read_core(f"include/anhyst/{name}") for name in headers), generic, MAGNETS=2
     )
     return sizes["anhyst_position_q31"] + magnets * sizes["anhyst_drive_q31"]
+
+
+def _in_q31(text: str) -> str:
+    """Return the structures of a generic header as they are in fixed point."""
+    return re.sub(r"ANHYST_NAME\((\w+)\)", r"\1_q31", text).replace("ANHYST_REAL", "int32_t")
 
 
 @cache

@@ -19,7 +19,7 @@ WIDTH = 100
 
 
 def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> str:
-    """Return the rows of the initialiser of ``anhyst_parameters[]``, commented.
+    """Return the rows of the initialiser of ``NAME_parameters[]``, commented.
 
     Parameters
     ----------

@@ -8,6 +8,7 @@ import numpy as np
 
 from anhyst.compile.block import Kind, Limits, Scales, Sizes
 from anhyst.compile.measure import AnyBlock, Io
+from anhyst.compile.naming import c_name, check_name
 from anhyst.compile.scheduled import flux_gain, flux_shift, refuse_uncompilable
 from anhyst.compile.search import Builder, Found, Search
 from anhyst.compile.start import StartUp, plan_start
@@ -44,6 +45,8 @@ class Request:
     accuracy : float or None
         Largest deviation from the model, per cent of the largest output. None: :data:`ACCURACY`
         for formats and tables, whatever the law itself is off.
+    name : str or None
+        What the actuator is called in C. None: after the model.
 
     Raises
     ------
@@ -55,12 +58,15 @@ class Request:
     io: Io
     rate: float
     accuracy: float | None = None
+    name: str | None = None
 
     def __post_init__(self) -> None:
         if not RATES[0] <= self.rate <= RATES[1]:
             raise InputError(f"--rate: is {self.rate:g} Hz; give 1 to 1000000")
         if self.accuracy is not None and not FINEST <= self.accuracy <= COARSEST:
             raise InputError(f"--accuracy: is {self.accuracy:g} %; give {FINEST:g} to {COARSEST:g}")
+        if self.name is not None:
+            check_name(self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +112,11 @@ class Plan:
     def model(self) -> ActuatorModel:
         """The model."""
         return self.builder.model
+
+    @property
+    def name(self) -> str:
+        """What the actuator is called in C: its files and all their names begin with it."""
+        return self.request.name or c_name(self.model.name)
 
     @property
     def largest(self) -> float:

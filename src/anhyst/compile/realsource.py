@@ -58,11 +58,13 @@ TABLES = {
 }
 
 
-def c_parameters_f32(block: RealBlock, names: Names, schedule: Quantity | None) -> str:
+def c_parameters_f32(name: str, block: RealBlock, names: Names, schedule: Quantity | None) -> str:
     """Return the definitions of a compensator's parameters in single precision.
 
     Parameters
     ----------
+    name : str
+        What the actuator is called in C.
     block : RealBlock
         The parameters.
     names : Names
@@ -73,11 +75,12 @@ def c_parameters_f32(block: RealBlock, names: Names, schedule: Quantity | None) 
     Returns
     -------
     str
-        C for behind ``#include "anhyst_parameters.h"``: tables and structures, all static but
-        ``const anhyst_parameters_f32 anhyst_parameters``.
+        C for behind the include of its header: tables and structures, all static but
+        ``const anhyst_parameters_f32 NAME_parameters``.
     """
-    parts = [_table(block, name) for name in block.tables]
-    parts += [_gaps(block, names, schedule), _law(block), _parameters(block, names, schedule)]
+    parts = [_table(block, table) for table in block.tables]
+    parts += [_gaps(block, names, schedule), _law(block)]
+    parts.append(_parameters(name, block, names, schedule))
     return "\n\n".join("\n".join(part) for part in parts)
 
 
@@ -134,7 +137,9 @@ def _law(block: RealBlock) -> Iterator[str]:
     yield "};"
 
 
-def _parameters(block: RealBlock, names: Names, schedule: Quantity | None) -> Iterator[str]:
+def _parameters(
+    actuator: str, block: RealBlock, names: Names, schedule: Quantity | None
+) -> Iterator[str]:
     units = {
         "output": names.output,
         "input": names.input,
@@ -147,7 +152,7 @@ def _parameters(block: RealBlock, names: Names, schedule: Quantity | None) -> It
         ("gap_segments", str(len(block.gaps) - 1), ""),
     ]
     fields += [(name, _number(block, name), doc.format(**units)) for name, doc in COMMON.items()]
-    yield "const anhyst_parameters_f32 anhyst_parameters = {"
+    yield f"const anhyst_parameters_f32 {actuator}_parameters = {{"
     yield from _fields(fields)
     yield "};"
 

@@ -6,13 +6,12 @@ import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from textwrap import fill
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from anhyst.compile.controller import ControllerPlan
 from anhyst.compile.controllersource import told
-from anhyst.compile.core import join, read_core, section_names
+from anhyst.compile.core import CONTROL, SINGLE, SOURCES, SRC, core_files, read_core
 from anhyst.compile.floating import RealBlock
 from anhyst.compile.memory import controller_bytes, parameters_bytes, state_bytes
 from anhyst.compile.parameters import parameters_source, scales_source
@@ -21,7 +20,7 @@ from anhyst.compile.realsource import c_parameters_f32
 from anhyst.compile.words import Names
 from anhyst.data.units import Quantity
 
-PORT = "anhyst_port_cortex_m4.h"
+PORT = "port/anhyst_port_cortex_m4.h"
 TYPES = {"q15": "int16_t", "q31": "int32_t", "f32": "float"}
 ONES = {"q15": 2**15, "q31": 2**31, "f32": 1}
 
@@ -48,39 +47,35 @@ def sources(
         Content by file name; the same for the same plan.
     """
     real = isinstance(plan.block, RealBlock)
-    joined = join(plan.block.kind, single=real, control=controller is not None)
-    common = _common(plan, sha256, version) | {"control": controller is not None}
-    header = common | {
-        "system": joined.system,
-        "body": joined.header,
-        "origin": _origin(section_names([joined.header])),
-    }
-    source = common | {
-        "body": joined.source.rstrip("\n"),
-        "origin": _origin(section_names([joined.source])),
+    taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
+    parts = ("parameters",) if controller is None else ("parameters", "controller")
+    common = _common(plan, sha256, version) | {
+        "control": controller is not None,
+        "core": sorted(f"{SRC}/{name}" for name in taken),
+        "own": [f"{plan.name}_{part}.c" for part in parts],
     }
     parameters = common | _parameters(plan)
-    files = {
-        "anhyst.h": render("anhyst.h.j2", header),
-        "anhyst.c": render("anhyst.c.j2", source),
-        "anhyst_parameters.h": render("anhyst_parameters.h.j2", parameters),
-        "anhyst_parameters.c": render("anhyst_parameters.c.j2", parameters),
+    files = core_files(taken) | {
+        f"{plan.name}_parameters.h": render("parameters.h.j2", parameters),
+        f"{plan.name}_parameters.c": render("parameters.c.j2", parameters),
         "main.c": render("main.c.j2", common),
         "anhyst.mk": render("anhyst.mk.j2", common),
         "anhyst.cmake": render("anhyst.cmake.j2", common),
     }
     guide = common | _guide(plan)
     if controller is not None:
-        files |= _controller_files(common, controller)
+        files |= _controller_files(common, plan.name, controller)
         guide |= told(controller) | {"controller_bytes": controller_bytes(controller.magnets)}
     files["DROP_IN.md"] = render("DROP_IN.md.j2", guide)
-    return files if real else {**files, PORT: read_core(f"port/{PORT}")}
+    return files if real else {**files, PORT: read_core(PORT)}
 
 
 def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
     """Return what all files may tell."""
     model, block, io = plan.model, plan.block, plan.request.io
     return {
+        "name": plan.name,
+        "macro": plan.name.upper(),
         "kind": block.kind,
         "version": version,
         "model": _in_comment(model.name),
@@ -94,17 +89,16 @@ def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
     }
 
 
-def _controller_files(common: Mapping[str, object], controller: ControllerPlan) -> dict[str, str]:
+def _controller_files(
+    common: Mapping[str, object], name: str, controller: ControllerPlan
+) -> dict[str, str]:
     """Return the files of the position controller; its example stands for the compensator's."""
     values = dict(common) | told(controller)
     values["controller"] = _in_comment(str(values["controller"]))
     return {
-        name: render(f"{template}.j2", values)
-        for name, template in (
-            ("anhyst_controller.h", "anhyst_controller.h"),
-            ("anhyst_controller.c", "anhyst_controller.c"),
-            ("main.c", "main_controller.c"),
-        )
+        f"{name}_controller.h": render("controller.h.j2", values),
+        f"{name}_controller.c": render("controller.c.j2", values),
+        "main.c": render("main_controller.c.j2", values),
     }
 
 
@@ -117,7 +111,7 @@ def _parameters(plan: Plan) -> dict[str, object]:
         "rate": f"{plan.request.rate:.10g}",
     }
     if isinstance(block, RealBlock):
-        return told | {"structures": c_parameters_f32(block, names, model.schedule)}
+        return told | {"structures": c_parameters_f32(plan.name, block, names, model.schedule)}
     return told | {
         "kernel": f"anhyst_kernel_{block.kind}",
         "defines": _defines(plan),
@@ -136,7 +130,7 @@ def _guide(plan: Plan) -> dict[str, object]:
         "rate": f"{plan.request.rate:.10g}",
         "bits": 16 if io == "q15" else 32,
         "signals": [(name, text.strip()) for name, _, text in rows],
-        "scale_name": f"ANHYST_FULL_SCALE_DEMAND_{_unit(plan.model.output)}",
+        "scale_name": f"{plan.name.upper()}_FULL_SCALE_DEMAND_{_unit(plan.model.output)}",
         "unit": plan.model.output.unit,
         "condition": (
             f"{cycles} triangle{'s' * (cycles > 1)} of current between its limits, "
@@ -163,15 +157,6 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-
-
-def _origin(names: tuple[str, ...]) -> str:
-    """Say what a file was joined from, as lines of a comment."""
-    text = (
-        f"Joined from {', '.join(names[:-1])} and {names[-1]} of the core. Do not edit: "
-        "compile again."
-    )
-    return fill(text, 97, subsequent_indent="   ")
 
 
 def _in_comment(text: str) -> str:
@@ -226,16 +211,16 @@ def _value(value: float, quantity: Quantity) -> str:
 
 def _defines(plan: Plan) -> list[str]:
     """Return the macros with SI values, a line each."""
-    model, scales = plan.model, plan.block.scales
+    model, scales, macro = plan.model, plan.block.scales, plan.name.upper()
     rows = [
-        (f"ANHYST_FULL_SCALE_DEMAND_{_unit(model.output)}", scales.demand, "demand of 1.0"),
-        (f"ANHYST_FULL_SCALE_CURRENT_{_unit(model.input)}", scales.current, "current of 1.0"),
+        (f"{macro}_FULL_SCALE_DEMAND_{_unit(model.output)}", scales.demand, "demand of 1.0"),
+        (f"{macro}_FULL_SCALE_CURRENT_{_unit(model.input)}", scales.current, "current of 1.0"),
     ]
     if model.schedule is not None:
         unit = _unit(model.schedule)
         rows += [
-            (f"ANHYST_GAP_LOW_{unit}", scales.gap_low, "gap of 0"),
-            (f"ANHYST_GAP_HIGH_{unit}", scales.gap_high, "gap of 1.0"),
+            (f"{macro}_GAP_LOW_{unit}", scales.gap_low, "gap of 0"),
+            (f"{macro}_GAP_HIGH_{unit}", scales.gap_high, "gap of 1.0"),
         ]
     texts = [(f"#define {name} {_real(value)}", doc) for name, value, doc in rows]
     end = max(len(text) for text, _ in texts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
 import shutil
 import subprocess
@@ -16,7 +17,7 @@ from anhyst.atomic import PathLike, write_bytes
 from anhyst.errors import InputError, NegativeResult
 from anhyst.version import running_version
 
-_PARAMETERS = ("anhyst.h", "anhyst.c", "anhyst_parameters.h", "anhyst_parameters.c")
+_MANIFEST = "manifest.json"
 _WARNINGS = ["-Wall", "-Wextra", "-Wconversion"]
 _THUMB = ("-target", "thumb-freestanding-eabi")
 _FREESTANDING = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined")
@@ -35,7 +36,7 @@ class Board:
     cpu : str
         Processor as zig calls it; empty for the PC at hand.
     port_header : str
-        Header of the parameters' folder with the processor's own instructions.
+        Header with the processor's own instructions, of a compiled folder's ``port``.
     """
 
     folders: tuple[str, ...]
@@ -78,15 +79,10 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
     if board not in BOARDS:
         raise InputError(f"board {board}: is not known; choose one of {', '.join(BOARDS)}")
     folder = Path(parameters).resolve()
-    for name in _PARAMETERS:
-        if not (folder / name).is_file():
-            raise InputError(
-                f"{folder / name}: is not there; name a folder that anhyst compile wrote"
-            )
-    _check_rate(folder)
+    actuator = _actuator(folder)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
         program = Path(place, "firmware")
-        _run([*_command(board, folder), "-o", str(program)], board)
+        _run([*_command(board, folder, actuator), "-o", str(program)], board)
         write_bytes(out, program.read_bytes())
     target = Path(out)
     target.chmod(0o755)
@@ -119,31 +115,57 @@ def firmware_folder() -> Path:
     raise InputError(f"{package}: the sources of the firmware are missing; install anhyst anew")
 
 
-def _check_rate(folder: Path) -> None:
-    """Refuse a rate that a board's clock cannot keep: a tick is a whole number of its cycles."""
-    text = (folder / "anhyst_parameters.h").read_text(encoding="utf-8")
-    rate = re.search(r"^#define ANHYST_RATE_HZ (\S+)", text, re.M)
-    if rate is None or not rate[1].isdecimal() or not 10 <= int(rate[1]) <= 1_000_000:
-        found = rate[1] if rate else "nothing"
+def actuator_defines(name: str) -> dict[str, str]:
+    """Return the macros that tell ``boards/actuator.h`` around which actuator a program is built.
+
+    Parameters
+    ----------
+    name : str
+        What the actuator is called in the C.
+    """
+    return {"ACTUATOR_NAME": name, "ACTUATOR_MACRO": name.upper()}
+
+
+def _actuator(folder: Path) -> str:
+    """Return what the actuator of a folder is called in the C.
+
+    Refused is a rate that a board's clock cannot keep: a tick is a whole number of its cycles.
+    """
+    place = folder / _MANIFEST
+    try:
+        manifest = json.loads(place.read_text(encoding="utf-8"))
+        name, rate = str(manifest["name"]), float(manifest["rate_Hz"])
+    except (OSError, ValueError, KeyError, TypeError):
         raise InputError(
-            f"{folder / 'anhyst_parameters.h'}: ANHYST_RATE_HZ is {found}; compile for a whole "
-            "number of ticks a second, 10 to 1000000"
+            f"{place}: is not there or names no actuator; name a folder that anhyst compile wrote"
+        ) from None
+    if rate != int(rate) or not 10 <= rate <= 1_000_000:
+        raise InputError(
+            f"{place}: rate_Hz is {rate:g}; compile for a whole number of ticks a second, 10 to "
+            "1000000"
         )
+    return name
 
 
-def _command(name: str, folder: Path) -> list[str]:
+def _command(name: str, folder: Path, actuator: str) -> list[str]:
     board = BOARDS[name]
     root = firmware_folder()
     own = [root / "boards" / part for part in board.folders]
-    sources = [folder / "anhyst.c", folder / "anhyst_parameters.c"]
+    sources = [*sorted(folder.glob("src/*.c")), folder / f"{actuator}_parameters.c"]
     for place in (root / "app", root / "link", *own):
         sources += sorted(place.glob("*.c"))
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
+    defines = {
+        "BOARD_FIRMWARE_VERSION": str(256 * major + minor),
+        **actuator_defines(actuator),
+    }
+    include = [root, folder / "include", folder, *own]
+    if board.port_header and (folder / "port" / board.port_header).is_file():
+        include.append(folder / "port")
+        defines["ANHYST_PORT_HEADER"] = f'"{board.port_header}"'
     command = [*_compiler(name), "-std=c99", *_WARNINGS]
-    command += [f"-I{place}" for place in (root, folder, *own)]
-    command.append(f"-DBOARD_FIRMWARE_VERSION={256 * major + minor}")
-    if board.port_header and (folder / board.port_header).is_file():
-        command.append(f'-DANHYST_PORT_HEADER="{board.port_header}"')
+    command += [f"-I{place}" for place in include]
+    command += [f"-D{macro}={value}" for macro, value in defines.items()]
     if board.cpu:
         command += ["-T", str(own[0] / "board.ld")]
     return command + [str(source) for source in sources]

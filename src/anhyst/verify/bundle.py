@@ -12,14 +12,13 @@ from typing import Any
 
 from anhyst.errors import InputError
 
-FORMAT = 1
+FORMAT = 2
 MANIFEST = "manifest.json"
-SOURCES = ("anhyst.h", "anhyst.c", "anhyst_parameters.h", "anhyst_parameters.c")
 VECTORS = "vectors.csv"
-CONTROLLER_SOURCES = ("anhyst_controller.h", "anhyst_controller.c")
 FLIGHT = "controller.csv"
-"""What a folder with a position controller holds beside the compensator."""
-PORT_HEADER = "anhyst_port_cortex_m4.h"
+"""What a folder with a position controller holds beside the compensator's vectors."""
+PORT_HEADER = "port/anhyst_port_cortex_m4.h"
+EXAMPLE = "main.c"
 FORMATS = {"q15": "15", "q31": "31", "f32": "32"}
 AGAIN = "run 'anhyst compile' again"
 
@@ -32,29 +31,34 @@ class Bundle:
     ----------
     folder : Path
         Where it stands.
+    name : str
+        What the actuator is called in the C.
     kind, io : str
         ``full``, ``simplified`` or ``euler``; ``q15`` or ``q31``.
     rate : float or None
         Ticks a second it was made for, Hz.
     manifest : mapping
         All of ``manifest.json``.
-    has_control : bool
-        Whether the position controller PIDD2 comes with the C.
     """
 
     folder: Path
+    name: str
     kind: str
     io: str
     rate: float | None
     manifest: Mapping[str, Any]
-    has_control: bool
+
+    @property
+    def c_files(self) -> tuple[str, ...]:
+        """All that a project compiles or includes, by path below the folder."""
+        names = (str(name) for name in self.manifest["files"])
+        return tuple(name for name in names if name[-2:] in {".c", ".h"} and name != EXAMPLE)
 
     def copy_sources(self, folder: Path) -> None:
         """Copy the C and the port header to a folder, to be compiled there."""
-        for name in (*SOURCES, *CONTROLLER_SOURCES, PORT_HEADER):
-            source = self.folder / name
-            if source.exists():
-                shutil.copyfile(source, folder / name)
+        for name in self.c_files:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.folder / name, folder / name)
 
     @property
     def has_controller(self) -> bool:
@@ -99,14 +103,13 @@ def read_bundle(folder: Path) -> Bundle:
         known = " and ".join(FORMATS)
         raise InputError(f"{place}: key 'io': {io} cannot be verified; only {known} can")
     rate = manifest.get("rate_Hz")
-    header = (folder / "anhyst.h").read_text(encoding="utf-8", errors="replace")
     return Bundle(
         folder,
+        _text(place, manifest, "name"),
         _text(place, manifest, "kind"),
         io,
         float(rate) if isinstance(rate, int | float) else None,
         manifest,
-        "anhyst_pidd2_solve_q31" in header,
     )
 
 
@@ -121,14 +124,15 @@ def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None
     files = manifest.get("files")
     if not isinstance(files, dict):
         raise InputError(f"{place}: key 'files' is missing; {AGAIN}")
-    needed: tuple[str, ...] = (*SOURCES, VECTORS)
+    name = _text(place, manifest, "name")
+    needed = [f"{name}_parameters.h", f"{name}_parameters.c", VECTORS]
     if manifest.get("controller") is not None:
-        needed += (*CONTROLLER_SOURCES, FLIGHT)
-    for name in needed:
-        if name not in files:
-            raise InputError(f"{place}: key 'files' does not name {name}; {AGAIN}")
-    for name, wanted in files.items():
-        path = folder / str(name)
+        needed += [f"{name}_controller.h", f"{name}_controller.c", FLIGHT]
+    for file in needed:
+        if file not in files:
+            raise InputError(f"{place}: key 'files' does not name {file}; {AGAIN}")
+    for file, wanted in files.items():
+        path = folder / str(file)
         try:
             found = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:

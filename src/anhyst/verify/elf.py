@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,7 @@ from typing import Any
 FLASH = 0x08000000
 """Where the code of a Cortex-M stands, as in ``harness/cortex_m.ld``."""
 
-PARAMETERS = "anhyst_parameters.c"
-OURS = ("anhyst.c", PARAMETERS, "anhyst_pidd2.c", "anhyst_controller.c")
+CONTROL = "pidd2.c"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,16 +108,16 @@ class Sizes:
     Parameters
     ----------
     code : int
-        Machine code of ``anhyst.c``: solve, commit, start-up and check of the block. The
+        Machine code of the core: solve, commit, start-up and check of the block. The
         compiler's own routines, such as a long multiplication, are not counted.
     control_code : int
         Machine code of the position controller.
     tables : int
-        Constants of ``anhyst.c``.
+        Constants of the core.
     parameters : int
         The parameter block; in floating point the structure and its tables.
     variables : int
-        Variables of ``anhyst.c`` and of the parameters: 0, as all state is the caller's.
+        Variables of the core and of the parameters: 0, as all state is the caller's.
     """
 
     code: int
@@ -128,30 +127,38 @@ class Sizes:
     variables: int
 
 
-def measure_sizes(image: Image, constants_in_data: bool) -> Sizes:
+def measure_sizes(
+    image: Image, actuator: str, sources: Collection[str], constants_in_data: bool
+) -> Sizes:
     """Add up what the linker kept of the compensator.
 
     Parameters
     ----------
     image : Image
         A program linked with ``--gc-sections``.
+    actuator : str
+        What the actuator is called in the C.
+    sources : collection of str
+        Names of the C files that are counted.
     constants_in_data : bool
         Whether the compiler puts constants among the initialised data, as avr-gcc does.
     """
-    code = control = tables = parameters = variables = 0
+    parameters = f"{actuator}_parameters"
+    prefixes = ("anhyst_", parameters, f"{actuator}_controller")
+    code = control = tables = block = variables = 0
     for symbol in image.symbols:
-        ours = symbol.name.startswith("anhyst_") or symbol.source in OURS
+        ours = symbol.name.startswith(prefixes) or symbol.source in sources
         if symbol.kind == "STT_FUNC" and ours:
-            if symbol.name.startswith("anhyst_pidd2") or symbol.source == "anhyst_pidd2.c":
+            if symbol.name.startswith("anhyst_pidd2") or symbol.source == CONTROL:
                 control += symbol.size
             else:
                 code += symbol.size
         elif symbol.kind == "STT_OBJECT" and ours:
             constant = symbol.section.startswith(".data" if constants_in_data else ".rodata")
-            if symbol.name == "anhyst_parameters" or symbol.source == PARAMETERS:
-                parameters += symbol.size
+            if symbol.name == parameters or symbol.source == f"{parameters}.c":
+                block += symbol.size
             elif constant:
                 tables += symbol.size
             else:
                 variables += symbol.size
-    return Sizes(code, control, tables, parameters, variables)
+    return Sizes(code, control, tables, block, variables)

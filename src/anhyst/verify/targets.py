@@ -48,7 +48,7 @@ class Offer:
 
 Maker = Callable[[Workshop], Offer]
 
-PORT_DEFINE = {"ANHYST_PORT_HEADER": f'"{PORT_HEADER}"'}
+PORT_DEFINE = {"ANHYST_PORT_HEADER": f'"{Path(PORT_HEADER).name}"'}
 OPTIMISATIONS = ("-O0", "-O2", "-O3")
 SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 HOST_COMPILERS = {"gcc": "gcc", "clang": "clang"}

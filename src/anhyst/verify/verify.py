@@ -15,7 +15,7 @@ from anhyst.errors import InputError, NegativeResult
 from anhyst.verify.bundle import FLIGHT, VECTORS, read_bundle
 from anhyst.verify.compare import Outcome, compare, run
 from anhyst.verify.cortexm import CortexProgram
-from anhyst.verify.elf import measure_sizes
+from anhyst.verify.elf import Image, Sizes, measure_sizes
 from anhyst.verify.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
 from anhyst.verify.firmware import TARGET as FIRMWARE
 from anhyst.verify.firmware import missing_tools, verify_firmware
@@ -33,7 +33,7 @@ from anhyst.verify.targets import (
 )
 from anhyst.verify.tools import Missing
 from anhyst.verify.vectors import GoldenVectors, read_flight, read_vectors
-from anhyst.verify.workshop import Variant, Workshop
+from anhyst.verify.workshop import CONTROL_SOURCE, Variant, Workshop
 
 DEFAULT = "host,cortex-m4"
 HOST_STEPS = 1_000_000
@@ -218,7 +218,7 @@ class _Job:
             warnings=variant.warnings,
             unit=variant.unit,
             costs=costs(outcome.random, self.vectors.form) if counted else (),
-            sizes=measure_sizes(image, constants_in_data=target == "avr") if image else None,
+            sizes=self._sizes(image, target) if image else None,
             state_bytes=outcome.random.state_bytes,
             control_bytes=outcome.random.control_bytes,
             stack_measured=outcome.stack if counted else None,
@@ -227,12 +227,17 @@ class _Job:
             seconds=time.monotonic() - began,
         )
 
+    def _sizes(self, image: Image, target: str) -> Sizes:
+        bundle = self.workshop.bundle
+        sources = {Path(name).name for name in (*bundle.c_files, CONTROL_SOURCE)}
+        return measure_sizes(image, bundle.name, sources, constants_in_data=target == "avr")
+
 
 def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
     if variant.image is None or variant.target not in CORTEX:
         return None
     if workshop.subject == "controller":
-        return stack_below(variant.image, ["anhyst_controller_tick"])
+        return stack_below(variant.image, [f"{workshop.bundle.name}_controller_tick"])
     io = workshop.bundle.io
     roots = [f"anhyst_compensator_{part}_{io}" for part in ("solve", "commit")]
     return stack_below(variant.image, roots)

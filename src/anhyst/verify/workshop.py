@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
-from anhyst.compile.core import core_folder
-from anhyst.verify.bundle import CONTROLLER_SOURCES, FORMATS, SOURCES, Bundle
+from anhyst.compile.core import core_files
+from anhyst.link.firmware import actuator_defines, firmware_folder
+from anhyst.verify.bundle import FORMATS, Bundle
 from anhyst.verify.elf import Image
 from anhyst.verify.protocol import Reply, Request
 from anhyst.verify.toolchain import Build
@@ -94,49 +95,40 @@ class Workshop:
         bundle.copy_sources(place)
         for source in HARNESS.iterdir():
             shutil.copyfile(source, place / source.name)
-        _add_control(place, bundle)
+        _add_control(place)
         return cls(bundle, folder, subject)
 
     def build(self, port: str, *flags: str) -> Build:
         """Return what to compile for a port of the harness, such as ``cortex_m``."""
         place = self.folder / "c"
         ports = [port, "freestanding"] if port == WITHOUT_LIBRARY else [port]
-        sources = SOURCES if self.subject == "compensator" else SOURCES + CONTROLLER_SOURCES
+        sources = [name for name in self.bundle.c_files if name.endswith(".c")]
+        if self.subject == "compensator":
+            sources = [name for name in sources if not name.endswith("_controller.c")]
         names = [
             "harness.c",
-            f"{self.subject}.c",
+            f"run_{self.subject}.c",
             *(f"{name}.c" for name in ports),
-            *(name for name in sources if name.endswith(".c")),
+            *sorted({*sources, CONTROL_SOURCE}),
         ]
-        if not self.bundle.has_control:
-            names.append(CONTROL_SOURCE)
         return Build(
             tuple(place / name for name in names),
-            (place,),
-            {"HARNESS_IO": FORMATS[self.bundle.io]},
+            (place, place / "include", place / "port", firmware_folder()),
+            {"HARNESS_IO": FORMATS[self.bundle.io], **actuator_defines(self.bundle.name)},
             (*SECTIONS_APART, ONE_ROUNDING_EACH, *flags),
         )
 
 
-CONTROL_SOURCE = "anhyst_pidd2.c"
-JOINED = '#include "anhyst.h"\n'
+CONTROL_SOURCE = "src/pidd2.c"
 
 
-def _add_control(place: Path, bundle: Bundle) -> None:
-    """Put the position controller where the harness looks for it.
+def _add_control(place: Path) -> None:
+    """Put the core's PIDD2 beside a bundle that has none, so that a whole tick is measured.
 
-    A joined header holds what the core's has in several; one without the controller gets the
-    core's, so that a whole tick is measured. The controller is in fixed point always.
+    It is in fixed point always.
     """
-    headers = place / "anhyst"
-    headers.mkdir()
-    for name in ("port.h", "fixed.h", "status.h", "pidd2.h"):
-        (headers / name).write_text(JOINED, encoding="ascii")
-    missing = [] if bundle.has_control else ["pidd2.h"]
-    if bundle.io == "f32":
-        missing += ["port.h", "fixed.h"]
-    core = core_folder()
-    for name in missing:
-        shutil.copyfile(core / "include" / "anhyst" / name, headers / name)
-    if not bundle.has_control:
-        shutil.copyfile(core / "src" / "pidd2.c", place / CONTROL_SOURCE)
+    for name, text in core_files([Path(CONTROL_SOURCE).name]).items():
+        path = place / name
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8", newline="\n")

@@ -6,7 +6,7 @@
    of int. */
 #include "harness.h"
 
-#include "anhyst.h"
+#include "anhyst/status.h"
 
 volatile harness_box_layout harness_box;
 

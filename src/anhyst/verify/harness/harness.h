@@ -105,7 +105,7 @@ typedef struct {
   /* Filled by the target. */
   uint32_t box_words;
   uint32_t status;        /* of the subject's start */
-  uint32_t state_bytes;   /* sizeof(anhyst_compensator), sizeof(anhyst_controller) */
+  uint32_t state_bytes;   /* of the compensator or the controller */
   uint32_t control_bytes; /* sizeof(anhyst_pidd2_state_q31) */
   uint32_t words;         /* of the parameter block */
   uint32_t
@@ -132,7 +132,8 @@ uint32_t harness_clock_stop(void);
 uintptr_t harness_stack_pointer(void);
 uintptr_t harness_stack_end(void);
 
-/* Supplied by the subject, compensator.c or controller.c. Each keeps the inputs of one step. */
+/* Supplied by the subject, run_compensator.c or run_controller.c. Each keeps the inputs of one
+ * step. */
 
 /* Forgets everything; tells status, sizes and words in the box. */
 void subject_start(void);

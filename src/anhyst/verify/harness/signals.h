@@ -6,8 +6,7 @@
 #ifndef SIGNALS_H
 #define SIGNALS_H
 
-#include "anhyst.h"
-#include "anhyst_parameters.h"
+#include "boards/actuator.h"
 #include "harness.h"
 
 #if HARNESS_IO == 32
@@ -23,7 +22,7 @@ typedef anhyst_compensator_f32 compensator_state;
 
 static inline anhyst_status take_parameters(compensator_state *c)
 {
-  return anhyst_compensator_init_f32(c, &anhyst_parameters);
+  return anhyst_compensator_init_f32(c, &ACTUATOR_PARAMETERS);
 }
 
 static inline uint32_t word_of(signal a)
@@ -52,15 +51,15 @@ static inline signal part_of(int32_t a, signal range)
   return (signal)a * (1.1F / 2147483648.0F) * range;
 }
 
-static inline signal demand_of(int32_t a) { return part_of(a, anhyst_parameters.demand_high); }
+static inline signal demand_of(int32_t a) { return part_of(a, ACTUATOR_PARAMETERS.demand_high); }
 
-static inline signal current_of(int32_t a) { return part_of(a, anhyst_parameters.current_high); }
+static inline signal current_of(int32_t a) { return part_of(a, ACTUATOR_PARAMETERS.current_high); }
 
 static inline signal gap_of(int32_t a)
 {
-  const signal rows = anhyst_parameters.gap_rows;
-  const signal span = rows > 0.0F ? (signal)anhyst_parameters.gap_segments / rows : 0.0F;
-  return anhyst_parameters.gap_low + part_of(a, span);
+  const signal rows = ACTUATOR_PARAMETERS.gap_rows;
+  const signal span = rows > 0.0F ? (signal)ACTUATOR_PARAMETERS.gap_segments / rows : 0.0F;
+  return ACTUATOR_PARAMETERS.gap_low + part_of(a, span);
 }
 
 #define INNER_WORD word_of
@@ -78,7 +77,7 @@ static inline void record_memory(const compensator_state *c, uint32_t *record)
 
 typedef anhyst_compensator compensator_state;
 #define CONDITIONING_LENGTH anhyst_conditioning_length
-#define PARAMETERS_WORDS ANHYST_PARAMETERS_WORDS
+#define PARAMETERS_WORDS ACTUATOR_PARAMETERS_WORDS
 
 #if HARNESS_IO == 15
 typedef int16_t signal;
@@ -98,7 +97,8 @@ typedef int32_t signal;
 
 static inline anhyst_status take_parameters(compensator_state *c)
 {
-  return anhyst_compensator_init(c, &ANHYST_KERNEL, anhyst_parameters, ANHYST_PARAMETERS_WORDS);
+  return anhyst_compensator_init(c, &ACTUATOR_KERNEL, ACTUATOR_PARAMETERS,
+                                 ACTUATOR_PARAMETERS_WORDS);
 }
 
 static inline uint32_t word_of(signal a) { return (uint32_t)(int32_t)a; }

@@ -1,7 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the harness runs: a whole position controller, tick by tick. */
-#include "anhyst_controller.h"
+#include "boards/actuator.h"
 #include "steps.h"
+
+#include ACTUATOR_FILE(ACTUATOR_JOIN(ACTUATOR_NAME, _controller).h)
+
+#define CONTROLLER(part) ACTUATOR_JOIN(ACTUATOR_NAME, _controller##part)
+#define MAGNETS ACTUATOR_JOIN(ACTUATOR_MACRO, _CONTROLLER_MAGNETS)
 
 #define PHASE_STEPS 128U
 
@@ -13,24 +18,24 @@ typedef struct {
   uint32_t way; /* how the position goes in this phase */
 } generator;
 
-static anhyst_controller controller;
+static CONTROLLER() controller;
 static generator inputs;
-static anhyst_controller_sample in;
+static CONTROLLER(_sample) in;
 
 void subject_start(void)
 {
   harness_box.state_bytes = sizeof controller;
   harness_box.control_bytes = sizeof controller.position.state;
-  harness_box.words = ANHYST_PARAMETERS_WORDS;
+  harness_box.words = ACTUATOR_PARAMETERS_WORDS;
   inputs.position = 0;
   inputs.way = 0;
-  harness_box.status = (uint32_t)(int32_t)anhyst_controller_init(&controller);
+  harness_box.status = (uint32_t)(int32_t)CONTROLLER(_init)(&controller);
 }
 
 /* Limits and settings are part of what is compared, as far as they are of one size. */
 void subject_fold_start(void)
 {
-  const anhyst_position_limits_q31 *limits = &anhyst_controller_limits;
+  const anhyst_position_limits_q31 *limits = &CONTROLLER(_limits);
   harness_fold((uint32_t)limits->levitation.low);
   harness_fold((uint32_t)limits->levitation.high);
   harness_fold((uint32_t)limits->current_low);
@@ -40,7 +45,7 @@ void subject_fold_start(void)
 
 static int32_t moved(int32_t position)
 {
-  const anhyst_levitation_limits *limits = &anhyst_controller_limits.levitation;
+  const anhyst_levitation_limits *limits = &CONTROLLER(_limits).levitation;
   const int32_t part = draw_q30(inputs.way % 4U == 0U ? 9 : 3) / 65536;
   const int32_t step = limits->step / 16384 * part;
   return within(position / 2 + step / 2, limits->low / 2, limits->high / 2) * 2;
@@ -69,7 +74,7 @@ void subject_draw(uint32_t step)
   in.dropped = inputs.way == 30U || harness_draw() % 64U == 0U ? 1U : 0U;
   in.command = next_command();
   in.load = double_q30(draw_q30(4));
-  for (uint16_t i = 0; i < ANHYST_CONTROLLER_MAGNETS; i++) {
+  for (uint16_t i = 0; i < MAGNETS; i++) {
     in.current[i] = double_q30(draw_q30(0));
   }
 }
@@ -79,7 +84,7 @@ void subject_read(const volatile uint32_t *row)
   in.position = as_signed(row[HARNESS_AT_POSITION]);
   in.target = as_signed(row[HARNESS_AT_TARGET]);
   in.load = as_signed(row[HARNESS_AT_LOAD]);
-  for (uint16_t i = 0; i < ANHYST_CONTROLLER_MAGNETS; i++) {
+  for (uint16_t i = 0; i < MAGNETS; i++) {
     in.current[i] = as_signed(row[HARNESS_AT_CURRENT_1 + i]);
   }
   in.dropped = (uint16_t)(row[HARNESS_AT_EVENT] >> 16);
@@ -103,7 +108,7 @@ static void record_inputs(uint32_t *record)
   record[HARNESS_AT_TARGET] = (uint32_t)in.target;
   record[HARNESS_AT_LOAD] = (uint32_t)in.load;
   record[HARNESS_AT_CURRENT_2] = 0;
-  for (uint16_t i = 0; i < ANHYST_CONTROLLER_MAGNETS; i++) {
+  for (uint16_t i = 0; i < MAGNETS; i++) {
     record[HARNESS_AT_CURRENT_1 + i] = (uint32_t)in.current[i];
   }
   record[HARNESS_AT_EVENT] = (uint32_t)in.dropped << 16 | in.command;
@@ -111,15 +116,15 @@ static void record_inputs(uint32_t *record)
 
 void subject_step(uint32_t *record)
 {
-  anhyst_controller_answer answer;
+  CONTROLLER(_answer) answer;
   harness_clock_start();
-  anhyst_controller_tick(&controller, &in, &answer);
+  CONTROLLER(_tick)(&controller, &in, &answer);
   const uint32_t elapsed = harness_clock_stop();
   harness_measured(section(), elapsed);
   harness_measured(HARNESS_TICK, elapsed);
   record_inputs(record);
   record[HARNESS_AT_DRIVE_2] = 0;
-  for (uint16_t i = 0; i < ANHYST_CONTROLLER_MAGNETS; i++) {
+  for (uint16_t i = 0; i < MAGNETS; i++) {
     record[HARNESS_AT_DRIVE_1 + i] = (uint32_t)answer.current[i];
   }
   record[HARNESS_AT_REFERENCE] = (uint32_t)answer.reference;
@@ -137,10 +142,10 @@ void subject_step(uint32_t *record)
 /* Bytes of stack that a tick uses, its return address included. */
 uint32_t subject_stack(void)
 {
-  anhyst_controller_answer answer;
+  CONTROLLER(_answer) answer;
   const uintptr_t top = harness_stack_pointer();
   const uintptr_t low = painted_from(top);
   paint(low, top);
-  anhyst_controller_tick(&controller, &in, &answer);
+  CONTROLLER(_tick)(&controller, &in, &answer);
   return (uint32_t)(top - deepest(low, top));
 }
