@@ -69,6 +69,8 @@ def build(kind: str, folder: Path, clang: str) -> Path:
         ROOT / "tests" / "firmware" / "fuzz_firmware.c",
         *sorted(ROOT.glob("firmware/link/*.c")),
         *sorted(ROOT.glob("firmware/app/*.c")),
+        *sorted(ROOT.glob("firmware/force/*.c")),
+        ROOT / "core" / "src" / "supervisor.c",
         compiled / "anhyst.c",
         compiled / "anhyst_parameters.c",
     ]

@@ -4,5 +4,6 @@
 #define ANHYST_H
 
 #include "anhyst/compensator.h"
+#include "anhyst/supervisor.h"
 
 #endif

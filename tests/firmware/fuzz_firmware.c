@@ -4,6 +4,7 @@
    behaviour sanitizers watch the memory, `require` watches what must hold at any time. */
 #include "anhyst_parameters.h"
 #include "app/app.h"
+#include "force/force.h"
 #include "link/crc.h"
 
 #include <stdlib.h>
@@ -31,7 +32,10 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
+static app_body body;
+
 static const app_board board = {
+    .body = &body,
     .kernel = &ANHYST_KERNEL,
     .words = anhyst_parameters,
     .words_capacity = ANHYST_PARAMETERS_WORDS,
@@ -125,7 +129,7 @@ static void put_byte(uint8_t byte)
 /* What must hold whatever was sent. */
 static void check_session(void)
 {
-  const int16_t *words = firmware.control.compensator.words;
+  const int16_t *words = firmware.control.body->compensator.words;
   require(locks == 0);
   require(answers == requests && line.bad == 0 && firmware.session.receiver.bad == twin.bad);
   require(words == anhyst_parameters || words == firmware.download.words[0] ||
@@ -152,18 +156,19 @@ static int32_t magnitude(int32_t value) { return value < 0 ? -(value + 1) : valu
 static void tick(void)
 {
   const app_control *control = &firmware.control;
+  const anhyst_supervisor *states = app_body_states(control->body);
   const int32_t before = drive;
-  const int was_live = control->state == LINK_STATE_RUN || control->step >= 0;
+  const int was_live = states->state == ANHYST_STATE_RUN || states->conditioning != 0U;
   app_tick(&firmware);
   require(drive >= limits.current_low && drive <= limits.current_high);
-  require(control->state <= LINK_STATE_FAULT && control->fault < LINK_FAULT_COUNT);
-  require((control->state == LINK_STATE_FAULT) == (control->fault != LINK_FAULT_NONE));
-  require(drive_state == control->state + 256U * control->fault);
+  require(states->state <= ANHYST_STATE_FAULT && states->fault < ANHYST_FAULT_COUNT);
+  require((states->state == ANHYST_STATE_FAULT) == (states->fault != ANHYST_FAULT_NONE));
+  require(drive_state == states->state + 256U * states->fault);
   require(control->tick == sample.tick);
-  if (control->state == LINK_STATE_FAULT || !was_live) {
+  if (states->state == ANHYST_STATE_FAULT || !was_live) {
     /* the safe state: one step of the ramp nearer to zero, at least */
     const int32_t size = magnitude(before);
-    require(magnitude(drive) <= (size > control->ramp ? size - control->ramp + 1 : 0));
+    require(magnitude(drive) <= (size > control->body->ramp ? size - control->body->ramp + 1 : 0));
   }
 }
 

@@ -17,6 +17,9 @@ from anhyst.errors import InputError, NegativeResult
 from anhyst.version import running_version
 
 _PARAMETERS = ("anhyst.h", "anhyst.c", "anhyst_parameters.h", "anhyst_parameters.c")
+_CONTROLLER = "anhyst_controller.c"
+"""Written for a controller of position."""
+
 _WARNINGS = ["-Wall", "-Wextra", "-Wconversion"]
 _THUMB = ("-target", "thumb-freestanding-eabi")
 _FREESTANDING = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined")
@@ -135,18 +138,41 @@ def _command(name: str, folder: Path) -> list[str]:
     board = BOARDS[name]
     root = firmware_folder()
     own = [root / "boards" / part for part in board.folders]
+    body = "position" if (folder / _CONTROLLER).is_file() else "force"
     sources = [folder / "anhyst.c", folder / "anhyst_parameters.c"]
-    for place in (root / "app", root / "link", *own):
-        sources += sorted(place.glob("*.c"))
+    includes = [root, folder, *own]
+    if body == "position":
+        sources.append(folder / _CONTROLLER)
+    else:
+        core = _core_folder(root)
+        sources.append(core / "src" / "supervisor.c")
+        includes.append(core / "include")
+    for place in (root / "app", root / "link", root / body, *own):
+        sources += sorted(file for file in place.glob("*.c") if not _of_another(file, body))
+    if not any(source.name == f"board_{body}.c" for source in sources):
+        raise InputError(f"board {name}: has no controller of {body}; take another board")
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
     command = [*_compiler(name), "-std=c99", *_WARNINGS]
-    command += [f"-I{place}" for place in (root, folder, *own)]
+    command += [f"-I{place}" for place in includes]
     command.append(f"-DBOARD_FIRMWARE_VERSION={256 * major + minor}")
     if board.port_header and (folder / board.port_header).is_file():
         command.append(f'-DANHYST_PORT_HEADER="{board.port_header}"')
     if board.cpu:
         command += ["-T", str(own[0] / "board.ld")]
     return command + [str(source) for source in sources]
+
+
+def _of_another(file: Path, body: str) -> bool:
+    """Whether a board's constants are those for another body."""
+    return file.stem.startswith("board_") and file.stem != f"board_{body}"
+
+
+def _core_folder(firmware: Path) -> Path:
+    """Return the folder of the core's sources: beside the firmware's, as it was installed."""
+    for folder in (firmware.parent / "core", firmware.parent / "_core" / "c"):
+        if (folder / "src" / "supervisor.c").is_file():
+            return folder
+    raise InputError(f"{firmware}: the sources of the core are missing; install anhyst anew")
 
 
 def _compiler(name: str) -> list[str]:

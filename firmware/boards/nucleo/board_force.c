@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the magnet on a Nucleo is to a controller of force. */
+#include "anhyst_parameters.h"
+#include "force/force.h"
+#include "nucleo.h"
+
+static const app_limits limits = {
+    .gap = {-PORT_ONE / 20, PORT_ONE / 20 * 21, PORT_ONE / 20, 256},
+    .force = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 256},
+    .current = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 256},
+    .current_low = 0,
+    .current_high = INT32_MAX,
+    .stuck_current = INT32_MAX / 10,
+    .doubtful_ticks = 3,
+    .missed_ticks = 2,
+    .selftest_ticks = 100,
+    .ramp_ms = 20,
+    .heartbeat_ms = 500,
+};
+
+static app_body body;
+
+const app_board nucleo_board = {
+    .body = &body,
+    .kernel = &ANHYST_KERNEL,
+    .words = anhyst_parameters,
+    .words_capacity = ANHYST_PARAMETERS_WORDS,
+    .firmware = BOARD_FIRMWARE_VERSION,
+    .rate = ANHYST_RATE_HZ,
+    .limits = &limits,
+};
