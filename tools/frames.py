@@ -248,7 +248,7 @@ from typing import ClassVar, NamedTuple, Self
 
 '''
 
-STATES_PREAMBLE = '''"""States, phases, faults, commands and flags of a controller of force or position.
+STATES_PREAMBLE = '''"""States, phases, faults, commands and flags of a controller.
 
 Made by tools/frames.py from firmware/link/frames.toml: do not edit.
 """

@@ -16,6 +16,7 @@ static void forget(anhyst_levitation *l)
 {
   l->phase = ANHYST_PHASE_REST;
   l->seen = 0;
+  l->lost = 0;
 }
 
 void anhyst_levitation_start(anhyst_levitation *levitation)
@@ -104,7 +105,7 @@ static void watch(anhyst_levitation *l, const anhyst_levitation_limits *limits,
   }
   l->position = input->position;
   l->seen = 1;
-  if (l->phase == ANHYST_PHASE_HOLD) {
+  if (l->phase == ANHYST_PHASE_HOLD && l->lost == 0U) {
     begin(l, ANHYST_PHASE_DESCEND);
   }
 }
@@ -147,6 +148,13 @@ void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int 
   } else {
     levitation->phase = ANHYST_PHASE_REST;
   }
+}
+
+void anhyst_levitation_lose(anhyst_levitation *levitation, uint16_t reason)
+{
+  anhyst_supervisor_fail(&levitation->supervisor, reason);
+  levitation->lost = 1;
+  lose_position(levitation);
 }
 
 static void break_away(anhyst_levitation *l, const anhyst_levitation_settings *settings)

@@ -1,4 +1,4 @@
-"""States, phases, faults, commands and flags of a controller of force or position.
+"""States, phases, faults, commands and flags of a controller.
 
 Made by tools/frames.py from firmware/link/frames.toml: do not edit.
 """

@@ -71,6 +71,7 @@ typedef struct {
   uint16_t flags;  /* ANHYST_SAMPLE_DOUBTFUL */
   uint16_t begins; /* whether control begins at this tick, with the demand before it */
   uint16_t seen;   /* whether there was a plausible position at all */
+  uint16_t lost;   /* whether no sample is believed any more, until `clear` */
 } anhyst_levitation;
 
 /* Whether both are within their ranges: ANHYST_OK or ANHYST_BAD_PARAMETER. */
@@ -89,6 +90,10 @@ uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t comma
    controlled way; otherwise the currents are given up at once, for nothing can be held with them.
  */
 void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int lands);
+
+/* The position cannot be believed any more, for a reason that no sample shows: a fault, and on as if
+   all samples were missing until `clear`. */
+void anhyst_levitation_lose(anhyst_levitation *levitation, uint16_t reason);
 
 /* One tick: judges the sample and moves on. */
 void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitation_limits *limits,
