@@ -16,11 +16,12 @@ from anhyst.data import LoopSet
 from anhyst.identify import identify
 from anhyst.link.client import ForceController
 from anhyst.link.firmware import build, read_sizes
-from anhyst.link.frames import Command, DemandRequest, State, StatusAnswer
+from anhyst.link.frames import DemandRequest, StatusAnswer
 from anhyst.link.plantbus import Reading
 from anhyst.link.process import Running, run_host, run_qemu
 from anhyst.link.wire import encode
 from anhyst.modelfile import write_model
+from anhyst.states import Command, State
 from rows import ROOT, Row
 
 COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))

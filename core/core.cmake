@@ -28,6 +28,7 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/map_real.c"
   "${ANHYST_CORE_DIR}/src/drive.c"
   "${ANHYST_CORE_DIR}/src/drive_real.c"
+  "${ANHYST_CORE_DIR}/src/supervisor.c"
   "${ANHYST_CORE_DIR}/src/levitation.c"
   "${ANHYST_CORE_DIR}/src/position.c"
   "${ANHYST_CORE_DIR}/src/position_real.c")

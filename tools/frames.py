@@ -1,7 +1,8 @@
-"""Make the link's C header, Python module and page from firmware/link/frames.toml.
+"""Make from firmware/link/frames.toml the link's C header, Python module and page, and the states.
 
-Without arguments the three files are written; with ``--check`` nothing is written and the exit code
-is 1 if one of them is not what the table says.
+What a controller does without a link, its states, commands, faults and flags, goes into headers of
+the core and a Python module of their own. Without arguments the files are written; with ``--check``
+nothing is written and the exit code is 1 if one of them is not what the table says.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ TABLE = ROOT / "firmware" / "link" / "frames.toml"
 HEADER = ROOT / "firmware" / "link" / "frames.h"
 MODULE = ROOT / "src" / "anhyst" / "link" / "frames.py"
 PAGE = ROOT / "docs" / "firmware.md"
+CORE_STATES = ROOT / "core" / "include" / "anhyst" / "states.h"
+CORE_FLAGS = ROOT / "core" / "include" / "anhyst" / "flags.h"
+STATES = ROOT / "src" / "anhyst" / "states.py"
 
 SIZES = {"u8": 1, "u16": 2, "u32": 4, "i16": 2, "i32": 4}
 C_TYPES = {kind: f"{'' if kind[0] == 'i' else 'u'}int{kind[1:]}_t" for kind in SIZES}
@@ -166,11 +170,9 @@ def header(table: Entry) -> str:
     numbers = [frame["type"] for frame in table["frame"]]
     parts.append(c_enum("LINK_TYPE", {"doc": "Types of frames.", "values": types}, numbers))
     for entry in lists(table):
-        count = range(len(entry["values"]))
-        parts.append(c_enum(f"LINK_{entry['name'].upper()}", entry, list(count)))
-    for entry in table["flags"]:
-        bits = [1 << n for n in range(len(entry["values"]))]
-        parts.append(c_enum(f"LINK_{entry['name'].upper()}", entry, bits))
+        if not entry.get("core"):
+            count = range(len(entry["values"]))
+            parts.append(c_enum(f"LINK_{entry['name'].upper()}", entry, list(count)))
     rows = [
         f"  {{{c_number(s['low'])}, {c_number(s['high'])}, {c_number(s['default'])}, "
         f"{int(s['run'])}}}, /* {s['name']} */"
@@ -185,6 +187,51 @@ def header(table: Entry) -> str:
     return "\n\n".join(parts) + "\n\n#endif\n"
 
 
+def core_header(guard: str, about: str, entries: list[tuple[str, Entry, list[int]]]) -> str:
+    """Return a header of the core: macros, prefix by prefix."""
+    parts = [
+        "/* SPDX-License-Identifier: Apache-2.0 */\n"
+        f"{c_comment(about + ' Made by tools/frames.py from firmware/link/frames.toml.')}\n"
+        f"/* clang-format off */\n#ifndef {guard}\n#define {guard}"
+    ]
+    for prefix, entry, values in entries:
+        lines = [c_comment(entry["doc"])]
+        for item, value in zip(entry["values"], values, strict=True):
+            code = f"#define {prefix}_{item['name'].upper()} {value}U"
+            doc = item.get("doc", "")
+            if doc and len(f"{code} /* {doc} */") > 100:
+                lines.append(c_comment(doc))
+                doc = ""
+            lines.append(f"{code} /* {doc} */" if doc else code)
+        if entry["name"] != "flag":
+            lines.append(f"#define {prefix}_COUNT {len(values)}U")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n\n#endif\n"
+
+
+def core_enums(table: Entry) -> list[Entry]:
+    """Return the enums that a controller without a link knows."""
+    return [entry for entry in table["enum"] if entry.get("core")]
+
+
+def core_states(table: Entry) -> str:
+    """Return states.h."""
+    about = "States, phases, faults and commands of a controller."
+    entries = [
+        (f"ANHYST_{e['name'].upper()}", e, list(range(len(e["values"])))) for e in core_enums(table)
+    ]
+    return core_header("ANHYST_STATES_H", about, entries)
+
+
+def core_flags(table: Entry) -> str:
+    """Return flags.h."""
+    about = "Flags of a solve and of a tick, the same in every number format."
+    entries = [
+        ("ANHYST", entry, [1 << n for n in range(len(entry["values"]))]) for entry in table["flags"]
+    ]
+    return core_header("ANHYST_FLAGS_H", about, entries)
+
+
 # --- Python -------------------------------------------------------------------------------------
 
 PREAMBLE = '''"""What is said on the link and on the bus of a virtual plant.
@@ -196,8 +243,19 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, fields
-from enum import IntEnum, IntFlag
+from enum import IntEnum
 from typing import ClassVar, NamedTuple, Self
+
+'''
+
+STATES_PREAMBLE = '''"""States, phases, faults, commands and flags of a controller.
+
+Made by tools/frames.py from firmware/link/frames.toml: do not edit.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
 
 '''
 
@@ -317,10 +375,11 @@ def module(table: Entry) -> str:
         f"VERSION = {protocol['version']}\nPAYLOAD_MOST = {protocol['payload_most']}\n"
         f"PLANT_MAGIC = 0x{plant['magic']:08X}\n"
     ]
-    parts += [py_enum(e, "IntEnum", list(range(len(e["values"])))) + "\n" for e in lists(table)]
-    for entry in table["flags"]:
-        bits = [1 << n for n in range(len(entry["values"]))]
-        parts.append(py_enum(entry, "IntFlag", bits) + "\n")
+    parts += [
+        py_enum(e, "IntEnum", list(range(len(e["values"])))) + "\n"
+        for e in lists(table)
+        if not e.get("core")
+    ]
     rows = [
         f"    Setting.{s['name'].upper()}: SettingRange({s['low']}, {s['high']}, {s['default']}, "
         f"{s['run']}),"
@@ -348,6 +407,15 @@ def module(table: Entry) -> str:
         f"{listed}    )\n}}\n"
     )
     return PREAMBLE + "\n\n".join(parts)
+
+
+def states(table: Entry) -> str:
+    """Return states.py."""
+    parts = [py_enum(e, "IntEnum", list(range(len(e["values"])))) for e in core_enums(table)]
+    parts += [
+        py_enum(e, "IntFlag", [1 << n for n in range(len(e["values"]))]) for e in table["flags"]
+    ]
+    return STATES_PREAMBLE + "\n" + "\n\n\n".join(parts) + "\n"
 
 
 # --- the page -----------------------------------------------------------------------------------
@@ -390,7 +458,12 @@ def page(table: Entry) -> str:
         start = s["default"] if s["low"] <= s["default"] <= s["high"] else start
         run = "yes" if s["run"] else "no"
         lines.append(f"| `{s['name']}` | {s['low']} | {s['high']} | {start} | {run} | {s['doc']} |")
-    titles = {"command": "command", "fault": "reason of a fault", "reason": "reason of a NAK"}
+    titles = {
+        "phase": "phase of a controller of position",
+        "command": "command",
+        "fault": "reason of a fault",
+        "reason": "reason of a NAK",
+    }
     for entry in table["enum"]:
         if entry["name"] in titles:
             lines += page_values(titles[entry["name"]], entry, shift=False)
@@ -411,7 +484,13 @@ def page_with_tables(text: str, table: Entry) -> str:
 def main() -> int:
     """Write the files, or compare them."""
     table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
-    wanted = {HEADER: header(table), MODULE: module(table)}
+    wanted = {
+        HEADER: header(table),
+        MODULE: module(table),
+        CORE_STATES: core_states(table),
+        CORE_FLAGS: core_flags(table),
+        STATES: states(table),
+    }
     if PAGE.exists():
         wanted[PAGE] = page_with_tables(PAGE.read_text(encoding="utf-8"), table)
     differ = [f for f, text in wanted.items() if not f.exists() or f.read_text("utf-8") != text]

@@ -71,11 +71,13 @@ def build(kind: str, folder: Path, clang: str) -> Path:
         ROOT / "tests" / "firmware" / "fuzz_firmware.c",
         *sorted(ROOT.glob("firmware/link/*.c")),
         *sorted(ROOT.glob("firmware/app/*.c")),
+        *sorted(ROOT.glob("firmware/force/*.c")),
+        ROOT / "core" / "src" / "supervisor.c",
         *sorted(compiled.glob("src/*.c")),
         *compiled.glob("*_parameters.c"),
     ]
     program = folder / f"fuzz-{kind}"
-    options = [f"-I{place}" for place in (ROOT / "firmware", compiled / "include", compiled)]
+    options = [f"-I{place}" for place in (ROOT / "firmware", ROOT / "core" / "include", compiled)]
     options += [f"-D{key}={value}" for key, value in actuator_defines(NAME).items()]
     subprocess.run([clang, *FLAGS, *options, *map(str, sources), "-o", str(program)], check=True)
     return program

@@ -11,20 +11,18 @@ anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
   return range && rates ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-static void enter_selftest(anhyst_levitation *l)
+/* The next sample is judged by its range alone. */
+static void forget(anhyst_levitation *l)
 {
-  l->state = ANHYST_LEVITATION_SELFTEST;
   l->phase = ANHYST_PHASE_REST;
-  l->fault = ANHYST_FAULT_NONE;
-  l->age = 0;
-  l->passed = 0;
-  l->known = 0;
+  l->seen = 0;
+  l->lost = 0;
 }
 
 void anhyst_levitation_start(anhyst_levitation *levitation)
 {
-  enter_selftest(levitation);
-  levitation->state = ANHYST_LEVITATION_INIT;
+  anhyst_supervisor_start(&levitation->supervisor);
+  forget(levitation);
   levitation->position = 0;
   levitation->rest = 0;
   levitation->reference = 0;
@@ -32,7 +30,6 @@ void anhyst_levitation_start(anhyst_levitation *levitation)
   levitation->tick = 0;
   levitation->flags = 0;
   levitation->begins = 0;
-  levitation->demagnetise = 0;
 }
 
 /* A step from one number towards another. */
@@ -45,8 +42,8 @@ static int32_t towards(int32_t from, int32_t to, int32_t step)
  */
 static int is_reachable(const anhyst_levitation *l, int32_t step, int32_t position)
 {
-  const int32_t ticks = (int32_t)l->age + 1;
-  if (l->known == 0U || step > ANHYST_Q31_MAX / ticks) {
+  const int32_t ticks = (int32_t)l->supervisor.age + 1;
+  if (l->seen == 0U || step > ANHYST_Q31_MAX / ticks) {
     return 1;
   }
   return anhyst_abs_q31(anhyst_sub_q31(position, l->position)) <= step * ticks;
@@ -66,14 +63,6 @@ static uint16_t judge(const anhyst_levitation *l, const anhyst_levitation_limits
                                                         : ANHYST_FAULT_POSITION_STEP;
 }
 
-static void enter_fault(anhyst_levitation *l, uint16_t reason)
-{
-  if (l->state != ANHYST_LEVITATION_FAULT) {
-    l->state = ANHYST_LEVITATION_FAULT;
-    l->fault = reason;
-  }
-}
-
 /* Comes down from wherever it is; the position is known. */
 static void come_down(anhyst_levitation *l)
 {
@@ -91,8 +80,6 @@ static void lose_position(anhyst_levitation *l)
     l->tick = 0;
   } else if (l->phase == ANHYST_PHASE_BREAKAWAY) {
     l->phase = ANHYST_PHASE_SET_DOWN;
-  } else if (l->phase == ANHYST_PHASE_CONDITION) {
-    l->phase = ANHYST_PHASE_REST;
   }
 }
 
@@ -109,100 +96,77 @@ static void watch(anhyst_levitation *l, const anhyst_levitation_limits *limits,
                   const anhyst_levitation_input *input)
 {
   const uint16_t wrong = judge(l, limits, input);
+  if (anhyst_supervisor_sample(&l->supervisor, wrong, limits->patience, limits->selftest)) {
+    lose_position(l);
+  }
   if (wrong != ANHYST_FAULT_NONE) {
     l->flags |= ANHYST_SAMPLE_DOUBTFUL;
-    l->passed = 0;
-    if (l->age < UINT16_MAX) {
-      l->age++;
-    }
-    if (l->age > limits->patience) {
-      enter_fault(l, wrong);
-      lose_position(l);
-    }
     return;
   }
   l->position = input->position;
-  l->age = 0;
-  l->known = 1;
-  if (l->state == ANHYST_LEVITATION_SELFTEST) {
-    l->passed++;
-    l->state = l->passed >= limits->selftest ? ANHYST_LEVITATION_IDLE : ANHYST_LEVITATION_SELFTEST;
-  }
-  if (l->phase == ANHYST_PHASE_HOLD) {
+  l->seen = 1;
+  if (l->phase == ANHYST_PHASE_HOLD && l->lost == 0U) {
     begin(l, ANHYST_PHASE_DESCEND);
   }
 }
 
-/* Whether a command can be done now. */
-static int is_allowed(const anhyst_levitation *l, const anhyst_levitation_input *input)
+uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t command,
+                                   uint16_t at_zero)
 {
-  const int resting = l->phase == ANHYST_PHASE_REST && input->at_zero != 0U;
-  switch (input->command) {
-  case ANHYST_COMMAND_NONE:
-    return 1;
-  case ANHYST_COMMAND_CONDITION:
-  case ANHYST_COMMAND_DEMAGNETISED:
-    return resting && (l->state == ANHYST_LEVITATION_IDLE || l->state == ANHYST_LEVITATION_READY);
+  anhyst_levitation *l = levitation;
+  const int resting = l->phase == ANHYST_PHASE_REST || l->phase == ANHYST_PHASE_CONDITION;
+  const anhyst_body body = {1U, resting ? 1U : 0U, at_zero};
+  const uint16_t refused = anhyst_supervisor_obstacle(&l->supervisor, command, &body);
+  if (refused != ANHYST_REFUSED_NOT) {
+    return refused;
+  }
+  anhyst_supervisor_command(&l->supervisor, command, &body);
+  switch (command) {
   case ANHYST_COMMAND_LIFT:
-    return l->state == ANHYST_LEVITATION_READY && l->age == 0U;
+    l->phase = ANHYST_PHASE_BREAKAWAY;
+    l->demand = 0;
+    l->tick = 0;
+    break;
   case ANHYST_COMMAND_LAND:
-    return l->state == ANHYST_LEVITATION_RUN;
   case ANHYST_COMMAND_STOP:
-    return l->state == ANHYST_LEVITATION_RUN || l->phase == ANHYST_PHASE_CONDITION;
+    come_down(l);
+    break;
   case ANHYST_COMMAND_CLEAR:
-    return resting && l->state == ANHYST_LEVITATION_FAULT;
+    forget(l);
+    break;
   default:
-    return 0;
+    break;
+  }
+  return ANHYST_REFUSED_NOT;
+}
+
+void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int lands)
+{
+  anhyst_supervisor_fail(&levitation->supervisor, reason);
+  if (lands) {
+    come_down(levitation);
+  } else {
+    levitation->phase = ANHYST_PHASE_REST;
   }
 }
 
-static void obey(anhyst_levitation *l, const anhyst_levitation_input *input)
+void anhyst_levitation_lose(anhyst_levitation *levitation, uint16_t reason)
 {
-  if (!is_allowed(l, input)) {
-    l->flags |= ANHYST_COMMAND_REFUSED;
-    return;
-  }
-  switch (input->command) {
-  case ANHYST_COMMAND_CONDITION:
-    l->state = ANHYST_LEVITATION_IDLE;
-    l->phase = ANHYST_PHASE_CONDITION;
-    l->tick = -1;
-    break;
-  case ANHYST_COMMAND_DEMAGNETISED:
-    l->state = ANHYST_LEVITATION_READY;
-    l->demagnetise = 1;
-    break;
-  case ANHYST_COMMAND_LIFT:
-    l->state = ANHYST_LEVITATION_RUN;
-    l->phase = ANHYST_PHASE_BREAKAWAY;
-    l->rest = l->position;
-    l->demand = 0;
-    break;
-  case ANHYST_COMMAND_LAND:
-    come_down(l);
-    break;
-  case ANHYST_COMMAND_STOP:
-    if (l->phase == ANHYST_PHASE_CONDITION) {
-      l->phase = ANHYST_PHASE_REST;
-    } else {
-      enter_fault(l, ANHYST_FAULT_STOPPED);
-      come_down(l);
-    }
-    break;
-  case ANHYST_COMMAND_CLEAR:
-    enter_selftest(l);
-    break;
-  default:
-    break;
-  }
+  anhyst_supervisor_fail(&levitation->supervisor, reason);
+  levitation->lost = 1;
+  lose_position(levitation);
 }
 
 static void break_away(anhyst_levitation *l, const anhyst_levitation_settings *settings)
 {
+  if (l->tick == 0) { /* the tick after the command: here it lies */
+    l->rest = l->position;
+    l->tick = 1;
+  }
   if (anhyst_sub_q31(l->position, l->rest) >= settings->detect) {
     begin(l, ANHYST_PHASE_RISE);
   } else if (l->demand >= settings->most) {
-    enter_fault(l, ANHYST_FAULT_NO_LIFT);
+    anhyst_supervisor_fail(&l->supervisor, ANHYST_FAULT_NO_LIFT);
     l->phase = ANHYST_PHASE_SET_DOWN;
   } else {
     l->demand = towards(l->demand, settings->most, settings->lift);
@@ -216,9 +180,7 @@ static void set_down(anhyst_levitation *l, const anhyst_levitation_settings *set
     return;
   }
   l->phase = ANHYST_PHASE_REST;
-  if (l->state == ANHYST_LEVITATION_RUN) {
-    l->state = ANHYST_LEVITATION_READY;
-  }
+  anhyst_supervisor_rest(&l->supervisor);
 }
 
 static void move_reference(anhyst_levitation *l, const anhyst_levitation_settings *settings,
@@ -261,14 +223,11 @@ static void go_on(anhyst_levitation *l, const anhyst_levitation_limits *limits,
       l->phase = ANHYST_PHASE_REST;
     }
     break;
-  case ANHYST_PHASE_CONDITION:
-    l->tick++;
-    if (l->tick >= input->conditioning) {
-      l->phase = ANHYST_PHASE_REST;
-      l->state = ANHYST_LEVITATION_READY;
-    }
-    break;
   case ANHYST_PHASE_REST:
+  case ANHYST_PHASE_CONDITION:
+    l->phase = anhyst_supervisor_condition(&l->supervisor, input->conditioning)
+                   ? ANHYST_PHASE_CONDITION
+                   : ANHYST_PHASE_REST;
     break;
   default:
     /* The first reference is the position itself, so that control begins without a jump. */
@@ -285,14 +244,10 @@ void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitati
 {
   levitation->flags = 0;
   levitation->begins = 0;
-  levitation->demagnetise = 0;
   if (anhyst_levitation_controls(levitation)) {
     levitation->demand = input->demand;
   }
-  if (levitation->state == ANHYST_LEVITATION_INIT) {
-    levitation->state = ANHYST_LEVITATION_SELFTEST;
-  }
+  anhyst_supervisor_begin(&levitation->supervisor);
   watch(levitation, limits, input);
-  obey(levitation, input);
   go_on(levitation, limits, settings, input);
 }

@@ -14,7 +14,7 @@ typedef struct {
 
 static uint16_t word_in_force(const app *a, uint16_t number)
 {
-  const int16_t *words = a->control.compensator.words;
+  const int16_t *words = app_body_compensator(a->control.body, 0)->words;
   return words != NULL ? (uint16_t)words[number] : 0U;
 }
 
@@ -49,14 +49,11 @@ static void say_status(app *a, answer *to)
   const app_control *control = &a->control;
   link_status status;
   port_lock();
-  status.state = (uint8_t)control->state;
-  status.fault = (uint8_t)control->fault;
+  const anhyst_supervisor *states = app_body_states(control->body);
+  status.state = (uint8_t)states->state;
+  status.fault = (uint8_t)states->fault;
   status.flags = control->flags;
-  status.demand = control->demand;
-  status.force = a->sensors.force.value;
-  status.gap = a->sensors.gap.value;
-  status.current = a->sensors.current.value;
-  status.drive = control->drive;
+  app_body_status(control->body, &status);
   status.missed_ticks = control->missed;
   port_unlock();
   status.generation = word_in_force(a, ANHYST_WORD_GENERATION);
@@ -65,6 +62,15 @@ static void say_status(app *a, answer *to)
   to->type = LINK_TYPE_STATUS;
   to->length = LINK_SIZE_STATUS;
   link_put_status(to->payload, &status);
+}
+
+static void say_status_or_nak(app *a, answer *to, uint16_t request, uint16_t reason)
+{
+  if (reason == LINK_REASON_NONE) {
+    say_status(a, to);
+  } else {
+    say_nak(to, request, reason, 0);
+  }
 }
 
 static void on_hello(app *a, const uint8_t *p, answer *to)
@@ -88,6 +94,8 @@ static void on_hello(app *a, const uint8_t *p, answer *to)
   info.model = word_in_force(a, ANHYST_WORD_MODEL) |
                ((uint32_t)word_in_force(a, ANHYST_WORD_MODEL + 1) << 16);
   info.rate = board->rate;
+  info.body = board->plan != NULL ? LINK_BODY_POSITION : LINK_BODY_FORCE;
+  info.magnets = app_body_compensator(a->control.body, 1) != NULL ? 2U : 1U;
   to->type = LINK_TYPE_INFO;
   to->length = LINK_SIZE_INFO;
   link_put_info(to->payload, &info);
@@ -104,9 +112,19 @@ static void on_demand(app *a, const uint8_t *p, answer *to)
   link_demand demand;
   link_get_demand(&demand, p);
   port_lock();
-  a->control.target = demand.force; /* `run` begins with zero, whatever came before */
+  const uint16_t reason = app_body_demand(a->control.body, demand.force);
   port_unlock();
-  say_status(a, to);
+  say_status_or_nak(a, to, LINK_TYPE_DEMAND, reason);
+}
+
+static void on_target(app *a, const uint8_t *p, answer *to)
+{
+  link_target target;
+  link_get_target(&target, p);
+  port_lock();
+  const uint16_t reason = app_body_target(a->control.body, target.position);
+  port_unlock();
+  say_status_or_nak(a, to, LINK_TYPE_TARGET, reason);
 }
 
 static void on_command(app *a, const uint8_t *p, answer *to)
@@ -114,8 +132,8 @@ static void on_command(app *a, const uint8_t *p, answer *to)
   link_command command;
   link_get_command(&command, p);
   port_lock();
-  const uint16_t reason = app_control_command(&a->control, &a->sensors, command.command);
-  const uint16_t state = a->control.state;
+  const uint16_t reason = app_control_command(&a->control, command.command);
+  const uint16_t state = app_body_states(a->control.body)->state;
   port_unlock();
   say_done(to, LINK_TYPE_COMMAND, reason, state);
 }
@@ -144,9 +162,9 @@ static void on_setting_write(app *a, const uint8_t *p, answer *to)
   link_setting_write write;
   link_get_setting_write(&write, p);
   port_lock();
-  const uint16_t state = a->control.state;
+  const uint16_t state = app_body_states(a->control.body)->state;
   const uint16_t reason =
-      app_setting_obstacle(a->board, write.setting, write.value, state == LINK_STATE_RUN);
+      app_setting_obstacle(a->board, write.setting, write.value, state == ANHYST_STATE_RUN);
   if (reason == LINK_REASON_NONE) {
     a->settings[write.setting] = write.value;
   }
@@ -162,7 +180,8 @@ static void on_block_begin(app *a, const uint8_t *p, answer *to)
 {
   link_block_begin begin;
   link_get_block_begin(&begin, p);
-  const uint16_t reason = app_download_begin(&a->download, &begin, a->control.compensator.words);
+  const uint16_t reason =
+      app_download_begin(&a->download, &begin, app_body_compensator(a->control.body, 0)->words);
   say_done(to, LINK_TYPE_BLOCK_BEGIN, reason, 0);
 }
 
@@ -180,16 +199,19 @@ static void on_block_data(app *a, const uint8_t *p, uint8_t tail, answer *to)
 static void swap(app *a, const int16_t *words)
 {
   anhyst_compensator fresh;
-  anhyst_compensator *compensator = &a->control.compensator;
-  const int first = compensator->words == NULL;
+  const int first = app_body_compensator(a->control.body, 0)->words == NULL;
   if (first) {
     (void)anhyst_compensator_init(&fresh, a->board->kernel, words, a->download.announced.words);
   }
   port_lock();
   if (first) {
-    *compensator = fresh;
+    *app_body_compensator(a->control.body, 0) = fresh;
+    anhyst_compensator *second = app_body_compensator(a->control.body, 1);
+    if (second != NULL) {
+      *second = fresh;
+    }
   } else {
-    app_control_swap(&a->control, words);
+    app_body_swap(a->control.body, words);
   }
   port_unlock();
 }
@@ -303,6 +325,7 @@ static const request_kind kinds[] = {
     {LINK_TYPE_HELLO, LINK_SIZE_HELLO, on_hello},
     {LINK_TYPE_HEARTBEAT, LINK_SIZE_HEARTBEAT, on_heartbeat},
     {LINK_TYPE_DEMAND, LINK_SIZE_DEMAND, on_demand},
+    {LINK_TYPE_TARGET, LINK_SIZE_TARGET, on_target},
     {LINK_TYPE_COMMAND, LINK_SIZE_COMMAND, on_command},
     {LINK_TYPE_SETTING_READ, LINK_SIZE_SETTING_READ, on_setting_read},
     {LINK_TYPE_SETTING_WRITE, LINK_SIZE_SETTING_WRITE, on_setting_write},

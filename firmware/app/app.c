@@ -23,7 +23,7 @@ void app_start(app *a, const app_board *board)
 {
   a->board = board;
   app_settings_start(a->settings, board);
-  app_control_start(&a->control, &a->sensors, board);
+  app_control_start(&a->control, board);
   session_start(&a->session);
   app_recorder_start(&a->recorder);
   app_download_start(&a->download);
@@ -33,15 +33,8 @@ static void record(app *a, const port_sample *sample)
 {
   const app_control *control = &a->control;
   int32_t signals[LINK_SIGNAL_COUNT];
-  signals[LINK_SIGNAL_DEMAND] = control->demand;
-  signals[LINK_SIGNAL_FORCE] = sample->force;
-  signals[LINK_SIGNAL_GAP] = sample->gap;
-  signals[LINK_SIGNAL_CURRENT] = sample->current[0];
-  signals[LINK_SIGNAL_DRIVE] = control->drive;
-  signals[LINK_SIGNAL_FLUX] = control->compensator.flux_applied;
-  signals[LINK_SIGNAL_EXPECTED] =
-      control->compensator.words != NULL ? anhyst_compensator_output_q31(&control->compensator) : 0;
-  signals[LINK_SIGNAL_STATE] = control->state;
+  app_body_signals(control->body, sample, signals);
+  signals[LINK_SIGNAL_STATE] = app_body_states(control->body)->state;
   signals[LINK_SIGNAL_FLAGS] = control->flags;
   app_recorder_tick(&a->recorder, control->tick, signals);
 }
@@ -53,11 +46,14 @@ void app_tick(app *a)
   if ((sample.status & PORT_NO_SAMPLE) != 0U) {
     sample.gap = PORT_RESERVED;
     sample.force = PORT_RESERVED;
+    sample.position = PORT_RESERVED;
     sample.current[0] = PORT_RESERVED;
+    sample.current[1] = PORT_RESERVED;
   }
-  const int32_t drive[PORT_CURRENTS] = {
-      app_control_tick(&a->control, &a->sensors, a->board, a->settings, &sample), 0};
-  port_drive(drive, a->control.state + 256U * a->control.fault);
+  int32_t drive[PORT_CURRENTS];
+  app_control_tick(&a->control, a->board, a->settings, &sample, drive);
+  const anhyst_supervisor *states = app_body_states(a->control.body);
+  port_drive(drive, states->state + 256U * states->fault);
   record(a, &sample);
 }
 

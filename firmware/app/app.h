@@ -42,7 +42,6 @@ typedef struct {
 typedef struct {
   const app_board *board;
   app_control control;
-  app_sensors sensors;
   int32_t settings[LINK_SETTING_COUNT];
   app_session session;
   app_recorder recorder;

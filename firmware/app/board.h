@@ -5,6 +5,7 @@
 #define ANHYST_FIRMWARE_BOARD_H
 
 #include "anhyst/compensator.h"
+#include "anhyst/supervisor.h"
 
 /* What a sensor can plausibly show, q30.
 
@@ -25,7 +26,8 @@ typedef struct {
   app_sensor_limits gap;
   app_sensor_limits force;
   app_sensor_limits current;
-  int32_t current_low; /* q31: the current driven never leaves low..high; low <= 0 <= high */
+  app_sensor_limits position; /* stuck alone: range and slew are the controller's */
+  int32_t current_low;        /* q31: the current driven never leaves low..high; low <= 0 <= high */
   int32_t current_high;
   int32_t stuck_current;   /* q31 */
   uint16_t doubtful_ticks; /* samples in a row that may be implausible before it is a fault */
@@ -35,7 +37,15 @@ typedef struct {
   uint16_t heartbeat_ms;   /* the most that the setting heartbeat_ticks may allow */
 } app_limits;
 
+/* The state of the body of force (force/force.h) or of position (position/flight.h). */
+typedef struct app_body app_body;
+
+/* What the body of position is made of (position/flight.h). */
+typedef struct app_plan app_plan;
+
 typedef struct {
+  app_body *body;       /* memory of the body that the firmware is built with */
+  const app_plan *plan; /* of a body of position */
   const anhyst_kernel *kernel;
   const int16_t *words;    /* parameter block built in */
   uint16_t words_capacity; /* words that may be read there */

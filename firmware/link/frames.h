@@ -17,7 +17,8 @@ enum {
      already it is answered and changes nothing. */
   LINK_TYPE_HELLO = 1,
   LINK_TYPE_HEARTBEAT = 2, /* Asks for the status. */
-  /* The demanded force, in force from the next tick. Without effect outside run. */
+  /* The demanded force, in force from the next tick. Without effect outside run and on a position.
+     */
   LINK_TYPE_DEMAND = 3,
   LINK_TYPE_COMMAND = 4, /* Changes the state. Detail of the answer: the state entered. */
   LINK_TYPE_SETTING_READ = 5, /* Asks for a setting. */
@@ -34,6 +35,9 @@ enum {
   LINK_TYPE_RECORDER_SETUP = 11,
   LINK_TYPE_RECORDER_QUERY = 12, /* Asks what the recorder does. */
   LINK_TYPE_RECORDER_READ = 13, /* Asks for recorded numbers; only when the recorder is done. */
+  /* The position to go to and hold, from the next tick on; before lifting, the first one. Refused
+     beyond the positions that can be, and by a controller of force. */
+  LINK_TYPE_TARGET = 14,
   LINK_TYPE_INFO = 129, /* Who the controller is. */
   LINK_TYPE_STATUS = 130, /* What the controller did in the tick that its head names. */
   LINK_TYPE_ACK = 131, /* Done. */
@@ -43,59 +47,7 @@ enum {
   LINK_TYPE_RECORDER_INFO = 135, /* What the recorder does. */
   /* Recorded numbers, record by record, in a record signal by signal. */
   LINK_TYPE_RECORDER_DATA = 136,
-  LINK_TYPE_COUNT = 21
-};
-
-/* State of the controller. */
-enum {
-  LINK_STATE_INIT = 0, /* power on, before the first tick */
-  LINK_STATE_SELFTEST = 1, /* sensors watched for a while, no current */
-  LINK_STATE_IDLE = 2, /* no current, or conditioning (flag) */
-  LINK_STATE_READY = 3, /* the memory of the iron is taken as known, no current */
-  LINK_STATE_RUN = 4, /* the current follows the demand */
-  LINK_STATE_FAULT = 5, /* current ramped to zero, reason latched */
-  LINK_STATE_COUNT = 6
-};
-
-/* Why the controller went to the state fault; the first reason is kept. */
-enum {
-  LINK_FAULT_NONE = 0,
-  LINK_FAULT_BLOCK = 1, /* the parameter block built in is not sound */
-  LINK_FAULT_LINK_LOST = 2, /* no new request for heartbeat_ticks while current may flow */
-  LINK_FAULT_MISSED_TICK = 3, /* more ticks missed in a row than the board allows */
-  LINK_FAULT_SENSOR_FAILED = 4, /* the port had no sample: the sensors did not answer */
-  LINK_FAULT_GAP_RESERVED = 5, /* the gap's sensor sent its error code */
-  LINK_FAULT_GAP_RANGE = 6, /* gap out of its plausible range */
-  LINK_FAULT_GAP_SLEW = 7, /* gap changed faster than it can */
-  LINK_FAULT_GAP_STUCK = 8, /* gap showed no noise although the current moved */
-  LINK_FAULT_FORCE_RESERVED = 9, /* the force sensor sent its error code */
-  LINK_FAULT_FORCE_RANGE = 10, /* force out of its plausible range */
-  LINK_FAULT_FORCE_SLEW = 11, /* force changed faster than it can */
-  LINK_FAULT_FORCE_STUCK = 12, /* force did not change although the current moved */
-  LINK_FAULT_CURRENT_RESERVED = 13, /* the current's sensor sent its error code */
-  LINK_FAULT_CURRENT_RANGE = 14, /* current out of its plausible range */
-  LINK_FAULT_CURRENT_SLEW = 15, /* current changed faster than it can */
-  LINK_FAULT_CURRENT_STUCK = 16, /* the measured current did not change although it should have */
-  LINK_FAULT_AMPLIFIER = 17, /* an amplifier reports a fault or does not answer */
-  LINK_FAULT_EMERGENCY_STOP = 18, /* the emergency stop is open */
-  LINK_FAULT_OVER_CURRENT = 19, /* the hardware saw more current than can be */
-  LINK_FAULT_SUPPLY = 20, /* the supply sags */
-  LINK_FAULT_TOO_WARM = 21, /* winding or power stage: I^2 t has passed its limit */
-  LINK_FAULT_COUNT = 22
-};
-
-/* What a command asks for. */
-enum {
-  LINK_COMMAND_IDLE = 0, /* ready, run or conditioning to idle */
-  /* idle, at zero current: the conditioning sequence, then by itself to ready */
-  LINK_COMMAND_CONDITION = 1,
-  LINK_COMMAND_ARM = 2, /* idle to ready: the memory is taken as it stands */
-  LINK_COMMAND_RUN = 3, /* ready to run, demand zero, once the current is zero */
-  LINK_COMMAND_STOP = 4, /* run to ready */
-  LINK_COMMAND_CLEAR = 5, /* fault to selftest, once the current is zero */
-  /* in idle, at zero current: the memory is set to that of demagnetised iron */
-  LINK_COMMAND_DEMAGNETISED = 6,
-  LINK_COMMAND_COUNT = 7
+  LINK_TYPE_COUNT = 22
 };
 
 /* Why a request was not done (NAK). */
@@ -119,6 +71,13 @@ enum {
   /* made for other full scales, gaps, rate or units; detail: the first word that differs */
   LINK_REASON_SCALE = 13,
   LINK_REASON_COUNT = 14
+};
+
+/* What a controller controls. */
+enum {
+  LINK_BODY_FORCE = 0, /* the force of a magnet */
+  LINK_BODY_POSITION = 1, /* the position of a levitating armature */
+  LINK_BODY_COUNT = 2
 };
 
 /* When the recorder starts. */
@@ -162,22 +121,12 @@ enum {
   LINK_SIGNAL_EXPECTED = 6, /* force that the model expects after the commit, q31 */
   LINK_SIGNAL_STATE = 7, /* state, as a number */
   LINK_SIGNAL_FLAGS = 8, /* flags, as in status */
-  LINK_SIGNAL_COUNT = 9
-};
-
-/* Bits of status.flags. */
-enum {
-  /* by the parameter block or the residual force, as of the last tick */
-  LINK_FLAG_DEMAND_LIMITED = 1,
-  LINK_FLAG_CURRENT_LIMITED = 2, /* by the parameter block or the board */
-  LINK_FLAG_FLUX_LIMITED = 4, /* by the parameter block */
-  LINK_FLAG_DEMAND_SLEWING = 8, /* the demand in force is still on its way */
-  LINK_FLAG_CONDITIONING = 16, /* the conditioning sequence runs */
-  LINK_FLAG_KNOWN = 32, /* the memory of the iron is taken as known */
-  LINK_FLAG_CURRENT_ZERO = 64, /* the current driven is zero */
-  /* an implausible sample was replaced by the last plausible one */
-  LINK_FLAG_SAMPLE_DOUBTFUL = 128,
-  LINK_FLAG_COUNT = 8
+  LINK_SIGNAL_POSITION = 9, /* measured position, q31 of the controller's full scale */
+  LINK_SIGNAL_REFERENCE = 10, /* position controlled to, likewise */
+  LINK_SIGNAL_PHASE = 11, /* phase, as a number */
+  LINK_SIGNAL_CURRENT_2 = 12, /* measured current of the second magnet, q30 */
+  LINK_SIGNAL_DRIVE_2 = 13, /* current driven there, q31 */
+  LINK_SIGNAL_COUNT = 14
 };
 
 /* Low, high, value at the start, whether it may be written in the state run. */
@@ -204,7 +153,7 @@ static inline void link_get_hello(link_hello *m, const uint8_t *p)
 #define LINK_SIZE_HEARTBEAT 0
 
 #define LINK_SIZE_DEMAND 4
-/* The demanded force, in force from the next tick. Without effect outside run. */
+/* The demanded force, in force from the next tick. Without effect outside run and on a position. */
 typedef struct {
   int32_t force; /* q31 of the full-scale force */
 } link_demand;
@@ -328,7 +277,18 @@ static inline void link_get_recorder_read(link_recorder_read *m, const uint8_t *
   m->values = link_get_u16(p + 4);
 }
 
-#define LINK_SIZE_INFO 24
+#define LINK_SIZE_TARGET 4
+/* The position to go to and hold, from the next tick on; before lifting, the first one. Refused
+   beyond the positions that can be, and by a controller of force. */
+typedef struct {
+  int32_t position; /* q31 of the controller's full scale */
+} link_target;
+static inline void link_get_target(link_target *m, const uint8_t *p)
+{
+  m->position = link_get_i32(p + 0);
+}
+
+#define LINK_SIZE_INFO 28
 /* Who the controller is. */
 typedef struct {
   uint16_t version; /* protocol version */
@@ -341,6 +301,8 @@ typedef struct {
   uint16_t ramp; /* ms from full current to zero in the safe state */
   uint32_t model; /* first 32 bits of the hash of the model of the block */
   uint32_t rate; /* ticks a second */
+  uint16_t body; /* what it controls, one of body */
+  uint16_t magnets; /* 1, or 2 that pull against each other */
 } link_info;
 static inline void link_put_info(uint8_t *p, const link_info *m)
 {
@@ -354,9 +316,11 @@ static inline void link_put_info(uint8_t *p, const link_info *m)
   link_put_u16(p + 14, m->ramp);
   link_put_u32(p + 16, m->model);
   link_put_u32(p + 20, m->rate);
+  link_put_u16(p + 24, m->body);
+  link_put_u16(p + 26, m->magnets);
 }
 
-#define LINK_SIZE_STATUS 32
+#define LINK_SIZE_STATUS 50
 /* What the controller did in the tick that its head names. */
 typedef struct {
   uint8_t state; /* one of state */
@@ -371,6 +335,11 @@ typedef struct {
   uint16_t bad_frames; /* frames thrown away, modulo 65536 */
   uint16_t lost_frames; /* sequence numbers left out, modulo 65536 */
   uint16_t missed_ticks; /* since power on, modulo 65536 */
+  uint16_t phase; /* one of phase */
+  int32_t position; /* the last plausible one, q31 */
+  int32_t reference; /* position controlled to, q31 */
+  int32_t current_2; /* measured, of the second magnet, q30 */
+  int32_t drive_2; /* current driven there, q31 */
 } link_status;
 static inline void link_put_status(uint8_t *p, const link_status *m)
 {
@@ -386,6 +355,11 @@ static inline void link_put_status(uint8_t *p, const link_status *m)
   link_put_u16(p + 26, m->bad_frames);
   link_put_u16(p + 28, m->lost_frames);
   link_put_u16(p + 30, m->missed_ticks);
+  link_put_u16(p + 32, m->phase);
+  link_put_u32(p + 34, (uint32_t)m->position);
+  link_put_u32(p + 38, (uint32_t)m->reference);
+  link_put_u32(p + 42, (uint32_t)m->current_2);
+  link_put_u32(p + 46, (uint32_t)m->drive_2);
 }
 
 #define LINK_SIZE_ACK 4

@@ -22,8 +22,10 @@ static const app_limits start_limits = {
 };
 
 static int16_t scales[ANHYST_SCALE_WORDS];
+static app_body body;
 
 static app_board board = {
+    .body = &body,
     .kernel = &fake_kernel,
     .words = bench_words,
     .words_capacity = BENCH_WORDS,
@@ -188,6 +190,6 @@ uint16_t bench_state(void)
 void bench_run(void)
 {
   bench_ticks(12);
-  (void)bench_command(LINK_COMMAND_ARM);
-  (void)bench_command(LINK_COMMAND_RUN);
+  (void)bench_command(ANHYST_COMMAND_ARM);
+  (void)bench_command(ANHYST_COMMAND_RUN);
 }

@@ -5,6 +5,7 @@
 
 #include "app/app.h"
 #include "fake_compensator.h"
+#include "force/force.h"
 
 #define BENCH_WORDS 64
 #define BENCH_RATE 1000

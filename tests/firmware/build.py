@@ -16,7 +16,14 @@ ROOT = HERE.parents[1]
 
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 SANITIZERS = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-FIRMWARE = [*sorted(ROOT.glob("firmware/link/*.c")), *sorted(ROOT.glob("firmware/app/*.c"))]
+FIRMWARE = [
+    *(
+        file
+        for part in ("link", "app", "force")
+        for file in sorted(ROOT.glob(f"firmware/{part}/*.c"))
+    ),
+    ROOT / "core" / "src" / "supervisor.c",
+]
 
 
 def tool(*names: str) -> str:

@@ -4,6 +4,7 @@
    behaviour sanitizers watch the memory, `require` watches what must hold at any time. */
 #include "boards/actuator.h"
 #include "app/app.h"
+#include "force/force.h"
 #include "link/crc.h"
 
 #include <stdlib.h>
@@ -31,9 +32,12 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
+static app_body body;
+
 static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
 
 static const app_board board = {
+    .body = &body,
     .kernel = &ACTUATOR_KERNEL,
     .words = ACTUATOR_PARAMETERS,
     .words_capacity = ACTUATOR_PARAMETERS_WORDS,
@@ -44,6 +48,7 @@ static const app_board board = {
 };
 
 static app fresh; /* as app_start leaves it: its check of the block would take most of the time */
+static app_body fresh_body;
 static app firmware;
 static port_sample sample;
 static int32_t drive;
@@ -128,7 +133,7 @@ static void put_byte(uint8_t byte)
 /* What must hold whatever was sent. */
 static void check_session(void)
 {
-  const int16_t *words = firmware.control.compensator.words;
+  const int16_t *words = firmware.control.body->compensator.words;
   require(locks == 0);
   require(answers == requests && line.bad == 0 && firmware.session.receiver.bad == twin.bad);
   require(words == ACTUATOR_PARAMETERS || words == firmware.download.words[0] ||
@@ -155,18 +160,19 @@ static int32_t magnitude(int32_t value) { return value < 0 ? -(value + 1) : valu
 static void tick(void)
 {
   const app_control *control = &firmware.control;
+  const anhyst_supervisor *states = app_body_states(control->body);
   const int32_t before = drive;
-  const int was_live = control->state == LINK_STATE_RUN || control->step >= 0;
+  const int was_live = states->state == ANHYST_STATE_RUN || states->conditioning != 0U;
   app_tick(&firmware);
   require(drive >= limits.current_low && drive <= limits.current_high);
-  require(control->state <= LINK_STATE_FAULT && control->fault < LINK_FAULT_COUNT);
-  require((control->state == LINK_STATE_FAULT) == (control->fault != LINK_FAULT_NONE));
-  require(drive_state == control->state + 256U * control->fault);
+  require(states->state <= ANHYST_STATE_FAULT && states->fault < ANHYST_FAULT_COUNT);
+  require((states->state == ANHYST_STATE_FAULT) == (states->fault != ANHYST_FAULT_NONE));
+  require(drive_state == states->state + 256U * states->fault);
   require(control->tick == sample.tick);
-  if (control->state == LINK_STATE_FAULT || !was_live) {
+  if (states->state == ANHYST_STATE_FAULT || !was_live) {
     /* the safe state: one step of the ramp nearer to zero, at least */
     const int32_t size = magnitude(before);
-    require(magnitude(drive) <= (size > control->ramp ? size - control->ramp + 1 : 0));
+    require(magnitude(drive) <= (size > control->body->ramp ? size - control->body->ramp + 1 : 0));
   }
 }
 
@@ -339,6 +345,7 @@ static void step(script *s)
 static void start(void)
 {
   firmware = fresh;
+  body = fresh_body;
   memset(&sample, 0, sizeof sample);
   sample.gap = PORT_ONE / 2;
   drive = 0;
@@ -369,7 +376,8 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
   (void)argc;
   (void)argv;
   app_start(&fresh, &board);
-  require(fresh.control.compensator.words != NULL);
+  fresh_body = body;
+  require(body.compensator.words != NULL);
   return 0;
 }
 

@@ -5,18 +5,20 @@
 #include "bench.h"
 
 static const app_control *control(void) { return &bench.firmware.control; }
+static const anhyst_supervisor *states(void) { return app_body_states(control()->body); }
+static app_body *force(void) { return control()->body; }
 
 static void power_on_leads_through_selftest_to_idle_without_current(void)
 {
   bench_start();
-  CHECK(control()->state == LINK_STATE_INIT);
+  CHECK(states()->state == ANHYST_STATE_INIT);
   for (int i = 0; i < 9; i++) {
     bench_ticks(1);
-    CHECK(control()->state == LINK_STATE_SELFTEST && bench.drive == 0);
+    CHECK(states()->state == ANHYST_STATE_SELFTEST && bench.drive == 0);
   }
   bench_ticks(1);
-  CHECK(control()->state == LINK_STATE_IDLE && bench.drive == 0);
-  CHECK((bench.drive_state & 0xFFU) == LINK_STATE_IDLE);
+  CHECK(states()->state == ANHYST_STATE_IDLE && bench.drive == 0);
+  CHECK((bench.drive_state & 0xFFU) == ANHYST_STATE_IDLE);
 }
 
 static void a_block_that_is_not_sound_is_a_fault_that_clear_does_not_cure(void)
@@ -26,8 +28,8 @@ static void a_block_that_is_not_sound_is_a_fault_that_clear_does_not_cure(void)
   app_start(&bench.firmware, bench.firmware.board);
   (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   bench_ticks(1);
-  CHECK(control()->state == LINK_STATE_FAULT && control()->fault == LINK_FAULT_BLOCK);
-  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_NAK);
+  CHECK(states()->state == ANHYST_STATE_FAULT && states()->fault == ANHYST_FAULT_BLOCK);
+  CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_BLOCK);
   bench_ticks(50);
   CHECK(bench.drive == 0 && fake.commits == 0);
@@ -40,62 +42,66 @@ static void current_follows_the_demand_in_run_alone(void)
   (void)bench_demand(1000);
   bench_ticks(2);
   CHECK(bench.drive == 0);
-  (void)bench_command(LINK_COMMAND_ARM);
+  (void)bench_command(ANHYST_COMMAND_ARM);
   (void)bench_demand(1000);
   bench_ticks(2);
-  CHECK(bench.drive == 0 && control()->state == LINK_STATE_READY);
-  (void)bench_command(LINK_COMMAND_RUN);
+  CHECK(bench.drive == 0 && states()->state == ANHYST_STATE_READY);
+  (void)bench_command(ANHYST_COMMAND_RUN);
   bench_ticks(1);
-  CHECK(bench.drive == 0 && control()->state == LINK_STATE_RUN);
+  CHECK(bench.drive == 0 && states()->state == ANHYST_STATE_RUN);
   (void)bench_demand(1000);
   bench_ticks(1);
   CHECK(bench.drive == 500);
-  (void)bench_command(LINK_COMMAND_STOP);
+  (void)bench_command(ANHYST_COMMAND_STOP);
   bench_ticks(1);
-  CHECK(control()->state == LINK_STATE_READY && bench.drive == 0);
+  CHECK(states()->state == ANHYST_STATE_READY && bench.drive == 0);
 }
 
 /* Brings the controller to one of idle, ready, run and fault. */
-static void go_to(int state)
+static void go_to(uint16_t state)
 {
   bench_start();
   bench_ticks(12);
-  if (state == LINK_STATE_READY || state == LINK_STATE_RUN) {
-    (void)bench_command(LINK_COMMAND_ARM);
+  if (state == ANHYST_STATE_READY || state == ANHYST_STATE_RUN) {
+    (void)bench_command(ANHYST_COMMAND_ARM);
   }
-  if (state == LINK_STATE_RUN) {
-    (void)bench_command(LINK_COMMAND_RUN);
+  if (state == ANHYST_STATE_RUN) {
+    (void)bench_command(ANHYST_COMMAND_RUN);
   }
-  if (state == LINK_STATE_FAULT) {
+  if (state == ANHYST_STATE_FAULT) {
     bench.sample.tick += 100;
     bench_ticks(1);
   }
-  CHECK(control()->state == state);
+  CHECK(states()->state == state);
 }
 
 /* Each command in each state: where it leads, -1 where it is refused. */
 static void commands_are_done_in_their_states_alone(void)
 {
-  static const int leads[LINK_COMMAND_COUNT][4] = {
-      /* from idle, ready, run, fault */
-      {LINK_STATE_IDLE, LINK_STATE_IDLE, LINK_STATE_IDLE, -1}, /* idle */
-      {LINK_STATE_IDLE, -1, -1, -1},                           /* condition */
-      {LINK_STATE_READY, -1, -1, -1},                          /* arm */
-      {-1, LINK_STATE_RUN, -1, -1},                            /* run */
-      {-1, -1, LINK_STATE_READY, -1},                          /* stop */
-      {-1, -1, -1, LINK_STATE_SELFTEST},                       /* clear */
-      {LINK_STATE_IDLE, -1, -1, -1},                           /* demagnetised */
+  static const int leads[ANHYST_COMMAND_COUNT][4] = {
+      /* from idle, ready, run, fault; -2: there is no such command */
+      {ANHYST_STATE_IDLE, ANHYST_STATE_READY, ANHYST_STATE_RUN, ANHYST_STATE_FAULT}, /* none */
+      {ANHYST_STATE_IDLE, ANHYST_STATE_IDLE, -1, -1},                                /* condition */
+      {ANHYST_STATE_READY, ANHYST_STATE_READY, -1, -1},              /* demagnetised */
+      {-2, -2, -2, -2},                                              /* lift */
+      {-2, -2, -2, -2},                                              /* land */
+      {-1, -1, ANHYST_STATE_READY, -1},                              /* stop */
+      {-1, -1, -1, ANHYST_STATE_SELFTEST},                           /* clear */
+      {ANHYST_STATE_IDLE, ANHYST_STATE_IDLE, ANHYST_STATE_IDLE, -1}, /* idle */
+      {ANHYST_STATE_READY, -1, -1, -1},                              /* arm */
+      {-1, ANHYST_STATE_RUN, -1, -1},                                /* run */
   };
-  for (int command = 0; command < LINK_COMMAND_COUNT; command++) {
+  for (int command = 0; command < (int)ANHYST_COMMAND_COUNT; command++) {
     for (int from = 0; from < 4; from++) {
       const int wanted = leads[command][from];
-      go_to(LINK_STATE_IDLE + from);
+      go_to((uint16_t)(ANHYST_STATE_IDLE + (unsigned)from));
       (void)bench_command((uint16_t)command);
-      CHECK(bench_reason() == (wanted < 0 ? LINK_REASON_STATE : LINK_REASON_NONE));
-      CHECK(bench_detail() == (wanted < 0 ? LINK_STATE_IDLE + from : wanted));
+      const int refusal = wanted == -2 ? LINK_REASON_VALUE : LINK_REASON_STATE;
+      CHECK(bench_reason() == (wanted < 0 ? refusal : LINK_REASON_NONE));
+      CHECK(bench_detail() == (wanted < 0 ? (int)ANHYST_STATE_IDLE + from : wanted));
     }
   }
-  CHECK(bench_command(LINK_COMMAND_COUNT) == LINK_TYPE_NAK);
+  CHECK(bench_command(ANHYST_COMMAND_COUNT) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_VALUE);
 }
 
@@ -103,29 +109,30 @@ static void conditioning_drives_its_sequence_and_ends_ready(void)
 {
   bench_start();
   bench_ticks(12);
-  (void)bench_command(LINK_COMMAND_CONDITION);
+  (void)bench_command(ANHYST_COMMAND_CONDITION);
   for (int i = 1; i <= FAKE_CYCLES * FAKE_CYCLE_TICKS; i++) {
-    CHECK(control()->state == LINK_STATE_IDLE);
-    CHECK((control()->flags & LINK_FLAG_CONDITIONING) != 0);
+    CHECK(states()->state == ANHYST_STATE_IDLE);
+    CHECK((control()->flags & ANHYST_CONDITIONING) != 0);
     bench_ticks(1);
     CHECK(bench.drive == i * FAKE_CONDITION_STEP);
     CHECK(fake.committed == bench.drive);
   }
-  CHECK(control()->state == LINK_STATE_READY && (control()->flags & LINK_FLAG_KNOWN) != 0);
+  bench_ticks(1); /* the tick after the last of the sequence */
+  CHECK(states()->state == ANHYST_STATE_READY && (control()->flags & ANHYST_KNOWN) != 0);
   bench_ticks(25);
-  CHECK(bench.drive == 0 && (control()->flags & LINK_FLAG_CONDITIONING) == 0);
+  CHECK(bench.drive == 0 && (control()->flags & ANHYST_CONDITIONING) == 0);
 }
 
 static void conditioning_is_ended_by_idle_and_then_nothing_is_known(void)
 {
   bench_start();
   bench_ticks(12);
-  (void)bench_command(LINK_COMMAND_CONDITION);
+  (void)bench_command(ANHYST_COMMAND_CONDITION);
   bench_ticks(3);
-  (void)bench_command(LINK_COMMAND_IDLE);
+  (void)bench_command(ANHYST_COMMAND_IDLE);
   bench_ticks(30);
-  CHECK(control()->state == LINK_STATE_IDLE && bench.drive == 0);
-  CHECK((control()->flags & LINK_FLAG_KNOWN) == 0);
+  CHECK(states()->state == ANHYST_STATE_IDLE && bench.drive == 0);
+  CHECK((control()->flags & ANHYST_KNOWN) == 0);
 }
 
 /* Runs at the board's largest current, breaks something, and checks reason and ramp. */
@@ -139,12 +146,12 @@ static void begin_at_full_current(void)
 
 static void falls_safely(uint16_t fault)
 {
-  CHECK(control()->state == LINK_STATE_FAULT);
-  if (control()->fault != fault) {
-    printf("reason %d instead of %d\n", (int)control()->fault, (int)fault);
+  CHECK(states()->state == ANHYST_STATE_FAULT);
+  if (states()->fault != fault) {
+    printf("reason %d instead of %d\n", (int)states()->fault, (int)fault);
   }
-  CHECK(control()->fault == fault);
-  CHECK(bench.drive_state == LINK_STATE_FAULT + 256U * fault);
+  CHECK(states()->fault == fault);
+  CHECK(bench.drive_state == ANHYST_STATE_FAULT + 256U * fault);
   int32_t last = bench.drive;
   /* 20 ms at 1000 ticks a second; the fault's own tick was the first. */
   for (int i = 0; i < 19; i++) {
@@ -153,19 +160,19 @@ static void falls_safely(uint16_t fault)
     last = bench.drive;
   }
   CHECK(bench.drive == 0);
-  CHECK(control()->fault == fault);
+  CHECK(states()->fault == fault);
   /* Nothing but clear leads out, and that through selftest. */
   bench_ticks(200);
-  CHECK(control()->state == LINK_STATE_FAULT);
-  CHECK(bench_command(LINK_COMMAND_ARM) == LINK_TYPE_NAK);
-  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_ACK);
+  CHECK(states()->state == ANHYST_STATE_FAULT);
+  CHECK(bench_command(ANHYST_COMMAND_ARM) == LINK_TYPE_NAK);
+  CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
 }
 
 static void comes_back_on_clear(void)
 {
   bench_ticks(12);
-  CHECK(control()->state == LINK_STATE_IDLE && control()->fault == LINK_FAULT_NONE);
-  CHECK((control()->flags & LINK_FLAG_KNOWN) == 0);
+  CHECK(states()->state == ANHYST_STATE_IDLE && states()->fault == ANHYST_FAULT_NONE);
+  CHECK((control()->flags & ANHYST_KNOWN) == 0);
 }
 
 /* Ticks with one sensor showing this, the others as they are. */
@@ -186,17 +193,17 @@ static void each_sensor_fault_has_its_reason(void)
     const int32_t beyond[2] = {INT32_MAX, -INT32_MAX};
     begin_at_full_current();
     show(sensors[i], PORT_RESERVED, 3);
-    falls_safely((uint16_t)(LINK_FAULT_GAP_RESERVED + 4 * i));
+    falls_safely((uint16_t)(ANHYST_FAULT_GAP_RESERVED + 4U * (unsigned)i));
     comes_back_on_clear();
     for (int side = 0; side < 2; side++) {
       begin_at_full_current();
       show(sensors[i], beyond[side], 3);
-      falls_safely((uint16_t)(LINK_FAULT_GAP_RANGE + 4 * i));
+      falls_safely((uint16_t)(ANHYST_FAULT_GAP_RANGE + 4U * (unsigned)i));
       comes_back_on_clear();
     }
     begin_at_full_current();
     show(sensors[i], *sensors[i] + PORT_ONE / 100 * 62, 3);
-    falls_safely((uint16_t)(LINK_FAULT_GAP_SLEW + 4 * i));
+    falls_safely((uint16_t)(ANHYST_FAULT_GAP_SLEW + 4U * (unsigned)i));
     comes_back_on_clear();
   }
 }
@@ -207,17 +214,17 @@ static void no_sample_at_all_is_a_fault(void)
   bench.sample.status = PORT_NO_SAMPLE;
   bench_ticks(3);
   bench.sample.status = 0;
-  falls_safely(LINK_FAULT_SENSOR_FAILED);
+  falls_safely(ANHYST_FAULT_SENSOR_FAILED);
 }
 
 static void what_the_hardware_reports_is_a_fault_at_once(void)
 {
   static const uint16_t reports[5][2] = {
-      {PORT_AMPLIFIER, LINK_FAULT_AMPLIFIER},
-      {PORT_EMERGENCY_STOP, LINK_FAULT_EMERGENCY_STOP},
-      {PORT_OVER_CURRENT, LINK_FAULT_OVER_CURRENT},
-      {PORT_SUPPLY, LINK_FAULT_SUPPLY},
-      {PORT_TOO_WARM, LINK_FAULT_TOO_WARM},
+      {PORT_AMPLIFIER, ANHYST_FAULT_AMPLIFIER},
+      {PORT_EMERGENCY_STOP, ANHYST_FAULT_EMERGENCY_STOP},
+      {PORT_OVER_CURRENT, ANHYST_FAULT_OVER_CURRENT},
+      {PORT_SUPPLY, ANHYST_FAULT_SUPPLY},
+      {PORT_TOO_WARM, ANHYST_FAULT_TOO_WARM},
   };
   for (int i = 0; i < 5; i++) {
     begin_at_full_current();
@@ -225,9 +232,9 @@ static void what_the_hardware_reports_is_a_fault_at_once(void)
     bench_ticks(1);
     falls_safely(reports[i][1]);
     bench_ticks(100);
-    CHECK(control()->state == LINK_STATE_FAULT); /* as long as it is reported */
+    CHECK(states()->state == ANHYST_STATE_FAULT); /* as long as it is reported */
     bench.sample.status = 0;
-    CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_ACK);
+    CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
     comes_back_on_clear();
   }
 }
@@ -241,7 +248,7 @@ static void a_change_while_there_was_no_sample_is_judged_by_its_time(void)
   bench.sample.status = 0;
   bench.sample.gap += PORT_ONE / 100 * 2; /* in three ticks; one allows PORT_ONE/100 */
   bench_ticks(1);
-  CHECK(control()->state == LINK_STATE_RUN && control()->doubtful == 0);
+  CHECK(states()->state == ANHYST_STATE_RUN && states()->age == 0);
 }
 
 static void two_doubtful_samples_are_bridged_by_the_last_plausible_one(void)
@@ -250,14 +257,14 @@ static void two_doubtful_samples_are_bridged_by_the_last_plausible_one(void)
   bench_run();
   (void)bench_demand(1000);
   bench_ticks(1);
-  const int32_t gap = bench.firmware.sensors.gap.value;
+  const int32_t gap = force()->gap.value;
   show(&bench.sample.gap, PORT_RESERVED, 2);
-  CHECK(control()->state == LINK_STATE_RUN && bench.drive == 500);
-  CHECK((control()->flags & LINK_FLAG_SAMPLE_DOUBTFUL) != 0);
+  CHECK(states()->state == ANHYST_STATE_RUN && bench.drive == 500);
+  CHECK((control()->flags & ANHYST_SAMPLE_DOUBTFUL) != 0);
   CHECK(fake.solved_gap == 2 * gap);
   bench_ticks(1);
-  CHECK(control()->state == LINK_STATE_RUN);
-  CHECK((control()->flags & LINK_FLAG_SAMPLE_DOUBTFUL) == 0);
+  CHECK(states()->state == ANHYST_STATE_RUN);
+  CHECK((control()->flags & ANHYST_SAMPLE_DOUBTFUL) == 0);
 }
 
 static void a_fast_but_possible_change_is_no_fault(void)
@@ -268,7 +275,7 @@ static void a_fast_but_possible_change_is_no_fault(void)
     bench.sample.gap += PORT_ONE / 101;
     bench_ticks(1);
   }
-  CHECK(control()->state == LINK_STATE_RUN);
+  CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
 static void a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves(void)
@@ -281,14 +288,14 @@ static void a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves(void)
     bench_ticks(1);
     const int32_t frozen = *sensors[i];
     for (int tick = 1; tick <= windows[i]; tick++) {
-      CHECK(control()->state == LINK_STATE_RUN);
+      CHECK(states()->state == ANHYST_STATE_RUN);
       (void)bench_demand(INT32_MAX / 4 * (tick % 3));
       bench.sample.gap ^= 64;
       bench.sample.force ^= 64;
       bench.sample.current[0] ^= 64;
       show(sensors[i], frozen, 1);
     }
-    falls_safely((uint16_t)(LINK_FAULT_GAP_STUCK + 4 * i));
+    falls_safely((uint16_t)(ANHYST_FAULT_GAP_STUCK + 4U * (unsigned)i));
   }
 }
 
@@ -300,7 +307,7 @@ static void a_gap_that_stands_still_with_its_noise_is_not_stuck(void)
     (void)bench_demand(INT32_MAX / 4 * (tick % 3));
     bench_ticks(1);
   }
-  CHECK(control()->state == LINK_STATE_RUN);
+  CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
 static void a_frozen_code_is_no_fault_while_the_current_rests(void)
@@ -311,7 +318,7 @@ static void a_frozen_code_is_no_fault_while_the_current_rests(void)
     (void)bench_demand(1000);
     bench_tick();
   }
-  CHECK(control()->state == LINK_STATE_RUN);
+  CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
 static void a_lost_link_ends_run_in_time_and_idle_never(void)
@@ -319,12 +326,12 @@ static void a_lost_link_ends_run_in_time_and_idle_never(void)
   begin_at_full_current();
   (void)bench_demand(INT32_MAX);
   bench_ticks(100);
-  CHECK(control()->state == LINK_STATE_RUN); /* 100 ms are allowed */
+  CHECK(states()->state == ANHYST_STATE_RUN); /* 100 ms are allowed */
   bench_ticks(1);
-  falls_safely(LINK_FAULT_LINK_LOST);
+  falls_safely(ANHYST_FAULT_LINK_LOST);
   comes_back_on_clear();
   bench_ticks(1000);
-  CHECK(control()->state == LINK_STATE_IDLE);
+  CHECK(states()->state == ANHYST_STATE_IDLE);
 }
 
 static void a_lost_link_ends_conditioning(void)
@@ -332,9 +339,9 @@ static void a_lost_link_ends_conditioning(void)
   bench_start();
   bench_words[ANHYST_WORD_CONDITION_TICKS] = 1000;
   bench_ticks(12);
-  (void)bench_command(LINK_COMMAND_CONDITION);
+  (void)bench_command(ANHYST_COMMAND_CONDITION);
   bench_ticks(101);
-  CHECK(control()->state == LINK_STATE_FAULT && control()->fault == LINK_FAULT_LINK_LOST);
+  CHECK(states()->state == ANHYST_STATE_FAULT && states()->fault == ANHYST_FAULT_LINK_LOST);
   bench_ticks(20);
   CHECK(bench.drive == 0);
 }
@@ -345,13 +352,13 @@ static void one_frame_again_and_again_does_not_hold_the_link(void)
   (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
   const uint8_t number = bench.answer.sequence;
   for (int tick = 0; tick < 101; tick++) {
-    CHECK(control()->state == LINK_STATE_RUN);
+    CHECK(states()->state == ANHYST_STATE_RUN);
     bench_ticks(1);
     (void)bench_put(LINK_TYPE_HEARTBEAT, number, NULL, 0);
     bench_poll();
     (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   }
-  falls_safely(LINK_FAULT_LINK_LOST);
+  falls_safely(ANHYST_FAULT_LINK_LOST);
 }
 
 static void any_new_request_holds_the_link(void)
@@ -360,7 +367,7 @@ static void any_new_request_holds_the_link(void)
   bench_run();
   for (int i = 0; i < 20; i++) {
     bench_ticks(90);
-    CHECK(bench_state() == LINK_STATE_RUN);
+    CHECK(bench_state() == ANHYST_STATE_RUN);
   }
 }
 
@@ -370,10 +377,10 @@ static void three_missed_ticks_are_counted_and_four_are_a_fault(void)
   const int32_t held = bench.drive;
   bench.sample.tick += 3;
   bench_ticks(1);
-  CHECK(control()->state == LINK_STATE_RUN && control()->missed == 3 && bench.drive == held);
+  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed == 3 && bench.drive == held);
   bench.sample.tick += 4;
   bench_ticks(1);
-  falls_safely(LINK_FAULT_MISSED_TICK);
+  falls_safely(ANHYST_FAULT_MISSED_TICK);
 }
 
 static void a_tick_that_comes_twice_or_runs_backwards_is_a_fault(void)
@@ -381,11 +388,11 @@ static void a_tick_that_comes_twice_or_runs_backwards_is_a_fault(void)
   begin_at_full_current();
   bench.sample.tick -= 1;
   bench_ticks(1);
-  falls_safely(LINK_FAULT_MISSED_TICK);
+  falls_safely(ANHYST_FAULT_MISSED_TICK);
   begin_at_full_current();
   bench.sample.tick -= 10;
   bench_ticks(1);
-  falls_safely(LINK_FAULT_MISSED_TICK);
+  falls_safely(ANHYST_FAULT_MISSED_TICK);
 }
 
 static void the_tick_may_begin_anywhere_and_wrap(void)
@@ -394,7 +401,7 @@ static void the_tick_may_begin_anywhere_and_wrap(void)
   bench.sample.tick = UINT32_MAX - 20;
   bench_run();
   bench_ticks(60);
-  CHECK(control()->state == LINK_STATE_RUN && control()->missed == 0);
+  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed == 0);
 }
 
 static void the_first_reason_stays(void)
@@ -403,16 +410,16 @@ static void the_first_reason_stays(void)
   bench.sample.tick += 50;
   bench_ticks(1);
   show(&bench.sample.gap, PORT_RESERVED, 10);
-  CHECK(control()->fault == LINK_FAULT_MISSED_TICK);
+  CHECK(states()->fault == ANHYST_FAULT_MISSED_TICK);
 }
 
 /* From full current any commands, one a tick: what leaves the run leaves it along the ramp, and the
    way back waits for its end. */
 static void no_pair_of_commands_is_faster_than_the_ramp(void)
 {
-  for (int first = 0; first < LINK_COMMAND_COUNT; first++) {
-    for (int second = 0; second < LINK_COMMAND_COUNT; second++) {
-      for (int third = 0; third < LINK_COMMAND_COUNT; third++) {
+  for (int first = 0; first < (int)ANHYST_COMMAND_COUNT; first++) {
+    for (int second = 0; second < (int)ANHYST_COMMAND_COUNT; second++) {
+      for (int third = 0; third < (int)ANHYST_COMMAND_COUNT; third++) {
         const int commands[3] = {first, second, third};
         begin_at_full_current();
         for (int i = 0; i < 40; i++) {
@@ -421,7 +428,7 @@ static void no_pair_of_commands_is_faster_than_the_ramp(void)
             (void)bench_command((uint16_t)commands[i]);
           }
           bench_ticks(1);
-          CHECK(bench.drive <= before && bench.drive >= before - control()->ramp);
+          CHECK(bench.drive <= before && bench.drive >= before - force()->ramp);
         }
       }
     }
@@ -431,12 +438,12 @@ static void no_pair_of_commands_is_faster_than_the_ramp(void)
 static void run_waits_for_zero_current(void)
 {
   begin_at_full_current();
-  (void)bench_command(LINK_COMMAND_STOP);
+  (void)bench_command(ANHYST_COMMAND_STOP);
   bench_ticks(1);
-  CHECK(bench_command(LINK_COMMAND_RUN) == LINK_TYPE_NAK);
-  CHECK(bench_reason() == LINK_REASON_CURRENT && bench_detail() == LINK_STATE_READY);
+  CHECK(bench_command(ANHYST_COMMAND_RUN) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_CURRENT && bench_detail() == ANHYST_STATE_READY);
   bench_ticks(20);
-  CHECK(bench_command(LINK_COMMAND_RUN) == LINK_TYPE_ACK);
+  CHECK(bench_command(ANHYST_COMMAND_RUN) == LINK_TYPE_ACK);
 }
 
 static void clear_waits_for_zero_current(void)
@@ -444,10 +451,10 @@ static void clear_waits_for_zero_current(void)
   begin_at_full_current();
   bench.sample.tick += 50;
   bench_ticks(1);
-  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_NAK);
+  CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_CURRENT);
   bench_ticks(20);
-  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_ACK);
+  CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
 }
 
 static void the_board_limits_what_the_block_does_not(void)
@@ -456,7 +463,7 @@ static void the_board_limits_what_the_block_does_not(void)
   CHECK(bench.drive == INT32_MAX / 2);
   bench_limits.current_high = 7000;
   bench_ticks(1);
-  CHECK(bench.drive == 7000 && (control()->flags & LINK_FLAG_CURRENT_LIMITED) != 0);
+  CHECK(bench.drive == 7000 && (control()->flags & ANHYST_CURRENT_LIMITED) != 0);
   CHECK(fake.committed == 7000);
   bench_limits.current_low = -6000;
   (void)bench_demand(INT32_MIN);
@@ -474,11 +481,11 @@ static void the_demand_moves_no_faster_than_its_slew(void)
   for (int i = 0; i < 4; i++) {
     bench_ticks(1);
     CHECK(bench.drive == expected[i]);
-    CHECK(((control()->flags & LINK_FLAG_DEMAND_SLEWING) != 0) == (i < 2));
+    CHECK(((control()->flags & ANHYST_DEMAND_SLEWING) != 0) == (i < 2));
   }
   (void)bench_demand(INT32_MIN);
   bench_ticks(1);
-  CHECK(control()->demand == 150);
+  CHECK(force()->demand == 150);
 }
 
 static void without_compensation_the_ratio_is_constant(void)
@@ -502,9 +509,9 @@ static void the_memory_follows_what_was_driven_or_what_was_measured(void)
   (void)bench_demand(1000);
   bench_ticks(1);
   CHECK(fake.committed == 500 && fake.committed_gap == fake.solved_gap);
-  (void)bench_command(LINK_COMMAND_STOP);
+  (void)bench_command(ANHYST_COMMAND_STOP);
   CHECK(bench_set(LINK_SETTING_FOLLOW, 1) == LINK_TYPE_SETTING);
-  (void)bench_command(LINK_COMMAND_RUN);
+  (void)bench_command(ANHYST_COMMAND_RUN);
   bench.sample.current[0] = 123456;
   const int commits = fake.commits;
   bench_tick();
@@ -516,9 +523,9 @@ static void the_memory_is_followed_in_every_state_and_set_by_command(void)
   bench_start();
   bench_ticks(12);
   CHECK(fake.commits == 12);
-  bench.firmware.control.compensator.memory.a = 99;
-  CHECK(bench_command(LINK_COMMAND_DEMAGNETISED) == LINK_TYPE_ACK);
-  CHECK(control()->compensator.memory.a == 0);
+  force()->compensator.memory.a = 99;
+  CHECK(bench_command(ANHYST_COMMAND_DEMAGNETISED) == LINK_TYPE_ACK);
+  CHECK(force()->compensator.memory.a == 0);
 }
 
 static void the_gap_reaches_the_compensator_within_its_range(void)
@@ -530,10 +537,10 @@ static void the_gap_reaches_the_compensator_within_its_range(void)
   bench_limits.gap.slew = INT32_MAX;
   bench.sample.gap = PORT_ONE / 100 * 105;
   bench_tick();
-  CHECK(fake.solved_gap == INT32_MAX && control()->state == LINK_STATE_RUN);
+  CHECK(fake.solved_gap == INT32_MAX && states()->state == ANHYST_STATE_RUN);
   bench.sample.gap = -PORT_ONE / 20;
   bench_tick();
-  CHECK(fake.solved_gap == 0 && control()->state == LINK_STATE_RUN);
+  CHECK(fake.solved_gap == 0 && states()->state == ANHYST_STATE_RUN);
 }
 
 int main(void)

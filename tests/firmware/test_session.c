@@ -68,7 +68,7 @@ static void a_repeated_request_is_answered_again_and_done_once(void)
 {
   uint8_t arm[2];
   uint8_t first[LINK_PAYLOAD_MOST];
-  link_put_u16(arm, LINK_COMMAND_ARM);
+  link_put_u16(arm, ANHYST_COMMAND_ARM);
   bench_start();
   bench_ticks(12);
   ask_again(LINK_TYPE_COMMAND, 5, arm, 2);
@@ -95,12 +95,12 @@ static void what_newer_requests_overtook_is_not_done(void)
   put_demand(101, 1000); /* a copy of the first that came late */
   bench_poll();
   CHECK(bench_reason() == LINK_REASON_OLD && bench_detail() == 1);
-  CHECK(bench.firmware.control.target == 2000);
+  CHECK(bench.firmware.control.body->target == 2000);
   put_demand(106, 3000); /* 103 to 105 are lost */
   put_demand(104, 4000); /* and one of them turns up */
   bench_poll();
   CHECK(bench_reason() == LINK_REASON_OLD && bench_detail() == 0);
-  CHECK(bench.firmware.control.target == 3000);
+  CHECK(bench.firmware.control.body->target == 3000);
   CHECK(session()->lost >= 3);
 }
 
@@ -112,7 +112,7 @@ static void the_same_number_with_other_contents_is_not_taken_for_a_repetition(vo
   put_demand(50, 2000);
   bench_poll();
   CHECK(bench_reason() == LINK_REASON_OLD);
-  CHECK(bench.firmware.control.target == 1000);
+  CHECK(bench.firmware.control.body->target == 1000);
 }
 
 static void sequence_numbers_wrap(void)
@@ -132,7 +132,7 @@ static void lost_numbers_are_counted_and_told(void)
   (void)bench_hello(249, LINK_VERSION, BENCH_SESSION + 1);
   ask_again(LINK_TYPE_HEARTBEAT, 250, NULL, 0);
   ask_again(LINK_TYPE_HEARTBEAT, 4, NULL, 0);
-  CHECK(link_get_u16(bench.payload + LINK_SIZE_STATUS - 4) == 9);
+  CHECK(link_get_u16(bench.payload + 28) == 9);
 }
 
 static void bad_frames_are_counted_and_told(void)
@@ -144,7 +144,7 @@ static void bad_frames_are_counted_and_told(void)
   bench_poll();
   CHECK(bench.answers == 0);
   ask_again(LINK_TYPE_HEARTBEAT, 1, NULL, 0);
-  CHECK(link_get_u16(bench.payload + LINK_SIZE_STATUS - 6) == 1);
+  CHECK(link_get_u16(bench.payload + 26) == 1);
 }
 
 static void a_new_session_starts_the_sequence_again(void)
@@ -185,12 +185,12 @@ static void the_answer_before_a_copied_hello_can_still_be_asked_for(void)
 static void nothing_is_done_without_a_session(void)
 {
   uint8_t arm[2];
-  link_put_u16(arm, LINK_COMMAND_ARM);
+  link_put_u16(arm, ANHYST_COMMAND_ARM);
   bench_power_on();
   bench_ticks(12);
   ask_again(LINK_TYPE_COMMAND, 1, arm, 2);
   CHECK(bench.answer.type == LINK_TYPE_NAK && bench_reason() == LINK_REASON_SESSION);
-  CHECK(bench.firmware.control.state == LINK_STATE_IDLE);
+  CHECK(app_body_states(bench.firmware.control.body)->state == ANHYST_STATE_IDLE);
   ask_again(LINK_TYPE_HELLO, 2, arm, 2);
   CHECK(bench_reason() == LINK_REASON_LENGTH && session()->open == 0);
   CHECK(bench_hello(3, LINK_VERSION, 1) == LINK_TYPE_INFO);
@@ -218,8 +218,8 @@ static void status_names_the_tick_and_what_was_measured(void)
   (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
   const uint8_t *p = bench.payload;
   CHECK(bench.answer.tick == bench.sample.tick && bench.answer.length == LINK_SIZE_STATUS);
-  CHECK(p[0] == LINK_STATE_RUN && p[1] == LINK_FAULT_NONE);
-  CHECK(link_get_u16(p + 2) == (LINK_FLAG_KNOWN | LINK_FLAG_DEMAND_LIMITED));
+  CHECK(p[0] == ANHYST_STATE_RUN && p[1] == ANHYST_FAULT_NONE);
+  CHECK(link_get_u16(p + 2) == (ANHYST_KNOWN | ANHYST_DEMAND_LIMITED));
   CHECK(link_get_i32(p + 4) == -2000);
   CHECK(link_get_i32(p + 8) == bench.sample.force && link_get_i32(p + 12) == bench.sample.gap);
   CHECK(link_get_i32(p + 16) == bench.sample.current[0] && link_get_i32(p + 20) == -1000);
@@ -251,7 +251,7 @@ static void settings_keep_their_ranges(void)
   CHECK(bench_ask(LINK_TYPE_SETTING_READ, payload, 2) == LINK_TYPE_NAK);
   bench_run();
   CHECK(bench_set(LINK_SETTING_COMPENSATION, 0) == LINK_TYPE_NAK);
-  CHECK(bench_reason() == LINK_REASON_STATE && bench_detail() == LINK_STATE_RUN);
+  CHECK(bench_reason() == LINK_REASON_STATE && bench_detail() == ANHYST_STATE_RUN);
   CHECK(bench_set(LINK_SETTING_DEMAND_SLEW, 5) == LINK_TYPE_SETTING);
 }
 

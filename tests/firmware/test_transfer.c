@@ -51,7 +51,7 @@ static uint8_t swap(uint16_t generation)
 static uint16_t generation_in_force(void)
 {
   (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
-  return link_get_u16(bench.payload + LINK_SIZE_STATUS - 8);
+  return link_get_u16(bench.payload + 24);
 }
 
 /* Changes a word of the block that is sent next. */
@@ -81,19 +81,19 @@ static void a_sound_block_is_in_force_from_the_next_tick_and_keeps_the_memory(vo
   bench_run();
   (void)bench_demand(4000);
   bench_ticks(1);
-  const int32_t memory = bench.firmware.control.compensator.memory.a;
+  const int32_t memory = bench.firmware.control.body->compensator.memory.a;
   CHECK(generation_in_force() == 1);
   CHECK(send_whole(2) == LINK_TYPE_ACK && bench_detail() == 2);
   CHECK(generation_in_force() == 2);
-  CHECK(bench.firmware.control.compensator.memory.a == memory && memory != 0);
-  CHECK(bench.firmware.control.state == LINK_STATE_RUN);
+  CHECK(bench.firmware.control.body->compensator.memory.a == memory && memory != 0);
+  CHECK(app_body_states(bench.firmware.control.body)->state == ANHYST_STATE_RUN);
 }
 
 static void blocks_follow_each_other_and_never_overwrite_the_one_in_force(void)
 {
   bench_start();
   for (uint16_t generation = 2; generation < 9; generation++) {
-    const int16_t *before = bench.firmware.control.compensator.words;
+    const int16_t *before = bench.firmware.control.body->compensator.words;
     int16_t copy[BENCH_WORDS];
     memcpy(copy, before, sizeof copy);
     make_block(generation);
@@ -101,7 +101,7 @@ static void blocks_follow_each_other_and_never_overwrite_the_one_in_force(void)
     (void)data(0, BENCH_WORDS);
     CHECK(memcmp(copy, before, sizeof copy) == 0);
     CHECK(swap(generation) == LINK_TYPE_ACK);
-    CHECK(bench.firmware.control.compensator.words != before);
+    CHECK(bench.firmware.control.body->compensator.words != before);
     CHECK(generation_in_force() == generation);
   }
 }
@@ -134,7 +134,7 @@ static void on_any_error_the_old_block_stays(void)
   (void)data(0, BENCH_WORDS);
   CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_BLOCK);
   CHECK(generation_in_force() == 1);
-  CHECK(bench.firmware.control.compensator.words == bench_words);
+  CHECK(bench.firmware.control.body->compensator.words == bench_words);
 }
 
 static void a_block_made_for_other_scales_is_refused_and_says_where(void)
@@ -156,7 +156,8 @@ static void a_built_in_block_made_for_other_scales_is_a_fault(void)
   bench_words[ANHYST_WORD_SCALE_CURRENT] = 1;
   app_start(&bench.firmware, bench.firmware.board);
   bench_ticks(12);
-  CHECK(bench.firmware.control.fault == LINK_FAULT_BLOCK && bench.drive == 0);
+  CHECK(app_body_states(bench.firmware.control.body)->fault == ANHYST_FAULT_BLOCK &&
+        bench.drive == 0);
 }
 
 /* At a demand at which the board's block asks for half of full scale, one that asks for a quarter
@@ -165,7 +166,7 @@ static void after_a_swap_the_current_moves_along_the_ramp(int16_t more)
 {
   bench_start();
   bench_run();
-  const int32_t step = bench.firmware.control.ramp;
+  const int32_t step = bench.firmware.control.body->ramp;
   (void)bench_demand(INT32_MAX / 4 * 3);
   bench_ticks(1);
   int32_t before = bench.drive;
@@ -197,13 +198,13 @@ static void a_swap_begins_the_conditioning_anew(void)
 {
   bench_start();
   bench_ticks(12);
-  (void)bench_command(LINK_COMMAND_CONDITION);
+  (void)bench_command(ANHYST_COMMAND_CONDITION);
   bench_ticks(5);
   CHECK(send_whole(2) == LINK_TYPE_ACK);
-  bench_ticks(FAKE_CYCLES * FAKE_CYCLE_TICKS - 1);
-  CHECK(bench_state() == LINK_STATE_IDLE);
+  bench_ticks(FAKE_CYCLES * FAKE_CYCLE_TICKS);
+  CHECK(bench_state() == ANHYST_STATE_IDLE);
   bench_ticks(1);
-  CHECK(bench_state() == LINK_STATE_READY);
+  CHECK(bench_state() == ANHYST_STATE_READY);
 }
 
 static void a_swap_is_done_once(void)
@@ -231,11 +232,12 @@ static void a_sound_block_cures_an_unsound_one_built_in(void)
   app_start(&bench.firmware, bench.firmware.board);
   (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   bench_ticks(5);
-  CHECK(bench.firmware.control.fault == LINK_FAULT_BLOCK && generation_in_force() == 0);
+  CHECK(app_body_states(bench.firmware.control.body)->fault == ANHYST_FAULT_BLOCK &&
+        generation_in_force() == 0);
   CHECK(send_whole(3) == LINK_TYPE_ACK && generation_in_force() == 3);
-  CHECK(bench_command(LINK_COMMAND_CLEAR) == LINK_TYPE_ACK);
+  CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
   bench_ticks(12);
-  CHECK(bench.firmware.control.state == LINK_STATE_IDLE);
+  CHECK(app_body_states(bench.firmware.control.body)->state == ANHYST_STATE_IDLE);
 }
 
 static uint8_t read_block(uint16_t offset, uint16_t count)
@@ -303,7 +305,7 @@ static void want(uint16_t trigger, int32_t level, uint16_t before, uint16_t reco
 static void ramp_the_demand(int ticks)
 {
   for (int i = 0; i < ticks; i++) {
-    (void)bench_demand(bench.firmware.control.target + 200);
+    (void)bench_demand(bench.firmware.control.body->target + 200);
     bench_ticks(1);
   }
 }
@@ -326,9 +328,9 @@ static void a_trigger_keeps_what_came_before_it(void)
   CHECK(link_get_u16(bench.payload + 6) == 4 && link_get_u32(bench.payload + 8) == tick);
   CHECK(read_values(0, 18) == LINK_TYPE_RECORDER_DATA && link_get_u32(bench.payload) == 0);
   for (int i = 0; i < 9; i++) {
-    CHECK(value(2 * (size_t)i) == 600 + 100 * i && value(2 * (size_t)i + 1) == LINK_STATE_RUN);
+    CHECK(value(2 * (size_t)i) == 600 + 100 * i && value(2 * (size_t)i + 1) == ANHYST_STATE_RUN);
   }
-  CHECK(read_values(17, 1) == LINK_TYPE_RECORDER_DATA && value(0) == LINK_STATE_RUN);
+  CHECK(read_values(17, 1) == LINK_TYPE_RECORDER_DATA && value(0) == ANHYST_STATE_RUN);
   CHECK(read_values(17, 2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_VALUE);
   CHECK(read_values(UINT32_MAX, 2) == LINK_TYPE_NAK);
   CHECK(read_values(0, 0) == LINK_TYPE_NAK);
@@ -373,7 +375,7 @@ static void the_moment_of_a_fault_can_be_caught(void)
 {
   bench_start();
   bench_run();
-  want(LINK_TRIGGER_RISING, LINK_STATE_FAULT, 2, 5);
+  want(LINK_TRIGGER_RISING, ANHYST_STATE_FAULT, 2, 5);
   wanted.signal = LINK_SIGNAL_STATE;
   (void)set_up();
   bench_ticks(6);
@@ -381,7 +383,8 @@ static void the_moment_of_a_fault_can_be_caught(void)
   bench_ticks(4);
   CHECK(recorder_state() == LINK_RECORDER_DONE);
   (void)read_values(0, 10);
-  CHECK(value(1) == LINK_STATE_RUN && value(3) == LINK_STATE_RUN && value(5) == LINK_STATE_FAULT);
+  CHECK(value(1) == ANHYST_STATE_RUN && value(3) == ANHYST_STATE_RUN &&
+        value(5) == ANHYST_STATE_FAULT);
 }
 
 static void a_setup_that_makes_no_sense_changes_nothing(void)

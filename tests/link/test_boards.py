@@ -13,9 +13,9 @@ import pytest
 from anhyst.errors import InputError, NegativeResult
 from anhyst.link.client import ForceController
 from anhyst.link.firmware import build, read_sizes
-from anhyst.link.frames import Command, Fault, State
 from anhyst.link.plantbus import PlantBus
 from anhyst.link.process import run_host, run_qemu
+from anhyst.states import Command, Fault, State
 
 from .handmade import write_parameters
 from .plant import NoisyPlant

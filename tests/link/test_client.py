@@ -17,21 +17,18 @@ from anhyst.link.frames import (
     BlockBeginRequest,
     BlockDataRequest,
     BlockSwapRequest,
-    Command,
-    Fault,
-    Flag,
     Reason,
     Recorder,
     RecorderDataAnswer,
     RecorderReadRequest,
     Setting,
     Signal,
-    State,
     Trigger,
 )
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, recorder_state, start_recording
 from anhyst.link.status import Status
+from anhyst.states import Command, Fault, Flag, State
 
 from .conftest import RATE
 from .plant import NOISE, NoisyPlant

@@ -12,9 +12,10 @@ import pytest
 from anhyst.errors import InputError
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ForceController
-from anhyst.link.frames import Command, Setting, Signal, State, Trigger
+from anhyst.link.frames import Setting, Signal, Trigger
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, start_recording
+from anhyst.states import Command, State
 
 from .plant import NoisyPlant
 from .proxy import Disturbance, disturbed_line

@@ -10,17 +10,15 @@ from anhyst.link import frames
 from anhyst.link.firmware import build
 from anhyst.link.frames import (
     ANSWERS,
-    Command,
     CommandRequest,
     DemandRequest,
-    Fault,
     HelloRequest,
     InfoAnswer,
     Message,
-    State,
     StatusAnswer,
 )
 from anhyst.link.wire import Receiver, encode
+from anhyst.states import Command, Fault, State
 
 from . import nucleo
 from .conftest import RATE

@@ -7,8 +7,9 @@ import math
 import pytest
 
 from anhyst.link.client import ForceController, Refused
-from anhyst.link.frames import Command, Fault, Setting, State
+from anhyst.link.frames import Setting
 from anhyst.link.process import Running
+from anhyst.states import Command, Fault, State
 
 from .conftest import RATE
 from .plant import NoisyPlant

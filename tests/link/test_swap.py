@@ -15,8 +15,9 @@ from anhyst.compile.simplified import build_simplified
 from anhyst.link import blocks
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ForceController, Refused
-from anhyst.link.frames import Command, Reason
+from anhyst.link.frames import Reason
 from anhyst.link.process import Running
+from anhyst.states import Command
 
 from .conftest import RATE
 from .handmade import KIND

@@ -7,6 +7,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -85,9 +86,9 @@ def fake(answer: bytes) -> Iterator[str]:
         thread.join()
 
 
-INFO = InfoAnswer(frames.VERSION + 1, 1, 1, 1, 0, 1024, 0, 20, 0, 4000)
+INFO = InfoAnswer(frames.VERSION + 1, 1, 1, 1, 0, 1024, 0, 20, 0, 4000, 0, 1)
 NAK = NakAnswer(HelloRequest.TYPE, Reason.VERSION, frames.VERSION + 1)
-STATUS = StatusAnswer(2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+STATUS = StatusAnswer(2, *[0] * (len(fields(StatusAnswer)) - 1))
 
 
 @pytest.mark.parametrize(

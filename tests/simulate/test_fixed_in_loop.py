@@ -13,13 +13,13 @@ import pytest
 
 from anhyst._core import FixedCompensator, FixedController, FixedDrive
 from anhyst.compile.block import Block
-from anhyst.control import Command
 from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.drive import CompensatorLaw
 from anhyst.simulate.position import position_control
 from anhyst.simulate.recording import COLUMNS, HOVER, RUN, Recording
 from anhyst.simulate.scenario import DROP, Scenario
 from anhyst.simulate.setup import Setup
+from anhyst.states import Command
 
 from . import bearings
 from .bearings import GAP

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedPosition, Position, SinglePosition
-from anhyst.control import Command
 from anhyst.simulate.controllerfile import Format
 from anhyst.simulate.plant import current_loop, make_bearing
 from anhyst.simulate.pool import all_of
@@ -18,6 +17,7 @@ from anhyst.simulate.recording import COLUMNS, HOVER, Recording
 from anhyst.simulate.responses import Run, run_steps
 from anhyst.simulate.scenario import DROP, Scenario, Script
 from anhyst.simulate.setup import Setup
+from anhyst.states import Command
 
 from . import bearings
 from .bearings import GAP

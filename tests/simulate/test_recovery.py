@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.control import Command
 from anhyst.simulate import experiments
 from anhyst.simulate.controllerfile import Variant
 from anhyst.simulate.experiments import (
@@ -20,6 +19,7 @@ from anhyst.simulate.loop import Loop, hovers_from, lost_at
 from anhyst.simulate.recording import HOVER
 from anhyst.simulate.scenario import DROP
 from anhyst.simulate.variations import changed
+from anhyst.states import Command
 
 from . import bearings
 from .bearings import GAP

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.control import Command
 from anhyst.data.files import write_csv
 from anhyst.modelfile import write_model
 from anhyst.simulate.controllerfile import Format
@@ -22,6 +21,7 @@ from anhyst.simulate.rigfile import BearingRig
 from anhyst.simulate.rigtables import DisturbanceTable, ModelTable
 from anhyst.simulate.setup import Setup, make_setup
 from anhyst.simulate.variations import changed
+from anhyst.states import Command
 
 from . import bearings
 from .bearings import GAP

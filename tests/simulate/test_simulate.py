@@ -16,8 +16,7 @@ import pytest
 from scipy.io import loadmat
 
 from anhyst.cli.app import main
-from anhyst.control import Command
-from anhyst.control.position import Flag, Limits, Phase, State
+from anhyst.control.position import Limits
 from anhyst.errors import InputError, NegativeResult
 from anhyst.modelfile import write_model
 from anhyst.simulate import scenario, variations
@@ -30,6 +29,7 @@ from anhyst.simulate.responses import FIGURES
 from anhyst.simulate.scenario import Script
 from anhyst.simulate.simulate import Simulation, simulate
 from anhyst.simulate.variants import TITLES
+from anhyst.states import Command, Flag, Phase, State
 
 from . import bearings
 

@@ -11,18 +11,16 @@ from numpy.typing import NDArray
 
 from anhyst._core import Drive, FixedDrive, FixedPosition, Position, SingleDrive, SinglePosition
 from anhyst.control import (
-    Command,
     Converter,
     DriveScales,
     Levitation,
     Limits,
-    Phase,
     Pidd2,
     PositionControl,
-    State,
     design,
 )
 from anhyst.control.position import Format
+from anhyst.states import Command, Phase, State
 
 RATE = 20e3
 MASS, LOAD = 2.0, 150.0

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedDrive
 
 LOW, HIGH = -(2**31), 2**31 - 1
-MISSING, RANGE, STEP, NO_LIFT, STOPPED = 1, 2, 3, 4, 5
+MISSING, RANGE, STEP, NO_LIFT, STOPPED = 17, 18, 19, 21, 22
 INIT, SELFTEST, IDLE, READY, RUN, FAULT = range(6)
 REST, BREAKAWAY, RISE, HOVER, DESCEND, SET_DOWN, HOLD, CONDITION = range(8)
 AIR = (RISE, HOVER, DESCEND)
@@ -101,6 +101,7 @@ class Flight:
     passed: int = 0
     seen: bool = False
     begins: bool = False
+    fresh: bool = False
     events: set[str] = field(default_factory=set)
 
     def number(self, name: str) -> int:
@@ -108,11 +109,11 @@ class Flight:
 
     def tick(self, sample: Sample, demand: int, conditioning: int, at_zero: bool) -> None:
         self.begins, self.events = False, set()
+        self.obey(sample.command, at_zero)
         if self.phase in AIR:
             self.demand = demand
         self.state = max(self.state, SELFTEST)
         self.watch(sample.position)
-        self.obey(sample.command, at_zero)
         self.move(limited(sample.target, self.number("position_low"), self.number("position_high")))
         if self.phase == CONDITION:
             self.count += 1
@@ -161,6 +162,7 @@ class Flight:
 
     def obey(self, command: int, at_zero: bool) -> None:
         resting = self.phase == REST and at_zero
+        still = self.phase != CONDITION
         idle = resting and self.state in (IDLE, READY)
         if command == 0:
             return
@@ -169,8 +171,8 @@ class Flight:
         elif command == 2 and idle:
             self.state = READY
             self.events.add("demagnetise")
-        elif command == 3 and self.state == READY and self.unseen == 0:
-            self.state, self.phase, self.rest, self.demand = RUN, BREAKAWAY, self.position, 0
+        elif command == 3 and self.state == READY and self.unseen == 0 and at_zero:
+            self.state, self.phase, self.demand, self.fresh = RUN, BREAKAWAY, 0, True
         elif command == 4 and self.state == RUN:
             self.come_down()
         elif command == 5 and self.phase == CONDITION:
@@ -181,6 +183,11 @@ class Flight:
         elif command == 6 and resting and self.state == FAULT:
             self.state, self.fault, self.unseen, self.passed = SELFTEST, 0, 0, 0
             self.seen = False
+        elif command == 7 and self.state in (IDLE, READY):
+            self.state = IDLE
+            self.phase = self.phase if still else REST
+        elif command == 8 and self.state == IDLE and still:
+            self.state = READY
         else:
             self.events.add("refused")
 
@@ -213,6 +220,8 @@ class Flight:
                 self.reference = self.towards(self.reference, self.rest, "descend")
 
     def break_away(self) -> None:
+        if self.fresh:
+            self.rest, self.fresh = self.position, False
         if limited(self.position - self.rest) >= self.number("detect"):
             self.begin(RISE)
         elif self.demand >= self.number("most"):

@@ -26,9 +26,10 @@ from tests.actuators import (
 )
 
 from anhyst._core import Compensator, Parameters
+from anhyst._core.folder import core_folder
 from anhyst.compilable import least_slope
 from anhyst.compile.block import Limits, Scales, Sizes
-from anhyst.compile.core import SINGLE, core_folder
+from anhyst.compile.core import SINGLE
 from anhyst.compile.floating import COLUMNS, RealBlock, RealIo, RealKind, RealTwin, build_real
 from anhyst.compile.realsource import c_parameters_f32, literal
 from anhyst.compile.twin import Twin

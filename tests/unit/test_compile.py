@@ -18,9 +18,9 @@ from tests.actuators import GAPS, magnet, ring
 from tests.core.test_c_core import tool
 from tests.firmware.build import tool as avr_gcc
 
+from anhyst._core.folder import core_folder
 from anhyst.cli.app import main
 from anhyst.compile.block import KINDS, WORDS, Block
-from anhyst.compile.core import core_folder
 from anhyst.compile.measure import against_demand, run_with_losses, start
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.compile.paths import paths

@@ -18,8 +18,6 @@ from anhyst.cli.app import main
 from anhyst.compile.lifting import COLUMNS, INPUTS
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.compile.plan import Request
-from anhyst.control import Command
-from anhyst.control.position import Flag, Phase, State
 from anhyst.controllerfile import read_controller
 from anhyst.data import LoopSet
 from anhyst.modelfile import read_model, write_model
@@ -28,6 +26,7 @@ from anhyst.simulate.recording import Recording
 from anhyst.simulate.rigfile import BearingRig, read_bearing
 from anhyst.simulate.scenario import DROP, Scenario, Script
 from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
+from anhyst.states import Command, Flag, Phase, State
 
 ROOT = Path(__file__).resolve().parents[2]
 BEARING = ROOT / "examples" / "bearing"

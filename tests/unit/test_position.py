@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.control import Command, Fault, Flag, Phase, State
 from anhyst.control.position import Format
+from anhyst.states import Command, Fault, Flag, Phase, State
 
 from .levitating import (
     CONTROL,
@@ -243,10 +243,10 @@ def test_position_lost_in_breakaway_sets_down() -> None:
 
 def test_commands_out_of_place_are_refused() -> None:
     rig = Rig(make("fixed"))
-    resting = {Command.CONDITION, Command.DEMAGNETISED}
+    resting = {Command.CONDITION, Command.DEMAGNETISED, Command.IDLE}
     for way, state, allowed in (
         ([], State.SELFTEST, set[Command]()),
-        (rig_runs(30), State.IDLE, resting),
+        (rig_runs(30), State.IDLE, resting | {Command.ARM}),
         ([Command.DEMAGNETISED, *rig_runs(9)], State.READY, resting | {Command.LIFT}),
         ([Command.LIFT, *rig_runs(9000)], State.RUN, {Command.LAND, Command.STOP}),
         ([Command.STOP, *rig_runs(8000)], State.FAULT, {Command.CLEAR}),

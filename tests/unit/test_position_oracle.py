@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from anhyst._core import FixedDrive, FixedPosition
-from anhyst.control import Command, Phase, PositionControl, State
+from anhyst.control import PositionControl
+from anhyst.states import Command, Phase, State
 
 from .levitating import CONTROL, PAIR, REST, TARGET, Rig, Tick, codes, make_drive, place
 from .position_oracle import Oracle, Sample
@@ -125,7 +126,7 @@ def test_signals_that_make_no_sense(control: PositionControl, seed: int) -> None
             float(rng.choice([TARGET, gap, 0.0, 1e9, math.nan])),
             float(rng.choice([0.0, 50.0, -1e6, math.nan, -math.inf])),
             (float(rng.normal(2.0, 3.0)), float(rng.normal(2.0, 3.0))),
-            command=int(rng.integers(0, 9)) if tick % 5 == 0 else 0,
+            command=int(rng.integers(0, 12)) if tick % 5 == 0 else 0,
         )
     assert {state for state, _ in twin.seen} == set(State) - {State.INIT}
     assert len(twin.seen) >= 10

@@ -13,9 +13,10 @@ from tests.actuators import CURRENTS, compiled, magnet, ranges
 
 from anhyst._core import Drive, FixedDrive, FixedPosition, Position
 from anhyst.compile.floating import build_real
-from anhyst.control import Command, Converter, DriveScales, Phase, PositionControl, State
+from anhyst.control import Converter, DriveScales, PositionControl
 from anhyst.control.position import Format
 from anhyst.errors import InputError
+from anhyst.states import Command, Phase, State
 
 from .levitating import CONTROL, FORMATS, PAIR, REST, TARGET, make_drive, path, place
 

@@ -45,6 +45,18 @@ static uint16_t ANHYST_NAME(is_at_zero)(const ANHYST_NAME(anhyst_position) *c)
   return c->current[0] == zero && (c->drive[1] == NULL || c->current[1] == zero) ? 1U : 0U;
 }
 
+uint16_t ANHYST_NAME(anhyst_position_command)(ANHYST_NAME(anhyst_position) *c, uint16_t command)
+{
+  const uint16_t refused =
+      anhyst_levitation_command(&c->levitation, command, ANHYST_NAME(is_at_zero)(c));
+  if (refused == ANHYST_REFUSED_NOT && command == ANHYST_COMMAND_DEMAGNETISED) {
+    for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
+      ANHYST_NAME(demagnetise)(c->drive[i]);
+    }
+  }
+  return refused;
+}
+
 /* Ticks until both drives are through with their conditioning. */
 static int32_t ANHYST_NAME(conditioning)(const ANHYST_NAME(anhyst_position) *c)
 {
@@ -67,18 +79,13 @@ static void ANHYST_NAME(levitate)(ANHYST_NAME(anhyst_position) *c,
   input.demand = ANHYST_NAME(demand_code)(units, c->demand);
   input.conditioning = ANHYST_NAME(conditioning)(c);
   input.dropped = sample->dropped != 0U || !ANHYST_NAME(is_number)(sample->position) ? 1U : 0U;
-  input.at_zero = ANHYST_NAME(is_at_zero)(c);
-  input.command = sample->command;
   anhyst_levitation_tick(&c->levitation, &c->limits->levitation, &c->settings->levitation, &input);
-  c->flags = c->levitation.flags;
+  c->flags |= c->levitation.flags;
   if ((c->flags & ANHYST_SAMPLE_DOUBTFUL) == 0U) {
     c->position = sample->position;
   }
   for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
     c->gap[i] = ANHYST_NAME(gap_of)(&units->gap[i], c->position);
-    if (c->levitation.demagnetise != 0U) {
-      ANHYST_NAME(demagnetise)(c->drive[i]);
-    }
   }
 }
 
@@ -132,9 +139,10 @@ static void ANHYST_NAME(want)(ANHYST_NAME(anhyst_position) *c,
     for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
       const ANHYST_REAL low = ANHYST_NAME(difference)(c->current[i], release);
       const ANHYST_REAL high = ANHYST_NAME(sum)(c->current[i], release);
-      wanted[i] = phase == ANHYST_PHASE_REST
-                      ? ANHYST_NAME(within)(zero, low, high)
-                      : ANHYST_NAME(anhyst_drive_conditioning)(c->drive[i], c->levitation.tick);
+      wanted[i] =
+          phase == ANHYST_PHASE_REST
+              ? ANHYST_NAME(within)(zero, low, high)
+              : ANHYST_NAME(anhyst_drive_conditioning)(c->drive[i], c->levitation.supervisor.step);
     }
   } else {
     c->demand = anhyst_levitation_controls(&c->levitation)
@@ -180,6 +188,8 @@ void ANHYST_NAME(anhyst_position_tick)(ANHYST_NAME(anhyst_position) *c,
 {
   ANHYST_REAL wanted[ANHYST_POSITION_MAGNETS] = {0, 0};
   const uint16_t measured = c->settings->measured;
+  const uint16_t refused = ANHYST_NAME(anhyst_position_command)(c, sample->command);
+  c->flags = refused != ANHYST_REFUSED_NOT ? ANHYST_COMMAND_REFUSED : 0U;
   ANHYST_NAME(levitate)(c, sample);
   if (measured != 0U) {
     ANHYST_NAME(commit)(c, sample->current);
@@ -195,6 +205,6 @@ void ANHYST_NAME(anhyst_position_tick)(ANHYST_NAME(anhyst_position) *c,
                        ? ANHYST_NAME(position_of)(&c->settings->units, c->levitation.reference)
                        : c->position;
   out->demand = c->demand;
-  out->state = (uint16_t)(16U * c->levitation.state + c->levitation.phase);
+  out->state = (uint16_t)(16U * c->levitation.supervisor.state + c->levitation.phase);
   out->flags = c->flags;
 }

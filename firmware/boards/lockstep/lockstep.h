@@ -9,6 +9,11 @@
 
 #include <stdint.h>
 
+#include "app/board.h"
+
+/* Constants of the board: board_force.c or board_position.c. */
+extern const app_board lockstep_board;
+
 /* Board: sends bytes to the plant, all of them, waiting as long as it takes. */
 void board_plant_write(const uint8_t *bytes, uint16_t count);
 

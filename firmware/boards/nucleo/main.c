@@ -17,6 +17,7 @@
 
 #include "boards/actuator.h"
 #include "app/app.h"
+#include "nucleo.h"
 #include "port/port.h"
 #include "registers.h"
 
@@ -64,32 +65,6 @@ static volatile uint16_t send_tail; /* only the interrupt does */
 static uint32_t tick;
 static app firmware;
 
-static const app_limits limits = {
-    .gap = {-PORT_ONE / 20, PORT_ONE / 20 * 21, PORT_ONE / 20, 256},
-    .force = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 256},
-    .current = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 256},
-    .current_low = 0,
-    .current_high = INT32_MAX,
-    .stuck_current = INT32_MAX / 10,
-    .doubtful_ticks = 3,
-    .missed_ticks = 2,
-    .selftest_ticks = 100,
-    .ramp_ms = 20,
-    .heartbeat_ms = 500,
-};
-
-static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
-
-static const app_board board = {
-    .kernel = &ACTUATOR_KERNEL,
-    .words = ACTUATOR_PARAMETERS,
-    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
-    .scales = scales,
-    .firmware = BOARD_FIRMWARE_VERSION,
-    .rate = ACTUATOR_RATE_HZ,
-    .limits = &limits,
-};
-
 /* A value between 0.33 V and 2.97 V; nothing overflows: |code - zero| <= 3685, times 327760. */
 static int32_t value_of_code(uint32_t code)
 {
@@ -119,8 +94,8 @@ void port_drive(const int32_t *currents, uint32_t state)
   const int32_t current = currents[0];
   const uint32_t now = state & 0xFFU;
   DAC_DHR12R1 = current > 0 ? (uint32_t)current >> 19 : 0U;
-  set_pin(PIN_STAGE, current != 0 || now == LINK_STATE_READY || now == LINK_STATE_RUN);
-  set_pin(PIN_LED, now == LINK_STATE_RUN);
+  set_pin(PIN_STAGE, current != 0 || now == ANHYST_STATE_READY || now == ANHYST_STATE_RUN);
+  set_pin(PIN_LED, now == ANHYST_STATE_RUN);
   IWDG_KR = IWDG_KR_FEED;
 }
 
@@ -275,7 +250,7 @@ int main(void)
   SCB_CPACR |= 0xFU << 20; /* a compensator in f32 needs the floating-point unit */
   start_clocks();
   start_pins();
-  app_start(&firmware, &board);
+  app_start(&firmware, &nucleo_board);
   start_link();
   start_watchdog();
   start_ticks();

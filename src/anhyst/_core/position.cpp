@@ -132,7 +132,7 @@ public:
                           answer.state, answer.flags);
   }
 
-  int fault() const { return state_.levitation.fault; }
+  int fault() const { return state_.levitation.supervisor.fault; }
 
 private:
   static auto drive_state(nb::handle drive)

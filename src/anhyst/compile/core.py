@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from pathlib import Path
 
+from anhyst._core.folder import core_folder
 from anhyst.compile.block import Kind
-from anhyst.errors import InputError
 
 SOURCES: dict[Kind, tuple[str, ...]] = {
     "full": ("block.c", "full.c", "compensator.c"),
@@ -22,30 +21,13 @@ SINGLE: dict[Kind, tuple[str, ...]] = {
 }
 """The same for single precision."""
 
-CONTROL = ("pidd2.c", "map.c", "drive.c", "levitation.c", "position.c")
+CONTROL = ("pidd2.c", "map.c", "drive.c", "supervisor.c", "levitation.c", "position.c")
 """What a controller of the position needs beyond a compensator."""
 
 INCLUDE = "include"
 SRC = "src"
 
 _INCLUDED = re.compile(r'^#include "([^"]+)"$', re.M)
-
-
-def core_folder() -> Path:
-    """Return the folder with ``include/``, ``src/`` and ``port/`` of the core.
-
-    In a source tree it is the one that is edited, otherwise the copy inside the package.
-
-    Raises
-    ------
-    InputError
-        The installation is not complete.
-    """
-    package = Path(__file__).resolve().parents[1]
-    for place in (package.parents[1] / "core", package / "_core" / "c"):
-        if (place / "include" / "anhyst" / "compensator.h").is_file():
-            return place
-    raise InputError(f"{package}: the C sources of the core are missing; install anhyst again")
 
 
 def read_core(name: str) -> str:

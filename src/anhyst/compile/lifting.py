@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from anhyst.compile.controller import ControllerPlan
 from anhyst.compile.plan import Plan
-from anhyst.control.position import Command, Phase, State
+from anhyst.states import Command, Phase, State
 
 COLUMNS = (
     "position",

@@ -34,7 +34,7 @@ def state_bytes(block: AnyBlock) -> int:
 
 def controller_bytes(magnets: int) -> int:
     """Return the size of everything that changes in a position controller and its drives."""
-    headers = ("levitation.h", "pidd2.h", "compensator.h", "drive.h", "position.h")
+    headers = ("supervisor.h", "levitation.h", "pidd2.h", "compensator.h", "drive.h", "position.h")
     generic = _in_q31(read_core("include/anhyst/generic/position.h"))
     sizes = _structures(
         *(read_core(f"include/anhyst/{name}") for name in headers), generic, MAGNETS=2

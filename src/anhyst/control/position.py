@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from enum import IntEnum, IntFlag
 from typing import Literal
 
 import numpy as np
@@ -26,63 +25,6 @@ _Q31 = 2.0**31
 # Positions reach beyond the range that can be, so that what is beyond it is seen to be.
 _POSITION_REACH = 0.625
 _COARSEST_STEP = 500  # codes of one step of the converter: its rounding stays below 0.1 %
-
-
-class Command(IntEnum):
-    """What a controller can be told."""
-
-    NONE = 0
-    CONDITION = 1
-    DEMAGNETISED = 2
-    LIFT = 3
-    LAND = 4
-    STOP = 5
-    CLEAR = 6
-
-
-class State(IntEnum):
-    """Where a controller stands: a state of a recording divided by 16."""
-
-    INIT = 0
-    SELFTEST = 1
-    IDLE = 2
-    READY = 3
-    RUN = 4
-    FAULT = 5
-
-
-class Phase(IntEnum):
-    """What the currents do: a state of a recording modulo 16."""
-
-    REST = 0
-    BREAKAWAY = 1
-    RISE = 2
-    HOVER = 3
-    DESCEND = 4
-    SET_DOWN = 5
-    HOLD = 6
-    CONDITION = 7
-
-
-class Fault(IntEnum):
-    """First reason of a fault."""
-
-    NONE = 0
-    POSITION_MISSING = 1
-    POSITION_RANGE = 2
-    POSITION_STEP = 3
-    NO_LIFT = 4
-    STOPPED = 5
-
-
-class Flag(IntFlag):
-    """What was in the way at a tick."""
-
-    DEMAND_LIMITED = 1
-    CURRENT_LIMITED = 2
-    FLUX_LIMITED = 4
-    SAMPLE_DOUBTFUL = 8
-    COMMAND_REFUSED = 16
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,7 @@ from anhyst.link.frames import (
     BlockReadRequest,
     BlockSwapRequest,
     BlockWordsAnswer,
-    Command,
     CommandRequest,
-    Fault,
     HeartbeatRequest,
     HelloRequest,
     InfoAnswer,
@@ -41,13 +39,13 @@ from anhyst.link.frames import (
     SettingAnswer,
     SettingReadRequest,
     SettingWriteRequest,
-    State,
     StatusAnswer,
 )
 from anhyst.link.status import Status
 from anhyst.link.streaming import demand_request, stream
 from anhyst.link.transport import BAUD, Port
 from anhyst.link.wire import Frame, Receiver, encode
+from anhyst.states import Command, Fault, State
 
 _Answer = TypeVar("_Answer", bound=Message)
 

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from anhyst._core.folder import core_folder
 from anhyst.atomic import PathLike, write_bytes
 from anhyst.errors import InputError, NegativeResult
 from anhyst.version import running_version
@@ -151,15 +152,24 @@ def _command(name: str, folder: Path, actuator: str) -> list[str]:
     board = BOARDS[name]
     root = firmware_folder()
     own = [root / "boards" / part for part in board.folders]
+    body = "position" if (folder / f"{actuator}_controller.c").is_file() else "force"
     sources = [*sorted(folder.glob("src/*.c")), folder / f"{actuator}_parameters.c"]
-    for place in (root / "app", root / "link", *own):
-        sources += sorted(place.glob("*.c"))
+    include = [root, folder / "include", folder, *own]
+    if body == "position":
+        sources.append(folder / f"{actuator}_controller.c")
+    else:
+        # A compensator alone needs no states; the firmware around it does.
+        sources.append(core_folder() / "src" / "supervisor.c")
+        include.append(core_folder() / "include")
+    for place in (root / "app", root / "link", root / body, *own):
+        sources += sorted(file for file in place.glob("*.c") if not _of_another(file, body))
+    if not any(source.name == f"board_{body}.c" for source in sources):
+        raise InputError(f"board {name}: has no controller of {body}; take another board")
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
     defines = {
         "BOARD_FIRMWARE_VERSION": str(256 * major + minor),
         **actuator_defines(actuator),
     }
-    include = [root, folder / "include", folder, *own]
     if board.port_header and (folder / "port" / board.port_header).is_file():
         include.append(folder / "port")
         defines["ANHYST_PORT_HEADER"] = f'"{board.port_header}"'
@@ -169,6 +179,11 @@ def _command(name: str, folder: Path, actuator: str) -> list[str]:
     if board.cpu:
         command += ["-T", str(own[0] / "board.ld")]
     return command + [str(source) for source in sources]
+
+
+def _of_another(file: Path, body: str) -> bool:
+    """Whether a board's constants are those for another body."""
+    return file.stem.startswith("board_") and file.stem != f"board_{body}"
 
 
 def _compiler(name: str) -> list[str]:

@@ -7,62 +7,12 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, fields
-from enum import IntEnum, IntFlag
+from enum import IntEnum
 from typing import ClassVar, NamedTuple, Self
 
 VERSION = 3
 PAYLOAD_MOST = 240
 PLANT_MAGIC = 0x616E6879
-
-
-class State(IntEnum):
-    """State of the controller."""
-
-    INIT = 0  # power on, before the first tick
-    SELFTEST = 1  # sensors watched for a while, no current
-    IDLE = 2  # no current, or conditioning (flag)
-    READY = 3  # the memory of the iron is taken as known, no current
-    RUN = 4  # the current follows the demand
-    FAULT = 5  # current ramped to zero, reason latched
-
-
-class Fault(IntEnum):
-    """Why the controller went to the state fault; the first reason is kept."""
-
-    NONE = 0
-    BLOCK = 1  # the parameter block built in is not sound
-    LINK_LOST = 2  # no new request for heartbeat_ticks while current may flow
-    MISSED_TICK = 3  # more ticks missed in a row than the board allows
-    SENSOR_FAILED = 4  # the port had no sample: the sensors did not answer
-    GAP_RESERVED = 5  # the gap's sensor sent its error code
-    GAP_RANGE = 6  # gap out of its plausible range
-    GAP_SLEW = 7  # gap changed faster than it can
-    GAP_STUCK = 8  # gap showed no noise although the current moved
-    FORCE_RESERVED = 9  # the force sensor sent its error code
-    FORCE_RANGE = 10  # force out of its plausible range
-    FORCE_SLEW = 11  # force changed faster than it can
-    FORCE_STUCK = 12  # force did not change although the current moved
-    CURRENT_RESERVED = 13  # the current's sensor sent its error code
-    CURRENT_RANGE = 14  # current out of its plausible range
-    CURRENT_SLEW = 15  # current changed faster than it can
-    CURRENT_STUCK = 16  # the measured current did not change although it should have
-    AMPLIFIER = 17  # an amplifier reports a fault or does not answer
-    EMERGENCY_STOP = 18  # the emergency stop is open
-    OVER_CURRENT = 19  # the hardware saw more current than can be
-    SUPPLY = 20  # the supply sags
-    TOO_WARM = 21  # winding or power stage: I^2 t has passed its limit
-
-
-class Command(IntEnum):
-    """What a command asks for."""
-
-    IDLE = 0  # ready, run or conditioning to idle
-    CONDITION = 1  # idle, at zero current: the conditioning sequence, then by itself to ready
-    ARM = 2  # idle to ready: the memory is taken as it stands
-    RUN = 3  # ready to run, demand zero, once the current is zero
-    STOP = 4  # run to ready
-    CLEAR = 5  # fault to selftest, once the current is zero
-    DEMAGNETISED = 6  # in idle, at zero current: the memory is set to that of demagnetised iron
 
 
 class Reason(IntEnum):
@@ -84,6 +34,13 @@ class Reason(IntEnum):
     CURRENT = 12  # in this state, but current still flows; once it is zero
     # made for other full scales, gaps, rate or units; detail: the first word that differs
     SCALE = 13
+
+
+class Body(IntEnum):
+    """What a controller controls."""
+
+    FORCE = 0  # the force of a magnet
+    POSITION = 1  # the position of a levitating armature
 
 
 class Trigger(IntEnum):
@@ -126,19 +83,11 @@ class Signal(IntEnum):
     EXPECTED = 6  # force that the model expects after the commit, q31
     STATE = 7  # state, as a number
     FLAGS = 8  # flags, as in status
-
-
-class Flag(IntFlag):
-    """Bits of status.flags."""
-
-    DEMAND_LIMITED = 1  # by the parameter block or the residual force, as of the last tick
-    CURRENT_LIMITED = 2  # by the parameter block or the board
-    FLUX_LIMITED = 4  # by the parameter block
-    DEMAND_SLEWING = 8  # the demand in force is still on its way
-    CONDITIONING = 16  # the conditioning sequence runs
-    KNOWN = 32  # the memory of the iron is taken as known
-    CURRENT_ZERO = 64  # the current driven is zero
-    SAMPLE_DOUBTFUL = 128  # an implausible sample was replaced by the last plausible one
+    POSITION = 9  # measured position, q31 of the controller's full scale
+    REFERENCE = 10  # position controlled to, likewise
+    PHASE = 11  # phase, as a number
+    CURRENT_2 = 12  # measured current of the second magnet, q30
+    DRIVE_2 = 13  # current driven there, q31
 
 
 class SettingRange(NamedTuple):
@@ -245,7 +194,7 @@ class HeartbeatRequest(Message):
 class DemandRequest(Message):
     """The demanded force, in force from the next tick.
 
-    Without effect outside run.
+    Without effect outside run and on a position.
     """
 
     TYPE: ClassVar[int] = 0x03
@@ -389,11 +338,25 @@ class RecorderReadRequest(Message):
 
 
 @dataclass(frozen=True)
+class TargetRequest(Message):
+    """The position to go to and hold, from the next tick on; before lifting, the first one.
+
+    Refused beyond the positions that can be, and by a controller of force.
+    """
+
+    TYPE: ClassVar[int] = 0x0E
+    ANSWER: ClassVar[int] = 0x82
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<i")
+
+    position: int  # q31 of the controller's full scale
+
+
+@dataclass(frozen=True)
 class InfoAnswer(Message):
     """Who the controller is."""
 
     TYPE: ClassVar[int] = 0x81
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHHHHHII")
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHHHHHIIHH")
 
     version: int  # protocol version
     firmware: int  # version of the firmware: 256*major + minor
@@ -405,6 +368,8 @@ class InfoAnswer(Message):
     ramp: int  # ms from full current to zero in the safe state
     model: int  # first 32 bits of the hash of the model of the block
     rate: int  # ticks a second
+    body: int  # what it controls, one of body
+    magnets: int  # 1, or 2 that pull against each other
 
 
 @dataclass(frozen=True)
@@ -412,7 +377,7 @@ class StatusAnswer(Message):
     """What the controller did in the tick that its head names."""
 
     TYPE: ClassVar[int] = 0x82
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<BBHiiiiiHHHH")
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<BBHiiiiiHHHHHiiii")
 
     state: int  # one of state
     fault: int  # one of fault: the latched reason
@@ -426,6 +391,11 @@ class StatusAnswer(Message):
     bad_frames: int  # frames thrown away, modulo 65536
     lost_frames: int  # sequence numbers left out, modulo 65536
     missed_ticks: int  # since power on, modulo 65536
+    phase: int  # one of phase
+    position: int  # the last plausible one, q31
+    reference: int  # position controlled to, q31
+    current_2: int  # measured, of the second magnet, q30
+    drive_2: int  # current driven there, q31
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ import struct
 from typing import NamedTuple, Protocol
 
 from anhyst.errors import InputError
-from anhyst.link.frames import Fault, PlantDrive, PlantSample, State
+from anhyst.link.frames import PlantDrive, PlantSample
+from anhyst.states import Fault, State
 
 Q30 = float(1 << 30)
 Q31 = float(1 << 31)

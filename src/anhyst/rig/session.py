@@ -8,12 +8,12 @@ import numpy as np
 
 from anhyst.errors import NegativeResult
 from anhyst.link.client import ForceController
-from anhyst.link.frames import Command, Fault, State
 from anhyst.link.plantbus import PlantBus, Reading
 from anhyst.link.process import Running, run_host, run_qemu
 from anhyst.rig.bench import Bench, Recording
 from anhyst.rig.demand import Demand
 from anhyst.rig.programs import ONE, Program, Session
+from anhyst.states import Command, Fault, State
 
 BOARDS = ("host", "qemu-mps2")
 """Boards without hardware, on which a firmware can run here."""
@@ -120,7 +120,6 @@ def _get_ready(controller: ForceController, bus: PlantBus, demagnetised: bool) -
     bus.step(_UP)
     if demagnetised:
         controller.command(Command.DEMAGNETISED)
-        controller.command(Command.ARM)
         return
     controller.command(Command.CONDITION)
     end = bus.tick + _LONGEST

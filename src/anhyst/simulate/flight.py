@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.control.position import Flag
 from anhyst.simulate.loop import lost_at
 from anhyst.simulate.recording import BREAKAWAY, FAULT, HOVER, RISE, RUN, Recording
 from anhyst.simulate.scenario import Scenario
 from anhyst.simulate.setup import Setup
+from anhyst.states import Flag
 
 READY = 16 * 3
 """On the ground, ready to lift again."""

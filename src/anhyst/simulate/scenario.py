@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from anhyst.control.position import Command
 from anhyst.controllerfile import ControllerTable
 from anhyst.elementary import passed, sine
 from anhyst.simulate.rigfile import BearingRig, step_ends
 from anhyst.simulate.rigtables import DisturbanceTable
+from anhyst.states import Command
 
 Floats = NDArray[np.float64]
 

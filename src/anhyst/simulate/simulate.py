@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from anhyst.atomic import PathLike, atomic_writer
 from anhyst.compile.folder import json_text
-from anhyst.control.position import Command
 from anhyst.errors import InputError, NegativeResult
 from anhyst.modelfile import write_model
 from anhyst.rig.distance import PlantCheck
@@ -39,6 +38,7 @@ from anhyst.simulate.scenario import Scenario, Script, land_time, steps_up_and_d
 from anhyst.simulate.sensitivity import Sensitivity
 from anhyst.simulate.setup import Knowledge, Setup, make_setups
 from anhyst.simulate.sweep import sweep
+from anhyst.states import Command
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float, float], None]

@@ -13,9 +13,9 @@ from random import Random
 from anhyst.errors import InputError, NegativeResult
 from anhyst.link.client import ForceController
 from anhyst.link.firmware import build
-from anhyst.link.frames import Command, Fault
 from anhyst.link.plantbus import Plant, Reading
 from anhyst.link.process import Running, run_host, run_qemu
+from anhyst.states import Command, Fault
 from anhyst.verify.bundle import Bundle
 from anhyst.verify.compare import Difference
 from anhyst.verify.result import TargetResult

@@ -26,7 +26,7 @@ typedef struct {
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* measured */
   ANHYST_REAL flux[ANHYST_POSITION_MAGNETS];    /* density, measured; see drive.h for none */
   uint16_t dropped;                             /* whether there is no position */
-  uint16_t command;                             /* see levitation.h */
+  uint16_t command;                             /* done first; see states.h */
 } ANHYST_NAME(anhyst_position_sample);
 
 /* What follows. */
@@ -34,8 +34,8 @@ typedef struct {
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* to drive; 0 for a magnet that is not there */
   ANHYST_REAL reference;                        /* position now controlled to */
   ANHYST_REAL demand;                           /* wanted net force */
-  uint16_t state;                               /* 16*state + phase, see levitation.h */
-  uint16_t flags; /* see flags.h, or-ed over the drives, and levitation.h */
+  uint16_t state;                               /* 16*state + phase, see states.h */
+  uint16_t flags;                               /* see flags.h, or-ed over the drives */
 } ANHYST_NAME(anhyst_position_answer);
 
 /* One controller. */
@@ -62,6 +62,9 @@ anhyst_status ANHYST_NAME(anhyst_position_init)(
     ANHYST_NAME(anhyst_position) *c, const ANHYST_NAME(anhyst_position_limits) *limits,
     const ANHYST_NAME(anhyst_position_settings) *settings, ANHYST_NAME(anhyst_drive) *drive,
     ANHYST_NAME(anhyst_drive) *drive_2);
+
+/* Does a command between two ticks, or says why it cannot: ANHYST_REFUSED_... of supervisor.h. */
+uint16_t ANHYST_NAME(anhyst_position_command)(ANHYST_NAME(anhyst_position) *c, uint16_t command);
 
 /* One tick. The currents stay within the limits whatever the sample says. */
 void ANHYST_NAME(anhyst_position_tick)(ANHYST_NAME(anhyst_position) *c,

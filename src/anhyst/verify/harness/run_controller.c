@@ -131,7 +131,7 @@ void subject_step(uint32_t *record)
   record[HARNESS_AT_DEMAND] = (uint32_t)answer.demand;
   record[HARNESS_AT_STATE] = answer.state;
   record[HARNESS_AT_FLAGS] = answer.flags;
-  record[HARNESS_AT_FAULT] = controller.position.levitation.fault;
+  record[HARNESS_AT_FAULT] = controller.position.levitation.supervisor.fault;
   record[HARNESS_AT_INTEGRAL] = (uint32_t)controller.position.state.integral;
   record[HARNESS_AT_VELOCITY] = (uint32_t)controller.position.state.velocity;
   record[HARNESS_AT_MEMORY_A] = (uint32_t)controller.drive[0].compensator.memory.a;

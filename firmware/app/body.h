@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the control task asks of its body: of force (firmware/force) or of position
+   (firmware/position). A firmware is built with one of the two; the board gives its memory.
+
+   The task follows ticks, link and hardware; the body judges the sample and finds the currents. All
+   of this but app_body_start runs in the tick or between port_lock and port_unlock. */
+#ifndef ANHYST_FIRMWARE_BODY_H
+#define ANHYST_FIRMWARE_BODY_H
+
+#include "app/board.h"
+#include "link/frames.h"
+#include "port/port.h"
+
+/* Starts in init, with the block built in. Not for an interrupt: the block is checked. */
+void app_body_start(app_body *body, const app_board *board);
+
+/* States and faults. */
+anhyst_supervisor *app_body_supervisor(app_body *body);
+const anhyst_supervisor *app_body_states(const app_body *body);
+
+/* The compensator of a magnet, 0 or 1, or NULL where there is no such; its words are NULL as long
+   as no block is sound. */
+anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet);
+
+/* Does a command, or says why it cannot: ANHYST_REFUSED_... */
+uint16_t app_body_command(app_body *body, uint16_t command);
+
+/* Goes to fault for a reason outside of the body, and comes to rest as is best for that reason. */
+void app_body_fail(app_body *body, uint16_t reason);
+
+/* A demanded force, or a position to go to: LINK_REASON_NONE, _TYPE where the body has no such, or
+   _VALUE where it is beyond the limits. */
+uint16_t app_body_demand(app_body *body, int32_t force);
+uint16_t app_body_target(app_body *body, int32_t position);
+
+/* Goes on with another sound block for this board: the memory of the iron is kept. Where current
+   may flow it moves no faster than along the ramp to zero until it has reached what the block asks
+   for; a conditioning sequence begins again. */
+void app_body_swap(app_body *body, const int16_t *words);
+
+/* One tick, `ticks` after the one before: judges the sample, moves the state, finds the currents,
+   q31, PORT_CURRENTS of them. Returns flags: ANHYST_... of flags.h. */
+uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sample *sample,
+                       uint32_t ticks, int32_t *currents);
+
+/* Fills what it knows of the status, and of the signals after a tick. */
+void app_body_status(const app_body *body, link_status *status);
+void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals);
+
+#endif

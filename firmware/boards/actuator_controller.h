@@ -1,0 +1,15 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The position controller of the actuator that a program is built around, see actuator.h. */
+#ifndef ANHYST_ACTUATOR_CONTROLLER_H
+#define ANHYST_ACTUATOR_CONTROLLER_H
+
+#include "boards/actuator.h"
+
+#include ACTUATOR_FILE(ACTUATOR_JOIN(ACTUATOR_NAME, _controller).h)
+
+#define ACTUATOR_CONTROLLER_LIMITS ACTUATOR_JOIN(ACTUATOR_NAME, _controller_limits)
+#define ACTUATOR_CONTROLLER_SETTINGS ACTUATOR_JOIN(ACTUATOR_NAME, _controller_settings)
+#define ACTUATOR_CONTROLLER_MAGNETS ACTUATOR_JOIN(ACTUATOR_MACRO, _CONTROLLER_MAGNETS)
+#define ACTUATOR_CONTROLLER_RATE_HZ ACTUATOR_JOIN(ACTUATOR_MACRO, _CONTROLLER_RATE_HZ)
+
+#endif

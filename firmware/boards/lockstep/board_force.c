@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a virtual magnet is to a controller of force. */
+#include "boards/actuator.h"
+#include "force/force.h"
+#include "lockstep.h"
+
+/* A virtual plant is trusted to show noise, as a real one does: a code that repeats for 256 ticks
+   while the current moves by a twentieth is no noise. What a jump of the demand does in one tick,
+   force and current from end to end, is plausible here. */
+static const app_limits limits = {
+    .gap = {-PORT_ONE / 20, PORT_ONE / 20 * 21, PORT_ONE / 20, 256},
+    .force = {-PORT_ONE / 4, PORT_ONE / 4 * 5, PORT_ONE, 256},
+    .current = {-PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, 256},
+    .current_low = INT32_MIN,
+    .current_high = INT32_MAX,
+    .stuck_current = INT32_MAX / 20,
+    .doubtful_ticks = 3,
+    .missed_ticks = 2,
+    .selftest_ticks = 16,
+    .ramp_ms = 20,
+    .heartbeat_ms = 500,
+};
+
+static app_body body;
+
+static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
+
+const app_board lockstep_board = {
+    .body = &body,
+    .kernel = &ACTUATOR_KERNEL,
+    .words = ACTUATOR_PARAMETERS,
+    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
+    .scales = scales,
+    .firmware = BOARD_FIRMWARE_VERSION,
+    .rate = ACTUATOR_RATE_HZ,
+    .limits = &limits,
+};

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a virtual bearing is to a controller of position. The range of the position and how fast it
+   can move stand in the controller that anhyst compile wrote. */
+#include "boards/actuator_controller.h"
+#include "lockstep.h"
+#include "position/flight.h"
+
+/* An encoder may rest on one code as long as nothing moves: for 10 ms at 20 kHz, while the current
+   moves by a twentieth, an armature in the air does not. */
+static const app_limits limits = {
+    .current = {-PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, 0},
+    .position = {INT32_MIN, INT32_MAX, INT32_MAX, ACTUATOR_CONTROLLER_RATE_HZ / 100U},
+    .stuck_current = INT32_MAX / 20,
+    .doubtful_ticks = 3,
+    .missed_ticks = 2,
+    .heartbeat_ms = 500,
+};
+
+static const app_plan plan = {
+    .limits = &ACTUATOR_CONTROLLER_LIMITS,
+    .settings = &ACTUATOR_CONTROLLER_SETTINGS,
+    .magnets = ACTUATOR_CONTROLLER_MAGNETS,
+};
+
+static app_body body;
+
+static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
+
+const app_board lockstep_board = {
+    .body = &body,
+    .plan = &plan,
+    .kernel = &ACTUATOR_KERNEL,
+    .words = ACTUATOR_PARAMETERS,
+    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
+    .scales = scales,
+    .firmware = BOARD_FIRMWARE_VERSION,
+    .rate = ACTUATOR_CONTROLLER_RATE_HZ,
+    .limits = &limits,
+};

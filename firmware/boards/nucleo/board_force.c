@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the magnet on a Nucleo is to a controller of force. */
+#include "boards/actuator.h"
+#include "force/force.h"
+#include "nucleo.h"
+
+static const app_limits limits = {
+    .gap = {-PORT_ONE / 20, PORT_ONE / 20 * 21, PORT_ONE / 20, 256},
+    .force = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 256},
+    .current = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 256},
+    .current_low = 0,
+    .current_high = INT32_MAX,
+    .stuck_current = INT32_MAX / 10,
+    .doubtful_ticks = 3,
+    .missed_ticks = 2,
+    .selftest_ticks = 100,
+    .ramp_ms = 20,
+    .heartbeat_ms = 500,
+};
+
+static app_body body;
+
+static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
+
+const app_board nucleo_board = {
+    .body = &body,
+    .kernel = &ACTUATOR_KERNEL,
+    .words = ACTUATOR_PARAMETERS,
+    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
+    .scales = scales,
+    .firmware = BOARD_FIRMWARE_VERSION,
+    .rate = ACTUATOR_RATE_HZ,
+    .limits = &limits,
+};

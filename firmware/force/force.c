@@ -1,0 +1,268 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "force/force.h"
+
+#include <stddef.h>
+
+/* The next sample is judged by code and range alone. */
+static void forget_sensors(app_body *body)
+{
+  app_sensor_start(&body->gap);
+  app_sensor_start(&body->force);
+  app_sensor_start(&body->current);
+}
+
+/* Ticks of the ramp from full current to zero, at least 1. */
+static uint32_t ramp_ticks(const app_board *board)
+{
+  const uint32_t ticks = app_board_ticks(board, board->limits->ramp_ms);
+  return ticks > 0U ? ticks : 1U;
+}
+
+void app_body_start(app_body *body, const app_board *board)
+{
+  body->board = board;
+  body->target = 0;
+  body->demand = 0;
+  body->drive = 0;
+  body->flags = 0;
+  body->swapped = 0;
+  body->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)ramp_ticks(board), 1);
+  anhyst_supervisor_start(&body->supervisor);
+  forget_sensors(body);
+  if (anhyst_compensator_init(&body->compensator, board->kernel, board->words,
+                              board->words_capacity) != ANHYST_OK ||
+      anhyst_block_misfit(board->words, board->scales) != 0U) {
+    body->compensator.words = NULL;
+  }
+}
+
+anhyst_supervisor *app_body_supervisor(app_body *body) { return &body->supervisor; }
+
+const anhyst_supervisor *app_body_states(const app_body *body) { return &body->supervisor; }
+
+anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet)
+{
+  return magnet == 0U ? &body->compensator : NULL;
+}
+
+void app_body_fail(app_body *body, uint16_t reason)
+{
+  anhyst_supervisor_fail(&body->supervisor, reason);
+}
+
+uint16_t app_body_demand(app_body *body, int32_t force)
+{
+  body->target = force; /* `run` begins with zero, whatever came before */
+  return LINK_REASON_NONE;
+}
+
+uint16_t app_body_target(app_body *body, int32_t position)
+{
+  (void)body;
+  (void)position;
+  return LINK_REASON_TYPE;
+}
+
+void app_body_swap(app_body *body, const int16_t *words)
+{
+  anhyst_compensator_swap(&body->compensator, words);
+  body->swapped = 1;
+  if (body->supervisor.conditioning != 0U) {
+    body->supervisor.step = -1;
+  }
+}
+
+/* The reason of a fault that this sample would be, or none. All sensors are judged, so that each
+   follows its own noise; the first that is wrong is told. Without a sample all values are
+   PORT_RESERVED. */
+static uint16_t judge(app_body *body, const port_sample *sample, uint32_t ticks)
+{
+  const app_limits *limits = body->board->limits;
+  const int32_t least = limits->stuck_current;
+  const int32_t drive = body->drive;
+  const uint16_t gap = app_sensor_judge(&body->gap, &limits->gap, least, sample->gap, ticks, drive);
+  const uint16_t force =
+      app_sensor_judge(&body->force, &limits->force, least, sample->force, ticks, drive);
+  const uint16_t current =
+      app_sensor_judge(&body->current, &limits->current, least, sample->current[0], ticks, drive);
+  if ((sample->status & PORT_NO_SAMPLE) != 0U) {
+    return ANHYST_FAULT_SENSOR_FAILED;
+  }
+  if (gap != APP_SENSOR_FINE) {
+    return (uint16_t)(ANHYST_FAULT_GAP_RESERVED - APP_SENSOR_RESERVED + gap);
+  }
+  if (force != APP_SENSOR_FINE) {
+    return (uint16_t)(ANHYST_FAULT_FORCE_RESERVED - APP_SENSOR_RESERVED + force);
+  }
+  if (current != APP_SENSOR_FINE) {
+    return (uint16_t)(ANHYST_FAULT_CURRENT_RESERVED - APP_SENSOR_RESERVED + current);
+  }
+  return ANHYST_FAULT_NONE;
+}
+
+static int is_stuck(uint16_t fault)
+{
+  return fault == ANHYST_FAULT_GAP_STUCK || fault == ANHYST_FAULT_FORCE_STUCK ||
+         fault == ANHYST_FAULT_CURRENT_STUCK;
+}
+
+/* Goes by the sample: to a fault, or on from selftest. */
+static void watch_sample(app_body *body, const port_sample *sample, uint32_t ticks)
+{
+  const app_limits *limits = body->board->limits;
+  const uint16_t wrong = judge(body, sample, ticks);
+  (void)anhyst_supervisor_sample(&body->supervisor, wrong, limits->doubtful_ticks,
+                                 limits->selftest_ticks);
+  if (wrong != ANHYST_FAULT_NONE) {
+    body->flags |= ANHYST_SAMPLE_DOUBTFUL;
+  }
+  if (is_stuck(wrong)) {
+    anhyst_supervisor_fail(&body->supervisor, wrong);
+  }
+}
+
+/* A measured q30 as a q31; beyond full scale it saturates. */
+static int32_t full_scale(int32_t value) { return anhyst_shl_q31(value, 1); }
+
+/* demand*ratio of q31 and q30, as a q31; rounded downwards to the 16 upper bits of the ratio,
+   error below 2^-15 of the demand; saturates. */
+static int32_t constant_ratio(int32_t demand, int32_t ratio)
+{
+  return anhyst_shl_q31(anhyst_scale(demand, (int16_t)(ratio >> 16)), 2);
+}
+
+/* The current for the demand at this gap, the demand having moved on by at most its slew. */
+static int32_t force_current(app_body *body, const int32_t *settings, int32_t gap)
+{
+  const int32_t slew = settings[LINK_SETTING_DEMAND_SLEW];
+  body->demand = anhyst_clamp(body->target, anhyst_sub_q31(body->demand, slew),
+                              anhyst_add_q31(body->demand, slew));
+  if (body->demand != body->target) {
+    body->flags |= ANHYST_DEMAND_SLEWING;
+  }
+  if (settings[LINK_SETTING_COMPENSATION] == 0) {
+    return constant_ratio(body->demand, settings[LINK_SETTING_RATIO]);
+  }
+  const int32_t current = anhyst_compensator_solve_q31(&body->compensator, body->demand, gap);
+  body->flags |= body->compensator.flags;
+  return current;
+}
+
+/* A step along the ramp from the current driven towards another. */
+static int32_t ramp_to(const app_body *body, int32_t current)
+{
+  return anhyst_clamp(current, anhyst_sub_q31(body->drive, body->ramp),
+                      anhyst_add_q31(body->drive, body->ramp));
+}
+
+/* The current of a state in which it may flow, or a step towards it as long as it has not been
+   reached since a block was swapped. */
+static int32_t after_swap(app_body *body, int32_t current)
+{
+  if (body->swapped == 0U) {
+    return current;
+  }
+  const int32_t step = ramp_to(body, current);
+  body->swapped = step != current ? 1U : 0U;
+  return step;
+}
+
+/* The current that this state asks for, before the limits of the board. */
+static int32_t wanted_current(app_body *body, const int32_t *settings, int32_t gap)
+{
+  if (body->supervisor.state == ANHYST_STATE_RUN) {
+    return after_swap(body, force_current(body, settings, gap));
+  }
+  if (body->supervisor.conditioning != 0U) {
+    const int32_t length = anhyst_conditioning_length(&body->compensator);
+    if (anhyst_supervisor_condition(&body->supervisor, length)) {
+      return after_swap(body, anhyst_conditioning_q31(&body->compensator, body->supervisor.step));
+    }
+  }
+  body->swapped = 0;
+  return ramp_to(body, 0);
+}
+
+uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sample *sample,
+                       uint32_t ticks, int32_t *currents)
+{
+  const app_limits *limits = body->board->limits;
+  anhyst_compensator *compensator = &body->compensator;
+  const int follow = settings[LINK_SETTING_FOLLOW] != 0;
+  body->flags = 0;
+  watch_sample(body, sample, ticks);
+  const int32_t gap = full_scale(anhyst_clamp(body->gap.value, 0, PORT_ONE));
+  if (follow && compensator->words != NULL) {
+    anhyst_compensator_commit_q31(compensator, full_scale(body->current.value), gap);
+  }
+  const int32_t wanted = wanted_current(body, settings, gap);
+  body->drive = anhyst_clamp(wanted, limits->current_low, limits->current_high);
+  if (!follow && compensator->words != NULL) {
+    anhyst_compensator_commit_q31(compensator, body->drive, gap);
+  }
+  if (body->drive != wanted) {
+    body->flags |= ANHYST_CURRENT_LIMITED;
+  }
+  currents[0] = body->drive;
+  currents[1] = 0;
+  return body->flags;
+}
+
+uint16_t app_body_command(app_body *body, uint16_t command)
+{
+  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
+  const anhyst_body self = {0U, 1U, body->drive == 0 ? 1U : 0U};
+  const uint16_t refused = anhyst_supervisor_obstacle(&body->supervisor, command, &self);
+  if (refused != ANHYST_REFUSED_NOT) {
+    return refused;
+  }
+  anhyst_supervisor_command(&body->supervisor, command, &self);
+  switch (command) {
+  case ANHYST_COMMAND_RUN:
+    body->target = 0;
+    body->demand = 0;
+    break;
+  case ANHYST_COMMAND_CLEAR:
+    forget_sensors(body);
+    break;
+  case ANHYST_COMMAND_DEMAGNETISED:
+    body->compensator.memory = demagnetised;
+    body->compensator.solved = 0;
+    break;
+  default:
+    break;
+  }
+  return ANHYST_REFUSED_NOT;
+}
+
+void app_body_status(const app_body *body, link_status *status)
+{
+  status->demand = body->demand;
+  status->force = body->force.value;
+  status->gap = body->gap.value;
+  status->current = body->current.value;
+  status->drive = body->drive;
+  status->phase = ANHYST_PHASE_REST;
+  status->position = 0;
+  status->reference = 0;
+  status->current_2 = 0;
+  status->drive_2 = 0;
+}
+
+void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)
+{
+  const anhyst_compensator *compensator = &body->compensator;
+  signals[LINK_SIGNAL_DEMAND] = body->demand;
+  signals[LINK_SIGNAL_FORCE] = sample->force;
+  signals[LINK_SIGNAL_GAP] = sample->gap;
+  signals[LINK_SIGNAL_CURRENT] = sample->current[0];
+  signals[LINK_SIGNAL_DRIVE] = body->drive;
+  signals[LINK_SIGNAL_FLUX] = compensator->flux_applied;
+  signals[LINK_SIGNAL_EXPECTED] =
+      compensator->words != NULL ? anhyst_compensator_output_q31(compensator) : 0;
+  signals[LINK_SIGNAL_POSITION] = 0;
+  signals[LINK_SIGNAL_REFERENCE] = 0;
+  signals[LINK_SIGNAL_PHASE] = ANHYST_PHASE_REST;
+  signals[LINK_SIGNAL_CURRENT_2] = 0;
+  signals[LINK_SIGNAL_DRIVE_2] = 0;
+}

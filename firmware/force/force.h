@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The body of a control task that makes force: a demand becomes a current by the compensator, or by
+   a constant ratio.
+
+   Current flows in run, and in idle while the conditioning sequence runs; in every other state it
+   goes to zero along a ramp of app_limits.ramp_ms from full scale and stays there; until it is zero
+   there is no way back to run, and so no way round the ramp. */
+#ifndef ANHYST_FIRMWARE_FORCE_H
+#define ANHYST_FIRMWARE_FORCE_H
+
+#include "app/body.h"
+#include "app/sensor.h"
+
+struct app_body {
+  const app_board *board;
+  anhyst_compensator compensator; /* words is NULL as long as no block is sound */
+  anhyst_supervisor supervisor;
+  int32_t target;   /* force demanded, q31 */
+  int32_t demand;   /* in force, on its way to the target */
+  int32_t drive;    /* current driven, q31 */
+  int32_t ramp;     /* step of the ramp to zero, q31 a tick */
+  uint16_t flags;   /* of this tick */
+  uint16_t swapped; /* whether the current is still on its way to that of a block put in force */
+  app_sensor gap;
+  app_sensor force;
+  app_sensor current;
+};
+
+#endif

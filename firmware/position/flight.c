@@ -1,0 +1,197 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "position/flight.h"
+
+#include <stddef.h>
+
+typedef char
+    flight_has_as_many_currents_as_the_port[ANHYST_POSITION_MAGNETS == PORT_CURRENTS ? 1 : -1];
+
+static void forget_sensors(app_body *body)
+{
+  app_sensor_start(&body->encoder);
+  for (int i = 0; i < PORT_CURRENTS; i++) {
+    app_sensor_start(&body->current[i]);
+  }
+}
+
+/* Starts the drive of a magnet with the block built in; without words where that is not sound. */
+static void start_drive(anhyst_drive_q31 *drive, const app_board *board)
+{
+  if (anhyst_drive_init_compensator_q31(drive, board->kernel, board->words,
+                                        board->words_capacity) != ANHYST_OK ||
+      anhyst_block_misfit(board->words, board->scales) != 0U) {
+    drive->compensator.words = NULL;
+  }
+}
+
+void app_body_start(app_body *body, const app_board *board)
+{
+  const app_plan *plan = board->plan;
+  const anhyst_position_answer_q31 nothing = {{0, 0}, 0, 0, 0, 0};
+  body->board = board;
+  body->target = 0;
+  body->answer = nothing;
+  forget_sensors(body);
+  for (uint16_t i = 0; i < plan->magnets; i++) {
+    start_drive(&body->drive[i], board);
+  }
+  if (anhyst_position_init_q31(&body->position, plan->limits, plan->settings, &body->drive[0],
+                               plan->magnets == 2U ? &body->drive[1] : NULL) != ANHYST_OK) {
+    body->drive[0].compensator.words = NULL;
+  }
+}
+
+anhyst_supervisor *app_body_supervisor(app_body *body)
+{
+  return &body->position.levitation.supervisor;
+}
+
+const anhyst_supervisor *app_body_states(const app_body *body)
+{
+  return &body->position.levitation.supervisor;
+}
+
+anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet)
+{
+  return magnet < body->board->plan->magnets ? &body->drive[magnet].compensator : NULL;
+}
+
+uint16_t app_body_command(app_body *body, uint16_t command)
+{
+  const uint16_t refused = anhyst_position_command_q31(&body->position, command);
+  if (refused == ANHYST_REFUSED_NOT && command == ANHYST_COMMAND_CLEAR) {
+    forget_sensors(body);
+  }
+  return refused;
+}
+
+/* Whether an armature can still be landed after this: not without amplifiers that do as they are
+   told. One magnet of a pair alone would pull it to its side. */
+static int can_land(uint16_t reason)
+{
+  return reason != ANHYST_FAULT_AMPLIFIER && reason != ANHYST_FAULT_OVER_CURRENT &&
+         reason != ANHYST_FAULT_BLOCK;
+}
+
+void app_body_fail(app_body *body, uint16_t reason)
+{
+  anhyst_levitation_fail(&body->position.levitation, reason, can_land(reason));
+}
+
+uint16_t app_body_demand(app_body *body, int32_t force)
+{
+  (void)body;
+  (void)force;
+  return LINK_REASON_TYPE;
+}
+
+uint16_t app_body_target(app_body *body, int32_t position)
+{
+  const anhyst_levitation_limits *limits = &body->board->plan->limits->levitation;
+  if (position < limits->low || position > limits->high) {
+    return LINK_REASON_VALUE;
+  }
+  body->target = position;
+  return LINK_REASON_NONE;
+}
+
+void app_body_swap(app_body *body, const int16_t *words)
+{
+  for (uint16_t i = 0; i < body->board->plan->magnets; i++) {
+    anhyst_compensator_swap(&body->drive[i].compensator, words);
+  }
+}
+
+/* A measured q30 as a q31; beyond full scale it saturates. */
+static int32_t full_scale(int32_t value) { return anhyst_shl_q31(value, 1); }
+
+/* A sensor of a current that is not to be believed is a fault, for what is driven cannot be known
+   any more; the position is, and so it lands. */
+static void watch_currents(app_body *body, const port_sample *sample, uint32_t ticks)
+{
+  const app_limits *limits = body->board->limits;
+  for (uint16_t i = 0; i < body->board->plan->magnets; i++) {
+    const uint16_t wrong =
+        app_sensor_judge(&body->current[i], &limits->current, limits->stuck_current,
+                         sample->current[i], ticks, body->answer.current[i]);
+    if (body->current[i].age > limits->doubtful_ticks || wrong == APP_SENSOR_STUCK) {
+      app_body_fail(body, (uint16_t)(ANHYST_FAULT_CURRENT_RESERVED - APP_SENSOR_RESERVED + wrong));
+    }
+  }
+}
+
+/* A position that shows no noise while the current moves, in the air: as good as none. On its rest
+   an armature stands still whatever flows. */
+static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
+{
+  const app_limits *limits = body->board->limits;
+  if (!anhyst_levitation_controls(&body->position.levitation)) {
+    app_sensor_start(&body->encoder);
+    return 0;
+  }
+  return app_sensor_judge(&body->encoder, &limits->position, limits->stuck_current,
+                          sample->position, ticks, body->answer.current[0]) == APP_SENSOR_STUCK;
+}
+
+uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sample *sample,
+                       uint32_t ticks, int32_t *currents)
+{
+  anhyst_position_sample_q31 in;
+  (void)settings;
+  if ((sample->status & PORT_NO_SAMPLE) == 0U) {
+    watch_currents(body, sample, ticks);
+  }
+  if (is_stuck(body, sample, ticks)) {
+    anhyst_levitation_lose(&body->position.levitation, ANHYST_FAULT_POSITION_STUCK);
+  }
+  in.position = sample->position;
+  in.target = body->target;
+  in.load = 0;
+  in.dropped = sample->position == PORT_RESERVED ? 1U : 0U;
+  in.command = ANHYST_COMMAND_NONE;
+  for (int i = 0; i < PORT_CURRENTS; i++) {
+    in.current[i] = full_scale(body->current[i].value);
+    in.flux[i] = ANHYST_NO_FLUX;
+  }
+  if (body->drive[0].compensator.words == NULL) {
+    currents[0] = 0;
+    currents[1] = 0;
+    return 0;
+  }
+  anhyst_position_tick_q31(&body->position, &in, &body->answer);
+  currents[0] = body->answer.current[0];
+  currents[1] = body->answer.current[1];
+  return body->answer.flags;
+}
+
+void app_body_status(const app_body *body, link_status *status)
+{
+  status->demand = body->answer.demand;
+  status->force = 0;
+  status->gap = 0;
+  status->current = body->current[0].value;
+  status->drive = body->answer.current[0];
+  status->phase = body->position.levitation.phase;
+  status->position = body->position.position;
+  status->reference = body->answer.reference;
+  status->current_2 = body->current[1].value;
+  status->drive_2 = body->answer.current[1];
+}
+
+void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)
+{
+  const anhyst_compensator *compensator = &body->drive[0].compensator;
+  signals[LINK_SIGNAL_DEMAND] = body->answer.demand;
+  signals[LINK_SIGNAL_FORCE] = 0;
+  signals[LINK_SIGNAL_GAP] = body->position.gap[0];
+  signals[LINK_SIGNAL_CURRENT] = sample->current[0];
+  signals[LINK_SIGNAL_DRIVE] = body->answer.current[0];
+  signals[LINK_SIGNAL_FLUX] = compensator->flux_applied;
+  signals[LINK_SIGNAL_EXPECTED] =
+      compensator->words != NULL ? anhyst_compensator_output_q31(compensator) : 0;
+  signals[LINK_SIGNAL_POSITION] = sample->position;
+  signals[LINK_SIGNAL_REFERENCE] = body->answer.reference;
+  signals[LINK_SIGNAL_PHASE] = body->position.levitation.phase;
+  signals[LINK_SIGNAL_CURRENT_2] = sample->current[1];
+  signals[LINK_SIGNAL_DRIVE_2] = body->answer.current[1];
+}

@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The body of a control task that holds an armature in the air: position in, currents out, by the
+   very controller that anhyst simulate flies (anhyst/position.h), with the limits and settings that
+   anhyst compile wrote. What each phase does is said in anhyst/levitation.h. */
+#ifndef ANHYST_FIRMWARE_FLIGHT_H
+#define ANHYST_FIRMWARE_FLIGHT_H
+
+#include "app/body.h"
+#include "app/sensor.h"
+
+struct app_plan {
+  const anhyst_position_limits_q31 *limits;
+  const anhyst_position_settings_q31 *settings;
+  uint16_t magnets; /* 1 or 2 */
+};
+
+struct app_body {
+  const app_board *board;
+  anhyst_position_q31 position;
+  anhyst_drive_q31 drive[ANHYST_POSITION_MAGNETS];
+  anhyst_position_answer_q31 answer; /* of the last tick */
+  int32_t target;                    /* position to go to */
+  app_sensor encoder;                /* whether it is stuck */
+  app_sensor current[PORT_CURRENTS];
+};
+
+#endif
