@@ -17,6 +17,7 @@ static void forget(anhyst_levitation *l)
   l->phase = ANHYST_PHASE_REST;
   l->seen = 0;
   l->lost = 0;
+  l->let_go = 0;
 }
 
 void anhyst_levitation_start(anhyst_levitation *levitation)
@@ -76,7 +77,7 @@ static void come_down(anhyst_levitation *l)
 static void lose_position(anhyst_levitation *l)
 {
   if (anhyst_levitation_controls(l)) {
-    l->phase = ANHYST_PHASE_HOLD;
+    l->phase = ANHYST_PHASE_FALL;
     l->tick = 0;
   } else if (l->phase == ANHYST_PHASE_BREAKAWAY) {
     l->phase = ANHYST_PHASE_SET_DOWN;
@@ -91,7 +92,7 @@ static void begin(anhyst_levitation *l, uint16_t phase)
   l->begins = 1;
 }
 
-/* Goes by the sample: on from selftest, to a fault, or back from a hold. */
+/* Goes by the sample: on from selftest, to a fault, or back from a fall. */
 static void watch(anhyst_levitation *l, const anhyst_levitation_limits *limits,
                   const anhyst_levitation_input *input)
 {
@@ -105,7 +106,7 @@ static void watch(anhyst_levitation *l, const anhyst_levitation_limits *limits,
   }
   l->position = input->position;
   l->seen = 1;
-  if (l->phase == ANHYST_PHASE_HOLD && l->lost == 0U) {
+  if (l->phase == ANHYST_PHASE_FALL && l->lost == 0U) {
     begin(l, ANHYST_PHASE_DESCEND);
   }
 }
@@ -146,15 +147,9 @@ void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int 
   if (lands) {
     come_down(levitation);
   } else {
-    levitation->phase = ANHYST_PHASE_REST;
+    levitation->lost = 1;
+    lose_position(levitation);
   }
-}
-
-void anhyst_levitation_lose(anhyst_levitation *levitation, uint16_t reason)
-{
-  anhyst_supervisor_fail(&levitation->supervisor, reason);
-  levitation->lost = 1;
-  lose_position(levitation);
 }
 
 static void break_away(anhyst_levitation *l, const anhyst_levitation_settings *settings)
@@ -217,7 +212,8 @@ static void go_on(anhyst_levitation *l, const anhyst_levitation_limits *limits,
   case ANHYST_PHASE_SET_DOWN:
     set_down(l, settings);
     break;
-  case ANHYST_PHASE_HOLD:
+  case ANHYST_PHASE_FALL:
+    l->let_go = l->tick == 0 ? 1U : 0U;
     l->tick++;
     if (l->tick > (int32_t)limits->hold) {
       l->phase = ANHYST_PHASE_REST;
@@ -244,6 +240,7 @@ void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitati
 {
   levitation->flags = 0;
   levitation->begins = 0;
+  levitation->let_go = 0;
   if (anhyst_levitation_controls(levitation)) {
     levitation->demand = input->demand;
   }

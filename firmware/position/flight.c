@@ -142,7 +142,7 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
     watch_currents(body, sample, ticks);
   }
   if (is_stuck(body, sample, ticks)) {
-    anhyst_levitation_lose(&body->position.levitation, ANHYST_FAULT_POSITION_STUCK);
+    anhyst_levitation_fail(&body->position.levitation, ANHYST_FAULT_POSITION_STUCK, 0);
   }
   in.position = sample->position;
   in.target = body->target;

@@ -28,7 +28,7 @@ class Phase(IntEnum):
     HOVER = 3  # controlled; the reference is the target
     DESCEND = 4  # controlled; the reference goes to the rest at a limited speed
     SET_DOWN = 5  # the force falls, so that currents going to zero let nothing go
-    HOLD = 6  # the position is lost in mid-air: the currents stay for a while
+    FALL = 6  # the position is lost in mid-air: the currents are let go
     CONDITION = 7  # follow the conditioning sequence
 
 

@@ -22,7 +22,10 @@ from anhyst.control import PositionControl
 
 from .test_c_core import HERE, ROOT, tool
 
-SOURCES = ("position", "levitation", "drive", "map", "pidd2", "compensator", "block", "closed")
+SOURCES = (
+    *("position", "levitation", "supervisor", "drive", "map", "pidd2"),
+    *("compensator", "block", "closed"),
+)
 LIMITS = (
     *("position_low", "position_high", "position_step", "patience", "hold", "selftest"),
     *("current_low", "current_high", "current_step", "release"),
@@ -43,10 +46,12 @@ FLIGHTS = [
 ]
 FAULTS = [
     ("levitation.c", "if (l->tick > (int32_t)limits->hold) {", "if (l->tick >= limits->hold) {"),
-    ("levitation.c", "if (l->age > limits->patience) {", "if (l->age >= limits->patience) {"),
-    ("levitation.c", "const int32_t ticks = (int32_t)l->age + 1;", "const int32_t ticks = 1;"),
+    ("supervisor.c", "if (s->age > patience) {", "if (s->age >= patience) {"),
+    ("levitation.c", "const int32_t ticks = (int32_t)l->supervisor.age + 1;", "const int32_t ticks = 1;"),
     ("levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
     ("levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
+    ("levitation.c", "l->let_go = l->tick == 0 ? 1U : 0U;", "l->let_go = 0U;"),
+    ("supervisor.c", "return ready && s->age == 0U;", "return ready;"),
     ("position.c", "rest >= step - rest ?", "rest >= step ?"),
     ("position.c", "anhyst_shl_q31(anhyst_pidd2_product(", "(2 + anhyst_pidd2_product("),
     ("position.c", "return a >> 1;", "return a >> 2;"),

@@ -17,7 +17,7 @@ from anhyst._core import FixedDrive
 LOW, HIGH = -(2**31), 2**31 - 1
 MISSING, RANGE, STEP, NO_LIFT, STOPPED = 17, 18, 19, 21, 22
 INIT, SELFTEST, IDLE, READY, RUN, FAULT = range(6)
-REST, BREAKAWAY, RISE, HOVER, DESCEND, SET_DOWN, HOLD, CONDITION = range(8)
+REST, BREAKAWAY, RISE, HOVER, DESCEND, SET_DOWN, FALL, CONDITION = range(8)
 AIR = (RISE, HOVER, DESCEND)
 
 
@@ -102,13 +102,14 @@ class Flight:
     seen: bool = False
     begins: bool = False
     fresh: bool = False
+    lets_go: bool = False
     events: set[str] = field(default_factory=set)
 
     def number(self, name: str) -> int:
         return int(self.given[name])
 
     def tick(self, sample: Sample, demand: int, conditioning: int, at_zero: bool) -> None:
-        self.begins, self.events = False, set()
+        self.begins, self.lets_go, self.events = False, False, set()
         self.obey(sample.command, at_zero)
         if self.phase in AIR:
             self.demand = demand
@@ -135,7 +136,7 @@ class Flight:
             self.passed, self.unseen = 0, min(self.unseen + 1, 65535)
             if self.unseen > self.number("patience"):
                 self.fail(reason)
-                instead = {BREAKAWAY: SET_DOWN, CONDITION: REST} | dict.fromkeys(AIR, HOLD)
+                instead = {BREAKAWAY: SET_DOWN, CONDITION: REST} | dict.fromkeys(AIR, FALL)
                 if self.phase in AIR:
                     self.count = 0
                 self.phase = instead.get(self.phase, self.phase)
@@ -146,7 +147,7 @@ class Flight:
             self.passed += 1
             if self.passed >= self.number("selftest"):
                 self.state = IDLE
-        if self.phase == HOLD:
+        if self.phase == FALL:
             self.begin(DESCEND)
 
     def fail(self, reason: int) -> None:
@@ -204,7 +205,8 @@ class Flight:
                 self.state = READY if self.state == RUN else self.state
             else:
                 self.demand = self.towards(self.demand, self.number("press"), "set_down")
-        elif self.phase == HOLD:
+        elif self.phase == FALL:
+            self.lets_go = self.count == 0
             self.count += 1
             if self.count > self.number("hold"):
                 self.phase = REST
@@ -281,15 +283,16 @@ class Oracle:
 
     def wanted(self, sample: Sample) -> list[int]:
         flight, release = self.flight, self.number("release")
-        if flight.phase == HOLD:
-            return self.current
-        if flight.phase in (REST, CONDITION):
+        if flight.phase in (REST, FALL):
+            self.demand = self.demand if flight.phase == FALL else 0
+            begin = self.current
+            if flight.lets_go and len(begin) == 1:
+                begin = [limited(i - (limited(i - self.zero) >> 3)) for i in begin]
+            elif flight.lets_go:
+                begin = [self.zero] * 2
+            return [limited(self.zero, limited(i - release), limited(i + release)) for i in begin]
+        if flight.phase == CONDITION:
             self.demand = 0
-            if flight.phase == REST:
-                return [
-                    limited(self.zero, limited(i - release), limited(i + release))
-                    for i in self.current
-                ]
             return [drive.conditioning(flight.count) for drive in self.drives]
         self.demand = self.control(sample) if flight.phase in AIR else flight.demand
         forces = [self.demand]

@@ -108,23 +108,23 @@ def test_a_dropped_sample_is_bridged(number_format: Format) -> None:
 
 
 @each_format
-def test_lost_position_holds_the_current_and_lets_it_fall(number_format: Format) -> None:
+def test_lost_position_lets_go_of_an_eighth_and_then_of_the_rest(number_format: Format) -> None:
     rig = Rig(make(number_format))
     last = rig.hover()[-1]
     rig.hidden = lambda _: math.nan
     rows = rig.run(3 + 201 + 2000)
     assert path(rows) == [
         (State.RUN, Phase.HOVER),
-        (State.FAULT, Phase.HOLD),
+        (State.FAULT, Phase.FALL),
         (State.FAULT, Phase.REST),
     ]
     assert rig.controller.fault == Fault.POSITION_MISSING
-    held = [row for row in rows if place(row)[1] == Phase.HOLD]
-    assert len(held) == 200
-    assert {row[0] for row in held} == {rows[2][0]}
+    falls = [row for row in rows if place(row)[1] == Phase.FALL]
+    assert len(falls) == 200
     assert rows[2][0] == pytest.approx(last[0], abs=5e-3)
-    falling = np.diff([row[0] for row in rows[203:]])
     step = CONTROL.converter.step
+    assert rows[3][0] == pytest.approx(0.875 * rows[2][0] - 45.0 / RATE, abs=2 * step)
+    falling = np.diff([row[0] for row in rows[3:]])
     assert np.all(falling <= 0.0)
     assert np.min(falling) == pytest.approx(-45.0 / RATE, abs=step)
     assert rows[-1][0] == 0.0
@@ -145,7 +145,7 @@ def test_position_that_comes_back_lands(number_format: Format) -> None:
     rows = rig.run(8000)
     assert path(lost + rows) == [
         (State.RUN, Phase.HOVER),
-        (State.FAULT, Phase.HOLD),
+        (State.FAULT, Phase.FALL),
         (State.FAULT, Phase.DESCEND),
         (State.FAULT, Phase.SET_DOWN),
         (State.FAULT, Phase.REST),

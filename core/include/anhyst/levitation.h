@@ -9,11 +9,11 @@
      hover      controlled; the reference is the target, so that steps are steps
      descend    controlled; the reference goes to the rest at a limited speed
      set down   the demanded force falls to `press`, so that currents going to zero let nothing go
-     hold       the position is lost in mid-air: the current stays for `hold` ticks, then falls
+     fall       the position is lost in mid-air: the currents are let go; a position that comes back
+                within `hold` ticks is landed from
 
    Rest is the position at which the armature was when it was lifted. A fault in the air lands as
-   long as the position is known; where it is lost and comes back within the hold, it lands from
-   there.
+   long as the position is known and the amplifiers do as they are told.
 
    Positions rise as the armature rises, q31 of a full scale of the caller's; demands are q31 of the
    full scale of the force. Nothing here loops. */
@@ -36,7 +36,7 @@ typedef struct {
   int32_t step; /* largest change from one tick to the next, > 0 */
   uint16_t
       patience;  /* samples in a row that may be missing or implausible; the last one stands in */
-  uint16_t hold; /* ticks for which the current stays when the position is lost */
+  uint16_t hold; /* ticks of a fall in which a position may come back */
   uint16_t selftest; /* plausible samples in a row until the self-test has passed, > 0 */
 } anhyst_levitation_limits;
 
@@ -66,12 +66,13 @@ typedef struct {
   int32_t rest;      /* where the armature lay before it was lifted */
   int32_t reference; /* while controlled: where to */
   int32_t demand;    /* in breakaway and set down: the force to drive */
-  int32_t tick;      /* of breakaway, or of the hold */
+  int32_t tick;      /* of breakaway, or of the fall */
   uint16_t phase;
   uint16_t flags;  /* ANHYST_SAMPLE_DOUBTFUL */
   uint16_t begins; /* whether control begins at this tick, with the demand before it */
   uint16_t seen;   /* whether there was a plausible position at all */
-  uint16_t lost;   /* whether no sample is believed any more, until `clear` */
+  uint16_t lost;   /* whether it does not land any more even with a position, until `clear` */
+  uint16_t let_go; /* whether a fall begins at this tick */
 } anhyst_levitation;
 
 /* Whether both are within their ranges: ANHYST_OK or ANHYST_BAD_PARAMETER. */
@@ -87,13 +88,9 @@ uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t comma
                                    uint16_t at_zero);
 
 /* Goes to fault for a reason from outside, between two ticks. lands: whether it comes down in a
-   controlled way; otherwise the currents are given up at once, for nothing can be held with them.
- */
+   controlled way; otherwise it falls, whatever samples come: neither a sensor that is not to be
+   believed nor an amplifier that does not obey can land it. */
 void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int lands);
-
-/* The position cannot be believed any more, for a reason that no sample shows: a fault, and on as if
-   all samples were missing until `clear`. */
-void anhyst_levitation_lose(anhyst_levitation *levitation, uint16_t reason);
 
 /* One tick: judges the sample and moves on. */
 void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitation_limits *limits,

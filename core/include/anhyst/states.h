@@ -23,7 +23,7 @@
 #define ANHYST_PHASE_DESCEND 4U /* controlled; the reference goes to the rest at a limited speed */
 /* the force falls, so that currents going to zero let nothing go */
 #define ANHYST_PHASE_SET_DOWN 5U
-#define ANHYST_PHASE_HOLD 6U /* the position is lost in mid-air: the currents stay for a while */
+#define ANHYST_PHASE_FALL 6U /* the position is lost in mid-air: the currents are let go */
 #define ANHYST_PHASE_CONDITION 7U /* follow the conditioning sequence */
 #define ANHYST_PHASE_COUNT 8U
 

@@ -122,27 +122,43 @@ static void ANHYST_NAME(solve)(ANHYST_NAME(anhyst_position) *c,
   }
 }
 
+/* A step of a current on its way to zero. What holds an armature in the air is unstable: a current
+   that stays lets it go to either side, faster and faster. So, where a fall begins, one magnet lets
+   go of an eighth at once, which sends the armature away from it and not into it, and of the rest
+   along the ramp, which is softer than a free fall. Two magnets that pull against each other let go
+   of everything: what neither pulls only drifts. */
+static ANHYST_REAL ANHYST_NAME(release)(const ANHYST_NAME(anhyst_position) *c, ANHYST_REAL current)
+{
+  const ANHYST_REAL release = c->limits->release;
+  const ANHYST_REAL zero = ANHYST_NAME(zero)(c->limits);
+  ANHYST_REAL from = current;
+  if (c->levitation.let_go != 0U) {
+    const ANHYST_REAL eighth = ANHYST_NAME(half)(
+        ANHYST_NAME(half)(ANHYST_NAME(half)(ANHYST_NAME(difference)(current, zero))));
+    from = c->drive[1] != NULL ? zero : ANHYST_NAME(difference)(current, eighth);
+  }
+  return ANHYST_NAME(within)(zero, ANHYST_NAME(difference)(from, release),
+                             ANHYST_NAME(sum)(from, release));
+}
+
 /* The currents that this phase asks for, before the limits of the board. */
 static void ANHYST_NAME(want)(ANHYST_NAME(anhyst_position) *c,
                               const ANHYST_NAME(anhyst_position_sample) *sample,
                               ANHYST_REAL *wanted)
 {
-  const ANHYST_REAL release = c->limits->release;
-  const ANHYST_REAL zero = ANHYST_NAME(zero)(c->limits);
   const uint16_t phase = c->levitation.phase;
-  if (phase == ANHYST_PHASE_HOLD) {
-    for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
-      wanted[i] = c->current[i];
+  if (phase == ANHYST_PHASE_REST || phase == ANHYST_PHASE_FALL) {
+    if (phase == ANHYST_PHASE_REST) {
+      c->demand = 0; /* a fall keeps it: a landing out of it begins with it */
     }
-  } else if (phase == ANHYST_PHASE_REST || phase == ANHYST_PHASE_CONDITION) {
+    for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
+      wanted[i] = ANHYST_NAME(release)(c, c->current[i]);
+    }
+  } else if (phase == ANHYST_PHASE_CONDITION) {
     c->demand = 0;
     for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
-      const ANHYST_REAL low = ANHYST_NAME(difference)(c->current[i], release);
-      const ANHYST_REAL high = ANHYST_NAME(sum)(c->current[i], release);
       wanted[i] =
-          phase == ANHYST_PHASE_REST
-              ? ANHYST_NAME(within)(zero, low, high)
-              : ANHYST_NAME(anhyst_drive_conditioning)(c->drive[i], c->levitation.supervisor.step);
+          ANHYST_NAME(anhyst_drive_conditioning)(c->drive[i], c->levitation.supervisor.step);
     }
   } else {
     c->demand = anhyst_levitation_controls(&c->levitation)

@@ -5,11 +5,11 @@
 #include "lockstep.h"
 #include "position/flight.h"
 
-/* An encoder may rest on one code as long as nothing moves: for 10 ms at 20 kHz, while the current
-   moves by a twentieth, an armature in the air does not. */
+/* An encoder may rest on one code as long as nothing moves; for 2 ms, while the current moves by a
+   twentieth, an armature in the air does not. */
 static const app_limits limits = {
     .current = {-PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, 0},
-    .position = {INT32_MIN, INT32_MAX, INT32_MAX, ACTUATOR_CONTROLLER_RATE_HZ / 100U},
+    .position = {INT32_MIN, INT32_MAX, INT32_MAX, ACTUATOR_CONTROLLER_RATE_HZ / 500U},
     .stuck_current = INT32_MAX / 20,
     .doubtful_ticks = 3,
     .missed_ticks = 2,

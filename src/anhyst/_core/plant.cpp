@@ -66,6 +66,9 @@ void bind_plant(nb::module_ &m)
       .def("advance", &Bearing::advance, "first"_a, "second"_a, "load"_a)
       .def("place", &Bearing::place, "gap"_a, "velocity"_a)
       .def("hold", &Bearing::hold, "current"_a, "magnet"_a)
+      .def_prop_rw(
+          "supply", [](const Bearing &b) { return b.settings()->amplifier.limit; },
+          &Bearing::set_supply)
       .def_prop_ro("gap", [](Bearing &b) { return b.state()->gap; })
       .def_prop_ro("velocity", [](Bearing &b) { return b.state()->velocity; })
       .def_prop_ro("force", [](Bearing &b) { return b.state()->force; })

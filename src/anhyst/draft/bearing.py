@@ -293,7 +293,7 @@ def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Se
             "what is done without a position",
             [
                 Entry("patience_ticks", 3, "dropped samples that are bridged", EXAMPLE),
-                Entry("hold_ticks", _hold(numbers), "the last current is held", "0.1 s"),
+                Entry("hold_ticks", _hold(numbers), "a lost position may come back", "0.1 s"),
             ],
         ),
     ]

@@ -52,6 +52,8 @@ class BearingPlant:
     ----------
     bearing : Bearing
         The plant.
+    rest_load, force_high, supply : float
+        Of the rig, N; the largest force that may be asked for, N; of the amplifiers, V.
     load, inject : float
         Commanded to the load drive at the next tick, N; added to the gap that is shown, m.
     dropped : bool
@@ -63,6 +65,9 @@ class BearingPlant:
     def __init__(self, setup: Setup, seed: int = 0, bearing: Bearing | None = None) -> None:
         rig = setup.rig
         self.bearing = bearing or make_bearing(rig, seed)
+        self.rest_load = rig.load
+        self.force_high = setup.controller.limits.force_high_N
+        self.supply = rig.settings.amplifier.supply_V
         self.load = rig.load
         self.inject = 0.0
         self.dropped = False
