@@ -139,7 +139,6 @@ static int common_sound(const int16_t *words)
          anhyst_within(words[ANHYST_WORD_CONDITION_CYCLES], 0, 64) &&
          words[ANHYST_WORD_CONDITION_TICKS] >= 2 &&
          anhyst_within(words[ANHYST_WORD_ROOT_KNEE], 2, 8) &&
-         anhyst_single_sound(words, ANHYST_WORD_UNIT_FLUX) &&
          anhyst_over_gap_sound(words, ANHYST_WORD_GAP_GAIN, 1) &&
          anhyst_over_gap_sound(words, ANHYST_WORD_GAP_OFFSET, -ANHYST_Q15_MAX) &&
          anhyst_over_gap_sound(words, ANHYST_WORD_GAP_BIAS, -ANHYST_Q15_MAX) &&

@@ -31,6 +31,9 @@
 /* Steps of the guess that follows the anhysteretic curve against the iron. */
 #define CHORDS 4
 
+/* Of the interval in which a memory of another block is brought to its flux: leaves 2.4e-7. */
+#define HALVINGS 24
+
 /* A residual that is nothing but rounding: the iron stays where it is. */
 #define STILL 32
 
@@ -486,21 +489,65 @@ static int full_sound(const int16_t *words)
          current_rises(words);
 }
 
-/* Effective field and flux density are kept: both terms of flux = h*x + m are counted in units of
-   their own. The play stays within its width of the field, and turns here: a path that began under
+/* A memory of another block on its way here. */
+typedef struct {
+  int32_t x;
+  int32_t p;
+  int32_t behind; /* field at which the anhysteretic is y */
+  int32_t rest;   /* of y, by which the tables miss that */
+} carried;
+
+/* Moves it so far along the field and takes it for the start of a path; the residual of
+   h*x + m = flux there, over 4. It rises with the way. */
+static int32_t carried_to(path *along, const carried *from, int32_t way, int16_t air, int32_t flux)
+{
+  int32_t step;
+  along->x = anhyst_clamp(from->x + way, 1 - ONE, ONE - 1);
+  along->p = anhyst_clamp(anhyst_clamp(from->p + way, 1 - ONE, ONE - 1), along->x - along->play,
+                          along->x + along->play);
+  const int32_t behind = anhyst_clamp(from->behind + way, 1 - ONE, ONE - 1);
+  const int32_t pull = odd_value(along->curve, behind, &step);
+  along->y = anhyst_clamp(pull + from->rest, 1 - ONE, ONE - 1);
+  const int32_t m = magnetisation(along, along->y, odd_value(along->curve, along->x, &step));
+  return anhyst_scale(along->x, air) + anhyst_scale(m, 16384) - (flux >> 4);
+}
+
+/* A field of another block in this one's unit, within its tables. */
+static int32_t in_reach(int32_t x, const int16_t *before, const int16_t *words)
+{
+  return anhyst_clamp(anhyst_in_unit(x, before, words, ANHYST_WORD_UNIT_FIELD), 1 - ONE, ONE - 1);
+}
+
+/* The iron stays as far behind its anhysteretic, in field, as it was, and so does its play; all
+   move along the field to where they give the flux under this block, so that no demand that stays
+   the same has to be reached over a branch. The play turns here: a path that began under
    another law does not lead here under this one. */
 static void full_carry(const int16_t *before, const int16_t *words, int32_t flux,
                        anhyst_memory *memory)
 {
-  const int32_t most = ANHYST_Q30_ONE - 1;
-  const int32_t play = (int32_t)words[ANHYST_WORD_FULL_PLAY] * 32768;
-  (void)flux;
-  const int32_t x = anhyst_in_unit(memory->a, before, words, ANHYST_WORD_UNIT_FIELD);
-  const int32_t y = anhyst_in_unit(memory->b, before, words, ANHYST_WORD_UNIT_FLUX);
-  const int32_t p = anhyst_in_unit(memory->c, before, words, ANHYST_WORD_UNIT_FIELD);
-  memory->a = anhyst_clamp(x, -most, most);
-  memory->b = anhyst_clamp(y, -most, most);
-  memory->c = anhyst_clamp(anhyst_clamp(p, -most, most), memory->a - play, memory->a + play);
+  path along;
+  carried from;
+  int32_t step;
+  prepare(&along, before, memory);
+  const int32_t behind = odd_value(along.inverse, along.y, &step);
+  from.rest = along.y - odd_value(along.curve, behind, &step);
+  from.x = in_reach(along.x, before, words);
+  from.p = in_reach(along.p, before, words);
+  from.behind = in_reach(behind, before, words);
+  prepare(&along, words, memory);
+  int32_t low = -2 * ONE;
+  int32_t high = 2 * ONE;
+  for (int16_t i = 0; i < HALVINGS; i++) {
+    const int32_t middle = (low + high) / 2;
+    if (carried_to(&along, &from, middle, words[ANHYST_WORD_FULL_AIR], flux) < 0) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  memory->a = along.x * 4;
+  memory->b = along.y * 4;
+  memory->c = along.p * 4;
   memory->d = memory->c;
   memory->e = memory->b;
 }

@@ -56,7 +56,7 @@ typedef struct {
                   int32_t current, anhyst_memory *to);
   /* Whether a block's words of this kind are sound. */
   int (*sound)(const int16_t *words);
-  /* Brings a memory from one sound block to another; flux: where the iron stands under that, q30.
+  /* Brings a memory from one sound block to another, under which the iron stands at this flux, q30.
      |flux| <= 1. */
   void (*carry)(const int16_t *before, const int16_t *words, int32_t flux, anhyst_memory *memory);
 } anhyst_kernel;
@@ -96,11 +96,11 @@ anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *wor
 uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales);
 
 /* Goes on with another block, which must have passed anhyst_block_check for the same kernel and
-   anhyst_block_misfit. The memory is brought to it: field and flux density of the iron stay what
-   they were (simplified and Euler: the output and the bounded state), counted in its units; what is
-   beyond its reach saturates. At an unchanged demand the current moves by what the two models
-   differ. A block of another kind needs an init, and the iron a new start-up. Between two ticks;
-   costs about as much as a solve. */
+   anhyst_block_misfit. The memory is brought to it: the output stays what it was, and so does how
+   far the iron is behind its anhysteretic (simplified and Euler: the bounded state); fields are
+   counted in its unit, and what is beyond its reach saturates. At an unchanged demand the current
+   moves by what the two models differ. A block of another kind needs an init, and the iron a new
+   start-up. Between two ticks; costs about as much as a solve. */
 void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words);
 
 /* The current that gives the demanded output now. */

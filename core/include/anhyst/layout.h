@@ -109,9 +109,10 @@ enum {
   ANHYST_WORD_SCALE_RATE = 56,     /* single: ticks a second that the start-up is laid out for */
   ANHYST_WORD_SCALE_UNITS = 58,    /* of demand + 16*current + 256*gap: ANHYST_UNIT_... */
 
-  /* What the memory is counted in: it is brought from one block to another by these. */
-  ANHYST_WORD_UNIT_FLUX = 60,  /* single: flux density of a flux of 1.0, T */
-  ANHYST_WORD_UNIT_FIELD = 62, /* single: effective field of a field of 1.0, A/m; full only */
+  /* What the memory is counted in, by which it is brought from one block to another. */
+  ANHYST_WORD_UNIT_FIELD = 60, /* single: effective field of a field of 1.0, A/m; full only */
+
+  /* 59, 62 and 63 are zero. */
 
   ANHYST_BLOCK_LEAST_WORDS = 64
 };

@@ -53,7 +53,7 @@ SCALES = {
     "SCALE_UNITS": 58,
 }
 SCALE_WORDS = 11
-MEMORY = {"UNIT_FLUX": 60, "UNIT_FIELD": 62}
+FIELD = {"UNIT_FIELD": 60}
 UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
 """Units of the signals, by their numbers in ``SCALE_UNITS``."""
 FULL = {
@@ -83,9 +83,9 @@ SIMPLE = {
     "EULER_SUBSTEPS": 41,
 }
 WORDS: dict[Kind, dict[str, int]] = {
-    "full": COMMON | FULL | SCALES | MEMORY,
-    "simplified": COMMON | SIMPLE | SCALES | MEMORY,
-    "euler": COMMON | SIMPLE | SCALES | MEMORY,
+    "full": COMMON | FULL | SCALES | FIELD,
+    "simplified": COMMON | SIMPLE | SCALES,
+    "euler": COMMON | SIMPLE | SCALES,
 }
 
 

@@ -96,7 +96,6 @@ def pack_common(
         pack.set(name, as_word(value / scale, 32768.0, name.lower()))
     pack.set_single("SCALE_RATE", conditioning.rate)
     pack.set("SCALE_UNITS", unit_codes(model))
-    pack.set_single("UNIT_FLUX", flux_unit(model))
     pack.set("CONDITION_CYCLES", conditioning.cycles)
     pack.set("CONDITION_TICKS", conditioning.ramp_ticks)
     pack.set("GAP_SEGMENTS", sizes.gap_segments if model.needs_schedule else 0)

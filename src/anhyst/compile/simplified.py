@@ -203,7 +203,6 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: Sizes) -> lis
         pack.set(f"{name}_HIGH", 32767)
     pack.set("FLUX_SHIFT", 2)
     pack.set("FLUX_LIMIT", 16384)
-    pack.set_single("UNIT_FLUX", 1.0)
     pack.set("CONDITION_TICKS", 2)
     one = np.ones(2)
     for name, value in (("GAIN", 0.25), ("OFFSET", 0.0), ("BIAS", 0.0), ("FLUX_ARM", 0.0)):

@@ -250,7 +250,6 @@ SIGNALS = (
     Word("SCALE_GAP_HIGH", "single", "gap of 1.0", *_WHOLE),
     Word("SCALE_RATE", "single", "ticks a second of the start-up", *_WHOLE, _in("Hz")),
     Word("SCALE_UNITS", "integer", "units of demand + 16*current + 256*gap", 0, _INT16),
-    Word("UNIT_FLUX", "single", "flux density of a flux of 1.0", *_WHOLE, _in("T")),
 )
 FIELDS = (Word("UNIT_FIELD", "single", "field of a field of 1.0", *_WHOLE, _in("A/m")),)
 

@@ -1,0 +1,138 @@
+"""Another block for the same signals moves the current by what the two models differ, no more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.actuators import (
+    GAPS,
+    SIZES,
+    FloatArray,
+    closed_form,
+    largest_force,
+    magnet,
+    ranges,
+    reversals,
+    triangles,
+)
+from tests.swaps import apart, jump
+
+from anhyst.compile.block import Block, Limits, Sizes
+from anhyst.compile.full import build_full
+from anhyst.compile.simplified import build_simplified
+from anhyst.model import ActuatorModel, GapMap
+
+MAPS = st.sampled_from(["reluctance", "circuit"])
+"""With ``circuit`` the flux arm is negative."""
+
+FULL_SIZES = Sizes(iterations=10)
+ACCURACY = 3e-4
+"""Of full scale: formats, tables and searches of both blocks."""
+
+PLAY = 20.0
+REACHES = st.floats(0.75, 1.0)
+FACTORS = st.tuples(*[st.floats(0.9, 1.1)] * 5)
+SEEDS = st.integers(0, 10**6)
+PLACES = st.floats(GAPS[0], GAPS[-1])
+
+
+def highest(gap_map: GapMap) -> float:
+    return 0.75 * largest_force(gap_map, PLAY, GAPS[-1])
+
+
+def path(gap_map: GapMap, seed: int) -> FloatArray:
+    high = highest(gap_map)
+    return reversals(0.04 * high, high, 4 + seed % 24, seed)
+
+
+def cycle(gap_map: GapMap) -> FloatArray:
+    high = highest(gap_map)
+    return triangles(0.04 * high, high, 100, 1)
+
+
+def block_of(gap_map: GapMap, model: ActuatorModel, reach: float) -> Block:
+    """Return a block for the signals of the magnet whose current ends at a part of its range."""
+    scales, limits = ranges(gap_map, PLAY)
+    low, high = limits.current
+    narrow = Limits(limits.demand, (reach * low, reach * high))
+    return build_full(model, scales, narrow, FULL_SIZES)
+
+
+def drives(model: ActuatorModel, demand: FloatArray, gap: float) -> FloatArray:
+    """Return the currents of the law in double precision, from the demagnetised state."""
+    answer = model.invert(demand, np.full(demand.size, gap), history="demagnetised")
+    return np.asarray(answer.drive)
+
+
+@settings(max_examples=40)
+@given(MAPS, REACHES, SEEDS, PLACES)
+def test_the_same_model_with_another_limit_goes_on_as_if_nothing_had_happened(
+    gap_map: GapMap, reach: float, seed: int, gap: float
+) -> None:
+    model = magnet(gap_map, PLAY)
+    here, there = block_of(gap_map, model, 1.0), block_of(gap_map, model, reach)
+    demand = path(gap_map, seed)
+    assert jump(here, there, demand, gap) < ACCURACY
+    assert jump(there, here, demand, gap) < ACCURACY
+
+
+@settings(max_examples=25)
+@given(MAPS, FACTORS, REACHES, SEEDS, PLACES)
+def test_another_model_moves_the_current_by_less_than_the_two_are_ever_apart(
+    gap_map: GapMap, factors: tuple[float, ...], reach: float, seed: int, gap: float
+) -> None:
+    """Apart: the two laws in double precision, each from the same start all the way and on."""
+    model = magnet(gap_map, PLAY)
+    changed = {
+        name: factor * np.asarray(model.parameters[name])
+        for name, factor in zip(("M_s", "a", "k", "c", "r_d"), factors, strict=True)
+    }
+    parameters = dict(model.parameters) | {name: float(value) for name, value in changed.items()}
+    other = replace(model, parameters=parameters)
+    here, there = block_of(gap_map, model, 1.0), block_of(gap_map, other, reach)
+    demand = path(gap_map, seed)
+    on = np.append(demand, cycle(gap_map))
+    difference = np.abs(drives(model, on, gap) - drives(other, on, gap)).max()
+    most = difference / here.scales.current + ACCURACY
+    assert jump(here, there, demand, gap) < most
+    assert jump(there, here, demand, gap) < most
+
+
+@settings(max_examples=40)
+@given(st.tuples(*[st.floats(0.85, 1.15)] * 3), st.floats(-3.0, 1.0), SEEDS, PLACES)
+def test_another_straight_law_moves_it_by_less_than_the_two_are_ever_apart(
+    factors: tuple[float, ...], offset: float, seed: int, gap: float
+) -> None:
+    """Rate, width and flux arm, and another offset, to which the arms of a fit belong."""
+    scales, limits = ranges("reluctance", PLAY)
+    law = closed_form("reluctance")
+    other = replace(
+        law,
+        rate=law.rate * factors[0],
+        lag_arm=law.lag_arm * factors[1],
+        flux_arm=law.flux_arm * factors[2],
+        offset=np.full(law.at.size, offset),
+    )
+    model = magnet("reluctance", PLAY)
+    here, there = (
+        build_simplified(model, scales, limits, SIZES, law=each) for each in (law, other)
+    )
+    demand = path("reluctance", seed)
+    most = apart(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
+    assert jump(here, there, demand, gap) < most
+    assert jump(there, here, demand, gap) < most
+
+
+@pytest.mark.parametrize("kind", ["full", "simplified"])
+def test_a_swap_to_the_very_same_block_changes_nothing_that_matters(kind: str) -> None:
+    model, (scales, limits) = magnet("reluctance", PLAY), ranges("reluctance", PLAY)
+    if kind == "full":
+        block = build_full(model, scales, limits, FULL_SIZES)
+    else:
+        block = build_simplified(model, scales, limits, SIZES, law=closed_form("reluctance"))
+    for seed in range(20):
+        assert jump(block, block, path("reluctance", seed), GAPS[1]) < 5e-5

@@ -1,0 +1,33 @@
+"""What a swap of blocks does to the current, shared by the tests of the compensators."""
+
+from __future__ import annotations
+
+from tests.actuators import FloatArray
+
+from anhyst._core import FixedCompensator
+from anhyst.compile.block import Block
+from anhyst.compile.twin import Twin
+
+
+def jump(here: Block, there: Block, demand: FloatArray, gap: float) -> float:
+    """Return how far the current moves at an unchanged demand, over full scale."""
+    core = FixedCompensator(here.kind, here.words)
+    codes = Twin(here).demand_codes(demand)
+    before = core.run(codes, Twin(here).gap_codes(gap, codes.size), False)[-1]
+    core.swap(there.words)
+    after = core.solve_q31(int(codes[-1]), int(Twin(here).gap_codes(gap)[0]))
+    return abs(after - int(before)) / 2.0**31
+
+
+def apart(here: Block, there: Block, demand: FloatArray, gap: float) -> float:
+    """Return how far the two compensators are apart, each on its own all the way, over full scale.
+
+    Demands that either of them limits would count for nothing they know of the iron.
+    """
+    runs = [
+        FixedCompensator(block.kind, block.words).run(
+            Twin(block).demand_codes(demand), Twin(block).gap_codes(gap, demand.size), False
+        )
+        for block in (here, there)
+    ]
+    return float(abs(runs[0].astype(float) - runs[1].astype(float)).max()) / 2.0**31
