@@ -49,6 +49,7 @@ class IdentifyTable(Table):
     seed: Annotated[int, Field(ge=0)] = 1
     weights: Weights = "loops"
     offsets: bool = True
+    dead_band: bool = True
     columns: Annotated[str, _readable("columns")] | None = None
     sidecar: str | None = None
     schedule: str | None = None
@@ -93,4 +94,5 @@ class IdentifyTable(Table):
             "seed": self.seed,
             "weights": self.weights,
             "offsets": self.offsets,
+            "dead_band": self.dead_band,
         }

@@ -100,6 +100,13 @@ Offsets = Annotated[
         help="Take offsets of input and output where the loops demand them, or none at all."
     ),
 ]
+DeadBand = Annotated[
+    bool,
+    typer.Option(
+        help="Give the law the widest dead band that the loops allow, so that small movements "
+        "leave no trace in its memory, or none."
+    ),
+]
 
 
 def identify(
@@ -111,6 +118,7 @@ def identify(
     seed: Seed = 1,
     weights: WeightsOption = Weights.LOOPS,
     offsets: Offsets = True,
+    dead_band: DeadBand = True,
     columns: Columns = None,
     sidecar: Sidecar = None,
     schedule: Schedule = None,
@@ -153,6 +161,7 @@ def identify(
             seed=seed,
             weights=weights.value,
             offsets=offsets,
+            dead_band=dead_band,
             progress=progress,
             checkpoint=checkpoint,
         )
@@ -237,6 +246,8 @@ def _show(result: IdentifyResult, out: Path) -> None:
         for step in model.reduction
     ]
     lines += _offsets(model)
+    if told := model.provenance.settings.get("dead_band"):
+        lines.append(f"dead band: {told}")
     if model.uncertainty is not None:
         lines += [f"note: {text}" for text in model.uncertainty.statements]
     show(*lines)

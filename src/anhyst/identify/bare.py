@@ -34,6 +34,9 @@ def model_of(found: Found, loopset: LoopSet) -> ActuatorModel:
     single = len(nodes) < 2
     gaps = nodes if loopset.schedule is not None and loopset.schedule.name == "gap" else ()
     parameters = physical(found.sets, space.gap_map, loopset.input, loopset.output, gaps)
+    pinning = np.asarray(parameters["k"])
+    play = space.form.dead_band * pinning
+    parameters["r_d"] = tuple(play.tolist()) if play.ndim else float(play)
     for name, reading in (("in_0", space.records.rest.input), ("out_0", space.records.rest.output)):
         fitted = np.asarray(parameters[name]) + reading.offset
         parameters[name] = tuple(fitted.tolist()) if fitted.ndim else float(fitted)

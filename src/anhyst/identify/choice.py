@@ -25,6 +25,7 @@ from anhyst.identify.crossvalidation import (
     promise,
     refit,
 )
+from anhyst.identify.deadband import add_dead_band, why_dead_band
 from anhyst.identify.default import (
     SCREENED,
     Found,
@@ -88,6 +89,8 @@ class Choice:
         The fit.
     why
         The reason, as a sentence.
+    dead_band
+        How wide the dead band of the law is, and why.
     left_out
         Cross-validation error of each map tried, relative to the largest output; empty below three
         gaps, and without those maps that cannot be computed at a gap left out.
@@ -97,6 +100,7 @@ class Choice:
 
     found: Found
     why: str
+    dead_band: str = "none"
     left_out: dict[str, float] = field(default_factory=dict)
     promised: CrossValidation | None = None
 
@@ -177,11 +181,12 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> Choice:
     require_gaps(run.records, wanted)
     tried = candidates_for(run, loopset, wanted) if gaps > 1 else []
     left_out = folds(gaps, nested=len(tried) > 1)
-    run.total = 1 + len(tried) + len(left_out) + _is_thinned(run)
+    run.total = 1 + len(tried) + len(left_out) + run.dead_band + _is_thinned(run)
     known = _known(run)
     if gaps == 1:
         assert run.best is not None
-        return Choice(_finished(run, run.best), "there is one gap only, so nothing runs over it")
+        why = "there is one gap only, so nothing runs over it"
+        return Choice(*_finished(run, loopset, run.best, why))
     fits = {one: _joined(run, one, known) for one in tried}
     able = [one for one in tried if obstacle(model_of(fits[one].found, loopset)) is None]
     contest = _Contest(list(able or tried), fits, {})
@@ -195,8 +200,7 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> Choice:
             f"{', '.join(dict.fromkeys(unable))}"
         )
     return Choice(
-        _finished(run, fits[best].found),
-        why,
+        *_finished(run, loopset, fits[best].found, why),
         {name: error for name, error in contest.errors(gaps).items() if np.isfinite(error)},
         promise(contest.nested(gaps), noise_at(loopset)[1:-1]),
     )
@@ -272,28 +276,60 @@ def _accepted(contest: _Contest, loopset: LoopSet) -> Candidate:
     every = list(contest.entrants)
     while contest.entrants:
         best = contest.winner(gaps)
-        found = replace(model_of(contest.fits[best].found, loopset), valid=valid_range(loopset))
-        if len(every) == 1 or found.acceptance().passed is not False:
+        if len(every) == 1 or _passes(contest.fits[best].found, loopset):
             return best
         contest.entrants.remove(best)
     contest.entrants.extend(every)
     return contest.winner(gaps)
 
 
+def _passes(found: Found, loopset: LoopSet) -> bool:
+    model = replace(model_of(found, loopset), valid=valid_range(loopset))
+    return model.acceptance().passed is not False
+
+
 def _is_thinned(run: Run) -> bool:
     return any(drive.input.size > SEARCHED for drive in run.records.drives)
 
 
-def _finished(run: Run, found: Found) -> Found:
-    """Follow the fit to its end on every sample, where the search took fewer."""
-    if not _is_thinned(run):
-        return found
-    space = found.on(run.records).space
-    plain = run.stage(
-        f"{space.gap_map} holding {sorted(space.held)} on all samples",
-        lambda: follow(space, found.theta, 1e-8, 50, found.tie).plain,
-    )
-    return Found.from_plain(space, plain)
+def _finished(run: Run, loopset: LoopSet, found: Found, why: str) -> tuple[Found, str, str]:
+    """Give the law its dead band and follow the fit to its end on every sample.
+
+    Returns
+    -------
+    tuple
+        The fit, why this one, and how wide the dead band is.
+    """
+    dead_band = "none: it was not wanted"
+    if run.dead_band:
+        found, dead_band = _with_dead_band(run, loopset, found)
+    if _is_thinned(run):  # the search took fewer samples
+        space, label = found.on(run.records).space, _label(found)
+        plain = run.stage(
+            f"{label} on all samples",
+            lambda: follow(space, found.theta, 1e-8, 50, found.tie).plain,
+        )
+        found = Found.from_plain(space, plain)
+    return found, why, dead_band
+
+
+def _with_dead_band(run: Run, loopset: LoopSet, found: Found) -> tuple[Found, str]:
+    def usable(one: Found) -> bool:
+        return obstacle(model_of(one, loopset)) is None and _passes(one, loopset)
+
+    def work() -> dict[str, Any]:
+        matters = usable(found)
+        after = add_dead_band(found, lambda one: not matters or usable(one))
+        part = after.space.form.dead_band
+        return {**after.plain, "part": part, "why": why_dead_band(found, after)}
+
+    plain = run.stage(f"dead band of {_label(found)}", work)
+    space = replace(found.space, form=replace(found.space.form, dead_band=plain["part"]))
+    return Found.from_plain(space, plain), plain["why"]
+
+
+def _label(found: Found) -> str:
+    return f"{found.space.gap_map} holding {sorted(found.space.held)}"
 
 
 def _known(run: Run) -> list[Local]:

@@ -49,6 +49,7 @@ def identify(
     seed: int = 1,
     weights: str = "loops",
     offsets: bool = True,
+    dead_band: bool = True,
     progress: Progress | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
 ) -> IdentifyResult:
@@ -73,6 +74,9 @@ def identify(
     offsets : bool
         Whether offsets of input and output are taken where the data demand them; else they are
         zero.
+    dead_band : bool
+        Whether the law is given the widest dead band ``r_d`` that the loops allow, so that small
+        movements leave no trace in its memory; the search ``paper`` gives none.
     progress : callable or None
         Told the number of stages done and the total.
     checkpoint : path-like or None
@@ -101,9 +105,10 @@ def identify(
         ),
         seed=seed,
         held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
+        dead_band=dead_band and search == "default",
         progress=progress,
         checkpoint=None if checkpoint is None else Path(checkpoint),
-        key=f"{search} {law}",
+        key=f"{search} {law} {dead_band}",
     )
     outcome = _search(run, loopset, gap_map, search)
     found, why = outcome.found, outcome.why
@@ -114,6 +119,7 @@ def identify(
         "offsets": offsets,
         "gap_map_wanted": gap_map,
         "gap_map_reason": why,
+        "dead_band": outcome.dead_band,
     }
     common = {
         "name": _name(loopset),
@@ -184,6 +190,7 @@ class _Outcome:
     fitted: tuple[Floats, ...]
     why: str
     interrupted: bool
+    dead_band: str = "none"
     left_out: dict[str, float] = field(default_factory=dict)
     promised: CrossValidation | None = None
     steps: tuple[ReductionStep, ...] = ()
@@ -221,6 +228,7 @@ def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
         _fitted(found, loopset),
         choice.why,
         interrupted,
+        choice.dead_band,
         choice.left_out,
         choice.promised,
     )

@@ -80,12 +80,16 @@ class Form:
         mu_0 where field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0.
     h
         The value of h where it does not follow.
+    dead_band
+        Half-width of the play in front of the irreversible part, in parts of the pinning; it is
+        given and not fitted.
     """
 
     power: int
     law: str = "effective-field"
     permeability: float = 0.0
     h: float = 1e-3
+    dead_band: float = 0.0
 
     def with_h(self, local: Local) -> Local:
         """Fill in h by the rule."""
@@ -98,9 +102,10 @@ class Form:
         if local.h * local.omega > _FLATTEST:
             raise NoResponseError("the curve would be all but as flat as the air core")
         try:
+            play = self.dead_band * local.kappa
             if self.law == "effective-field":
-                return Operator(local.kappa, local.c)
-            return Operator(local.kappa, local.c, eps=-local.omega * local.c, law=self.law)
+                return Operator(local.kappa, local.c, play)
+            return Operator(local.kappa, local.c, play, -local.omega * local.c, self.law)
         except ValueError as error:
             raise NoResponseError(str(error)) from error
 
@@ -121,7 +126,7 @@ class Responder:
             _, _, state, status, _ = operator.run(np.full(lead.size, local.omega), lead, state)
             _refuse(status)
         elif drive.settled and id(drive) in self._starts:
-            state = _admissible(self._starts[id(drive)], local, float(r[-1]))
+            state = _admissible(self._starts[id(drive)], form, local, float(r[-1]))
         x, m, after, status, _ = operator.run(omega, r, state)
         _refuse(status)
         ends = [float(state[1])]
@@ -129,7 +134,7 @@ class Responder:
             ends.append(float(after[1]))
             state = after
             if len(ends) % _CREEPING == 0:
-                state = _admissible(_limit(after, ends), local, float(r[-1]))
+                state = _admissible(_limit(after, ends), form, local, float(r[-1]))
             x, m, after, status, _ = operator.run(omega, r, state)
             _refuse(status)
         if drive.settled:
@@ -141,9 +146,9 @@ class Responder:
     ) -> tuple[Floats, Floats]:
         """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
         if drive.settled:
-            x, m, x_t, m_t = self._settled(local, operator, drive)
+            x, m, x_t, m_t = self._settled(form, local, operator, drive)
         else:
-            x, m, x_t, m_t = _once(local, operator, drive)
+            x, m, x_t, m_t = _once(form, local, operator, drive)
         b = m + local.h * x
         steep = local.gain * form.power * b ** (form.power - 1)
         jacobian = np.empty((x.size, len(LOCAL)))
@@ -157,17 +162,17 @@ class Responder:
         return local.gain * b**form.power + local.out_0, jacobian
 
     def _settled(
-        self, local: Local, operator: Operator, drive: Drive
+        self, form: Form, local: Local, operator: Operator, drive: Drive
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Close the cycle by Newton on the one number that is free: y before the first sample."""
-        terms = _Terms(local, drive.input, _DIRECTIONS + 1)
+        terms = _Terms(form, local, drive.input, _DIRECTIONS + 1)
         state = self._starts.get(id(drive))
         if state is None:
             _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
             _refuse(status)
-        state = _admissible(state, local, float(terms.r[-1]))
+        state = _admissible(state, form, local, float(terms.r[-1]))
         for _ in range(_PASSES):
-            seeds = _seeds(local, terms, state)
+            seeds = _seeds(form, local, terms, state)
             x, m, x_t, m_t, after, seeds_after, status, _ = operator.sensitivity(
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
             )
@@ -177,7 +182,7 @@ class Responder:
             if abs(missing) < _NEARLY_CLOSED:
                 break
             start = after + kept * missing * seeds[_SEED]
-            state = _admissible(start, local, float(terms.r[-1]))
+            state = _admissible(start, form, local, float(terms.r[-1]))
         # The rest of the way is so short that the derivatives carry it: no further pass.
         x += missing * x_t[:, _SEED]
         m += missing * m_t[:, _SEED]
@@ -191,7 +196,7 @@ class Responder:
 class _Terms:
     """A drive in the terms of the solver, with derivatives by kappa, c, omega, scale, in_0."""
 
-    def __init__(self, local: Local, drive: Floats, directions: int) -> None:
+    def __init__(self, form: Form, local: Local, drive: Floats, directions: int) -> None:
         n = drive.size
         self.r = (drive - local.in_0) / local.scale
         self.omega = np.full(n, local.omega)
@@ -202,12 +207,15 @@ class _Terms:
         self.r_t[:, 4] = -1.0 / local.scale
         self.law_t = np.zeros((directions, 3))
         self.law_t[0, 0] = 1.0
+        self.law_t[0, 2] = form.dead_band
         self.law_t[1, 1] = 1.0
 
 
-def _once(local: Local, operator: Operator, drive: Drive) -> tuple[Floats, Floats, Floats, Floats]:
+def _once(
+    form: Form, local: Local, operator: Operator, drive: Drive
+) -> tuple[Floats, Floats, Floats, Floats]:
     whole = np.concatenate([drive.lead, drive.input])
-    terms = _Terms(local, whole, _DIRECTIONS)
+    terms = _Terms(form, local, whole, _DIRECTIONS)
     x, m, x_t, m_t, _, _, status, _ = operator.sensitivity(
         terms.omega,
         terms.r,
@@ -222,8 +230,11 @@ def _once(local: Local, operator: Operator, drive: Drive) -> tuple[Floats, Float
     return x[first:], m[first:], x_t[first:], m_t[first:]
 
 
-def _seeds(local: Local, terms: _Terms, state: Floats) -> Floats:
-    """Differentiate the state before the first sample: x follows y by the equation there."""
+def _seeds(form: Form, local: Local, terms: _Terms, state: Floats) -> Floats:
+    """Differentiate the state before the first sample: x follows y by the equation there.
+
+    The play stands at the same part of its width, as it does where a drive has pushed it.
+    """
     pull, slope = (float(value[0]) for value in langevin(state[:1]))
     way = 1.0 + local.omega * local.c * slope
     m = (1.0 - local.c) * state[1] + local.c * pull
@@ -232,25 +243,29 @@ def _seeds(local: Local, terms: _Terms, state: Floats) -> Floats:
     x_t[_SEED] = -local.omega * (1.0 - local.c)
     seeds = np.zeros((_DIRECTIONS + 1, 3))
     seeds[:, 0] = seeds[:, 2] = x_t / way
+    seeds[0, 2] += (state[2] - state[0]) / local.kappa if form.dead_band else 0.0
     seeds[_SEED, 1] = 1.0
     return seeds
 
 
-def _admissible(state: Floats, local: Local, r: float) -> Floats:
+def _admissible(state: Floats, form: Form, local: Local, r: float) -> Floats:
     """Make a state from elsewhere one before the first sample: x by the equation, y within reach.
 
     With y at rest the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
     """
-    x, y = float(state[0]), float(state[1])
+    x, y, p = (float(value) for value in state)
+    play = form.dead_band * local.kappa
+    behind = min(max(p - x, -play), play)
     for _ in range(4):
         pull, slope = (float(value[0]) for value in langevin(np.array([x])))
         rest = x + local.omega * ((1.0 - local.c) * y + local.c * pull) - r
         x -= rest / (1.0 + local.omega * local.c * slope)
     x = min(max(x, -_FAR), _FAR)  # y from other parameters can send it anywhere
-    pull = float(langevin(np.array([x]))[0][0])
+    p = x + behind
+    pull = float(langevin(np.array([p]))[0][0])
     room = local.kappa / 3.0
     y = min(max(y, pull - room, -_FULL), pull + room, _FULL)
-    return np.array([x, y, x])
+    return np.array([x, y, p])
 
 
 def _limit(state: Floats, ends: list[float]) -> Floats:

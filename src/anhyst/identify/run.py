@@ -42,6 +42,8 @@ class Run:
         Of everything random.
     held
         Parameters that are zero and not fitted.
+    dead_band
+        Whether the law is given the widest dead band that the loops allow.
     total
         Number of stages foreseen.
     progress
@@ -60,6 +62,7 @@ class Run:
     records: Records
     seed: int
     held: frozenset[str]
+    dead_band: bool = True
     total: int = 1
     progress: Progress | None = None
     checkpoint: Path | None = None

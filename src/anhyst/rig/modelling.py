@@ -1,4 +1,4 @@
-"""The models of force control: identified from a rig's loops, and polished for their use."""
+"""The models of force control: identified from a rig's loops, and fit for its sensors."""
 
 from __future__ import annotations
 
@@ -6,31 +6,19 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from anhyst.data import LoopSet
 from anhyst.errors import InputError
-from anhyst.model import ActuatorModel
-from anhyst.rig.distance import thinned
+from anhyst.model import ActuatorModel, Parameter
 from anhyst.rig.loopfiles import identify_loops
 from anhyst.rig.rigfile import Rig
 
-Floats = NDArray[np.float64]
-
-NORM = 8
-"""Power of the deviation whose mean the polish makes small: the worst error counts, not the rms."""
-
-EVALUATIONS = 70
 SAFE = 5.0
-"""The play against creep is at least so many standard deviations of the noise of the field."""
+"""The dead band is at least so many standard deviations of the noise of the field."""
 
 PLAUSIBLE = 0.82
 """The start-up sequence pulls with the largest measured force; boards take a quarter above full
 scale for plausible."""
-
-SAMPLES = 6000
-"""Samples of the loops on which the polish runs at most."""
 
 
 def read_loops(rig: Rig) -> LoopSet:
@@ -69,10 +57,10 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
     """Identify a model of these loops and make it ready for force control.
 
     One position gives a model of this gap alone; several give one of the map ``circuit``, under
-    which the armature may move. The pinning, the reversible fraction and the play are then
-    polished: the worst deviation counts, and noise of the position sensor must not wear the memory
-    away (the play spans it). The valid range ends at the largest force of the rig, so that a
-    program is compiled for what is used, or at :data:`PLAUSIBLE` of the largest measured one.
+    which the armature may move. Noise of the position sensor must not wear the memory away: where
+    it does not stay within the dead band that the loops allow, that is widened to span it. The
+    valid range ends at the largest force of the rig, so that a program is compiled for what is
+    used, or at :data:`PLAUSIBLE` of the largest measured one.
 
     Parameters
     ----------
@@ -86,16 +74,29 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
     ActuatorModel
     """
     several = len(loops.by_schedule()) > 1
-    found = identify_loops(loops, rig.settings.identify, "circuit" if several else "auto")
-    polished = _polish(found, loops, _least_play(found, rig))
-    valid = polished.valid
+    options = rig.settings.identify
+    found = identify_loops(loops, options, "circuit" if several else "auto")
+    if options.dead_band:
+        found = _spanning(found, _least_dead_band(found, rig))
+    valid = found.valid
     assert valid is not None
     most = max(rig.settings.force_control.force_max_N, PLAUSIBLE * valid.output[1])
-    return replace(polished, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
+    return replace(found, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
 
 
-def _least_play(model: ActuatorModel, rig: Rig) -> float:
-    """Half-width of the play, A/m, that the noise of the position sensor stays within."""
+def _spanning(model: ActuatorModel, least: float) -> ActuatorModel:
+    """Return a model whose dead band is at least so wide, A/m."""
+    given = model.parameters["r_d"]
+    wide: Parameter = (
+        tuple(max(one, least) for one in given) if isinstance(given, tuple) else max(given, least)
+    )
+    if wide == given:
+        return model
+    return replace(model, parameters={**model.parameters, "r_d": wide})
+
+
+def _least_dead_band(model: ActuatorModel, rig: Rig) -> float:
+    """Half-width of the dead band, A/m, that the noise of the position sensor stays within."""
     if not model.needs_schedule:
         return 0.0
     lvdt = rig.settings.lvdt
@@ -110,30 +111,3 @@ def _least_play(model: ActuatorModel, rig: Rig) -> float:
             field = model.invert(demand, gaps, history="demagnetised").field
             largest = max(largest, abs(float(field[1] - field[0])))
     return SAFE * largest
-
-
-def _polish(model: ActuatorModel, loops: LoopSet, least_play: float) -> ActuatorModel:
-    """Move pinning, reversible fraction and play to the least high power of the deviation."""
-    records = thinned(loops, SAMPLES)
-    k, c = float(model.parameters["k"]), float(model.parameters["c"])  # type: ignore[arg-type]
-    c = min(max(c, 0.01), 0.99)
-    odds = math.log(c / (1.0 - c))
-
-    def changed(at: Floats) -> ActuatorModel:
-        play = least_play + 0.1 * k * abs(float(at[2]))
-        share = 1.0 / (1.0 + math.exp(-(odds + float(at[1]))))
-        moved = {"k": k * math.exp(float(at[0])), "c": share, "r_d": play}
-        return replace(model, parameters=dict(model.parameters) | moved)
-
-    def cost(at: Floats) -> float:
-        tried = changed(at)
-        parts = [
-            tried.predict(loop.input, loop.schedule, history=loop.history).output - loop.output
-            for loop in records.loops
-        ]
-        return float(np.mean(np.abs(np.concatenate(parts)) ** NORM) ** (1.0 / NORM))
-
-    start = np.array([-0.1, 0.0, 0.5])
-    simplex = start + np.vstack([np.zeros(3), np.diag([0.1, 0.1, 0.5])])
-    options = {"xatol": 1e-2, "fatol": 1e-4, "maxfev": EVALUATIONS, "initial_simplex": simplex}
-    return changed(minimize(cost, start, method="Nelder-Mead", options=options).x)

@@ -25,7 +25,6 @@ from anhyst.simulate.controllerfile import (
 from anhyst.simulate.drive import Drive
 from anhyst.simulate.flux import FluxCalibration
 from anhyst.simulate.plant import static_map
-from anhyst.simulate.play import with_widest_play
 from anhyst.simulate.position import check_position
 from anhyst.simulate.rigfile import BearingRig
 from anhyst.simulate.variants import Operating, fit_drive
@@ -84,10 +83,9 @@ def learn(loops: LoopSet, options: IdentifyTable | None = None) -> Knowledge:
     Returns
     -------
     Knowledge
-        The model has a play against creep, since noise of the position reaches it.
+        The model has a dead band, unless the options forbid it: noise of the position reaches it.
     """
-    found = identify_loops(loops, options or IdentifyTable(), "circuit")
-    return Knowledge(loops, with_widest_play(found, loops))
+    return Knowledge(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
 
 
 def make_setup(
