@@ -52,7 +52,7 @@ def test_deviations_are_those_listed(group: str) -> None:
     command += ["-D__STDC__=1"]  # one configuration: the portable one, without a port header
     command += [f"-I{folder}" for folder in includes]
     done = subprocess.run(
-        [*command, "--template={id}", *map(str, sources)],
+        [*command, "--template={file}:{line}:{column} {id}", *map(str, sources)],
         capture_output=True,
         text=True,
         check=True,
