@@ -98,6 +98,8 @@ static void watch(anhyst_levitation *l, const anhyst_levitation_limits *limits,
 {
   const uint16_t wrong = judge(l, limits, input);
   if (anhyst_supervisor_sample(&l->supervisor, wrong, limits->patience, limits->selftest)) {
+    /* A sensor that jumped would be believed again as soon as time makes its step possible. */
+    l->lost |= wrong == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
     lose_position(l);
   }
   if (wrong != ANHYST_FAULT_NONE) {

@@ -26,10 +26,11 @@ typedef struct {
   app_sensor_limits gap;
   app_sensor_limits force;
   app_sensor_limits current;
-  app_sensor_limits position; /* stuck alone: range and slew are the controller's */
-  int32_t current_low;        /* q31: the current driven never leaves low..high; low <= 0 <= high */
+  int32_t current_low; /* q31: the current driven never leaves low..high; low <= 0 <= high */
   int32_t current_high;
   int32_t stuck_current;   /* q31 */
+  uint16_t still_ticks;    /* for which a position in the air may stay on one code after the current
+                              has moved so much; 0 switches the rule off */
   uint16_t doubtful_ticks; /* samples in a row that may be implausible before it is a fault */
   uint16_t missed_ticks;   /* ticks in a row that may be left out before it is a fault */
   uint16_t selftest_ticks; /* plausible samples in a row until the self-test has passed */

@@ -8,7 +8,8 @@ typedef char
 
 static void forget_sensors(app_body *body)
 {
-  app_sensor_start(&body->encoder);
+  body->still.code = PORT_RESERVED;
+  body->still.ticks = 0;
   for (int i = 0; i < PORT_CURRENTS; i++) {
     app_sensor_start(&body->current[i]);
   }
@@ -120,17 +121,33 @@ static void watch_currents(app_body *body, const port_sample *sample, uint32_t t
   }
 }
 
-/* A position that shows no noise while the current moves, in the air: as good as none. On its rest
-   an armature stands still whatever flows. */
+/* Whether an armature is in the air, and not about to touch its rest, where it stands still
+   whatever flows. */
+static int is_in_air(const app_body *body)
+{
+  const anhyst_levitation *l = &body->position.levitation;
+  const int32_t detect = body->board->plan->settings->levitation.detect;
+  return anhyst_levitation_controls(l) && anhyst_sub_q31(l->position, l->rest) >= detect;
+}
+
+/* Whether the position stays on one code although the current has moved: in the air nothing does. A
+   fine encoder may rest on a code for long as long as nothing moves. */
 static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
-  if (!anhyst_levitation_controls(&body->position.levitation)) {
-    app_sensor_start(&body->encoder);
+  app_stillness *still = &body->still;
+  const int32_t drive = body->answer.current[0];
+  if (!is_in_air(body) || sample->position != still->code) {
+    still->code = sample->position;
+    still->drive = drive;
+    still->ticks = 0;
     return 0;
   }
-  return app_sensor_judge(&body->encoder, &limits->position, limits->stuck_current,
-                          sample->position, ticks, body->answer.current[0]) == APP_SENSOR_STUCK;
+  const int32_t moved = anhyst_abs_q31(anhyst_sub_q31(drive, still->drive));
+  if (moved >= limits->stuck_current || still->ticks > 0U) {
+    still->ticks += ticks;
+  }
+  return limits->still_ticks > 0U && still->ticks > limits->still_ticks;
 }
 
 uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sample *sample,

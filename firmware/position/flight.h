@@ -14,13 +14,20 @@ struct app_plan {
   uint16_t magnets; /* 1 or 2 */
 };
 
+/* How long the position has been on one code although the current moved. */
+typedef struct {
+  int32_t code;   /* of the position */
+  int32_t drive;  /* current driven when it was new, q31 */
+  uint32_t ticks; /* since the current has moved by app_limits.stuck_current from there */
+} app_stillness;
+
 struct app_body {
   const app_board *board;
   anhyst_position_q31 position;
   anhyst_drive_q31 drive[ANHYST_POSITION_MAGNETS];
   anhyst_position_answer_q31 answer; /* of the last tick */
   int32_t target;                    /* position to go to */
-  app_sensor encoder;                /* whether it is stuck */
+  app_stillness still;
   app_sensor current[PORT_CURRENTS];
 };
 

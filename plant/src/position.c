@@ -18,6 +18,13 @@ static int32_t code_q31(double value, double full)
   return place <= -ONE ? ANHYST_Q31_MIN : (int32_t)place;
 }
 
+/* A measured current comes over the port as q30, so that it can be beyond its full scale. */
+static int32_t measured_q31(double value, double full)
+{
+  const int32_t half = code_q31(value, 2.0 * full);
+  return anhyst_shl_q31(half, 1);
+}
+
 static int32_t flux_q31(double value, double full)
 {
   return isnan(value) ? ANHYST_NO_FLUX : code_q31(value, full);

@@ -47,11 +47,7 @@ FLIGHTS = [
 FAULTS = [
     ("levitation.c", "if (l->tick > (int32_t)limits->hold) {", "if (l->tick >= limits->hold) {"),
     ("supervisor.c", "if (s->age > patience) {", "if (s->age >= patience) {"),
-    (
-        "levitation.c",
-        "const int32_t ticks = (int32_t)l->supervisor.age + 1;",
-        "const int32_t ticks = 1;",
-    ),
+    ("levitation.c", "= (int32_t)l->supervisor.age + 1;", "= 1;"),
     ("levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
     ("levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
     ("levitation.c", "l->let_go = l->tick == 0 ? 1U : 0U;", "l->let_go = 0U;"),

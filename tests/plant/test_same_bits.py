@@ -45,7 +45,7 @@ def built(compiler: str, flags: str, folder: Path) -> Path:
 
 def flights(*command: object) -> tuple[str, ...]:
     done = subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, check=True, timeout=120
+        list(map(str, command)), capture_output=True, text=True, check=True, timeout=600
     )
     return tuple(done.stdout.splitlines())
 

@@ -131,7 +131,7 @@ def test_a_browser_shows_every_table_whole(subject: Subject, tmp_path: Path) -> 
         "--window-size=1100,900", place.as_uri(),
     )  # fmt: skip
     shown = subprocess.run(
-        [chromium, *words], capture_output=True, text=True, timeout=120, check=False
+        [chromium, *words], capture_output=True, text=True, timeout=600, check=False
     ).stdout
     found = re.search(r'data-beyond="(-?\d+)"', shown)
     assert found is not None

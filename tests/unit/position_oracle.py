@@ -103,6 +103,7 @@ class Flight:
     begins: bool = False
     fresh: bool = False
     lets_go: bool = False
+    lost: bool = False
     events: set[str] = field(default_factory=set)
 
     def number(self, name: str) -> int:
@@ -136,6 +137,7 @@ class Flight:
             self.passed, self.unseen = 0, min(self.unseen + 1, 65535)
             if self.unseen > self.number("patience"):
                 self.fail(reason)
+                self.lost |= reason == STEP
                 instead = {BREAKAWAY: SET_DOWN, CONDITION: REST} | dict.fromkeys(AIR, FALL)
                 if self.phase in AIR:
                     self.count = 0
@@ -147,7 +149,7 @@ class Flight:
             self.passed += 1
             if self.passed >= self.number("selftest"):
                 self.state = IDLE
-        if self.phase == FALL:
+        if self.phase == FALL and not self.lost:
             self.begin(DESCEND)
 
     def fail(self, reason: int) -> None:
@@ -183,7 +185,7 @@ class Flight:
             self.come_down()
         elif command == 6 and resting and self.state == FAULT:
             self.state, self.fault, self.unseen, self.passed = SELFTEST, 0, 0, 0
-            self.seen = False
+            self.seen = self.lost = False
         elif command == 7 and self.state in (IDLE, READY):
             self.state = IDLE
             self.phase = self.phase if still else REST

@@ -75,7 +75,7 @@ def test_ctrl_c_ends_with_its_own_code_and_nothing_half_written(tmp_path: Path) 
     )
     time.sleep(1.5)
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=600)
     assert process.returncode == 130, errors
     assert errors.splitlines()[-1].startswith("anhyst: interrupted")
     assert not list(tmp_path.glob(".*part"))

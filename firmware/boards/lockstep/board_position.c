@@ -9,8 +9,8 @@
    twentieth, an armature in the air does not. */
 static const app_limits limits = {
     .current = {-PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, 0},
-    .position = {INT32_MIN, INT32_MAX, INT32_MAX, ACTUATOR_CONTROLLER_RATE_HZ / 500U},
     .stuck_current = INT32_MAX / 20,
+    .still_ticks = ACTUATOR_CONTROLLER_RATE_HZ / 500U,
     .doubtful_ticks = 3,
     .missed_ticks = 2,
     .heartbeat_ms = 500,

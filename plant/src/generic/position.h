@@ -12,7 +12,7 @@ void ANHYST_NAME(anhyst_position_adapter_tick)(void *self, const anhyst_loop_sam
   in.target = ANHYST_NAME(code)(scales->gap_middle - sample->target, scales->position);
   in.load = ANHYST_NAME(code)(sample->load, scales->load);
   for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
-    in.current[i] = ANHYST_NAME(code)(sample->current[i], scales->current);
+    in.current[i] = ANHYST_NAME(measured)(sample->current[i], scales->current);
     in.flux[i] = ANHYST_NAME(flux)(sample->flux[i], scales->flux);
   }
   in.command = sample->command > UINT16_MAX ? UINT16_MAX : (uint16_t)sample->command;

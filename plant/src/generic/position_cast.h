@@ -8,6 +8,11 @@ static ANHYST_REAL ANHYST_NAME(code)(double value, double full)
   return (ANHYST_REAL)value;
 }
 
+static ANHYST_REAL ANHYST_NAME(measured)(double value, double full)
+{
+  return ANHYST_NAME(code)(value, full);
+}
+
 static ANHYST_REAL ANHYST_NAME(flux)(double value, double full)
 {
   return ANHYST_NAME(code)(value, full);

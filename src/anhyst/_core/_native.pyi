@@ -383,6 +383,9 @@ class Bearing:
     def hold(self, current: float, magnet: int) -> None:
         """Let a current flow that has come slowly, A."""
 
+    supply: float
+    """Of the amplifiers, V."""
+
     @property
     def gap(self) -> float: ...
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,12 +19,20 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from anhyst.simulate.benefit import Benefit, Comparison, Measure
+    from anhyst.simulate.boardfaults import Ending
     from anhyst.simulate.montecarlo import MonteCarlo
     from anhyst.simulate.responses import Cell
     from anhyst.simulate.simulate import Simulation
 
 
 REPORT = "report.html"
+
+
+class BoardChoice(StrEnum):
+    """Boards without hardware."""
+
+    HOST = "host"
+    QEMU = "qemu-mps2"
 
 
 def simulate(
@@ -57,6 +66,16 @@ def simulate(
             "iron and step height; FILE then ends in '.json'.",
         ),
     ] = False,
+    board: Annotated[
+        BoardChoice | None,
+        typer.Option(
+            metavar="BOARD",
+            help="Instead, fly the firmware itself, built for 'host', a process, or 'qemu-mps2', "
+            "an emulated Cortex-M3, and break everything while it flies; FILE then ends in "
+            "'.json'.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a magnetic bearing with and without compensation of its hysteresis.
@@ -71,12 +90,18 @@ def simulate(
     Example: anhyst simulate examples/bearing/rig.toml --out plants/plants.jsonl --monte-carlo 1000
 
     Example: anhyst simulate examples/bearing/rig.toml --out map/benefit.json --benefit
+
+    Example: anhyst simulate examples/bearing/rig.toml --out run/flight.json --board host
     """
     chosen = "" if controller is None else f" --controller {controller}"
     command = f"anhyst simulate {rig}{chosen} --out {out}"
-    if benefit and monte_carlo is not None:
-        raise InputError("--benefit and --monte-carlo do not go together; give one of them")
-    if benefit:
+    given = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
+    asked = [name for name, value in given.items() if value]
+    if len(asked) > 1:
+        raise InputError(f"{' and '.join(asked)} do not go together; give one of them")
+    if board is not None:
+        _firmware(rig, out, controller, board.value, as_json)
+    elif benefit:
         _map(rig, out, controller, f"{command} --benefit", as_json)
     elif monte_carlo is not None:
         command = f"{command} --monte-carlo {monte_carlo}"
@@ -109,6 +134,42 @@ def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_js
     else:
         _show(found, out)
     refuse_losses(found)
+
+
+def _firmware(rig: Path, out: Path, controller: Path | None, board: str, as_json: bool) -> None:
+    from anhyst.simulate.flyboard import fly_board, write_flight
+
+    with progress_bar(f"firmware on {board}") as progress:
+        found = fly_board(rig, out, board, controller, progress)
+    write_flight(found, out)
+    if as_json:
+        print_json(found.as_dict())
+    else:
+        show(
+            _faults(found.endings),
+            f"firmware on {board} against the simulation: {found.differ} of {len(found.flown)} "
+            f"ticks differ, from lift-off to a landing at {1e3 * found.landing_speed:.1f} mm/s",
+            f"written: {out}",
+        )
+    found.refuse()
+
+
+def _faults(endings: Sequence[Ending]) -> Table:
+    rows = table(
+        "what went wrong in the air, and how it ended",
+        ["", "reason of the fault", "end", "after, ms", "at the rest, mm/s", "at the magnet, mm/s"],
+    )
+    for one in endings:
+        end = f"flies on, {1e6 * one.away:.2g} um away" if one.flies else "lies without current"
+        rows.add_row(
+            one.injection.name,
+            one.reason.name.lower().replace("_", " ") + ("" if one.as_expected else " (wrong)"),
+            end,
+            "" if one.flies else f"{1e3 * one.seconds:.0f}",
+            f"{1e3 * one.rest_speed:.1f}" if one.rest_speed else "",
+            f"{1e3 * one.magnet_speed:.1f}" if one.magnet_speed else "",
+        )
+    return rows
 
 
 def _fly(

@@ -156,7 +156,7 @@ def _encode(tick: int, reading: Reading) -> PlantSample:
         tick=tick & 0xFFFFFFFF,
         gap=_q30(reading.gap),
         force=_q30(reading.force),
-        position=_q31(reading.position),
+        position=_code(reading.position, Q31),
         current=_q30(reading.current),
         current_2=_q30(reading.current_2),
         status=reading.status,
@@ -165,13 +165,11 @@ def _encode(tick: int, reading: Reading) -> PlantSample:
 
 def _q30(value: float) -> int:
     """Give the nearest code; what lies beyond is the nearest end, no number the error code."""
-    if math.isnan(value):
-        return _RESERVED
-    return round(min(max(value * Q30, _LEAST), _MOST))
+    return _code(value, Q30)
 
 
-def _q31(value: float) -> int:
-    """Likewise; halves go up, as in the simulated loop."""
+def _code(value: float, one: float) -> int:
+    """Halves go up, as in the simulated loop."""
     if math.isnan(value):
         return _RESERVED
-    return min(max(math.floor(value * Q31 + 0.5), _LEAST), _MOST)
+    return math.floor(min(max(value * one + 0.5, _LEAST), _MOST))

@@ -53,7 +53,7 @@ class BearingPlant:
     bearing : Bearing
         The plant.
     rest_load, force_high, supply : float
-        Of the rig, N; the largest force that may be asked for, N; of the amplifiers, V.
+        Of the load drive, N; the largest force that may be asked for, N; of the amplifiers, V.
     load, inject : float
         Commanded to the load drive at the next tick, N; added to the gap that is shown, m.
     dropped : bool
@@ -65,10 +65,10 @@ class BearingPlant:
     def __init__(self, setup: Setup, seed: int = 0, bearing: Bearing | None = None) -> None:
         rig = setup.rig
         self.bearing = bearing or make_bearing(rig, seed)
-        self.rest_load = rig.load
+        self.rest_load = rig.settings.load.force_N
         self.force_high = setup.controller.limits.force_high_N
         self.supply = rig.settings.amplifier.supply_V
-        self.load = rig.load
+        self.load = self.rest_load
         self.inject = 0.0
         self.dropped = False
         self.shown: Callable[[Reading], Reading] | None = None
@@ -111,7 +111,7 @@ class BearingPlant:
         return reading if self.shown is None else self.shown(reading)
 
     def _amplifiers(self, reference: tuple[float, float]) -> tuple[float, float]:
-        """Return the amplifiers' inputs: references, or voltages that bring them about."""
+        """Return the references, or voltages that bring them about, as the amplifiers need."""
         loop = self._loop
         if loop["gain"] == 0.0:
             return reference

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from anhyst.errors import NegativeResult
-from anhyst.link.client import Refused, regenerate
+from anhyst.link.blocks import regenerate
+from anhyst.link.client import Refused
 from anhyst.link.plantbus import Reading
 from anhyst.simulate.board import BoardFlight
 from anhyst.simulate.scenario import LEAST_LIFT_S
@@ -89,7 +90,7 @@ class Ending:
 
 
 def _shows(change: Callable[[Reading], Reading], ticks: float = math.inf) -> Act:
-    """Sensors show something else for some ticks."""
+    """Let sensors show something else for some ticks."""
 
     def act(flight: BoardFlight, n: int) -> bool:
         flight.plant.shown = change if n < ticks else None
@@ -107,7 +108,7 @@ def _no_sample(reading: Reading) -> Reading:
 
 
 def _freezes(flight: BoardFlight, n: int) -> bool:
-    """The sensor of the position stays at what it shows, and the target is stepped."""
+    """Freeze the sensor of the position, and step the target."""
     if n == 0:
         flight.aim(flight.plant.bearing.gap + _STEP_M)
         last: list[float] = []
@@ -121,14 +122,14 @@ def _freezes(flight: BoardFlight, n: int) -> bool:
 
 
 def _misses(flight: BoardFlight, n: int) -> bool:
-    """Five ticks in a row are missed."""
+    """Miss five ticks in a row."""
     if n == 0:
         flight.bus.skip(5)
     return True
 
 
 def _sags(flight: BoardFlight, n: int) -> bool:
-    """The supply falls; the board reports it a millisecond later."""
+    """Let the supply fall; the board reports it a millisecond later."""
     bearing = flight.plant.bearing
     if n == 0:
         bearing.supply = _SAG * flight.plant.supply
@@ -144,7 +145,7 @@ def _stops(flight: BoardFlight, n: int) -> bool:
 
 
 def _bad_block(flight: BoardFlight, n: int) -> bool:
-    """A block with one broken word arrives whole, and then one whose words are not sound."""
+    """Send a block with a broken checksum, and one whose words are not sound behind a right one."""
     if n == 0:
         words = flight.link.read_block()
         for broken in (_broken(words), regenerate(_broken(words), 7)):
@@ -161,14 +162,14 @@ def _broken(words: list[int]) -> list[int]:
 
 
 def _swaps(flight: BoardFlight, n: int) -> bool:
-    """The same parameters come as another generation."""
+    """Swap in the same parameters as another generation."""
     if n == 0:
         flight.link.write_block(regenerate(flight.link.read_block(), 9))
     return True
 
 
 def _overload(flight: BoardFlight, n: int) -> bool:
-    """The load is more than the largest force can carry, for a while."""
+    """Load it with more than the largest force can carry, for a while."""
     over = n < round(_OVERLOAD_S * flight.link.info.rate)
     flight.plant.load = 1.2 * flight.plant.force_high if over else flight.plant.rest_load
     return True

@@ -10,9 +10,9 @@ import numpy as np
 
 from anhyst.simulate.loop import lost_at
 from anhyst.simulate.recording import BREAKAWAY, FAULT, HOVER, RISE, RUN, Recording
-from anhyst.simulate.scenario import Scenario
+from anhyst.simulate.scenario import Scenario, Script, land_time, steps_up_and_down
 from anhyst.simulate.setup import Setup
-from anhyst.states import Flag
+from anhyst.states import Command, Flag
 
 READY = 16 * 3
 """On the ground, ready to lift again."""
@@ -118,6 +118,32 @@ class Flight:
         if not len(landing) or state[-1] != READY or hit.any():
             return ["landing of the recording"]
         return []
+
+
+def parts_of_flight(setup: Setup) -> tuple[Scenario, Scenario, int]:
+    """Return the flight that a simulation records: lift-off and steps; then loads and a landing.
+
+    Parameters
+    ----------
+    setup : Setup
+        For its rig and its controller.
+
+    Returns
+    -------
+    steps, after : Scenario
+        One after the other.
+    landing : int
+        Tick of the command to land, counted over both.
+    """
+    rig = setup.rig
+    tried, load = rig.settings.simulate, rig.settings.load.force_N
+    steps = steps_up_and_down(rig, setup.controller, tried.gap_m, tried.steps_m)
+    script = Script(rig, float(steps.target[-1]))
+    for step in tried.load_steps_N:
+        script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
+    landing = steps.ticks + script.ticks
+    script.command(Command.LAND).hold(land_time(rig, setup.controller))
+    return steps, script.build(), landing
 
 
 def lost_blocks(figures: Mapping[str, Any]) -> list[str]:

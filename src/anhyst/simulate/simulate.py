@@ -21,7 +21,7 @@ from anhyst.simulate.controllerfile import (
     ControllerFile,
     Variant,
 )
-from anhyst.simulate.flight import Flight, lost_blocks
+from anhyst.simulate.flight import Flight, lost_blocks, parts_of_flight
 from anhyst.simulate.loop import Loop
 from anhyst.simulate.operating import (
     OperatingPoint,
@@ -34,11 +34,10 @@ from anhyst.simulate.ready import make_ready, read_files
 from anhyst.simulate.recording import Recording, check_ending, write_recording
 from anhyst.simulate.responses import Cell, as_rows, compare, default_seeds
 from anhyst.simulate.rigfile import BearingRig
-from anhyst.simulate.scenario import Scenario, Script, land_time, steps_up_and_down
+from anhyst.simulate.scenario import Scenario, steps_up_and_down
 from anhyst.simulate.sensitivity import Sensitivity
 from anhyst.simulate.setup import Knowledge, Setup, make_setups
 from anhyst.simulate.sweep import sweep
-from anhyst.states import Command
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float, float], None]
@@ -359,20 +358,13 @@ def _load(rig: BearingRig) -> float:
 
 def _whole_run(setup: Setup) -> Flight:
     """Lift off, step, load, land."""
-    rig = setup.rig
-    tried = rig.settings.simulate
-    scenario = steps_up_and_down(rig, setup.controller, tried.gap_m, tried.steps_m)
+    steps, after, landing = parts_of_flight(setup)
     loop = Loop(setup)
-    parts = [loop.run(scenario)]
-    script = Script(rig, float(scenario.target[-1]))
-    for step in tried.load_steps_N:
-        script.set_load(_load(rig) + step).hold(0.15).set_load(_load(rig)).hold(0.15)
-    landing = scenario.ticks + script.ticks
-    script.command(Command.LAND).hold(land_time(rig, setup.controller))
-    if len(parts[0]) == scenario.ticks:
-        parts.append(loop.run(script.build()))
+    parts = [loop.run(steps)]
+    if len(parts[0]) == steps.ticks:
+        parts.append(loop.run(after))
     recording = Recording(np.concatenate([part.table for part in parts]))
-    return Flight(setup, recording, scenario, landing)
+    return Flight(setup, recording, steps, landing)
 
 
 def _stages(
