@@ -16,14 +16,12 @@ ROOT = HERE.parents[1]
 
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 SANITIZERS = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-FIRMWARE = [
-    *(
-        file
-        for part in ("link", "app", "force")
-        for file in sorted(ROOT.glob(f"firmware/{part}/*.c"))
-    ),
+SHARED = [
+    *(file for part in ("link", "app") for file in sorted(ROOT.glob(f"firmware/{part}/*.c"))),
     ROOT / "core" / "src" / "supervisor.c",
 ]
+FIRMWARE = [*SHARED, ROOT / "firmware" / "force" / "force.c"]
+FLIGHT = [*SHARED, ROOT / "firmware" / "position" / "flight.c"]
 
 
 def tool(*names: str) -> str:

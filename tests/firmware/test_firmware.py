@@ -9,7 +9,7 @@ import pytest
 from tests.core.test_c_core import BUILDS
 from tests.once import made_once
 
-from .build import FIRMWARE, HERE, SANITIZERS, can, compile_c, tool
+from .build import FIRMWARE, FLIGHT, HERE, SANITIZERS, can, compile_c, tool
 
 PROGRAMS = [file.stem for file in sorted(HERE.glob("test_*.c"))]
 BENCH = [HERE / "bench.c", HERE / "fake_compensator.c"]
@@ -48,12 +48,15 @@ def test_claims_of_the_firmware_hold(programs: Path, name: str) -> None:
 LIBRARY = {"memcpy", "memset", "memmove", "_GLOBAL_OFFSET_TABLE_"}
 
 
-def test_firmware_has_no_heap_no_globals_and_knows_the_port_alone(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sources", [FIRMWARE, FLIGHT], ids=["force", "position"])
+def test_firmware_has_no_heap_no_globals_and_knows_the_port_alone(
+    tmp_path: Path, sources: list[Path]
+) -> None:
     compiler = tool("cc", "gcc")
     defined: set[str] = set()
     wanted: set[str] = set()
     writable: set[str] = set()
-    done = compile_c(compiler, FIRMWARE, tmp_path, "-c")
+    done = compile_c(compiler, sources, tmp_path, "-c")
     assert done.returncode == 0, done.stderr
     for compiled in tmp_path.glob("*.o"):
         listing = subprocess.run([tool("nm"), compiled], capture_output=True, text=True, check=True)

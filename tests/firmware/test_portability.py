@@ -7,12 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from .build import FIRMWARE, HERE, ROOT, tool
+from .build import FIRMWARE, FLIGHT, HERE, ROOT, tool
 
 INCLUDE = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
 PARTS = {
-    "state of the controller": "sizeof(app_control)",
-    "what it knows of its sensors": "sizeof(app_sensors)",
+    "control task": "sizeof(app_control)",
+    "body of force": "sizeof(app_body)",
+    "body of position": "sizeof(flight)",
     "settings": "LINK_SETTING_COUNT * sizeof(int32_t)",
     "link: frame": "sizeof(app_session)",
     "recorder": "sizeof(app_recorder)",
@@ -24,7 +25,7 @@ def test_sixteen_bit_int_is_enough(tmp_path: Path) -> None:
     # Warnings tell where a constant or a shift would not fit. avr-gcc 5 warns of conversions that
     # are none, so that -Wconversion is left to the other compilers.
     command = [tool("avr-gcc"), "-mmcu=atmega1284p", "-std=c99", "-Os", "-Wall", "-Wextra"]
-    command += ["-Werror", *INCLUDE, "-c", *map(str, FIRMWARE)]
+    command += ["-Werror", *INCLUDE, "-c", *map(str, {*FIRMWARE, *FLIGHT})]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
 
@@ -47,7 +48,11 @@ def test_the_page_states_the_memory_that_is_used(tmp_path: Path) -> None:
     stated = dict(re.findall(r"^\| ([^|]+) \| (\d+) \|$", page.partition("## Memory")[2], re.M))
     lines = [f"char part_{i}[{size}];" for i, size in enumerate(PARTS.values())]
     source = tmp_path / "parts.c"
-    source.write_text('#include "app/app.h"\n' + "\n".join(lines) + "\n", encoding="utf-8")
+    bodies = (
+        '#include "app/app.h"\n#include "force/force.h"\n#define app_body flight_body\n'
+        '#include "position/flight.h"\ntypedef struct flight_body flight;\n'
+    )
+    source.write_text(bodies + "\n".join(lines) + "\n", encoding="utf-8")
     cortex_m4(source, tmp_path / "parts.o")
     with (tmp_path / "parts.o").open("rb") as file:
         symbols = ELFFile(file).get_section_by_name(".symtab")

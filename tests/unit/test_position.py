@@ -241,6 +241,40 @@ def test_position_lost_in_breakaway_sets_down() -> None:
     ]
 
 
+IN_THE_AIR = {
+    "breakaway": (2500, Command.NONE),
+    "set down": (2500, Command.LAND),
+    "hover": (9000, Command.NONE),
+    "stopped": (9000, Command.STOP),
+}
+
+
+@pytest.mark.parametrize("ticks, begin", IN_THE_AIR.values(), ids=IN_THE_AIR.keys())
+def test_no_pair_of_commands_lets_the_current_jump(ticks: int, begin: Command) -> None:
+    """From the current that carries the load, two commands a few ticks apart: no way round a ramp.
+
+    Nothing is measured with noise here, so that control by itself moves the current by little.
+    """
+    start = Rig(make("fixed"))
+    start.run(30)
+    start.run(10, command=Command.DEMAGNETISED)
+    start.run(ticks, command=Command.LIFT)
+    carried = start.run(5, command=begin)[-1][0]
+    assert carried > 1.0
+    for first in Command:
+        for second in Command:
+            rig = Rig(make("fixed"))
+            rig.run(30)
+            rig.run(10, command=Command.DEMAGNETISED)
+            rig.run(ticks, command=Command.LIFT)
+            rows = rig.run(5, command=begin)
+            rows += rig.run(7, command=first)
+            rows += rig.run(60, command=second)
+            steps = np.abs(np.diff([row[0] for row in rows]))
+            assert steps.max() < 0.01 * carried, (first, second)
+            assert rows[-1][0] > 0.8 * carried, (first, second)
+
+
 def test_commands_out_of_place_are_refused() -> None:
     rig = Rig(make("fixed"))
     resting = {Command.CONDITION, Command.DEMAGNETISED, Command.IDLE}

@@ -26,7 +26,10 @@ _SAG = 0.2
 """What a sagging supply is left with."""
 
 _LONGEST_S = 1.0
-"""Until an armature lies or is seen to go on hovering."""
+"""Until an armature lies."""
+
+_ON_S = 0.25
+"""After so long it is seen to fly on."""
 
 _STILL_S = 0.02
 """Without current on its rest, so long, it lies."""
@@ -277,7 +280,8 @@ class FaultFlights:
         rest_speed = magnet_speed = away = 0.0
         inside, speed = True, 0.0
         seconds = math.nan
-        for n in self._ticks(_LONGEST_S):
+        on = injection.reason is Fault.NONE
+        for n in self._ticks(_ON_S if on else _LONGEST_S):
             flight.tick(beats=injection.act(flight, n))
             gap = bearing.gap
             outside = gap <= mechanics.stop_low_m or gap >= mechanics.stop_high_m
