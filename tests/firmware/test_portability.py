@@ -12,7 +12,7 @@ from .build import FIRMWARE, FLIGHT, HERE, ROOT, tool
 INCLUDE = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
 PARTS = {
     "control task": "sizeof(app_control)",
-    "body of force": "sizeof(app_body)",
+    "body of force": "sizeof(force)",
     "body of position": "sizeof(flight)",
     "settings": "LINK_SETTING_COUNT * sizeof(int32_t)",
     "link: frame": "sizeof(app_session)",
@@ -49,7 +49,8 @@ def test_the_page_states_the_memory_that_is_used(tmp_path: Path) -> None:
     lines = [f"char part_{i}[{size}];" for i, size in enumerate(PARTS.values())]
     source = tmp_path / "parts.c"
     bodies = (
-        '#include "app/app.h"\n#include "force/force.h"\n#define app_body flight_body\n'
+        '#include "app/app.h"\n#include "force/force.h"\ntypedef app_body force;\n'
+        "#define app_body flight_body\n"
         '#include "position/flight.h"\ntypedef struct flight_body flight;\n'
     )
     source.write_text(bodies + "\n".join(lines) + "\n", encoding="utf-8")
