@@ -101,6 +101,9 @@ void app_body_swap(app_body *body, const int16_t *words)
   for (uint16_t i = 0; i < body->board->plan->magnets; i++) {
     anhyst_compensator_swap(&body->drive[i].compensator, words);
   }
+  if (body->position.levitation.supervisor.conditioning != 0U) {
+    body->position.levitation.supervisor.step = -1; /* begins anew */
+  }
 }
 
 /* A measured q30 as a q31; beyond full scale it saturates. */

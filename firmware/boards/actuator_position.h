@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The position controller of the actuator that a program is built around, see actuator.h. */
-#ifndef ANHYST_ACTUATOR_CONTROLLER_H
-#define ANHYST_ACTUATOR_CONTROLLER_H
+/* The position controller of the actuator that a program is built around, see actuator.h. Not
+   called after its contents: an actuator without a name has a file actuator_controller.h. */
+#ifndef ANHYST_ACTUATOR_POSITION_H
+#define ANHYST_ACTUATOR_POSITION_H
 
 #include "boards/actuator.h"
 
@@ -9,7 +10,10 @@
 
 #define ACTUATOR_CONTROLLER_LIMITS ACTUATOR_JOIN(ACTUATOR_NAME, _controller_limits)
 #define ACTUATOR_CONTROLLER_SETTINGS ACTUATOR_JOIN(ACTUATOR_NAME, _controller_settings)
+
+#ifndef ACTUATOR_CONTROLLER_MAGNETS /* see actuator.h */
 #define ACTUATOR_CONTROLLER_MAGNETS ACTUATOR_JOIN(ACTUATOR_MACRO, _CONTROLLER_MAGNETS)
 #define ACTUATOR_CONTROLLER_RATE_HZ ACTUATOR_JOIN(ACTUATOR_MACRO, _CONTROLLER_RATE_HZ)
+#endif
 
 #endif
