@@ -8,6 +8,9 @@
    `watched`, so that what the check found of every entry is known of that one. */
 #include <stdlib.h>
 
+#ifdef UNIT
+#define ANHYST_PORT_HEADER "contracts.h"
+#endif
 #include "any.h"
 
 static int16_t watched;
@@ -17,7 +20,8 @@ static int16_t watched;
   ASSUME((i) >= (low) && (i) < (high));
 
 #include "block.c"
-#if defined(SIMPLIFIED)
+#if defined(UNIT)
+#elif defined(SIMPLIFIED)
 #include "closed.c"
 #include "simplified.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_simplified;
@@ -29,6 +33,26 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 #include "full.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_full;
 #endif
+
+#ifdef UNIT
+
+/* Proved in prove_map.c. */
+static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)
+{
+  SHOW(numerator >= 0 && numerator < denominator);
+  return any_within(0, ANHYST_Q31_MAX);
+}
+
+int main(void)
+{
+  int16_t before[2]; /* any */
+  int16_t words[2];
+  ASSUME(anhyst_single_sound(before, 0) && anhyst_single_sound(words, 0));
+  (void)anhyst_in_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
+  return 0;
+}
+
+#else
 
 /* A table over the gap: inside, and what is known of the entry watched and the one before. */
 static void show_over_gap(const int16_t *words, int16_t word, int16_t least)
@@ -69,3 +93,5 @@ int main(void)
   }
   return 0;
 }
+
+#endif
