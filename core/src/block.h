@@ -26,8 +26,8 @@ int anhyst_over_gap_sound(const int16_t *words, int16_t word, int16_t least);
 int anhyst_single_sound(const int16_t *words, int16_t word);
 
 /* A number of the memory, counted in the unit that stands at this word of the block before, in that
-   of another block; both sound. |a| <= 2^31 - 1, saturates. The same unit: the same number; else
-   the error is below 2^-22 of the result and 8 units in the last place. */
+   of another block; both sound. |a| <= 2^30, saturates. The same unit: the same number; else the
+   error is below 2^-22 of the result and 8 units in the last place of the larger of the two. */
 int32_t anhyst_in_unit(int32_t a, const int16_t *before, const int16_t *words, int16_t word);
 
 #endif

@@ -46,7 +46,13 @@ static int32_t any_flux(const int16_t *words, const anhyst_memory *from, const a
   return nondet_i32();
 }
 
-static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 0};
+static void any_carry(const int16_t *before, const int16_t *words, int32_t flux,
+                      anhyst_memory *memory)
+{
+  SHOW(flux >= -ANHYST_Q30_ONE && flux <= ANHYST_Q30_ONE);
+}
+
+static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 0, any_carry};
 
 /* ---- contracts ---- */
 
@@ -94,6 +100,19 @@ static void prove_output(void)
   c.words = words;
   (void)anhyst_compensator_output_q31(&c);
   (void)anhyst_conditioning_q15(&c, nondet_i32());
+}
+
+static void prove_swap(void)
+{
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS + 80];
+  int16_t other[ANHYST_BLOCK_LEAST_WORDS + 80];
+  anhyst_compensator c;
+  any_head(words);
+  any_head(other);
+  c.kernel = &any_kernel;
+  c.words = words;
+  anhyst_compensator_swap(&c, other);
+  SHOW(c.words == other && c.solved == 0U);
 }
 
 /* Any gap, any table over the gap within the block. */

@@ -214,6 +214,25 @@ static void remember(const path *along, const anhyst_memory *from, int falling, 
 }
 #endif
 
+/* Proved in prove_block.c. */
+int32_t anhyst_in_unit(int32_t a, const int16_t *before, const int16_t *words, int16_t word)
+{
+  SHOW(a >= -ANHYST_Q30_ONE && a <= ANHYST_Q30_ONE);
+  return nondet_i32();
+}
+
+#ifdef CARRIED_BY_CONTRACT
+static int32_t carried_to(path *along, const carried *from, int32_t way, int16_t air, int32_t flux)
+{
+  SHOW(inside(from->x) && inside(from->p) && inside(from->behind));
+  SHOW(from->rest > -2 * ONE && from->rest < 2 * ONE && way >= -2 * ONE && way <= 2 * ONE);
+  along->x = any_within(1 - ONE, ONE - 1);
+  along->y = any_within(1 - ONE, ONE - 1);
+  along->p = any_within(1 - ONE, ONE - 1);
+  return nondet_i32();
+}
+#endif
+
 /* ---- proofs ---- */
 
 /* Any entry of any table within the block. */
@@ -327,9 +346,9 @@ static void prove_remember(void)
   SHOW(to.c > -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);
 }
 
-static void prove_kernel(void)
+/* The head of a block that passed its check. */
+static void assume_sound(const int16_t *words)
 {
-  int16_t words[ANHYST_BLOCK_LEAST_WORDS]; /* any head that is sound; no table is read */
   const int32_t air = words[ANHYST_WORD_FULL_AIR];
   const int32_t n = words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
   const int32_t n_inverse = words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
@@ -338,6 +357,37 @@ static void prove_kernel(void)
   ASSUME(anhyst_within(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, 12));
   ASSUME(anhyst_within(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16));
   ASSUME(n >= 3 && n <= 9 && n_inverse >= 3 && n_inverse <= 9);
+}
+
+static void prove_carried(void)
+{
+  path along = any_prepared();
+  const carried from = {any_within(1 - ONE, ONE - 1), any_within(1 - ONE, ONE - 1),
+                        any_within(1 - ONE, ONE - 1), any_within(1 - 2 * ONE, 2 * ONE - 1)};
+  (void)carried_to(&along, &from, any_within(-2 * ONE, 2 * ONE),
+                   (int16_t)any_within(1, ANHYST_Q15_MAX),
+                   any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+  SHOW(inside(along.x) && inside(along.y) && inside(along.p));
+  SHOW(along.x - along.p <= along.play && along.p - along.x <= along.play);
+}
+
+static void prove_carry(void)
+{
+  int16_t before[ANHYST_BLOCK_LEAST_WORDS]; /* any; no table is read */
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS];
+  assume_sound(before);
+  assume_sound(words);
+  anhyst_memory memory = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  full_carry(before, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), &memory);
+  SHOW(memory.a > -ANHYST_Q30_ONE && memory.a < ANHYST_Q30_ONE);
+  SHOW(memory.b > -ANHYST_Q30_ONE && memory.b < ANHYST_Q30_ONE);
+  SHOW(memory.c > -ANHYST_Q30_ONE && memory.c < ANHYST_Q30_ONE);
+}
+
+static void prove_kernel(void)
+{
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS]; /* any; no table is read */
+  assume_sound(words);
   const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   anhyst_memory to;
 #ifdef FIELD

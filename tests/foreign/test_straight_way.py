@@ -6,8 +6,15 @@ import json
 from pathlib import Path
 
 import pytest
+from tests.actuators import reversals
 from tests.cli.command import Result, anhyst
 from tests.foreign.magnets import MAGNETS
+from tests.swaps import jump
+
+from anhyst.compile.block import Limits, Sizes
+from anhyst.compile.full import build_full
+from anhyst.compile.plan import find_limits, find_scales
+from anhyst.modelfile import read_model
 
 RATE = 20000
 BEARINGS = {"u": (20.0, 150.0, 0.45e-3), "hard": (8.0, 80.0, 0.4e-3), "soft": (0.1, 1.0, 0.25e-3)}
@@ -38,6 +45,21 @@ def test_what_is_identified_is_compiled_and_verified(magnet: Path) -> None:
     found = json.loads(done.stdout)
     assert found["passed"]
     assert {result["target"] for result in found["results"]} == {"host"}
+
+
+def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> None:
+    model = read_model(magnet / "model.toml")
+    limits = find_limits(model)
+    scales = find_scales(model, limits)
+    (low, high), demand = limits.current, limits.demand[1]
+    narrow = Limits(limits.demand, (0.8 * low, 0.8 * high))
+    here, there = (
+        build_full(model, scales, each, Sizes(iterations=10)) for each in (limits, narrow)
+    )
+    path = reversals(0.05 * demand, 0.3 * demand, 25, 1)
+    for gap in (scales.gap_low, 0.5 * (scales.gap_low + scales.gap_high)):
+        assert jump(here, there, path, gap) < 4e-4
+        assert jump(there, here, path, gap) < 4e-4
 
 
 @pytest.mark.slow

@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The check of a parameter block, for any words of any number: nothing is read beyond them, nothing
+   overflows, and what passes is what the proofs of the compensators assume.
+
+   The words lie in memory that ends with the last of them. A loop over words or entries turns as
+   often as the block says: proofs.toml puts TURN at the beginning of its body, which goes to any
+   one turn, and LAST at its end, so that one turn stands for all. The turn of a table is that of
+   `watched`, so that what the check found of every entry is known of that one. */
+#include <stdlib.h>
+
+#ifdef UNIT
+#define ANHYST_PORT_HEADER "contracts.h"
+#endif
+#include "any.h"
+
+static int16_t watched;
+
+#define TURN(i, low, high)                                                                         \
+  (i) = watched;                                                                                   \
+  ASSUME((i) >= (low) && (i) < (high));
+
+#include "block.c"
+#if defined(UNIT)
+#elif defined(SIMPLIFIED)
+#include "closed.c"
+#include "simplified.c"
+static const anhyst_kernel *const kernel = &anhyst_kernel_simplified;
+#elif defined(EULER)
+#include "closed.c"
+#include "euler.c"
+static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
+#else
+#include "full.c"
+static const anhyst_kernel *const kernel = &anhyst_kernel_full;
+#endif
+
+#ifdef UNIT
+
+/* Proved in prove_map.c. */
+static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)
+{
+  SHOW(numerator >= 0 && numerator < denominator);
+  return any_within(0, ANHYST_Q31_MAX);
+}
+
+int main(void)
+{
+  int16_t before[2]; /* any */
+  int16_t words[2];
+  ASSUME(anhyst_single_sound(before, 0) && anhyst_single_sound(words, 0));
+  (void)anhyst_in_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
+  return 0;
+}
+
+#else
+
+/* A table over the gap: inside, and what is known of the entry watched and the one before. */
+static void show_over_gap(const int16_t *words, int16_t word, int16_t least)
+{
+  const int32_t first = words[word];
+  const int32_t segments = 1 << words[ANHYST_WORD_GAP_SEGMENTS];
+  SHOW(first >= ANHYST_BLOCK_LEAST_WORDS && first + segments < words[ANHYST_WORD_LENGTH]);
+  SHOW(words[first + watched] >= least);
+  if (watched > 0) {
+    const int32_t change = (int32_t)words[first + watched] - words[first + watched - 1];
+    SHOW(change >= -ANHYST_Q15_MAX && change <= ANHYST_Q15_MAX);
+  }
+}
+
+int main(void)
+{
+  const uint16_t capacity = nondet_u16();
+  int16_t *words = (int16_t *)malloc(2 * (size_t)capacity);
+  ASSUME(words != NULL);
+  watched = nondet_i16();
+  if (anhyst_block_check(kernel, words, capacity) == ANHYST_OK) {
+    SHOW((uint16_t)words[ANHYST_WORD_LENGTH] <= capacity);
+    SHOW(words[ANHYST_WORD_CURRENT_SHIFT] >= 0 && words[ANHYST_WORD_CURRENT_SHIFT] <= 8);
+    SHOW(words[ANHYST_WORD_FLUX_LIMIT] >= 1 && words[ANHYST_WORD_FLUX_LIMIT] <= 16384);
+    SHOW(words[ANHYST_WORD_FLUX_SHIFT] >= 0 && words[ANHYST_WORD_FLUX_SHIFT] <= 6);
+    SHOW(words[ANHYST_WORD_GAP_SEGMENTS] >= 0 && words[ANHYST_WORD_GAP_SEGMENTS] <= 6);
+    SHOW(words[ANHYST_WORD_CONDITION_TICKS] >= 2);
+    SHOW(words[ANHYST_WORD_ROOT_KNEE] >= 2 && words[ANHYST_WORD_ROOT_KNEE] <= 8);
+    show_over_gap(words, ANHYST_WORD_GAP_GAIN, 1);
+    show_over_gap(words, ANHYST_WORD_GAP_OFFSET, -ANHYST_Q15_MAX);
+    show_over_gap(words, ANHYST_WORD_GAP_BIAS, -ANHYST_Q15_MAX);
+    show_over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, 1);
+#if defined(SIMPLIFIED) || defined(EULER)
+    show_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, 0);
+#else
+    show_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, -ANHYST_Q15_MAX);
+#endif
+  }
+  return 0;
+}
+
+#endif
