@@ -43,7 +43,7 @@ def part_of_pinning(result: IdentifyResult) -> float:
 @pytest.mark.parametrize("name", ["electromagnet", "bearing"])
 def test_a_model_has_a_dead_band_that_costs_no_more_than_it_may(name: str) -> None:
     given, without = (found(name, dead_band=wanted) for wanted in (True, False))
-    assert part_of_pinning(given) in map(pytest.approx, PARTS)
+    assert any(part_of_pinning(given) == pytest.approx(part) for part in PARTS)
     assert without.model.parameters["r_d"] == 0.0
     assert rms(given) < COST * rms(without)
     again = predicted(given.model, given.loops)

@@ -20,8 +20,8 @@ from .identify_truths import GAPS, largest, loops_of, magnet, noisy
 
 NOISE = 2e-3
 STAGES = {"scaling": 5, "reluctance": 5, "auto": 8}
-"""At four gaps: one gap, every map joined, each inner gap left out and, to choose among maps, both; the dead
-band."""
+"""At four gaps: one gap, every map joined, each inner gap left out and, to choose among maps, both;
+and the dead band."""
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ gap. What the first movement changes is no drift: it is judged with the paths of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -110,7 +110,7 @@ def hold(plan: Plan) -> list[Held]:
 
 
 def _cases(moves: bool) -> list[_Case]:
-    noise = _Case("noise of the demand", _noise, NOISE_SECONDS, False)
+    noise = _Case("the demand is noisy", _noise, NOISE_SECONDS, False)
     rest = _Case("nothing moves", _rest, SECONDS, True)
     if not moves:
         return [rest, noise]
@@ -119,7 +119,7 @@ def _cases(moves: bool) -> list[_Case]:
         for part in AMPLITUDES
     ]
     walk = _Case("the gap walks at random", _walk, NOISE_SECONDS, False, 3.0 * WALK)
-    noise = _Case("noise of demand and gap", _noise, NOISE_SECONDS, False)
+    noise = _Case("demand and gap are noisy", _noise, NOISE_SECONDS, False)
     return [rest, *vibrations, walk, noise]
 
 
