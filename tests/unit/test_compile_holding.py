@@ -124,9 +124,9 @@ def test_what_is_irreversible_rests_exactly_inside_the_play(io: str) -> None:
     force = 40.0
     twin.run(np.concatenate([np.linspace(0.0, 160.0, 100), np.linspace(160.0, force, 100)]), gap)
     noise = np.random.default_rng(1).normal(0.0, 0.05, 3000)
-    twin.run(force + np.abs(noise), gap)  # never beyond where it has been
+    twin.run(force + 0.5 + noise, gap)  # away from where the play was pushed last
     before = twin.memory.copy()
-    twin.run(force + np.abs(noise), gap)
+    twin.run(force + 0.6 + noise, gap)
     assert twin.memory[0] != before[0]
     assert np.array_equal(twin.memory[1:], before[1:])
 
