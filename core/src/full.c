@@ -156,8 +156,14 @@ static void evaluate(const path *along, int32_t x, answer *at)
   int32_t rise;
   const int32_t anhysteretic = odd_value(along->curve, x, &rise);
   at->x = x;
-  at->p = x - along->play > along->p ? x - along->play : along->p;
-  at->y = irreversible(along, at->p, &at->y_slope);
+  if (x - along->play < along->p) { /* inside the play: what is irreversible rests, exactly */
+    at->p = along->p;
+    at->y = along->y;
+    at->y_slope = 0;
+  } else {
+    at->p = x - along->play;
+    at->y = irreversible(along, at->p, &at->y_slope);
+  }
   at->m = magnetisation(along, at->y, anhysteretic);
   at->m_slope = slope_of_m(along, at->y_slope, slope_of(along, rise));
 }

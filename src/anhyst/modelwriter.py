@@ -55,7 +55,7 @@ MEANING = {
     "k": "pinning, about the half-width of the loop of the iron",
     "c": "reversible fraction, 0 to 1",
     "alpha": "interaction, below 1",
-    "r_d": "half-width of the play against creep, 0 for none",
+    "r_d": "half-width of the dead band against creep, 0 for none",
     "c_H": "drive of the iron for a unit of input",
     "rho": "reluctance of the gap over that of an air-filled iron path",
     "gamma": "eddy currents, 0 for none",

@@ -67,11 +67,19 @@ def central_differences(objective: Objective, theta: Floats, step: float = 1e-5)
     return np.stack(columns, axis=1)
 
 
+def with_dead_band(space: Space, part: float) -> Space:
+    return replace(space, form=replace(space.form, dead_band=part))
+
+
+@pytest.mark.parametrize("dead_band", [0.0, 0.2])
 @pytest.mark.parametrize("history", HISTORIES)
 @pytest.mark.parametrize("name", CASES)
-def test_analytic_derivatives_are_those_of_the_deviations(name: str, history: str) -> None:
+def test_analytic_derivatives_are_those_of_the_deviations(
+    name: str, history: str, dead_band: float
+) -> None:
     truth, gap_map = CASES[name]
-    space = space_of(truth, gap_map, loops_of(truth, history, samples=40))
+    plain = space_of(truth, gap_map, loops_of(truth, history, samples=40))
+    space = with_dead_band(plain, dead_band)
     objective = Objective(space, tie=1e-3)
     theta = near(space, truth, seed=1)
     values, analytic = objective.with_jacobian(theta)
@@ -80,10 +88,13 @@ def test_analytic_derivatives_are_those_of_the_deviations(name: str, history: st
     assert np.all(np.abs(analytic - numeric).max(axis=0) < 1e-4 * np.abs(numeric).max(axis=0))
 
 
+@pytest.mark.parametrize("dead_band", [0.0, 0.2])
 @pytest.mark.parametrize("name", ["closed core", "force, reluctance"])
-def test_settled_cycles_close_alike_with_and_without_derivatives(name: str) -> None:
+def test_settled_cycles_close_alike_with_and_without_derivatives(
+    name: str, dead_band: float
+) -> None:
     truth, gap_map = CASES[name]
-    space = space_of(truth, gap_map, loops_of(truth, samples=40))
+    space = with_dead_band(space_of(truth, gap_map, loops_of(truth, samples=40)), dead_band)
     for seed in range(8):
         theta = near(space, truth, seed)
         fresh, warm = Objective(space), Objective(space)

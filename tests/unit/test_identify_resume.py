@@ -19,9 +19,9 @@ from anhyst.identify.run import Run
 from .identify_truths import GAPS, largest, loops_of, magnet, noisy
 
 NOISE = 2e-3
-STAGES = {"scaling": 4, "reluctance": 4, "auto": 7}
-"""At four gaps: one gap, every map joined, each inner gap left out and, to choose among maps, both.
-"""
+STAGES = {"scaling": 5, "reluctance": 5, "auto": 8}
+"""At four gaps: one gap, every map joined, each inner gap left out and, to choose among maps, both;
+and the dead band."""
 
 
 @pytest.fixture(scope="module")
@@ -269,12 +269,12 @@ def test_progress_counts_up_to_its_total(loops: LoopSet) -> None:
         assert progress.seen == [(done, stages) for done in range(1, stages + 1)]
     single = Killer()
     identify(loops.at(GAPS[0]), progress=single)
-    assert single.seen == [(1, 1)]
+    assert single.seen == [(1, 2), (2, 2)]
 
 
 def test_progress_counts_up_to_its_total_for_long_loops() -> None:
     long = loops_of(magnet(gaps=GAPS[:2]), noise=NOISE, samples=410)
     progress = Killer()
     identify(long, gap_map="scaling", progress=progress)
-    assert [done for done, _ in progress.seen] == [1, 2, 3]
-    assert {total for _, total in progress.seen} == {3}
+    assert [done for done, _ in progress.seen] == [1, 2, 3, 4]
+    assert {total for _, total in progress.seen} == {4}

@@ -113,7 +113,7 @@ def compile_(
     request = Request(kind.value, io.value, _rate(rate, controller), accuracy, name)
     with progress_bar("choosing tables and measuring") as progress:
         compiled = compile_model(model, out, request, controller, progress)
-    if text := compiled.warning:
+    for text in compiled.warnings:
         warn(text)
     if as_json:
         print_json(_as_dict(compiled))
@@ -145,7 +145,7 @@ def _show(compiled: Compiled) -> None:
     rows = table(
         f"accuracy, per cent of {budget.largest:.4g} {budget.unit}", ("part", "worst", "rms")
     )
-    for part in (*budget.parts, budget.compiled, budget.total):
+    for part in (*budget.parts, budget.compiled, budget.total, budget.drift):
         if part.worst is not None and part.rms is not None:
             worst, rms = (f"{percent(budget, value):.2g}" for value in (part.worst, part.rms))
             rows.add_row(part.title, worst, rms)

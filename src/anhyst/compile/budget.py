@@ -2,7 +2,8 @@
 
 The compensator's currents go through the exact model in double precision; what comes out is
 compared with what was demanded, over nested loops, random reversals, full-range jumps in one
-sample and a moving gap, all of it on other paths than those the plan was made on.
+sample and a moving gap, all of it on other paths than those the plan was made on. That is while the
+demand travels; what becomes of one that is held is measured apart (:mod:`.holding`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.compile.block import FloatArray
+from anhyst.compile.holding import SECONDS, Held, hold
 from anhyst.compile.measure import (
     Deviation,
     Run,
@@ -78,6 +80,10 @@ class Budget:
         Everything that compiling adds, switched on together.
     total : Part
         All parts: worst ones added up, which no path need ever reach; rms as a root of squares.
+    drift : Part
+        Of an output that is held, in :data:`~anhyst.compile.holding.SECONDS`.
+    held : tuple of Held
+        What was held for that.
     runs : tuple of (Run, ndarray)
         The paths with everything switched on, and the deviation along each.
     """
@@ -88,6 +94,8 @@ class Budget:
     parts: tuple[Part, ...]
     compiled: Part
     total: Part
+    drift: Part
+    held: tuple[Held, ...]
     runs: tuple[tuple[Run, FloatArray], ...]
 
     def part(self, name: str) -> Part | None:
@@ -130,12 +138,36 @@ def measure_budget(plan: Plan) -> Budget:
     )
     asked = plan.request.accuracy
     wanted = None if asked is None else asked / 100.0 * plan.largest
-    return Budget(plan.largest, model.output.unit, wanted, parts, compiled, total, tuple(runs))
+    held = tuple(hold(plan))
+    return Budget(
+        largest=plan.largest,
+        unit=model.output.unit,
+        wanted=wanted,
+        parts=parts,
+        compiled=compiled,
+        total=total,
+        drift=_drift(held, model),
+        held=held,
+        runs=tuple(runs),
+    )
 
 
 def _part(name: str, title: str, off: Deviation, runs: Sequence[tuple[Run, FloatArray]]) -> Part:
     where = next(run.path.title for run, _ in runs if run.path.name == off.path)
     return Part(name, title, off.worst, off.rms, f"worst in {where}")
+
+
+def _drift(held: Sequence[Held], model: ActuatorModel) -> Part:
+    off = np.array([one.drift for one in held])
+    worst = held[int(np.argmax(off))]
+    return Part(
+        "drift",
+        f"drift of a held {model.output.name.replace('_', ' ')} in {SECONDS:g} s",
+        worst.drift,
+        float(np.sqrt(np.mean(off**2))),
+        f"on top of that, at rest and under small movements; worst at {worst.demand:.3g} "
+        f"{model.output.unit} while {worst.title}",
+    )
 
 
 def _model_fit(plan: Plan) -> Part:
@@ -257,6 +289,40 @@ def keeps_allowance(plan: Plan, budget: Budget) -> bool:
     return judged.worst is not None and judged.worst <= plan.allowance
 
 
+def is_held(plan: Plan, budget: Budget) -> bool:
+    """Whether a held output drifts by no more than what is compiled may be off."""
+    return (budget.drift.worst or 0.0) <= _may_drift(plan, budget)
+
+
+def _may_drift(plan: Plan, budget: Budget) -> float:
+    return plan.allowance if budget.wanted is None else budget.wanted
+
+
+def why_drifting(plan: Plan, budget: Budget) -> str:
+    """Tell how far a held output drifts, and what helps."""
+    drift, part = percent(budget, budget.drift.worst or 0.0), budget.drift
+    return (
+        f"{part.title}: {drift:.2g} % of the largest output ({part.note.partition('; ')[2]}), more "
+        f"than {percent(budget, _may_drift(plan, budget)):.3g} %: {_against_drift(plan)}"
+    )
+
+
+def _against_drift(plan: Plan) -> str:
+    if plan.block.kind != "full":
+        return "this law has no dead band that would hold it; compile with --kind full"
+    if not np.any(plan.model.parameters["r_d"]):
+        return (
+            "the model has no dead band (r_d = 0); identify it again from its loops, or set r_d in "
+            "the model file"
+        )
+    return "the dead band r_d of the model is too narrow for such movements; widen it"
+
+
+def drift_refusal(plan: Plan, budget: Budget) -> NegativeResult:
+    """Return what is said where the wanted accuracy is not kept by an output that is held."""
+    return NegativeResult(f"accuracy: {why_drifting(plan, budget)}; nothing was written")
+
+
 def culprit(budget: Budget) -> Part:
     """Return the largest of the parts that compiling adds."""
     added = [part for part in budget.parts if part.name in REASON]
@@ -330,5 +396,16 @@ def as_dict(budget: Budget) -> dict[str, Any]:
         "parts": [row(part) for part in budget.parts],
         "compiled": row(budget.compiled),
         "total": row(budget.total),
+        "drift": row(budget.drift),
+        "held": [
+            {
+                "title": one.title,
+                "demand": one.demand,
+                "seconds": one.seconds,
+                "drift": one.drift,
+                "drift_percent": percent(budget, one.drift),
+            }
+            for one in budget.held
+        ],
         "paths": by_path,
     }

@@ -11,6 +11,7 @@ from anhyst.compile.choices import explain
 from anhyst.compile.controller import ControllerPlan
 from anhyst.compile.controllersource import described
 from anhyst.compile.floating import RealBlock
+from anhyst.compile.holding import SECONDS
 from anhyst.compile.memory import controller_bytes, parameters_bytes, state_bytes
 from anhyst.compile.plan import Plan
 from anhyst.compile.words import BODY, Names, Unit
@@ -112,6 +113,7 @@ def _accuracy(budget: Budget) -> dict[str, Any]:
     assert compiled.worst is not None
     assert compiled.rms is not None
     assert total.worst is not None
+    assert budget.drift.worst is not None
     return {
         "unit": budget.unit,
         "largest_output": budget.largest,
@@ -120,6 +122,8 @@ def _accuracy(budget: Budget) -> dict[str, Any]:
         "worst_percent": percent(budget, compiled.worst),
         "rms_percent": percent(budget, compiled.rms),
         "total_worst_percent": percent(budget, total.worst),
+        "drift_percent": percent(budget, budget.drift.worst),
+        "drift_seconds": SECONDS,
     }
 
 

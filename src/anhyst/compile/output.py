@@ -14,10 +14,14 @@ from anhyst.compile.budget import (
     Budget,
     as_dict,
     culprit,
+    drift_refusal,
+    is_held,
     is_reached,
     keeps_allowance,
     measure_budget,
+    percent,
     refusal,
+    why_drifting,
 )
 from anhyst.compile.controller import Controller, read_fitting
 from anhyst.compile.folder import check_folder, json_text, write_folder
@@ -64,14 +68,18 @@ class Compiled:
     files: tuple[str, ...]
 
     @property
-    def warning(self) -> str:
-        """What a user should know, in one sentence; mostly nothing."""
-        if keeps_allowance(self.plan, self.budget):
-            return ""
-        return (
-            f"formats and tables cost more than the {ACCURACY:g} % of the largest output that is "
-            f"usual: {REASON[culprit(self.budget).name]}; {self.out / 'budget.html'} tells how much"
-        )
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know, one sentence each; mostly nothing."""
+        found = []
+        if not keeps_allowance(self.plan, self.budget):
+            found.append(
+                f"formats and tables cost more than the {ACCURACY:g} % of the largest output that "
+                f"is usual: {REASON[culprit(self.budget).name]}; {self.out / 'budget.html'} tells "
+                "how much"
+            )
+        if not is_held(self.plan, self.budget):
+            found.append(why_drifting(self.plan, self.budget))
+        return tuple(found)
 
 
 def compile_model(
@@ -106,7 +114,8 @@ def compile_model(
         The model cannot be read or compiled, the controller is another one than what is wanted, or
         the folder cannot be written.
     NegativeResult
-        The wanted accuracy cannot be reached.
+        The wanted accuracy cannot be reached, or is not kept by an output that is held although a
+        dead band of the model would hold it.
     """
     check_folder(out)
     model = read_model(model_path)
@@ -123,10 +132,12 @@ def compile_model(
         raise InputError(f"{model_path}: {not_computed(error)}") from error
     if not is_reached(budget):
         raise refusal(budget, _better(model, plan, controller))
+    if request.accuracy is not None and request.kind == "full" and not is_held(plan, budget):
+        raise drift_refusal(plan, budget)
     version = running_version()
     around = None if controller is None else controller.around(plan)
     files = {
-        **sources(plan, sha256, version, around),
+        **sources(plan, _accuracy(budget), sha256, version, around),
         "vectors.csv": vectors_csv(golden_vectors(plan)),
         "budget.json": json_text(as_dict(budget)),
         "budget.html": budget_page(plan, budget, version),
@@ -136,6 +147,14 @@ def compile_model(
     described = manifest(plan, budget, sha256, version, around)
     write_folder(out, files, described)
     return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"))
+
+
+def _accuracy(budget: Budget) -> dict[str, str]:
+    """Return what the drop-in guide tells of the accuracy, per cent of the largest output."""
+    return {
+        name: f"{percent(budget, part.worst or 0.0):.2g}"
+        for name, part in (("travelling", budget.compiled), ("drift", budget.drift))
+    }
 
 
 def _better(model: ActuatorModel, plan: Plan, controller: Controller | None) -> str:

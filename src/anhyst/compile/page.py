@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from anhyst.compile.block import FloatArray
 from anhyst.compile.budget import Budget, Part, percent
 from anhyst.compile.choices import explain
+from anhyst.compile.holding import SECONDS
 from anhyst.compile.memory import parameters_bytes
 from anhyst.compile.plan import Plan
 from anhyst.compile.source import render, signal_lines
@@ -56,7 +57,8 @@ def budget_page(plan: Plan, budget: Budget, version: str) -> str:
     str
         HTML that needs nothing else; the same for the same plan.
     """
-    shown = [*budget.parts, budget.compiled, budget.total]
+    sums = budget.compiled, budget.total, budget.drift
+    shown = [*budget.parts, *sums]
     largest = max(part.worst or 0.0 for part in shown)
     return render(
         "budget.html.j2",
@@ -69,7 +71,7 @@ def budget_page(plan: Plan, budget: Budget, version: str) -> str:
             "largest": f"{budget.largest:.4g} {budget.unit}",
             "verdict": _verdict(budget),
             "parts": [_row(budget, part, largest) for part in budget.parts],
-            "sums": [_row(budget, part, largest) for part in (budget.compiled, budget.total)],
+            "sums": [_row(budget, part, largest) for part in sums],
             "choices": explain(plan),
             "signals": [_signal(line) for line in signal_lines(plan)],
             "paths": [
@@ -81,6 +83,15 @@ def budget_page(plan: Plan, budget: Budget, version: str) -> str:
                 )
                 for run, error in budget.runs
             ],
+            "held": [
+                (
+                    one.title,
+                    f"{one.demand:.3g}",
+                    f"{one.seconds:g}",
+                    f"{percent(budget, one.drift):.2g}",
+                )
+                for one in budget.held
+            ],
             "figure": _figure(budget),
             "bytes": parameters_bytes(plan.block),
         },
@@ -88,11 +99,11 @@ def budget_page(plan: Plan, budget: Budget, version: str) -> str:
 
 
 def _verdict(budget: Budget) -> str:
-    worst = percent(budget, budget.compiled.worst or 0.0)
+    worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
     text = f"Compiled, the output is within {worst:.2g} % of what the model would give"
-    if budget.wanted is None:
-        return f"{text}."
-    return f"{text}; {percent(budget, budget.wanted):.3g} % was asked for."
+    if budget.wanted is not None:
+        text += f"; {percent(budget, budget.wanted):.3g} % was asked for"
+    return f"{text}. Held, it drifts by {drift:.2g} % in {SECONDS:g} s."
 
 
 def _row(budget: Budget, part: Part, largest: float) -> dict[str, Any]:

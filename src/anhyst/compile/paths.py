@@ -12,6 +12,9 @@ from anhyst.model import ActuatorModel
 MARGIN = 0.98
 """Of the largest output that the largest current gives: a demand must be reachable to be judged."""
 
+STEP = 0.005
+"""Of a random walk, in parts of the range: many of them make the way of one reversal."""
+
 GAPS = 33
 """Places over the gap at which it is found out what can be reached."""
 
@@ -166,6 +169,11 @@ def _shapes(moves: bool, seed: int, size: int) -> dict[str, tuple[str, FloatArra
             _jumps(random, size),
             _jumps(random, size),
         )
+        shapes["walking"] = (
+            "demand and gap walking together",
+            _walk(random, size),
+            _walk(random, size),
+        )
     return shapes
 
 
@@ -197,6 +205,12 @@ def _jumps(random: np.random.Generator, size: int) -> FloatArray:
     ends = random.random(size) < 0.5
     levels[ends] = np.round(levels[ends])
     return levels
+
+
+def _walk(random: np.random.Generator, size: int) -> FloatArray:
+    """Return small random steps on top of each other, turning back at the ends; 0..1."""
+    way = random.random() + np.cumsum(random.normal(0.0, STEP, size))
+    return np.abs((way + 1.0) % 2.0 - 1.0)
 
 
 def _at_rest(random: np.random.Generator, size: int, length: int) -> FloatArray:

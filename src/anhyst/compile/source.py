@@ -26,7 +26,11 @@ ONES = {"q15": 2**15, "q31": 2**31, "f32": 1}
 
 
 def sources(
-    plan: Plan, sha256: str, version: str, controller: ControllerPlan | None = None
+    plan: Plan,
+    accuracy: Mapping[str, str],
+    sha256: str,
+    version: str,
+    controller: ControllerPlan | None = None,
 ) -> dict[str, str]:
     """Return the C files and what helps to build them.
 
@@ -34,6 +38,8 @@ def sources(
     ----------
     plan : Plan
         What is compiled.
+    accuracy : mapping of str to str
+        Per cent of the largest output while it is ``travelling``, and its ``drift`` while held.
     sha256 : str
         Of the model file.
     version : str
@@ -62,7 +68,7 @@ def sources(
         "anhyst.mk": render("anhyst.mk.j2", common),
         "anhyst.cmake": render("anhyst.cmake.j2", common),
     }
-    guide = common | _guide(plan)
+    guide = common | _guide(plan) | dict(accuracy)
     if controller is not None:
         files |= _controller_files(common, plan.name, controller)
         guide |= told(controller) | {"controller_bytes": controller_bytes(controller.magnets)}

@@ -22,7 +22,7 @@ PARTS = (0.35, 0.2, 0.1, 0.05, 0.02)
 COST = 1.03
 """Factor by which the deviation from the loops may grow."""
 
-_TOLERANCE, _MOST = 1e-4, 12
+_TOLERANCE, _MOST = 1e-8, 40
 """Of the fit with a dead band: it starts near its end."""
 
 
