@@ -5,6 +5,7 @@
 #ifndef ANHYST_FIRMWARE_FLIGHT_H
 #define ANHYST_FIRMWARE_FLIGHT_H
 
+#include "anhyst/position.h"
 #include "app/body.h"
 #include "app/sensor.h"
 

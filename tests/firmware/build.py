@@ -19,7 +19,7 @@ SANITIZERS = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 FIRMWARE = [
     *(
         file
-        for part in ("link", "app", "force")
+        for part in ("link", "app", "services", "force")
         for file in sorted(ROOT.glob(f"firmware/{part}/*.c"))
     ),
     ROOT / "core" / "src" / "supervisor.c",
