@@ -77,7 +77,8 @@ def build(kind: str, folder: Path, clang: str) -> Path:
         *compiled.glob("*_parameters.c"),
     ]
     program = folder / f"fuzz-{kind}"
-    options = [f"-I{place}" for place in (ROOT / "firmware", ROOT / "core" / "include", compiled)]
+    include = (ROOT / "firmware", compiled / "include", ROOT / "core" / "include", compiled)
+    options = [f"-I{place}" for place in include]
     options += [f"-D{key}={value}" for key, value in actuator_defines(NAME).items()]
     subprocess.run([clang, *FLAGS, *options, *map(str, sources), "-o", str(program)], check=True)
     return program

@@ -59,6 +59,7 @@ static void say_status(app *a, answer *to)
   status.generation = word_in_force(a, ANHYST_WORD_GENERATION);
   status.bad_frames = a->session.receiver.bad;
   status.lost_frames = a->session.lost;
+  status.cycles = port_cycles();
   to->type = LINK_TYPE_STATUS;
   to->length = LINK_SIZE_STATUS;
   link_put_status(to->payload, &status);
@@ -315,6 +316,26 @@ static void on_recorder_read(app *a, const uint8_t *p, answer *to)
 }
 
 /* A request of a fixed length and what does it. */
+static void on_keep(app *a, const uint8_t *p, answer *to)
+{
+  const uint16_t rests = ANHYST_CURRENT_ZERO;
+  const uint16_t busy = ANHYST_CONDITIONING;
+  (void)p;
+  port_lock();
+  const int16_t *words = app_body_compensator(a->control.body, 0)->words;
+  const uint16_t state = app_body_states(a->control.body)->state;
+  const int resting = (state == ANHYST_STATE_IDLE || state == ANHYST_STATE_READY) &&
+                      (a->control.flags & (rests | busy)) == rests;
+  port_unlock();
+  if (!resting || words == NULL) {
+    say_nak(to, LINK_TYPE_KEEP, LINK_REASON_STATE, state);
+  } else {
+    const int kept = port_keep(words, (uint16_t)words[ANHYST_WORD_LENGTH]);
+    say_done(to, LINK_TYPE_KEEP, kept ? LINK_REASON_NONE : LINK_REASON_NOT_KEPT,
+             word_in_force(a, ANHYST_WORD_GENERATION));
+  }
+}
+
 typedef struct {
   uint8_t type;
   uint8_t length;
@@ -335,6 +356,7 @@ static const request_kind kinds[] = {
     {LINK_TYPE_RECORDER_SETUP, LINK_SIZE_RECORDER_SETUP, on_recorder_setup},
     {LINK_TYPE_RECORDER_QUERY, LINK_SIZE_RECORDER_QUERY, on_recorder_query},
     {LINK_TYPE_RECORDER_READ, LINK_SIZE_RECORDER_READ, on_recorder_read},
+    {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_keep},
 };
 
 /* The one request with a tail: whole words, at least one. */

@@ -38,6 +38,10 @@ enum {
   /* The position to go to and hold, from the next tick on; before lifting, the first one. Refused
      beyond the positions that can be, and by a controller of force. */
   LINK_TYPE_TARGET = 14,
+  /* Keeps the block in force for the next start, where the board has room for one. In idle or ready
+     at zero current alone: the board's time may stand still meanwhile, for seconds. Detail: its
+     generation. */
+  LINK_TYPE_KEEP = 15,
   LINK_TYPE_INFO = 129, /* Who the controller is. */
   LINK_TYPE_STATUS = 130, /* What the controller did in the tick that its head names. */
   LINK_TYPE_ACK = 131, /* Done. */
@@ -47,7 +51,7 @@ enum {
   LINK_TYPE_RECORDER_INFO = 135, /* What the recorder does. */
   /* Recorded numbers, record by record, in a record signal by signal. */
   LINK_TYPE_RECORDER_DATA = 136,
-  LINK_TYPE_COUNT = 22
+  LINK_TYPE_COUNT = 23
 };
 
 /* Why a request was not done (NAK). */
@@ -70,7 +74,8 @@ enum {
   LINK_REASON_CURRENT = 12, /* in this state, but current still flows; once it is zero */
   /* made for other full scales, gaps, rate or units; detail: the first word that differs */
   LINK_REASON_SCALE = 13,
-  LINK_REASON_COUNT = 14
+  LINK_REASON_NOT_KEPT = 14, /* the board has no room that outlives the power, or it did not keep */
+  LINK_REASON_COUNT = 15
 };
 
 /* What a controller controls. */
@@ -288,6 +293,8 @@ static inline void link_get_target(link_target *m, const uint8_t *p)
   m->position = link_get_i32(p + 0);
 }
 
+#define LINK_SIZE_KEEP 0
+
 #define LINK_SIZE_INFO 28
 /* Who the controller is. */
 typedef struct {
@@ -320,7 +327,7 @@ static inline void link_put_info(uint8_t *p, const link_info *m)
   link_put_u16(p + 26, m->magnets);
 }
 
-#define LINK_SIZE_STATUS 50
+#define LINK_SIZE_STATUS 54
 /* What the controller did in the tick that its head names. */
 typedef struct {
   uint8_t state; /* one of state */
@@ -340,6 +347,7 @@ typedef struct {
   int32_t reference; /* position controlled to, q31 */
   int32_t current_2; /* measured, of the second magnet, q30 */
   int32_t drive_2; /* current driven there, q31 */
+  uint32_t cycles; /* of the processor, in the longest tick so far; 0: not counted */
 } link_status;
 static inline void link_put_status(uint8_t *p, const link_status *m)
 {
@@ -360,6 +368,7 @@ static inline void link_put_status(uint8_t *p, const link_status *m)
   link_put_u32(p + 38, (uint32_t)m->reference);
   link_put_u32(p + 42, (uint32_t)m->current_2);
   link_put_u32(p + 46, (uint32_t)m->drive_2);
+  link_put_u32(p + 50, m->cycles);
 }
 
 #define LINK_SIZE_ACK 4

@@ -74,4 +74,11 @@ uint16_t port_link_write(const uint8_t *bytes, uint16_t count);
 void port_lock(void);
 void port_unlock(void);
 
+/* Keeps a parameter block of so many words for the next start. Called by app_poll, without current;
+   may take seconds, if in that time no tick begins. 1, or 0 where the board cannot or did not. */
+int port_keep(const int16_t *block, uint16_t words);
+
+/* Cycles of the processor in the longest tick so far; 0 where the board does not count them. */
+uint32_t port_cycles(void);
+
 #endif

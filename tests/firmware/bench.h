@@ -26,6 +26,9 @@ typedef struct {
   int answers;
   int locks;        /* depth */
   int locked_calls; /* how often */
+  int refuses_to_keep;
+  const int16_t *kept; /* block that port_keep was given */
+  uint16_t kept_words;
 } bench_board;
 
 extern bench_board bench;

@@ -17,7 +17,11 @@ ROOT = HERE.parents[1]
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 SANITIZERS = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 SHARED = [
-    *(file for part in ("link", "app") for file in sorted(ROOT.glob(f"firmware/{part}/*.c"))),
+    *(
+        file
+        for part in ("link", "app", "services")
+        for file in sorted(ROOT.glob(f"firmware/{part}/*.c"))
+    ),
     ROOT / "core" / "src" / "supervisor.c",
 ]
 FIRMWARE = [*SHARED, ROOT / "firmware" / "force" / "force.c"]

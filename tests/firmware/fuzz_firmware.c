@@ -121,6 +121,14 @@ uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
 void port_lock(void) { locks++; }
 void port_unlock(void) { locks--; }
 
+int port_keep(const int16_t *block, uint16_t words)
+{
+  require(block[ANHYST_WORD_LENGTH] == (int16_t)words);
+  return words % 2U == 0U;
+}
+
+uint32_t port_cycles(void) { return 0; }
+
 static void put_byte(uint8_t byte)
 {
   link_frame frame;

@@ -255,8 +255,40 @@ static void settings_keep_their_ranges(void)
   CHECK(bench_set(LINK_SETTING_DEMAND_SLEW, 5) == LINK_TYPE_SETTING);
 }
 
+/* Time may stand still while a board keeps a block: only where nothing is on its way. */
+static void a_block_is_kept_at_rest_alone(void)
+{
+  bench_start();
+  CHECK(bench_ask(LINK_TYPE_KEEP, NULL, 0) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_STATE && bench.kept == NULL);
+  bench_ticks(100);
+  CHECK(bench_ask(LINK_TYPE_KEEP, NULL, 0) == LINK_TYPE_ACK);
+  CHECK(bench.kept == bench_words && bench.kept_words == bench_words[ANHYST_WORD_LENGTH]);
+  bench.refuses_to_keep = 1;
+  CHECK(bench_ask(LINK_TYPE_KEEP, NULL, 0) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_NOT_KEPT);
+  bench.kept = NULL;
+  CHECK(bench_command(ANHYST_COMMAND_CONDITION) == LINK_TYPE_ACK);
+  CHECK(bench_ask(LINK_TYPE_KEEP, NULL, 0) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_STATE);
+  CHECK(bench_command(ANHYST_COMMAND_IDLE) == LINK_TYPE_ACK);
+  CHECK(bench_command(ANHYST_COMMAND_ARM) == LINK_TYPE_ACK);
+  CHECK(bench_command(ANHYST_COMMAND_RUN) == LINK_TYPE_ACK);
+  CHECK(bench_ask(LINK_TYPE_KEEP, NULL, 0) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_STATE && bench.kept == NULL);
+}
+
+static void the_status_tells_the_cycles(void)
+{
+  bench_start();
+  CHECK(bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0) == LINK_TYPE_STATUS);
+  CHECK(link_get_u32(bench.payload + LINK_SIZE_STATUS - 4) == 4711);
+}
+
 int main(void)
 {
+  a_block_is_kept_at_rest_alone();
+  the_status_tells_the_cycles();
   hello_tells_who_answers();
   another_version_is_told_apart();
   what_is_no_request_is_refused();

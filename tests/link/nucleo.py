@@ -14,6 +14,19 @@ USART2_SR, USART2_DR, USART2_CR1 = 0x40004400, 0x40004404, 0x4000440C
 DMA_NDTR, DMA_MEMORY = 0x4002608C, 0x40026094
 ADC_JDR1 = tuple(0x4001203C + 0x100 * n for n in range(3))
 DAC_DHR12R1 = 0x40007408
+GPIOB_IDR = 0x40020410
+STOP_CLOSED, AMPLIFIER_READY, CURRENT_FINE = 1 << 4, 1 << 5, 1 << 12
+TIM1_SR, TIM1_CCMR1, TIM1_CCR2, TIM1_BDTR = 0x40010010, 0x40010018, 0x40010038, 0x40010044
+BROKEN, STAGE_ON, OUTPUTS_ON = 1 << 7, 5 << 4, 1 << 15
+TIM4_CNT = 0x40000824
+SPI2_SR, SPI2_DR = 0x40003808, 0x4000380C
+DWT_CYCCNT = 0xE0001004
+FLASH_KEYR, FLASH_SR, FLASH_CR = 0x40023C04, 0x40023C0C, 0x40023C10
+KEYS = [0x45670123, 0xCDEF89AB]
+PG, SER, PSIZE_32, STRT, LOCK = 1 << 0, 1 << 1, 2 << 8, 1 << 16, 1 << 31
+SECTORS = {6: FLASH + 0x40000, 7: FLASH + 0x60000}
+SECTOR_BYTES = 0x20000
+FEED = 0x40003000
 RING = 2048
 HANDLER_RETURN = FLASH + 0xFFFF0
 ADC_IRQ, USART2_IRQ = 18, 38
@@ -30,15 +43,32 @@ class Chip:
         What left the serial port.
     codes : list of int
         What the three converters show: gap, force, current.
+    inputs : int
+        Levels of the pins of port B.
+    edges : int
+        What the encoder's counter shows.
+    place : int or None
+        What the converter of 16 bits answers; None: nothing.
+    power : int or None
+        Words and erasings of the flash that still succeed before the power fails; None: all.
+    dead : bool
+        Whether it has failed.
     """
 
-    def __init__(self, program: Path) -> None:
+    def __init__(self, program: Path, flash: bytes | None = None) -> None:
         unicorn = pytest.importorskip("unicorn", reason="unicorn: pip install 'anhyst[verify]'")
         from elftools.elf.elffile import ELFFile
 
         self.written: dict[int, int] = {}
         self.sent = bytearray()
         self.codes = [2048, 410, 410]
+        self.inputs = STOP_CLOSED | AMPLIFIER_READY | CURRENT_FINE
+        self.edges = 0
+        self.place: int | None = None
+        self.power: int | None = None
+        self.dead = False
+        self._keys: list[int] = []
+        self._cycles = 0
         self._u = unicorn
         self._received = 0
         self._tick = 0
@@ -49,6 +79,8 @@ class Chip:
         with program.open("rb") as stream:
             for segment in ELFFile(stream).iter_segments("PT_LOAD"):
                 cpu.mem_write(segment["p_paddr"], segment.data())
+        cpu.mem_write(SECTORS[6], flash or b"\xff" * 2 * SECTOR_BYTES)
+        cpu.hook_add(unicorn.UC_HOOK_MEM_WRITE, self._program, begin=FLASH, end=FLASH + PAGE)
         kind = unicorn.UC_HOOK_MEM_READ | unicorn.UC_HOOK_MEM_WRITE
         cpu.hook_add(kind, self._device, begin=DEVICES, end=CORE + PAGE)
         self._cpu = cpu
@@ -79,7 +111,18 @@ class Chip:
         self._put(TIM5_CNT, self._tick)
         for register, code in zip(ADC_JDR1, self.codes, strict=True):
             self._put(register, code)
+        self._put(GPIOB_IDR, self.inputs)
+        self._put(TIM4_CNT, self.edges & 0xFFFF)
+        self._put(SPI2_SR, int(self.place is not None))
+        self._put(SPI2_DR, self.place or 0)
+        if not self.inputs & CURRENT_FINE:  # what the timer does by itself
+            self._put(TIM1_SR, BROKEN)
+            self.written[TIM1_BDTR] = self.written.get(TIM1_BDTR, 0) & ~OUTPUTS_ON
         self.interrupt(ADC_IRQ)
+
+    def flash(self) -> bytes:
+        """Return the two sectors that outlive the power."""
+        return bytes(self._cpu.mem_read(SECTORS[6], 2 * SECTOR_BYTES))
 
     def receive(self, data: bytes) -> None:
         """Let bytes arrive by DMA, and the main loop look at them."""
@@ -113,6 +156,47 @@ class Chip:
             self.written[address] = value
             if address == USART2_DR:
                 self.sent.append(value & 0xFF)
+            elif address == FLASH_KEYR:
+                self._keys.append(value)
+            elif address == FLASH_CR:
+                self._command(value)
+        elif address == FLASH_SR:
+            self._put(FLASH_SR, 0)  # done at once, without an error
+        elif address == DWT_CYCCNT:
+            self._cycles += 1000
+            self._put(DWT_CYCCNT, self._cycles)
         elif address == RCC_CFGR:
             clock = self.written.get(address, 0)
             self._put(address, clock | (clock & 3) << 2)  # the switch is done
+
+    def _command(self, command: int) -> None:
+        """Do what is written to the flash's control register."""
+        if command & LOCK:
+            self._keys.clear()
+            return
+        assert self._keys[-2:] == KEYS, "the flash is locked"
+        if command & STRT:
+            assert command & (SER | PSIZE_32) == SER | PSIZE_32
+            assert self._cpu.reg_read(self._u.arm_const.UC_ARM_REG_PC) >= RAM, "runs from flash"
+            if self._has_power():
+                self._cpu.mem_write(SECTORS[command >> 3 & 0xF], b"\xff" * SECTOR_BYTES)
+
+    def _has_power(self) -> bool:
+        if self.power is None:
+            return True
+        if self.power == 0:
+            self.dead = True
+            self._cpu.emu_stop()
+            return False
+        self.power -= 1
+        return True
+
+    def _program(
+        self, _cpu: object, _access: int, address: int, size: int, value: int, _: object
+    ) -> None:
+        """Bits fall, and stay: only where the flash was told so, a word at a time."""
+        assert self._keys[-2:] == KEYS
+        assert self.written[FLASH_CR] == PG | PSIZE_32
+        assert (size, self._word(address)) == (4, 0xFFFFFFFF)
+        assert min(SECTORS.values()) <= address < max(SECTORS.values()) + SECTOR_BYTES
+        self._has_power()

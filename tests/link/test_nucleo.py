@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 
 import pytest
 
 from anhyst.link import frames
+from anhyst.link.blocks import regenerate
 from anhyst.link.firmware import build
 from anhyst.link.frames import (
     ANSWERS,
+    AckAnswer,
+    BlockBeginRequest,
+    BlockDataRequest,
+    BlockSwapRequest,
     CommandRequest,
     DemandRequest,
+    HeartbeatRequest,
     HelloRequest,
     InfoAnswer,
+    KeepRequest,
     Message,
     StatusAnswer,
 )
@@ -40,7 +48,13 @@ def chip(program: Path) -> Chip:
 def ask(chip: Chip, request: Message, sequence: int) -> Message:
     """Send a request over the emulated serial port and return its answer."""
     chip.receive(encode(request, sequence))
-    (frame,) = Receiver().feed(chip.send())
+    frames_back = Receiver().feed(chip.send())
+    for _ in range(200):  # a whole block takes the main loop a while
+        if frames_back:
+            break
+        chip.main_loop()
+        frames_back = Receiver().feed(chip.send())
+    (frame,) = frames_back
     assert frame.sequence == sequence
     return ANSWERS[frame.type].unpack(frame.payload)
 
@@ -88,3 +102,120 @@ def test_a_broken_wire_is_a_fault(chip: Chip) -> None:
     status = ask(chip, DemandRequest(0), 2)
     assert isinstance(status, StatusAnswer)
     assert status.fault == Fault.GAP_RESERVED
+
+
+def settled(chip: Chip) -> Chip:
+    """Pass the self-test and open a session."""
+    for n in range(120):
+        chip.codes[0] = 2048 + n % 2
+        chip.tick()
+    ask(chip, HelloRequest(frames.VERSION, 7), 1)
+    return chip
+
+
+def status_of(chip: Chip, sequence: int) -> StatusAnswer:
+    status = ask(chip, HeartbeatRequest(), sequence)
+    assert isinstance(status, StatusAnswer)
+    return status
+
+
+@pytest.mark.parametrize(
+    ("pin", "fault"),
+    [
+        (nucleo.STOP_CLOSED, Fault.EMERGENCY_STOP),
+        (nucleo.AMPLIFIER_READY, Fault.AMPLIFIER),
+        (nucleo.CURRENT_FINE, Fault.OVER_CURRENT),
+    ],
+)
+def test_an_input_that_falls_is_a_fault(chip: Chip, pin: int, fault: Fault) -> None:
+    settled(chip)
+    assert status_of(chip, 2).fault == Fault.NONE
+    assert chip.written[nucleo.TIM1_BDTR] & nucleo.OUTPUTS_ON
+    chip.inputs &= ~pin
+    chip.tick()
+    assert status_of(chip, 3).fault == fault
+
+
+def test_an_over_current_is_cut_by_the_timer_and_works_again_at_zero(chip: Chip) -> None:
+    settled(chip)
+    ask(chip, CommandRequest(Command.ARM), 2)
+    ask(chip, CommandRequest(Command.RUN), 3)
+    ask(chip, DemandRequest(1 << 29), 4)
+    chip.tick()
+    pulses = chip.written[nucleo.TIM1_CCR2]
+    assert pulses == chip.written[nucleo.DAC_DHR12R1] > 0
+    assert chip.written[nucleo.TIM1_CCMR1] & 0x70 == nucleo.STAGE_ON
+    chip.inputs &= ~nucleo.CURRENT_FINE
+    chip.tick()
+    assert not chip.written[nucleo.TIM1_BDTR] & nucleo.OUTPUTS_ON
+    chip.inputs |= nucleo.CURRENT_FINE
+    while chip.written[nucleo.TIM1_CCR2]:  # the ramp to zero
+        assert not chip.written[nucleo.TIM1_BDTR] & nucleo.OUTPUTS_ON
+        chip.tick()
+    assert chip.written[nucleo.TIM1_BDTR] & nucleo.OUTPUTS_ON
+    assert status_of(chip, 5).fault == Fault.OVER_CURRENT
+
+
+def test_the_status_tells_the_cycles_of_a_tick(chip: Chip) -> None:
+    settled(chip)
+    assert status_of(chip, 2).cycles == 1000  # of a counter that is read twice in a tick
+
+
+def test_a_block_that_is_kept_is_in_force_after_the_next_start(
+    chip: Chip, program: Path, parameters: Path
+) -> None:
+    settled(chip)
+    words = block_of(parameters)
+    kept = regenerate(words, 7)
+    send_block(chip, kept, 2)
+    before = chip.flash()
+    assert isinstance(ask(chip, KeepRequest(), 40), AckAnswer)
+    assert chip.flash() != before
+    again = Chip(program, chip.flash())
+    again.start()
+    info = ask(again, HelloRequest(frames.VERSION, 8), 1)
+    assert isinstance(info, InfoAnswer)
+    assert info.generation == 7
+    chip.tick()
+    assert status_of(chip, 41).fault == Fault.NONE
+    assert status_of(chip, 42).missed_ticks == 0
+
+
+@pytest.mark.parametrize("works", [0, 1, 2, 300, 538])
+def test_power_that_fails_while_a_block_is_kept_leaves_the_one_before(
+    chip: Chip, program: Path, parameters: Path, works: int
+) -> None:
+    settled(chip)
+    words = block_of(parameters)
+    send_block(chip, regenerate(words, 7), 2)
+    ask(chip, KeepRequest(), 40)
+    send_block(chip, regenerate(words, 8), 41)
+    chip.power = works
+    chip.receive(encode(KeepRequest(), 80))
+    while not chip.dead:
+        chip.main_loop()
+    again = Chip(program, chip.flash())
+    again.start()
+    info = ask(again, HelloRequest(frames.VERSION, 9), 1)
+    assert isinstance(info, InfoAnswer)
+    assert info.generation == 7
+
+
+def block_of(parameters: Path) -> list[int]:
+    """Return the words of the block that is built in."""
+    text = (parameters / "handmade_parameters.c").read_text()
+    return [int(word) for word in text[text.index("{") + 1 : text.index("}")].split(",")]
+
+
+def send_block(chip: Chip, words: list[int], sequence: int) -> None:
+    """Send a block and put it in force."""
+    generation = words[5]
+    data = b"".join((word & 0xFFFF).to_bytes(2, "little") for word in words)
+    begin = BlockBeginRequest(len(words), generation, zlib.crc32(data))
+    ask(chip, begin, sequence)
+    for at in range(0, len(words), 100):
+        sequence += 1
+        ask(chip, BlockDataRequest(at, tuple(words[at : at + 100])), sequence)
+    chip.tick()
+    answer = ask(chip, BlockSwapRequest(generation), sequence + 1)
+    assert isinstance(answer, AckAnswer)

@@ -7,28 +7,29 @@
    handled in between. Bytes arrive by DMA, since a tick takes longer than a byte.
 
      PA0 (A0)  gap sensor        PA4 (A2)  current reference, 0 V: no current
-     PA1 (A1)  force sensor      PA8 (D7)  power stage on (high)
+     PA1 (A1)  force sensor; of a controller of position, the second current sensor
      PC0 (A5)  current sensor    PA5       LED: run
      PA2, PA3  link, 921600 baud, 8N1, through the USB port of the board's ST-Link
 
+   Power stage, pulses as references and the inputs of faults are in stage.h, encoder and converter
+   of a position in place.h, what outlives the power in memory.h.
+
    The sensors' outputs have a live zero, so that a broken wire is no value: 0.33 V is 0, 2.97 V
-   is 1.0. docs/boards.md tells the rest. */
+   is 1.0, unless a set in flash says otherwise. docs/boards.md tells the rest. */
+#include <stddef.h>
 #include <stdint.h>
 
 #include "boards/actuator.h"
 #include "app/app.h"
+#include "clocks.h"
+#include "memory.h"
 #include "nucleo.h"
+#include "place.h"
 #include "port/port.h"
 #include "registers.h"
+#include "services/thermal.h"
+#include "stage.h"
 
-#define CRYSTAL_HZ 8000000U /* from the ST-Link, not a crystal: bypass */
-#define PLL_M 8U
-#define PLL_N 332U /* 8 MHz/8*332/2 = 166 MHz: makes the 921600 baud good to 0.07 % */
-#define PLL_Q 7U   /* not used; 2 or more */
-#define PLL_R 2U   /* likewise */
-#define CORE_HZ (CRYSTAL_HZ / PLL_M * PLL_N / 2U)
-#define APB1_HZ (CORE_HZ / 4U)
-#define TIMER_HZ (2U * APB1_HZ)
 #define BAUD 921600U
 /* Of about 8 kHz: 5 ms and four ticks. */
 #define WATCHDOG_COUNTS (40U + 32000U / ACTUATOR_RATE_HZ)
@@ -41,7 +42,6 @@
 #define CURRENT_CHANNEL 10U
 
 #define PIN_LED 5U
-#define PIN_STAGE 8U
 
 /* Codes of a sensor: 10 % of 3.3 V is 0, 90 % is 1.0; below and above the others is no value. */
 #define CODE_ZERO 410
@@ -49,6 +49,12 @@
 #define CODE_LEAST 80
 #define CODE_MOST 4015
 #define Q30_OF_CODE (PORT_ONE / (CODE_ONE - CODE_ZERO))
+#define LIVE_ZERO {CODE_ZERO, Q30_OF_CODE, 0, CODE_LEAST, CODE_MOST}
+
+/* The winding: time constant, current that may flow for ever, current at which it is cool again. */
+#define WINDING_S 60U
+#define WINDING_TRIPS (PORT_ONE / 10 * 7)
+#define WINDING_CLEARS (PORT_ONE / 2)
 
 #define TICK_PRIORITY 0x10U
 #define LINK_PRIORITY 0x80U
@@ -65,25 +71,50 @@ static volatile uint16_t send_tail; /* only the interrupt does */
 static uint32_t tick;
 static app firmware;
 
-/* A value between 0.33 V and 2.97 V; nothing overflows: |code - zero| <= 3685, times 327760. */
-static int32_t value_of_code(uint32_t code)
+/* What counts until a set is kept: a code of the encoder is 2^-16 of the position's full scale. */
+static memory_set set = {
+    .layout = MEMORY_LAYOUT,
+    .gap = LIVE_ZERO,
+    .force = LIVE_ZERO,
+    .current = LIVE_ZERO,
+    .position = {0, 32768, 0, -65535, 65535},
+    .source = PLACE_ENCODER,
+};
+
+static app_board in_use;
+static thermal_plan winding_plan;
+static thermal windings[PORT_CURRENTS];
+static uint32_t cycles;
+
+static void sense_position(port_sample *sample)
 {
-  const int32_t c = (int32_t)(code & 0xFFFU);
-  if (c < CODE_LEAST || c > CODE_MOST) {
-    return PORT_RESERVED;
+  int32_t code = place_encoder(); /* at every tick, or edges are lost */
+  if (set.source == PLACE_CONVERTER) {
+    code = place_converter();
+    if (code < 0) {
+      sample->status |= PORT_NO_SAMPLE;
+    }
   }
-  return (c - CODE_ZERO) * Q30_OF_CODE;
+  sample->position = calibration_value(&set.position, code);
 }
+
+static int32_t found(uint32_t adc) { return (int32_t)(ADC_JDR1(adc) & 0xFFFU); }
 
 void port_sense(port_sample *sample)
 {
   sample->tick = tick;
-  sample->gap = value_of_code(ADC_JDR1(GAP_ADC));
-  sample->force = value_of_code(ADC_JDR1(FORCE_ADC));
-  sample->position = 0;
-  sample->current[0] = value_of_code(ADC_JDR1(CURRENT_ADC));
-  sample->current[1] = 0;
-  sample->status = 0;
+  sample->status = stage_status();
+  sample->gap = calibration_value(&set.gap, found(GAP_ADC));
+  sample->force = calibration_value(&set.force, found(FORCE_ADC));
+  sample->current[0] = calibration_value(&set.current, found(CURRENT_ADC));
+  sample->current[1] =
+      nucleo_board.plan != NULL ? calibration_value(&set.current, found(FORCE_ADC)) : 0;
+  sense_position(sample);
+  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
+    if (thermal_tick(&windings[i], &winding_plan, sample->current[i])) {
+      sample->status |= PORT_TOO_WARM;
+    }
+  }
 }
 
 static void set_pin(uint32_t pin, int high) { GPIOA_BSRR = high ? 1U << pin : 1U << (pin + 16U); }
@@ -94,7 +125,8 @@ void port_drive(const int32_t *currents, uint32_t state)
   const int32_t current = currents[0];
   const uint32_t now = state & 0xFFU;
   DAC_DHR12R1 = current > 0 ? (uint32_t)current >> 19 : 0U;
-  set_pin(PIN_STAGE, current != 0 || now == ANHYST_STATE_READY || now == ANHYST_STATE_RUN);
+  stage_drive(currents, current != 0 || currents[1] != 0 || now == ANHYST_STATE_READY ||
+                            now == ANHYST_STATE_RUN);
   set_pin(PIN_LED, now == ANHYST_STATE_RUN);
   IWDG_KR = IWDG_KR_FEED;
 }
@@ -102,7 +134,7 @@ void port_drive(const int32_t *currents, uint32_t state)
 /* The pin of the converter goes to 0 V at once: without its trigger, the code is taken over. */
 void board_panic(void)
 {
-  set_pin(PIN_STAGE, 0);
+  stage_panic();
   DAC_CR = DAC_CR_EN1;
   DAC_DHR12R1 = 0;
 }
@@ -132,14 +164,37 @@ uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
 void port_lock(void) { startup_interrupts_off(); }
 void port_unlock(void) { startup_interrupts_on(); }
 
+/* The counter of ticks goes back to where it was: none has begun, for all that anybody saw. */
+int port_keep(const int16_t *block, uint16_t words)
+{
+  startup_interrupts_off();
+  set.words = words;
+  for (uint16_t i = 0; i < words; i++) {
+    set.block[i] = block[i];
+  }
+  const int kept = memory_save(&set);
+  TIM5_CNT = tick;
+  ADC_SR(GAP_ADC) = ~ADC_SR_JEOC;
+  NVIC_CLEAR_PENDING(ADC_IRQ) = NVIC_BIT(ADC_IRQ);
+  startup_interrupts_on();
+  return kept;
+}
+
+uint32_t port_cycles(void) { return cycles; }
+
 /* The three values are there: computes the tick. One that began meanwhile is missed: what it
    converted is left alone, and the number of the next sample tells. */
 static void converted(void)
 {
   const uint32_t none = ~ADC_SR_JEOC;
+  const uint32_t began = DWT_CYCCNT;
   ADC_SR(GAP_ADC) = none;
   tick = TIM5_CNT;
   app_tick(&firmware);
+  const uint32_t took = DWT_CYCCNT - began;
+  if (took > cycles) {
+    cycles = took;
+  }
   if (TIM5_CNT != tick) {
     ADC_SR(GAP_ADC) = none;
     NVIC_CLEAR_PENDING(ADC_IRQ) = NVIC_BIT(ADC_IRQ);
@@ -179,9 +234,10 @@ static void start_clocks(void)
   RCC_CFGR = RCC_CFGR_PPRE1_4 | RCC_CFGR_PPRE2_2 | RCC_CFGR_SW_PLL;
   while ((RCC_CFGR & RCC_CFGR_SWS) != RCC_CFGR_SWS_PLL) {
   }
-  RCC_AHB1ENR |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOC | RCC_AHB1ENR_DMA1;
-  RCC_APB1ENR |= RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM5 | RCC_APB1ENR_USART2 | RCC_APB1ENR_DAC;
-  RCC_APB2ENR |= RCC_APB2ENR_ADC123;
+  RCC_AHB1ENR |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC | RCC_AHB1ENR_DMA1;
+  RCC_APB1ENR |= RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_TIM5 | RCC_APB1ENR_SPI2 |
+                 RCC_APB1ENR_USART2 | RCC_APB1ENR_DAC;
+  RCC_APB2ENR |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_ADC123;
   (void)RCC_APB2ENR; /* a clock runs two cycles after its bit was set */
 }
 
@@ -189,7 +245,7 @@ static void start_pins(void)
 {
   GPIOA_AFRL |= (7U << 8) | (7U << 12);
   GPIOA_MODER |= GPIO_ANALOG(0U) | GPIO_ANALOG(1U) | GPIO_ALTERNATE(2U) | GPIO_ALTERNATE(3U) |
-                 GPIO_ANALOG(4U) | GPIO_OUTPUT(PIN_LED) | GPIO_OUTPUT(PIN_STAGE);
+                 GPIO_ANALOG(4U) | GPIO_OUTPUT(PIN_LED);
   GPIOC_MODER |= GPIO_ANALOG(0U);
 }
 
@@ -245,12 +301,38 @@ static void start_watchdog(void)
   IWDG_RLR = WATCHDOG_COUNTS;
 }
 
+/* The block in flash stands for the one built in where it is of this kind and for these signals. */
+static void start_app(void)
+{
+  in_use = nucleo_board;
+  if (memory_load(&set) && set.words > 0U &&
+      anhyst_block_check(nucleo_board.kernel, set.block, (uint16_t)set.words) == ANHYST_OK &&
+      anhyst_block_misfit(set.block, nucleo_board.scales) == 0U) {
+    in_use.words = set.block;
+    in_use.words_capacity = (uint16_t)set.words;
+  }
+  app_start(&firmware, &in_use);
+}
+
+static void start_services(void)
+{
+  DEMCR |= DEMCR_TRCENA;
+  DWT_CTRL |= DWT_CTRL_CYCCNTENA;
+  (void)thermal_make(&winding_plan, WINDING_S * ACTUATOR_RATE_HZ, WINDING_TRIPS, WINDING_CLEARS);
+  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
+    thermal_start(&windings[i], &winding_plan);
+  }
+}
+
 int main(void)
 {
   SCB_CPACR |= 0xFU << 20; /* a compensator in f32 needs the floating-point unit */
   start_clocks();
   start_pins();
-  app_start(&firmware, &nucleo_board);
+  start_services();
+  start_app();
+  stage_start();
+  place_start();
   start_link();
   start_watchdog();
   start_ticks();

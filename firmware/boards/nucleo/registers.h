@@ -23,14 +23,18 @@
 #define RCC_CFGR_PPRE2_2 (4U << 13)
 #define RCC_AHB1ENR REGISTER(0x40023830U)
 #define RCC_AHB1ENR_GPIOA (1U << 0)
+#define RCC_AHB1ENR_GPIOB (1U << 1)
 #define RCC_AHB1ENR_GPIOC (1U << 2)
 #define RCC_AHB1ENR_DMA1 (1U << 21)
 #define RCC_APB1ENR REGISTER(0x40023840U)
 #define RCC_APB1ENR_TIM2 (1U << 0)
+#define RCC_APB1ENR_TIM4 (1U << 2)
 #define RCC_APB1ENR_TIM5 (1U << 3)
+#define RCC_APB1ENR_SPI2 (1U << 14)
 #define RCC_APB1ENR_USART2 (1U << 17)
 #define RCC_APB1ENR_DAC (1U << 29)
 #define RCC_APB2ENR REGISTER(0x40023844U)
+#define RCC_APB2ENR_TIM1 (1U << 0)
 #define RCC_APB2ENR_ADC123 (7U << 8)
 
 #define FLASH_ACR REGISTER(0x40023C00U)
@@ -38,23 +42,90 @@
 #define FLASH_ACR_PRFTEN (1U << 8)
 #define FLASH_ACR_ICEN (1U << 9)
 #define FLASH_ACR_DCEN (1U << 10)
+#define FLASH_ACR_ICRST (1U << 11)
+#define FLASH_ACR_DCRST (1U << 12)
+#define FLASH_KEYR REGISTER(0x40023C04U)
+#define FLASH_KEY_1 0x45670123U
+#define FLASH_KEY_2 0xCDEF89ABU
+#define FLASH_SR REGISTER(0x40023C0CU)
+#define FLASH_SR_ERRORS 0x1F2U /* written to as ones they go away */
+#define FLASH_SR_BSY (1U << 16)
+#define FLASH_CR REGISTER(0x40023C10U)
+#define FLASH_CR_PG (1U << 0)
+#define FLASH_CR_SER (1U << 1)
+#define FLASH_CR_SNB(sector) ((uint32_t)(sector) << 3)
+#define FLASH_CR_PSIZE_32 (2U << 8)
+#define FLASH_CR_STRT (1U << 16)
+#define FLASH_CR_LOCK (1U << 31)
 
 /* Pins. */
 #define GPIOA_MODER REGISTER(0x40020000U)
 #define GPIOA_AFRL REGISTER(0x40020020U)
+#define GPIOA_AFRH REGISTER(0x40020024U)
 #define GPIOA_BSRR REGISTER(0x40020018U)
+#define GPIOB_MODER REGISTER(0x40020400U)
+#define GPIOB_PUPDR REGISTER(0x4002040CU)
+#define GPIOB_IDR REGISTER(0x40020410U)
+#define GPIOB_AFRL REGISTER(0x40020420U)
+#define GPIOB_AFRH REGISTER(0x40020424U)
 #define GPIOC_MODER REGISTER(0x40020800U)
+#define GPIOC_AFRL REGISTER(0x40020820U)
+#define GPIO_MODE(pin) (3U << (2U * (pin)))
+#define GPIO_PULL_UP(pin) (1U << (2U * (pin)))
+#define GPIO_PULL_DOWN(pin) (2U << (2U * (pin)))
+#define GPIO_FUNCTION(number, pin) ((uint32_t)(number) << (4U * ((pin) % 8U)))
 #define GPIO_OUTPUT(pin) (1U << (2U * (pin)))
 #define GPIO_ALTERNATE(pin) (2U << (2U * (pin)))
 #define GPIO_ANALOG(pin) (3U << (2U * (pin)))
 
-/* Timer 2: the tick. */
+/* Timer 1: power stage, references and break. */
+#define TIM1_CR1 REGISTER(0x40010000U)
+#define TIM1_CR1_CEN (1U << 0)
+#define TIM1_CR1_ARPE (1U << 7)
+#define TIM1_SR REGISTER(0x40010010U)
+#define TIM1_SR_BIF (1U << 7)
+#define TIM1_CCMR1 REGISTER(0x40010018U)
+#define TIM1_CCMR1_1_LOW (4U << 4)
+#define TIM1_CCMR1_1_HIGH (5U << 4)
+#define TIM1_CCMR1_2_PULSES ((6U << 12) | (1U << 11)) /* in force with the next pulse */
+#define TIM1_CCMR2 REGISTER(0x4001001CU)
+#define TIM1_CCMR2_3_PULSES ((6U << 4) | (1U << 3))
+#define TIM1_CCER REGISTER(0x40010020U)
+#define TIM1_CCER_CC1E (1U << 0)
+#define TIM1_CCER_CC2E (1U << 4)
+#define TIM1_CCER_CC3E (1U << 8)
+#define TIM1_ARR REGISTER(0x4001002CU)
+#define TIM1_CCR2 REGISTER(0x40010038U)
+#define TIM1_CCR3 REGISTER(0x4001003CU)
+#define TIM1_BDTR REGISTER(0x40010044U)
+#define TIM1_BDTR_OSSI (1U << 10) /* cut means low, not floating */
+#define TIM1_BDTR_BKE (1U << 12)  /* by a low input */
+#define TIM1_BDTR_MOE (1U << 15)
+
+/* Timer 2: the tick, and by channel 3 the converter of 16 bits. */
 #define TIM2_CR1 REGISTER(0x40000000U)
 #define TIM2_CR1_CEN 1U
 #define TIM2_CR2 REGISTER(0x40000004U)
 #define TIM2_CR2_MMS_UPDATE (2U << 4)
+#define TIM2_DIER REGISTER(0x4000000CU)
+#define TIM2_DIER_CC3DE (1U << 11)
+#define TIM2_CCMR2 REGISTER(0x4000001CU)
+#define TIM2_CCMR2_3_PULSES (6U << 4)
+#define TIM2_CCER REGISTER(0x40000020U)
+#define TIM2_CCER_CC3E (1U << 8)
+#define TIM2_CCR3 REGISTER(0x4000003CU)
 #define TIM2_PSC REGISTER(0x40000028U)
 #define TIM2_ARR REGISTER(0x4000002CU)
+
+/* Timer 4: the encoder. */
+#define TIM4_CR1 REGISTER(0x40000800U)
+#define TIM4_CR1_CEN 1U
+#define TIM4_SMCR REGISTER(0x40000808U)
+#define TIM4_SMCR_ENCODER 3U /* every edge of both lines */
+#define TIM4_CCMR1 REGISTER(0x40000818U)
+#define TIM4_CCMR1_FILTERED 0x3131U /* inputs, as they come; 8 samples of one kind are an edge */
+#define TIM4_CNT REGISTER(0x40000824U)
+#define TIM4_ARR REGISTER(0x4000082CU)
 
 /* Timer 5: counts the updates of timer 2. */
 #define TIM5_CR1 REGISTER(0x40000C00U)
@@ -112,6 +183,35 @@
 #define DMA1_S5NDTR REGISTER(0x4002608CU)
 #define DMA1_S5PAR REGISTER(0x40026090U)
 #define DMA1_S5M0AR REGISTER(0x40026094U)
+
+/* Serial peripheral interface 2, and stream 1 of DMA 1 that sends by it. */
+#define SPI2_CR1 REGISTER(0x40003800U)
+#define SPI_CR1_MSTR (1U << 2)
+#define SPI_CR1_SPE (1U << 6)
+#define SPI_CR1_SSI (1U << 8)
+#define SPI_CR1_SSM (1U << 9)
+#define SPI_CR1_DFF (1U << 11)
+#define SPI2_CR2 REGISTER(0x40003804U)
+#define SPI2_SR REGISTER(0x40003808U)
+#define SPI_SR_RXNE 1U
+#define SPI2_DR_ADDRESS 0x4000380CU
+#define SPI2_DR REGISTER(SPI2_DR_ADDRESS)
+#define DMA1_S1CR REGISTER(0x40026028U)
+#define DMA1_S1NDTR REGISTER(0x4002602CU)
+#define DMA1_S1PAR REGISTER(0x40026030U)
+#define DMA1_S1M0AR REGISTER(0x40026034U)
+#define DMA_CR_EN (1U << 0)
+#define DMA_CR_TO_PERIPHERAL (1U << 6)
+#define DMA_CR_CIRC (1U << 8)
+#define DMA_CR_HALF_WORDS ((1U << 11) | (1U << 13))
+#define DMA_CR_CHANNEL(n) ((uint32_t)(n) << 25)
+
+/* The processor's own counter of cycles. */
+#define DEMCR REGISTER(0xE000EDFCU)
+#define DEMCR_TRCENA (1U << 24)
+#define DWT_CTRL REGISTER(0xE0001000U)
+#define DWT_CTRL_CYCCNTENA 1U
+#define DWT_CYCCNT REGISTER(0xE0001004U)
 
 /* Independent watchdog: about 32 kHz of its own. */
 #define IWDG_KR REGISTER(0x40003000U)

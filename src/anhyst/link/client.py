@@ -29,6 +29,7 @@ from anhyst.link.frames import (
     HeartbeatRequest,
     HelloRequest,
     InfoAnswer,
+    KeepRequest,
     Message,
     NakAnswer,
     Reason,
@@ -274,6 +275,16 @@ class ForceController:
                 if refused.reason is Reason.SCALE:
                     refused.args = (f"{self.url}: {misfit(row, self._block_in_force())}",)
                 raise
+
+    def keep_block(self) -> int:
+        """Keep the parameter block in force for the board's next start; returns its generation.
+
+        Raises
+        ------
+        Refused
+            The board is not at rest, or has no room that outlives the power.
+        """
+        return self.request(KeepRequest(), AckAnswer).detail
 
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""

@@ -161,7 +161,7 @@ def _command(name: str, folder: Path, actuator: str) -> list[str]:
         # A compensator alone needs no states; the firmware around it does.
         sources.append(core_folder() / "src" / "supervisor.c")
         include.append(core_folder() / "include")
-    for place in (root / "app", root / "link", root / body, *own):
+    for place in (root / "app", root / "link", root / "services", root / body, *own):
         sources += sorted(file for file in place.glob("*.c") if not _of_another(file, body))
     if not any(source.name == f"board_{body}.c" for source in sources):
         raise InputError(f"board {name}: has no controller of {body}; take another board")

@@ -34,6 +34,7 @@ class Reason(IntEnum):
     CURRENT = 12  # in this state, but current still flows; once it is zero
     # made for other full scales, gaps, rate or units; detail: the first word that differs
     SCALE = 13
+    NOT_KEPT = 14  # the board has no room that outlives the power, or it did not keep
 
 
 class Body(IntEnum):
@@ -352,6 +353,19 @@ class TargetRequest(Message):
 
 
 @dataclass(frozen=True)
+class KeepRequest(Message):
+    """Keeps the block in force for the next start, where the board has room for one.
+
+    In idle or ready at zero current alone: the board's time may stand still meanwhile, for seconds.
+    Detail: its generation.
+    """
+
+    TYPE: ClassVar[int] = 0x0F
+    ANSWER: ClassVar[int] = 0x83
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
+
+
+@dataclass(frozen=True)
 class InfoAnswer(Message):
     """Who the controller is."""
 
@@ -377,7 +391,7 @@ class StatusAnswer(Message):
     """What the controller did in the tick that its head names."""
 
     TYPE: ClassVar[int] = 0x82
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<BBHiiiiiHHHHHiiii")
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<BBHiiiiiHHHHHiiiiI")
 
     state: int  # one of state
     fault: int  # one of fault: the latched reason
@@ -396,6 +410,7 @@ class StatusAnswer(Message):
     reference: int  # position controlled to, q31
     current_2: int  # measured, of the second magnet, q30
     drive_2: int  # current driven there, q31
+    cycles: int  # of the processor, in the longest tick so far; 0: not counted
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the bearing on a Nucleo is to a controller of position. The range of the position and how
+   fast it can move stand in the controller that anhyst compile wrote. */
+#include "boards/actuator_controller.h"
+#include "nucleo.h"
+#include "position/flight.h"
+
+/* An encoder may rest on one code as long as nothing moves; for 2 ms, while the current moves by a
+   tenth, an armature in the air does not. */
+static const app_limits limits = {
+    .current = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 0},
+    .stuck_current = INT32_MAX / 10,
+    .still_ticks = ACTUATOR_CONTROLLER_RATE_HZ / 500U,
+    .doubtful_ticks = 3,
+    .missed_ticks = 2,
+    .heartbeat_ms = 500,
+};
+
+static const app_plan plan = {
+    .limits = &ACTUATOR_CONTROLLER_LIMITS,
+    .settings = &ACTUATOR_CONTROLLER_SETTINGS,
+    .magnets = ACTUATOR_CONTROLLER_MAGNETS,
+};
+
+static app_body body;
+
+static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
+
+const app_board nucleo_board = {
+    .body = &body,
+    .plan = &plan,
+    .kernel = &ACTUATOR_KERNEL,
+    .words = ACTUATOR_PARAMETERS,
+    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
+    .scales = scales,
+    .firmware = BOARD_FIRMWARE_VERSION,
+    .rate = ACTUATOR_CONTROLLER_RATE_HZ,
+    .limits = &limits,
+};

@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "memory.h"
+
+#include "registers.h"
+#include "services/store.h"
+
+#define SECTOR 6U /* and the one after it, 128 KiB each; board.ld keeps the program out of them */
+#define SECTOR_ADDRESS 0x08040000U
+#define SECTOR_BYTES 0x20000U
+#define WORDS (sizeof(memory_set) / sizeof(uint32_t))
+
+/* Run from RAM: the flash cannot be read while it works. */
+#define IN_RAM(name) __attribute__((section(".data.memory_" name), noinline))
+
+/* One command to the flash, to its end. Whether it did as told. */
+IN_RAM("work") static int work(uint32_t command, volatile uint32_t *at, uint32_t word)
+{
+  FLASH_SR = FLASH_SR_ERRORS;
+  FLASH_CR = command;
+  if (at != 0) {
+    *at = word;
+  } else {
+    FLASH_CR = command | FLASH_CR_STRT;
+  }
+  while ((FLASH_SR & FLASH_SR_BSY) != 0U) {
+    IWDG_KR = IWDG_KR_FEED;
+  }
+  IWDG_KR = IWDG_KR_FEED;
+  const int done = (FLASH_SR & FLASH_SR_ERRORS) == 0U;
+  FLASH_CR = FLASH_CR_LOCK;
+  return done;
+}
+
+static void unlock(void)
+{
+  FLASH_KEYR = FLASH_KEY_1;
+  FLASH_KEYR = FLASH_KEY_2;
+}
+
+static int erase(uint16_t copy)
+{
+  unlock();
+  const int done = work(FLASH_CR_PSIZE_32 | FLASH_CR_SER | FLASH_CR_SNB(SECTOR + copy), 0, 0);
+  /* What the caches hold of the sector is no longer so. */
+  const uint32_t access = FLASH_ACR;
+  FLASH_ACR = access & ~(FLASH_ACR_DCEN | FLASH_ACR_ICEN);
+  FLASH_ACR = (access & ~(FLASH_ACR_DCEN | FLASH_ACR_ICEN)) | FLASH_ACR_DCRST | FLASH_ACR_ICRST;
+  FLASH_ACR = access;
+  return done;
+}
+
+static volatile uint32_t *sector(uint16_t copy)
+{
+  return (volatile uint32_t *)(uintptr_t)(SECTOR_ADDRESS + SECTOR_BYTES * copy);
+}
+
+static int program(uint16_t copy, uint32_t at, uint32_t word)
+{
+  unlock();
+  return work(FLASH_CR_PSIZE_32 | FLASH_CR_PG, sector(copy) + at, word);
+}
+
+static store_flash flash(void)
+{
+  const store_flash two = {{sector(0), sector(1)}, SECTOR_BYTES / sizeof(uint32_t), erase, program};
+  return two;
+}
+
+static int sound(const memory_set *set)
+{
+  return set->layout == MEMORY_LAYOUT && calibration_sound(&set->gap) &&
+         calibration_sound(&set->force) && calibration_sound(&set->current) &&
+         calibration_sound(&set->position) && set->words <= ANHYST_BLOCK_MOST_WORDS;
+}
+
+int memory_load(memory_set *set)
+{
+  const store_flash two = flash();
+  uint32_t count;
+  const volatile uint32_t *kept = store_read(&two, &count);
+  if (kept == 0 || count != WORDS || !sound((const memory_set *)(uintptr_t)kept)) {
+    return 0;
+  }
+  for (uint32_t i = 0; i < WORDS; i++) {
+    ((uint32_t *)set)[i] = kept[i];
+  }
+  return 1;
+}
+
+int memory_save(const memory_set *set)
+{
+  const store_flash two = flash();
+  return store_write(&two, (const uint32_t *)set, WORDS);
+}

@@ -1,0 +1,67 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "place.h"
+
+#include "clocks.h"
+#include "registers.h"
+
+/* What is sent while the converter is read: it does not listen. */
+static const uint16_t nothing = 0;
+
+static uint16_t last;
+static uint32_t edges;
+
+static void start_encoder(void)
+{
+  GPIOB_AFRL |= GPIO_FUNCTION(2U, 6U) | GPIO_FUNCTION(2U, 7U);
+  GPIOB_PUPDR |= GPIO_PULL_UP(6U) | GPIO_PULL_UP(7U);
+  GPIOB_MODER |= GPIO_ALTERNATE(6U) | GPIO_ALTERNATE(7U);
+  TIM4_ARR = 0xFFFFU;
+  TIM4_CCMR1 = TIM4_CCMR1_FILTERED;
+  TIM4_SMCR = TIM4_SMCR_ENCODER;
+  TIM4_CR1 = TIM4_CR1_CEN;
+}
+
+/* Channel 3 of timer 2 is high from the tick to the end of the conversion; there DMA sends a word,
+   and with it comes the answer. */
+static void start_converter(void)
+{
+  GPIOB_AFRH |= GPIO_FUNCTION(1U, 10U) | GPIO_FUNCTION(5U, 13U);
+  GPIOC_AFRL |= GPIO_FUNCTION(5U, 2U);
+  SPI2_CR2 = 0;
+  SPI2_CR1 = SPI_CR1_DFF | SPI_CR1_SSM | SPI_CR1_SSI | SPI_CR1_MSTR | SPI_CR1_SPE;
+  DMA1_S1PAR = SPI2_DR_ADDRESS;
+  DMA1_S1M0AR = (uint32_t)(uintptr_t)&nothing;
+  DMA1_S1NDTR = 1;
+  DMA1_S1CR =
+      DMA_CR_CHANNEL(3U) | DMA_CR_HALF_WORDS | DMA_CR_CIRC | DMA_CR_TO_PERIPHERAL | DMA_CR_EN;
+  TIM2_CCR3 = TIMER_HZ / 1000000U * PLACE_CONVERT_NS / 1000U;
+  TIM2_CCMR2 = TIM2_CCMR2_3_PULSES;
+  TIM2_CCER = TIM2_CCER_CC3E;
+  TIM2_DIER = TIM2_DIER_CC3DE;
+  GPIOB_MODER |= GPIO_ALTERNATE(10U) | GPIO_ALTERNATE(13U);
+  GPIOC_MODER |= GPIO_ALTERNATE(2U);
+}
+
+void place_start(void)
+{
+  start_encoder();
+  start_converter();
+}
+
+int32_t place_encoder(void)
+{
+  const uint16_t now = (uint16_t)TIM4_CNT;
+  const uint16_t step = (uint16_t)(now - last);
+  edges += step < 0x8000U ? step : step - 0x10000U;
+  last = now;
+  return edges <= 0x7FFFFFFFU ? (int32_t)edges : -(int32_t)(0xFFFFFFFFU - edges) - 1;
+}
+
+int32_t place_converter(void)
+{
+  int32_t code = -1;
+  if ((SPI2_SR & SPI_SR_RXNE) != 0U) {
+    code = (int32_t)(SPI2_DR & 0xFFFFU); /* reading takes the flag away */
+  }
+  return code;
+}

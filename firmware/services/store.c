@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "services/store.h"
+
+#include "link/crc.h"
+
+#define AT_MAGIC 0U
+#define AT_NUMBER 1U
+#define AT_COUNT 2U
+#define AT_SET 3U
+#define NONE 2U
+
+static uint32_t crc_of(uint32_t crc, uint32_t word)
+{
+  const uint8_t bytes[4] = {(uint8_t)(word & 0xFFU), (uint8_t)((word >> 8) & 0xFFU),
+                            (uint8_t)((word >> 16) & 0xFFU), (uint8_t)((word >> 24) & 0xFFU)};
+  return link_crc32(crc, bytes, 4);
+}
+
+static int sound(const store_flash *flash, uint16_t copy)
+{
+  const volatile uint32_t *words = flash->copy[copy];
+  const uint32_t count = words[AT_COUNT];
+  if (words[AT_MAGIC] != STORE_MAGIC || count > flash->words - (uint32_t)STORE_EXTRA) {
+    return 0;
+  }
+  uint32_t crc = 0;
+  for (uint32_t i = 0; i < AT_SET + count; i++) {
+    crc = crc_of(crc, words[i]);
+  }
+  return words[AT_SET + count] == crc;
+}
+
+/* The copy that counts, or NONE. Numbers go round: the newer one is less than half a round ahead.
+ */
+static uint16_t newest(const store_flash *flash)
+{
+  const int first = sound(flash, 0);
+  const int second = sound(flash, 1);
+  if (first && second) {
+    const uint32_t ahead = flash->copy[1][AT_NUMBER] - flash->copy[0][AT_NUMBER];
+    return ahead < 0x80000000U ? 1U : 0U;
+  }
+  if (first) {
+    return 0U;
+  }
+  return second ? 1U : (uint16_t)NONE;
+}
+
+const volatile uint32_t *store_read(const store_flash *flash, uint32_t *count)
+{
+  const uint16_t copy = newest(flash);
+  if (copy == NONE) {
+    *count = 0;
+    return 0;
+  }
+  *count = flash->copy[copy][AT_COUNT];
+  return &flash->copy[copy][AT_SET];
+}
+
+int store_write(const store_flash *flash, const uint32_t *words, uint32_t count)
+{
+  if (count > flash->words - (uint32_t)STORE_EXTRA) {
+    return 0;
+  }
+  const uint16_t old = newest(flash);
+  const uint16_t copy = old == 0U ? 1U : 0U;
+  const uint32_t number = old == NONE ? 0U : flash->copy[old][AT_NUMBER] + 1U;
+  const uint32_t head[AT_SET] = {STORE_MAGIC, number, count};
+  uint32_t crc = 0;
+  int kept = flash->erase(copy);
+  for (uint32_t i = 0; i < AT_SET + count; i++) {
+    const uint32_t word = i < AT_SET ? head[i] : words[i - AT_SET];
+    crc = crc_of(crc, word);
+    kept = kept && flash->program(copy, i, word);
+  }
+  kept = kept && flash->program(copy, AT_SET + count, crc);
+  return kept && newest(flash) == copy;
+}

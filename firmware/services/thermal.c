@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "services/thermal.h"
+
+#define NORMAL ((uint32_t)536870912) /* 2^29 */
+
+/* Of a current of either sign; at most 2^62. */
+static uint64_t square(int32_t current)
+{
+  const uint64_t size = current < 0 ? (uint64_t)(-(int64_t)current) : (uint64_t)current;
+  return size * size;
+}
+
+int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clears)
+{
+  if (ticks < 2U || clears <= 0 || trips <= clears) {
+    return 0;
+  }
+  /* 2^bits/ticks by long division, until the quotient has 30 bits. */
+  uint32_t quotient = 0;
+  uint64_t rest = 1;
+  uint16_t bits = 0;
+  while (quotient < NORMAL) {
+    rest <<= 1;
+    quotient <<= 1;
+    bits++;
+    if (rest >= ticks) {
+      rest -= ticks;
+      quotient++;
+    }
+  }
+  plan->mantissa = quotient;
+  plan->shift = (uint16_t)(bits - 30U);
+  plan->trips = square(trips);
+  plan->clears = square(clears);
+  return 1;
+}
+
+void thermal_start(thermal *t, const thermal_plan *plan)
+{
+  t->warmth = plan->clears;
+  t->tripped = 0;
+}
+
+/* Its share of a difference; less than 2^33 times at most 2^30, so below 2^63. */
+static uint64_t part(const thermal_plan *plan, uint64_t difference)
+{
+  return ((difference >> 30) * plan->mantissa) >> plan->shift;
+}
+
+int thermal_tick(thermal *t, const thermal_plan *plan, int32_t current)
+{
+  const uint64_t aim = square(current);
+  if (aim >= t->warmth) {
+    t->warmth += part(plan, aim - t->warmth);
+  } else {
+    t->warmth -= part(plan, t->warmth - aim);
+  }
+  if (t->warmth > plan->trips) {
+    t->tripped = 1;
+  } else if (t->warmth < plan->clears) {
+    t->tripped = 0;
+  } else {
+    /* between the two it stays as it is */
+  }
+  return t->tripped;
+}

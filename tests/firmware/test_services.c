@@ -1,0 +1,260 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims about what a board may use: a set in flash survives a cut at any byte; a calibration
+   saturates; a winding trips and cools as the equation says. */
+#include "../core/check.h"
+#include "services/calibration.h"
+#include "services/store.h"
+#include "services/thermal.h"
+
+#include <string.h>
+
+/* Flash of two copies. It works byte by byte, and the power may go after any of them. */
+enum { WORDS = 24, BYTES = 4 * WORDS, SET = 13 };
+
+static uint32_t memory[2][WORDS];
+static long steps_left;
+static uint32_t rubbish;
+
+static int power(void)
+{
+  if (steps_left == 0) {
+    return 0;
+  }
+  steps_left--;
+  return 1;
+}
+
+static uint32_t random_word(void)
+{
+  rubbish ^= rubbish << 13;
+  rubbish ^= rubbish >> 17;
+  rubbish ^= rubbish << 5;
+  return rubbish;
+}
+
+/* An erasing that is cut leaves bits that were 0 in any state. */
+static int erase(uint16_t copy)
+{
+  for (int i = 0; i < WORDS; i++) {
+    if (!power()) {
+      for (int j = i; j < WORDS; j++) {
+        memory[copy][j] |= random_word() & random_word();
+      }
+      return 0;
+    }
+    memory[copy][i] = 0xFFFFFFFFU;
+  }
+  return 1;
+}
+
+/* Bits can only fall; of the byte at which it is cut some do. */
+static int program(uint16_t copy, uint32_t at, uint32_t word)
+{
+  for (unsigned byte = 0; byte < 4U; byte++) {
+    const uint32_t mask = (uint32_t)0xFFU << (8U * byte);
+    if (!power()) {
+      memory[copy][at] &= (word | ~mask) | random_word();
+      return 0;
+    }
+    memory[copy][at] &= word | ~mask;
+  }
+  return 1;
+}
+
+static const store_flash flash = {{memory[0], memory[1]}, WORDS, erase, program};
+
+/* A set that is told by its first word. */
+static void make_set(uint32_t *set, uint32_t name, uint32_t count)
+{
+  for (uint32_t i = 0; i < count; i++) {
+    set[i] = name + 0x01010101U * i * i;
+  }
+}
+
+static int reads(uint32_t name, uint32_t count)
+{
+  uint32_t expected[WORDS];
+  uint32_t found = 0;
+  const volatile uint32_t *set = store_read(&flash, &found);
+  if (set == NULL || found != count) {
+    return 0;
+  }
+  make_set(expected, name, count);
+  for (uint32_t i = 0; i < count; i++) {
+    if (set[i] != expected[i]) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+static int writes(uint32_t name, uint32_t count)
+{
+  uint32_t set[WORDS];
+  make_set(set, name, count);
+  return store_write(&flash, set, count);
+}
+
+static void fresh(void)
+{
+  memset(memory, 0xFF, sizeof memory);
+  steps_left = -1;
+}
+
+static void a_set_is_read_back(void)
+{
+  uint32_t count = 1;
+  fresh();
+  CHECK(store_read(&flash, &count) == NULL && count == 0);
+  for (uint32_t name = 1; name < 9; name++) {
+    CHECK(writes(name, name));
+    CHECK(reads(name, name));
+  }
+  CHECK(writes(9, WORDS - STORE_EXTRA));
+  CHECK(reads(9, WORDS - STORE_EXTRA));
+  CHECK(!writes(10, WORDS - STORE_EXTRA + 1));
+  CHECK(reads(9, WORDS - STORE_EXTRA));
+  CHECK(writes(11, 0));
+  CHECK(reads(11, 0));
+}
+
+/* From a flash with none, one or two sets, cut after every step; then it goes on. */
+static long cut_everywhere(int sets)
+{
+  long steps = 0;
+  for (;; steps++) {
+    uint32_t count;
+    fresh();
+    for (int i = 0; i < sets; i++) {
+      CHECK(writes(100U + (uint32_t)i, SET));
+    }
+    const uint32_t before = 100U + (uint32_t)sets - 1U;
+    steps_left = steps;
+    const int told = writes(200, SET - 2);
+    const int cut = steps_left == 0 && !told;
+    steps_left = -1;
+    const int old = sets > 0 ? reads(before, SET) : store_read(&flash, &count) == NULL;
+    const int new = reads(200, SET - 2);
+    CHECK(old != new);
+    CHECK(new || !told);
+    CHECK(writes(300, SET));
+    CHECK(reads(300, SET));
+    if (!cut) {
+      CHECK(told && new);
+      return steps;
+    }
+  }
+}
+
+static void a_cut_at_any_byte_leaves_the_old_set_or_the_new_one(void)
+{
+  for (rubbish = 1; rubbish < 2000000000U; rubbish += 61234567U) {
+    const uint32_t seed = rubbish;
+    for (int sets = 0; sets < 4; sets++) {
+      CHECK(cut_everywhere(sets) == WORDS + 4L * (SET - 2 + STORE_EXTRA));
+    }
+    rubbish = seed;
+  }
+}
+
+static void a_number_that_goes_round_is_still_newer(void)
+{
+  uint32_t count = 1;
+  fresh();
+  memory[0][0] = STORE_MAGIC;
+  memory[0][1] = 0xFFFFFFFFU;
+  memory[0][2] = 0;
+  memory[0][3] = 0xC02EFFBEU; /* of these three, by zlib */
+  CHECK(store_read(&flash, &count) != NULL && count == 0);
+  CHECK(writes(7, 3));
+  CHECK(memory[1][1] == 0);
+  CHECK(reads(7, 3));
+}
+
+static void damage_is_found(void)
+{
+  fresh();
+  CHECK(writes(1, SET));
+  CHECK(writes(2, SET));
+  for (int bit = 0; bit < 8 * 4 * (SET + STORE_EXTRA); bit++) {
+    memory[1][bit / 32] ^= (uint32_t)1 << (bit % 32);
+    CHECK(reads(1, SET));
+    memory[1][bit / 32] ^= (uint32_t)1 << (bit % 32);
+  }
+  CHECK(reads(2, SET));
+}
+
+static void a_calibration_rounds_and_saturates(void)
+{
+  calibration c = {410, 327760, 0, 80, 4015};
+  CHECK(calibration_sound(&c));
+  CHECK(calibration_value(&c, 410) == 0);
+  CHECK(calibration_value(&c, 3686) == 3276 * 327760);
+  CHECK(calibration_value(&c, 79) == CALIBRATION_NONE);
+  CHECK(calibration_value(&c, 4016) == CALIBRATION_NONE);
+  c.low = INT32_MIN;
+  c.high = INT32_MAX;
+  CHECK(calibration_value(&c, INT32_MAX) == INT32_MAX);
+  CHECK(calibration_value(&c, INT32_MIN) == -INT32_MAX);
+  c = (calibration){INT32_MAX, -CALIBRATION_MANTISSA_MOST, 46, INT32_MIN, INT32_MAX};
+  CHECK(calibration_sound(&c));
+  CHECK(calibration_value(&c, INT32_MIN) == 65536);
+  c = (calibration){0, 1, 1, -10, 10};
+  CHECK(calibration_value(&c, 1) == 1 && calibration_value(&c, -1) == 0);
+  c.mantissa = 0;
+  CHECK(!calibration_sound(&c));
+  c = (calibration){0, 1, 47, -10, 10};
+  CHECK(!calibration_sound(&c));
+  c = (calibration){0, 1, 1, 10, 10};
+  CHECK(!calibration_sound(&c));
+}
+
+#define ONE ((int32_t)1073741824)
+
+static void a_winding_trips_in_its_time_and_clears_again(void)
+{
+  thermal_plan plan;
+  thermal t;
+  CHECK(!thermal_make(&plan, 1, ONE, ONE / 2));
+  CHECK(!thermal_make(&plan, 1000, ONE / 2, ONE / 2));
+  CHECK(!thermal_make(&plan, 1000, ONE, 0));
+  CHECK(thermal_make(&plan, 100000, ONE / 2, ONE / 4));
+  thermal_start(&t, &plan);
+  long tick = 0;
+  while (!thermal_tick(&t, &plan, ONE)) {
+    tick++;
+  }
+  /* From 1/16 on the way to 1 past 1/4: ln((1 - 1/16)/(1 - 1/4)) time constants. */
+  CHECK_BELOW("ticks off", fabs((double)tick - 100000.0 * log(1.25)), 2.0);
+  tick = 0;
+  while (thermal_tick(&t, &plan, 0)) {
+    tick++;
+  }
+  CHECK_BELOW("ticks off", fabs((double)tick - 100000.0 * log(4.0)), 2.0);
+}
+
+static void a_standing_current_that_may_flow_never_trips(void)
+{
+  thermal_plan plan;
+  thermal t;
+  CHECK(thermal_make(&plan, 2, ONE / 2, ONE / 4));
+  thermal_start(&t, &plan);
+  for (int i = 0; i < 1000; i++) {
+    CHECK(!thermal_tick(&t, &plan, i % 2 == 0 ? ONE / 2 : -ONE / 2));
+  }
+  CHECK_BELOW("short of the square", ldexp((double)(plan.trips - t.warmth), -60), ldexp(1.0, -28));
+  /* What is no current counts as the largest. */
+  CHECK(thermal_tick(&t, &plan, INT32_MIN));
+}
+
+int main(void)
+{
+  a_set_is_read_back();
+  a_cut_at_any_byte_leaves_the_old_set_or_the_new_one();
+  a_number_that_goes_round_is_still_newer();
+  damage_is_found();
+  a_calibration_rounds_and_saturates();
+  a_winding_trips_in_its_time_and_clears_again();
+  a_standing_current_that_may_flow_never_trips();
+  return verdict();
+}
