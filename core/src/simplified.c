@@ -105,14 +105,17 @@ static void advance(const int16_t *words, const anhyst_memory *from, int32_t way
 }
 
 static int32_t simplified_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                                anhyst_memory *to)
+                                anhyst_candidate *to)
 {
-  return anhyst_closed_field(words, from, flux, to, advance);
+  to->way = 0;
+  return anhyst_closed_field(words, from, flux, &to->memory, advance);
 }
 
 static int32_t simplified_flux(const int16_t *words, const anhyst_memory *from,
-                               const anhyst_arms *arms, int32_t current, anhyst_memory *to)
+                               const anhyst_candidate *solved, const anhyst_arms *arms,
+                               int32_t current, anhyst_memory *to)
 {
+  (void)solved;
   return anhyst_closed_flux(words, from, arms, current, to, advance);
 }
 
