@@ -143,13 +143,11 @@ static inline int32_t anhyst_scale(int32_t a, int16_t b)
 /* a*2^n for 0 <= n <= 31, saturates. Exact inside the range. */
 static inline int32_t anhyst_shl_q31(int32_t a, uint16_t n)
 {
-  if (a > (ANHYST_Q31_MAX >> n)) {
-    return ANHYST_Q31_MAX;
+  const int32_t shifted = (int32_t)((uint32_t)a << n);
+  if ((shifted >> n) != a) { /* what was shifted out is missing */
+    return a < 0 ? ANHYST_Q31_MIN : ANHYST_Q31_MAX;
   }
-  if (a < -(ANHYST_Q31_MAX >> n) - 1) {
-    return ANHYST_Q31_MIN;
-  }
-  return (int32_t)((uint32_t)a << n);
+  return shifted;
 }
 
 /* Nearest q15 to a q31 (halves upwards), saturates. */
