@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The instructions of Cortex-M4 and M7 (ARMv7E-M) for port.h, for gcc and clang:
      cc -mcpu=cortex-m4 -DANHYST_PORT_HEADER='"anhyst_port_cortex_m4.h"' ...
-   Each gives the same bits as the portable code. QADD and QSUB set the sticky Q flag of the status
-   register where they saturate; nothing here reads it. */
+   Each gives the same bits as the portable code. QADD, QSUB, SSAT and USAT set the sticky Q flag of
+   the status register where they saturate; nothing here reads it. */
 #ifndef ANHYST_PORT_CORTEX_M4_H
 #define ANHYST_PORT_CORTEX_M4_H
 
@@ -32,6 +32,30 @@ static inline int32_t anhyst_port_qsub(int32_t a, int32_t b)
   return result;
 }
 
+/* The nearest number of 16 bits, signed. */
+static inline int32_t anhyst_port_ssat16(int32_t a)
+{
+  int32_t result;
+  __asm__("ssat %0, #16, %1" : "=r"(result) : "r"(a));
+  return result;
+}
+
+/* The nearest number of 29 bits, signed. */
+static inline int32_t anhyst_port_ssat29(int32_t a)
+{
+  int32_t result;
+  __asm__("ssat %0, #29, %1" : "=r"(result) : "r"(a));
+  return result;
+}
+
+/* The nearest number of 15 bits, unsigned. */
+static inline int32_t anhyst_port_usat15(int32_t a)
+{
+  int32_t result;
+  __asm__("usat %0, #15, %1" : "=r"(result) : "r"(a));
+  return result;
+}
+
 /* Leading zeros, 0..32. */
 static inline int32_t anhyst_port_clz(uint32_t u)
 {
@@ -43,6 +67,9 @@ static inline int32_t anhyst_port_clz(uint32_t u)
 #define ANHYST_PORT_SCALE(a, b) anhyst_port_smulwb((a), (b))
 #define ANHYST_PORT_ADD_Q31(a, b) anhyst_port_qadd((a), (b))
 #define ANHYST_PORT_SUB_Q31(a, b) anhyst_port_qsub((a), (b))
+#define ANHYST_PORT_SAT_Q15(a) anhyst_port_ssat16((a))
+#define ANHYST_PORT_SAT_Q28(a) anhyst_port_ssat29((a))
+#define ANHYST_PORT_SAT_U15(a) anhyst_port_usat15((a))
 #define ANHYST_PORT_LEADING_ZEROS(u) anhyst_port_clz((u))
 
 #endif

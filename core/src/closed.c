@@ -3,6 +3,12 @@
 
 #include "block.h"
 
+/* A step after which Newton's next would change nothing that matters: 2^-11. */
+#define NEAR_WAY (ANHYST_Q30_ONE / 2048)
+
+/* What is missing of a current and is nothing but rounding: the iron stays where it is. */
+#define STILL 128
+
 int anhyst_closed_sound(const int16_t *words)
 {
   return words[ANHYST_WORD_SIMPLE_RATE] > 0 &&
@@ -29,61 +35,80 @@ static anhyst_memory mirrored(const anhyst_memory *memory)
   return other;
 }
 
+/* The memory in the direction of a path. */
+static anhyst_memory in_direction(const anhyst_memory *memory, int falling)
+{
+  return falling ? mirrored(memory) : *memory;
+}
+
 int32_t anhyst_closed_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                            anhyst_memory *to, anhyst_advance *advance)
+                            anhyst_candidate *to, anhyst_advance *advance)
 {
   const int32_t way = anhyst_sub_q31(flux, from->a);
-  if (way >= 0) {
-    advance(words, from, way, to);
-  } else {
-    const anhyst_memory start = mirrored(from);
-    anhyst_memory end;
-    advance(words, &start, anhyst_abs_q31(way), &end);
-    *to = mirrored(&end);
-  }
-  to->a = flux;
-  return to->b;
+  const int falling = way < 0;
+  anhyst_memory start = in_direction(from, falling);
+  anhyst_memory end;
+  advance(words, &start, anhyst_abs_q31(way), &end);
+  to->memory = in_direction(&end, falling);
+  to->memory.a = flux;
+  to->way = falling ? -1 : 1;
+  return to->memory.b;
 }
 
-/* flux_arm*flux + field_arm*u = target on a rising path. In the direction of travel the sum is a
-   concave function of the flux, so Newton's steps from the start come nearer without ever passing
-   the solution. */
-static void reach(const int16_t *words, const anhyst_memory *start, const anhyst_arms *arms,
+static int32_t current_at(const anhyst_memory *at, const anhyst_arms *arms)
+{
+  return anhyst_scale(at->a, arms->flux_arm) + anhyst_scale(at->b, arms->field_arm);
+}
+
+/* flux_arm*flux + field_arm*u = target on a rising path, from *to, which is a place on it. In the
+   direction of travel the sum is a concave function of the flux, so Newton's steps from before the
+   solution come nearer without ever passing it, and one from beyond leads before it. */
+static void reach(const int16_t *words, anhyst_memory *start, const anhyst_arms *arms,
                   int32_t target, anhyst_memory *to, anhyst_advance *advance)
 {
-  int32_t flux = start->a;
-  *to = *start;
   for (int16_t i = words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
-    const int32_t missing = anhyst_sub_q31(target, anhyst_scale(flux, arms->flux_arm) +
-                                                       anhyst_scale(to->b, arms->field_arm));
+    const int32_t missing = anhyst_sub_q31(target, current_at(to, arms));
     const int32_t slope =
         arms->flux_arm + anhyst_scale(anhyst_lag_slope(words, to->b) * 64, arms->field_arm);
-    if (missing <= 0 || slope <= 0) {
-      continue; /* as near as the numbers allow; the remaining rounds change nothing */
+    if (missing == 0 || slope <= 0) {
+      break; /* as near as the numbers allow */
     }
-    const int32_t next = anhyst_add_q31(flux, anhyst_quotient(missing, slope));
-    flux = next < ANHYST_Q30_ONE ? next : ANHYST_Q30_ONE - 1;
+    const int32_t way = anhyst_quotient(anhyst_abs_q31(missing), slope);
+    const int32_t next = missing > 0 ? anhyst_add_q31(to->a, way) : anhyst_sub_q31(to->a, way);
+    const int32_t flux = next < ANHYST_Q30_ONE ? next : ANHYST_Q30_ONE - 1;
     if (flux > start->a) {
       advance(words, start, anhyst_sub_q31(flux, start->a), to);
+    } else {
+      *to = *start;
     }
     to->a = flux;
+    if (way <= NEAR_WAY) {
+      break;
+    }
   }
 }
 
-int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from, const anhyst_arms *arms,
-                           int32_t current, anhyst_memory *to, anhyst_advance *advance)
+int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
+                           const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
+                           anhyst_memory *to, anhyst_advance *advance)
 {
   const int32_t target =
       anhyst_clamp(anhyst_sub_q31(current, arms->bias), -ANHYST_Q30_ONE + 1, ANHYST_Q30_ONE - 1);
-  const int32_t before =
-      anhyst_scale(from->a, arms->flux_arm) + anhyst_scale(from->b, arms->field_arm);
-  if (target >= before) {
-    reach(words, from, arms, target, to, advance);
-  } else {
-    const anhyst_memory start = mirrored(from);
-    anhyst_memory end;
-    reach(words, &start, arms, -target, &end, advance);
-    *to = mirrored(&end);
+  const int32_t missing = anhyst_sub_q31(target, current_at(from, arms));
+  const int falling = missing < 0;
+  if (missing <= STILL && missing >= -STILL) {
+    *to = *from;
+    return to->a;
   }
+  anhyst_memory start = in_direction(from, falling);
+  anhyst_memory end = start;
+  if (solved->way == (falling ? -1 : 1)) {
+    const int32_t left = anhyst_sub_q31(target, current_at(&solved->memory, arms));
+    if (anhyst_abs_q31(left) < anhyst_abs_q31(missing)) {
+      end = in_direction(&solved->memory, falling);
+    }
+  }
+  reach(words, &start, arms, falling ? -target : target, &end, advance);
+  *to = in_direction(&end, falling);
   return to->a;
 }

@@ -43,14 +43,16 @@ int anhyst_closed_sound(const int16_t *words);
 void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t flux,
                          anhyst_memory *memory);
 
-/* Where a way in flux leads from a memory, on a rising path; way >= 0. */
-typedef void anhyst_advance(const int16_t *words, const anhyst_memory *from, int32_t way,
+/* Where a way in flux leads from the start of a rising path; way >= 0. What of the start is not
+   known is filled in, so that it is found once for all ways from there. */
+typedef void anhyst_advance(const int16_t *words, anhyst_memory *start, int32_t way,
                             anhyst_memory *to);
 
 /* The two functions of a kernel, given how it advances. */
 int32_t anhyst_closed_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                            anhyst_memory *to, anhyst_advance *advance);
-int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from, const anhyst_arms *arms,
-                           int32_t current, anhyst_memory *to, anhyst_advance *advance);
+                            anhyst_candidate *to, anhyst_advance *advance);
+int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
+                           const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
+                           anhyst_memory *to, anhyst_advance *advance);
 
 #endif

@@ -101,6 +101,7 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
                                       const int16_t *words, uint16_t capacity)
 {
   const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
+  const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0};
   const anhyst_status status = anhyst_block_check(kernel, words, capacity);
   if (status != ANHYST_OK) {
     return status;
@@ -108,7 +109,7 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
   c->kernel = kernel;
   c->words = words;
   c->memory = demagnetised;
-  c->next = demagnetised;
+  c->next = none;
   c->current = 0;
   c->flux = 0;
   c->flux_applied = 0;
@@ -124,18 +125,17 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   c->flags = 0;
   c->gap = gap;
   const place at = gap_place(words, gap);
-  const anhyst_arms arms = arms_at(words, at);
+  c->arms = arms_at(words, at);
   c->flux = flux_of(c, demand, at);
   const int32_t field = c->kernel->field(words, &c->memory, c->flux, &c->next);
-  const int32_t inner =
-      arms.bias + anhyst_scale(c->flux, arms.flux_arm) + anhyst_scale(field, arms.field_arm);
+  const int32_t inner = c->arms.bias + anhyst_scale(c->flux, c->arms.flux_arm) +
+                        anhyst_scale(field, c->arms.field_arm);
   const int32_t wanted = anhyst_shl_q31(inner, (uint16_t)(words[ANHYST_WORD_CURRENT_SHIFT] + 1));
   c->current = anhyst_clamp(wanted, (int32_t)words[ANHYST_WORD_CURRENT_LOW] * 65536,
                             (int32_t)words[ANHYST_WORD_CURRENT_HIGH] * 65536);
   c->solved = 1;
   if (c->current != wanted) {
     c->flags |= ANHYST_CURRENT_LIMITED;
-    c->solved = 0;
   }
   return c->current;
 }
@@ -148,15 +148,23 @@ int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int1
 
 static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_solved)
 {
-  if (as_solved && c->solved != 0U && gap == c->gap) {
-    c->memory = c->next;
+  const int same_gap = c->solved != 0U && gap == c->gap;
+  if (as_solved && same_gap && (c->flags & ANHYST_CURRENT_LIMITED) == 0U) {
+    c->memory = c->next.memory;
     c->flux_applied = c->flux;
   } else {
-    const anhyst_arms arms = arms_at(c->words, gap_place(c->words, gap));
-    const int32_t inner = applied >> (c->words[ANHYST_WORD_CURRENT_SHIFT] + 1);
-    c->flux_applied = c->kernel->flux(c->words, &c->memory, &arms, inner, &c->next);
-    c->memory = c->next;
-    c->gap = gap;
+    const int16_t *words = c->words;
+    const int32_t inner = applied >> (words[ANHYST_WORD_CURRENT_SHIFT] + 1);
+    anhyst_memory reached;
+    if (!same_gap) {
+      c->arms = arms_at(words, gap_place(words, gap));
+      c->gap = gap;
+    }
+    if (c->solved == 0U) {
+      c->next.way = 0;
+    }
+    c->flux_applied = c->kernel->flux(words, &c->memory, &c->next, &c->arms, inner, &reached);
+    c->memory = reached;
   }
   c->solved = 0;
 }

@@ -13,16 +13,16 @@ static int32_t change(int32_t part, int32_t slope)
   return anhyst_shl_q31(anhyst_scale(part, (int16_t)(slope >> beyond)), (uint16_t)(beyond + 6U));
 }
 
-static void advance(const int16_t *words, const anhyst_memory *from, int32_t way, anhyst_memory *to)
+static void advance(const int16_t *words, anhyst_memory *start, int32_t way, anhyst_memory *to)
 {
   const int16_t substeps = words[ANHYST_WORD_EULER_SUBSTEPS];
   const int32_t part = way / substeps;
-  int32_t u = from->b;
+  int32_t u = start->b;
   for (int16_t i = 0; i < substeps; i++) {
     u = anhyst_add_q31(u, change(part, anhyst_lag_slope(words, u)));
     u = anhyst_clamp(u, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   }
-  to->a = from->a;
+  to->a = start->a;
   to->d = 0;
   to->e = 0;
   to->b = u;
@@ -30,15 +30,16 @@ static void advance(const int16_t *words, const anhyst_memory *from, int32_t way
 }
 
 static int32_t euler_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                           anhyst_memory *to)
+                           anhyst_candidate *to)
 {
   return anhyst_closed_field(words, from, flux, to, advance);
 }
 
-static int32_t euler_flux(const int16_t *words, const anhyst_memory *from, const anhyst_arms *arms,
-                          int32_t current, anhyst_memory *to)
+static int32_t euler_flux(const int16_t *words, const anhyst_memory *from,
+                          const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
+                          anhyst_memory *to)
 {
-  return anhyst_closed_flux(words, from, arms, current, to, advance);
+  return anhyst_closed_flux(words, from, solved, arms, current, to, advance);
 }
 
 static int euler_sound(const int16_t *words)

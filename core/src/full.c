@@ -25,6 +25,11 @@
 /* An interval of the field too long for a tangent to be trusted at its ends: 1/64. */
 #define LONG_WAY (ONE / 64)
 
+/* A step along the tangents that needs no evaluation after it: a 64th of the field in which the
+   memory fades, kappa, so that slopes change by about as much; but at most 1/256. */
+#define NEAR_WAY (ONE / 256)
+#define NEAR_PART (ONE / 64 * 256)
+
 /* A step too short to matter, about what the tables leave unsure: 6e-5. */
 #define SHORT_WAY (ONE / 16384)
 
@@ -61,6 +66,7 @@ typedef struct {
   uint16_t rate_shift;
   int16_t steepness;
   int16_t reversible;
+  int32_t near; /* a step that needs no evaluation after it */
 } path;
 
 /* What the law answers at one place of it. */
@@ -73,6 +79,13 @@ typedef struct {
   int32_t m_slope; /* dm/dx */
 } answer;
 
+/* a within -1..1, but not below least, which is. */
+static int32_t above(int32_t a, int32_t least)
+{
+  const int32_t inside = anhyst_sat_q28(a);
+  return inside > least ? inside : least;
+}
+
 /* The value of a table at u, 0 <= u < 1; *rise is that of the segment, in q15. */
 static int32_t value(table t, int32_t u, int32_t *rise)
 {
@@ -83,10 +96,10 @@ static int32_t value(table t, int32_t u, int32_t *rise)
   return low * 8192 + *rise * (fine & 8191);
 }
 
-/* An odd table at |u| < 1. */
+/* An odd table, -1 <= u < 1. */
 static int32_t odd_value(table t, int32_t u, int32_t *rise)
 {
-  return u < 0 ? -value(t, -u, rise) : value(t, u, rise);
+  return u < 0 ? ~value(t, ~u, rise) : value(t, u, rise);
 }
 
 /* A(x). */
@@ -145,9 +158,8 @@ static int32_t irreversible(const path *along, int32_t p, int32_t *slope)
   const int32_t most = ANHYST_Q31_MAX >> along->rate_shift; /* beyond, all is forgotten */
   const int32_t gone =
       octaves > most ? ONE : forgotten((int32_t)((uint32_t)octaves << along->rate_shift));
-  const int32_t y =
-      anhyst_clamp(here + along->offset + anhyst_scale(gone, along->lead) * 4, along->y, ONE - 1);
-  *slope = anhyst_clamp(slope_of(along, rise) + pulled(along, here - y), 0, ANHYST_SLOPE_MAX);
+  const int32_t y = above(here + along->offset + anhyst_scale(gone, along->lead) * 4, along->y);
+  *slope = anhyst_sat_u15(slope_of(along, rise) + pulled(along, here - y));
   return y;
 }
 
@@ -168,8 +180,8 @@ static void evaluate(const path *along, int32_t x, answer *at)
   at->m_slope = slope_of_m(along, at->y_slope, slope_of(along, rise));
 }
 
-/* Finds where the irreversible part departs and what it has to forget; dy/dp where it goes on. */
-static int32_t depart(path *along, int32_t anhysteretic)
+/* Finds where the irreversible part departs and what it has to forget. */
+static void depart(path *along)
 {
   int32_t rise;
   if (along->turn >= along->p) { /* the play moved the other way, or not yet: it turns here */
@@ -182,28 +194,28 @@ static int32_t depart(path *along, int32_t anhysteretic)
   along->departure = crossing > along->turn ? crossing : along->turn;
   along->offset = along->level - branch(along, along->departure, &rise);
   along->lead = anhyst_sat_q15((0x2000 - along->offset) >> 14);
+}
+
+/* dy/dp at the start of a path that has departed. */
+static int32_t slope_at_start(const path *along, int32_t anhysteretic)
+{
+  int32_t rise;
   if (along->p < along->departure || along->x - along->p < along->play) {
     return 0;
   }
   const int32_t pull =
       along->p == along->x ? anhysteretic : odd_value(along->curve, along->p, &rise);
-  return anhyst_clamp(pulled(along, pull - along->y), 0, ANHYST_SLOPE_MAX);
+  return anhyst_sat_u15(pulled(along, pull - along->y));
 }
 
-/* n*65536/d for n >= 0, d > 0, to 8 bits or better, which is plenty for a step; at most 4 (q28). */
+/* n*65536/d for n >= 0, d > 0, to 14 bits or exact; at most 4 (q28). */
 static int32_t quotient(int32_t n, int32_t d)
 {
-  uint16_t up = 16;
-  if (n >= 0x1000000) {
-    up = 2;
-  } else if (n >= 0x80000) {
-    up = 6;
-  } else if (n >= 0x4000) {
-    up = 11;
-  }
-  const int32_t ratio = (int32_t)((uint32_t)n << up) / d;
-  const int32_t most = (ONE * 4 - 1) >> (16U - up);
-  return (int32_t)((uint32_t)(ratio < most ? ratio : most) << (16U - up));
+  const uint16_t room = anhyst_headroom(n | 1);
+  const uint16_t down = room < 16U ? (uint16_t)(16U - room) : 0U;
+  const int32_t ratio = (int32_t)((uint32_t)n << (16U - down)) / d;
+  const int32_t most = (ONE * 4 - 1) >> down;
+  return (int32_t)((uint32_t)(ratio < most ? ratio : most) << down);
 }
 
 /* Whether a step stays inside the interval and is shorter by a quarter than the last one, since
@@ -211,7 +223,7 @@ static int32_t quotient(int32_t n, int32_t d)
 static int nearer(int32_t x, int32_t next, int32_t low, int32_t high, int32_t furthest)
 {
   const int32_t way = next < x ? x - next : next - x;
-  return way <= SHORT_WAY || (next > low && next < high && way <= furthest - furthest / 4);
+  return way <= SHORT_WAY || (next > low && next < high && way <= furthest - (furthest >> 2));
 }
 
 /* air*x + iron*m = target along a rising path, and the interval known to hold the solution. */
@@ -239,14 +251,14 @@ static int32_t follow_curve(const path *along, const search *find, int32_t x, in
   if (find->iron >= 0) {
     /* The air hardly counts. */
     const int32_t level = start + against(residual, find->iron + 1);
-    return odd_value(along->inverse, anhyst_clamp(level, 1 - ONE, ONE - 1), &rise);
+    return odd_value(along->inverse, anhyst_sat_q28(level), &rise);
   }
   /* Iron that counts against the air: as far as the air alone would go, and on with what the iron
      has risen by then, which never goes too far. */
   int32_t next = x;
   int32_t missing = residual;
   for (int16_t i = 0; i < CHORDS; i++) {
-    next = anhyst_clamp(x + against(missing, find->air), 1 - ONE, ONE - 1);
+    next = anhyst_sat_q28(x + against(missing, find->air));
     const int32_t risen = odd_value(along->curve, next, &rise) - start;
     missing = anhyst_clamp(residual + anhyst_scale(risen, find->iron), 1 - 2 * ONE, 2 * ONE - 1);
   }
@@ -275,10 +287,10 @@ static void slide(const path *along, int32_t goal, answer *at)
   const int32_t way = anhyst_clamp(goal - at->x, -LONG_WAY, LONG_WAY);
   const int32_t x = at->x + way;
   at->x = x;
-  at->y = anhyst_clamp(at->y + anhyst_scale(way, (int16_t)at->y_slope) * 64, along->y, ONE - 1);
-  at->m = anhyst_clamp(at->m + anhyst_scale(way, (int16_t)at->m_slope) * 64, 1 - ONE, ONE - 1);
+  at->y = above(at->y + anhyst_scale(way, (int16_t)at->y_slope) * 64, along->y);
+  at->m = anhyst_sat_q28(at->m + anhyst_scale(way, (int16_t)at->m_slope) * 64);
   if (at->p > along->p) {
-    at->p = x - along->play > along->p ? x - along->play : along->p;
+    at->p = above(x - along->play, along->p);
   }
 }
 
@@ -301,41 +313,58 @@ static int32_t leave_hold(const path *along, search *find, int32_t end, int32_t 
   return anhyst_clamp(first, find->low, find->high);
 }
 
-/* Solves from *at, the start of the path, where the residual is negative. Newton's steps inside an
-   interval that always holds the solution; one that leaves it follows the anhysteretic curve
+/* Whether the tangents lead to the next place: it is near, and the play is not taken up on the way
+   there, where y begins to rise at once. */
+static int is_near(const path *along, int32_t x, int32_t next)
+{
+  const int32_t way = next < x ? x - next : next - x;
+  if (way > along->near) {
+    return 0;
+  }
+  const int32_t taken_up = along->p + along->play;
+  return x >= taken_up || next <= taken_up;
+}
+
+/* Solves from a place on the path, at whose start the residual is negative. Newton's steps inside
+   an interval that always holds the solution; one that leaves it follows the anhysteretic curve
    instead, or goes to the middle: with iron that counts against the air, where the curve leads a
    little way at a time if the sum is all but flat, as soon as the last step was longer than what is
-   left of the interval. The number of evaluations is fixed; a last step is taken along the
-   tangents, and what is left of the residual then is part of the accuracy budget. */
-static void rise(const path *along, search *find, int16_t evaluations, answer *at)
+   left of the interval. The number of evaluations is bounded; a last step is taken along the
+   tangents, and what is left of the residual then is part of the accuracy budget. It is never taken
+   from the start itself, whose y is remembered: errors of many short steps would add up. */
+static answer rise(const path *along, search find, int16_t evaluations, answer at)
 {
   const int32_t freed = along->departure + along->play;
   int32_t furthest = ANHYST_Q31_MAX;
-  find->low = at->x;
-  find->high = ONE - 1;
+  find.low = along->x;
+  find.high = ONE - 1;
+  int32_t next = look(&find, &at);
   for (int16_t i = 0; i < evaluations; i++) {
-    const int32_t x = at->x;
-    int32_t next = look(find, at);
-    if (i == 0 && freed > x && freed < find->high) {
-      next = leave_hold(along, find, freed, next);
-    } else if (nearer(x, next, find->low, find->high, furthest)) {
-      next = anhyst_clamp(next, find->low, find->high);
+    const int32_t x = at.x;
+    if (i == 0 && freed > x && freed < find.high) {
+      next = leave_hold(along, &find, freed, next);
+    } else if (nearer(x, next, find.low, find.high, furthest)) {
+      next = anhyst_clamp(next, find.low, find.high);
       furthest = next < x ? x - next : next - x;
     } else {
       const int32_t before = furthest;
-      furthest = find->high - find->low;
-      next = find->low;
-      if (furthest > LONG_WAY && (find->iron >= 0 || i < 2 || before < furthest)) {
-        next = follow_curve(along, find, x, find->residual);
+      furthest = find.high - find.low;
+      next = find.low;
+      if (furthest > LONG_WAY && (find.iron >= 0 || i < 2 || before < furthest)) {
+        next = follow_curve(along, &find, x, find.residual);
       }
-      if (next <= find->low || next >= find->high) {
-        next = find->low + furthest / 2;
+      if (next <= find.low || next >= find.high) {
+        next = find.low + furthest / 2;
       }
     }
-    evaluate(along, next, at);
+    evaluate(along, next, &at);
+    next = look(&find, &at);
+    if (is_near(along, at.x, next)) {
+      break;
+    }
   }
-  const int32_t last = look(find, at);
-  slide(along, anhyst_clamp(last, find->low, find->high), at);
+  slide(along, anhyst_clamp(next, find.low, find.high), &at);
+  return at;
 }
 
 static void prepare(path *along, const int16_t *words, const anhyst_memory *from)
@@ -351,86 +380,157 @@ static void prepare(path *along, const int16_t *words, const anhyst_memory *from
   along->rate_shift = (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT];
   along->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
   along->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
-  along->x = anhyst_clamp(from->a >> 2, 1 - ONE, ONE - 1);
-  along->y = anhyst_clamp(from->b >> 2, 1 - ONE, ONE - 1);
-  along->p = anhyst_clamp(from->c >> 2, 1 - ONE, ONE - 1);
-  along->turn = anhyst_clamp(from->d >> 2, 1 - ONE, ONE - 1);
-  along->level = anhyst_clamp(from->e >> 2, 1 - ONE, ONE - 1);
+  along->near = NEAR_PART / along->steepness;
+  along->near = along->near < NEAR_WAY ? along->near : NEAR_WAY;
+  along->x = anhyst_sat_q28(from->a >> 2);
+  along->y = anhyst_sat_q28(from->b >> 2);
+  along->p = anhyst_sat_q28(from->c >> 2);
+  along->turn = anhyst_sat_q28(from->d >> 2);
+  along->level = anhyst_sat_q28(from->e >> 2);
 }
 
-static void mirror(path *along)
+/* The number in the direction of a path: -1 - a and not -a, which would leave the range for -1. */
+static int32_t turned(int32_t a, int falling) { return falling ? ~a : a; }
+
+/* Mirrors what falls, and lets the play turn where it moved the other way, or not yet. */
+static void set_out(path *along, int falling)
 {
-  along->x = -along->x;
-  along->y = -along->y;
-  along->p = -along->p;
-  along->turn = -along->turn;
-  along->level = -along->level;
+  along->x = turned(along->x, falling);
+  along->y = turned(along->y, falling);
+  along->p = turned(along->p, falling);
+  along->turn = turned(along->turn, falling);
+  along->level = turned(along->level, falling);
+  if (along->turn >= along->p) {
+    along->turn = along->p;
+    along->level = along->y;
+  }
 }
 
-/* A number of a path as the memory keeps it: q30, in the direction it really had. */
-static int32_t outward(int32_t a, int falling) { return (falling ? -a : a) * 4; }
-
-/* What was found on a path, in the direction it really had; where the play has not moved, it has
-   not turned either. */
+/* What was found on a path, in q30 and in the direction it really had; where the play has not
+   moved, it has not turned either. */
 static void remember(const path *along, const anhyst_memory *from, int falling, const answer *at,
                      anhyst_memory *to)
 {
   const int moved = at->p != along->p;
-  to->a = outward(at->x, falling);
-  to->b = outward(at->y, falling);
-  to->c = outward(at->p, falling);
-  to->d = moved ? outward(along->turn, falling) : from->d;
-  to->e = moved ? outward(along->level, falling) : from->e;
+  to->a = turned(at->x, falling) * 4;
+  to->b = turned(at->y, falling) * 4;
+  to->c = turned(at->p, falling) * 4;
+  to->d = moved ? turned(along->turn, falling) * 4 : from->d;
+  to->e = moved ? turned(along->level, falling) * 4 : from->e;
 }
 
-/* Solves air*x + iron*m = target from a memory; |target| < 1, air above 0. Returns m. */
-static int32_t solve(const int16_t *words, const anhyst_memory *from, int16_t air, int16_t iron,
-                     int32_t target, anhyst_memory *to)
+/* The slopes beyond the start of a path that has departed, from the anhysteretic there. */
+static void rise_from_start(const path *along, int32_t anhysteretic, int32_t x_rise, answer *at)
 {
-  path along;
-  search find;
-  answer at;
-  int32_t step;
-  prepare(&along, words, from);
-  int32_t anhysteretic = odd_value(along.curve, along.x, &step);
-  const int32_t m = magnetisation(&along, along.y, anhysteretic);
-  const int32_t residual = anhyst_scale(along.x, air) + anhyst_scale(m, iron) - target;
-  const int falling = residual > 0;
-  if (falling) {
-    mirror(&along);
-    anhysteretic = -anhysteretic;
-  }
-  at.x = along.x;
-  at.y = along.y;
-  at.p = along.p;
-  at.m = falling ? -m : m;
-  if (residual > STILL || residual < -STILL) {
-    at.y_slope = depart(&along, anhysteretic);
-    at.m_slope = slope_of_m(&along, at.y_slope, slope_of(&along, step));
-    find.air = air;
-    find.iron = iron;
-    find.target = falling ? -target : target;
-    rise(&along, &find, words[ANHYST_WORD_FULL_ITERATIONS], &at);
-  }
-  remember(&along, from, falling, &at, to);
-  return falling ? -at.m : at.m;
+  at->y_slope = slope_at_start(along, anhysteretic);
+  at->m_slope = slope_of_m(along, at->y_slope, slope_of(along, x_rise));
 }
 
 static int32_t full_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                          anhyst_memory *to)
+                          anhyst_candidate *to)
 {
-  (void)solve(words, from, words[ANHYST_WORD_FULL_AIR], 16384, flux >> 4, to);
-  return to->a;
+  path along;
+  search find;
+  int32_t x_rise;
+  prepare(&along, words, from);
+  const int32_t anhysteretic = odd_value(along.curve, along.x, &x_rise);
+  const int32_t m = magnetisation(&along, along.y, anhysteretic);
+  find.air = words[ANHYST_WORD_FULL_AIR];
+  find.iron = 16384;
+  const int32_t residual =
+      anhyst_scale(along.x, find.air) + anhyst_scale(m, find.iron) - (flux >> 4);
+  const int falling = residual > 0;
+  set_out(&along, falling);
+  answer at = {along.x, along.y, along.p, turned(m, falling), 0, 0};
+  to->way = 0;
+  if (residual > STILL || residual < -STILL) {
+    find.target = turned(flux >> 4, falling);
+    depart(&along);
+    rise_from_start(&along, turned(anhysteretic, falling), x_rise, &at);
+    at = rise(&along, find, words[ANHYST_WORD_FULL_ITERATIONS], at);
+    to->way = falling ? -1 : 1;
+  }
+  remember(&along, from, falling, &at, &to->memory);
+  to->m = turned(at.m, falling);
+  to->y_slope = (int16_t)at.y_slope;
+  to->m_slope = (int16_t)at.m_slope;
+  return to->memory.a;
 }
 
-static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const anhyst_arms *arms,
-                         int32_t current, anhyst_memory *to)
+/* flux_arm*flux + field_arm*x at a place of the law: what makes up the current. */
+static int32_t current_at(const int16_t *words, const anhyst_arms *arms, int32_t x, int32_t m)
 {
-  const int32_t air_arm = ((int32_t)words[ANHYST_WORD_FULL_AIR] * arms->flux_arm) >> 14;
-  const int16_t air = (int16_t)anhyst_clamp(arms->field_arm + air_arm, 1, ANHYST_Q15_MAX);
-  const int32_t target = anhyst_clamp((current >> 2) - (arms->bias >> 2), 1 - ONE, ONE - 1);
-  const int32_t m = solve(words, from, air, arms->flux_arm, target, to);
-  return anhyst_add_q31(m * 4, anhyst_shl_q31(anhyst_scale(to->a, words[ANHYST_WORD_FULL_AIR]), 2));
+  const int32_t flux = m + anhyst_scale(x, words[ANHYST_WORD_FULL_AIR]) * 4;
+  return anhyst_scale(flux, arms->flux_arm) + anhyst_scale(x, arms->field_arm);
+}
+
+/* Sets the target so that at a known place so much is missing of it: what air and iron lose to
+   their 16 bits counts for the way from there alone. */
+static void aim(search *find, const answer *at, int32_t missing)
+{
+  find->target =
+      anhyst_sat_q28(anhyst_scale(at->x, find->air) + anhyst_scale(at->m, find->iron) + missing);
+}
+
+/* The end of a solved path of the same start and direction. */
+static answer end_of(const path *along, const anhyst_candidate *solved, int falling)
+{
+  const answer at = {above(turned(solved->memory.a >> 2, falling), along->x),
+                     above(turned(solved->memory.b >> 2, falling), along->y),
+                     above(turned(solved->memory.c >> 2, falling), along->p),
+                     anhyst_sat_q28(turned(solved->m, falling)),
+                     solved->y_slope,
+                     solved->m_slope};
+  return at;
+}
+
+/* Moves the end of a solved path along its tangents, if they lead to the target. */
+static int slid(const path *along, search find, answer *at)
+{
+  const int32_t next = look(&find, at);
+  if (next < along->x || next >= ONE || !is_near(along, at->x, next)) {
+    return 0;
+  }
+  slide(along, next, at);
+  return 1;
+}
+
+static int32_t full_flux(const int16_t *words, const anhyst_memory *from,
+                         const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
+                         anhyst_memory *to)
+{
+  path along;
+  search find;
+  int32_t x_rise;
+  prepare(&along, words, from);
+  const int32_t anhysteretic = odd_value(along.curve, along.x, &x_rise);
+  const int32_t m = magnetisation(&along, along.y, anhysteretic);
+  const int32_t wanted = (current >> 2) - (arms->bias >> 2);
+  const int32_t missing = wanted - current_at(words, arms, along.x, m);
+  const int falling = missing < 0;
+  set_out(&along, falling);
+  answer at = {along.x, along.y, along.p, turned(m, falling), 0, 0};
+  if (missing > STILL || missing < -STILL) {
+    const int32_t air_arm = ((int32_t)words[ANHYST_WORD_FULL_AIR] * arms->flux_arm) >> 14;
+    const answer end = end_of(&along, solved, falling);
+    const int32_t left = turned(wanted, falling) - current_at(words, arms, end.x, end.m);
+    const int from_end =
+        solved->way == (falling ? -1 : 1) && anhyst_abs_q31(left) < turned(missing, falling);
+    find.air = (int16_t)anhyst_clamp(arms->field_arm + air_arm, 1, ANHYST_Q15_MAX);
+    find.iron = arms->flux_arm;
+    at = from_end ? end : at;
+    aim(&find, &at, from_end ? left : turned(missing, falling));
+    if (!from_end || !slid(&along, find, &at)) {
+      depart(&along);
+      if (!from_end) {
+        rise_from_start(&along, turned(anhysteretic, falling), x_rise, &at);
+      }
+      at = rise(&along, find, words[ANHYST_WORD_FULL_ITERATIONS], at);
+    }
+  }
+  remember(&along, from, falling, &at, to);
+  const int32_t of_air = anhyst_shl_q31(anhyst_scale(to->a, words[ANHYST_WORD_FULL_AIR]), 2);
+  return anhyst_add_q31(turned(at.m, falling) * 4, of_air);
 }
 
 /* The largest slope of m over tables that are sound, as it may have been before their entries were

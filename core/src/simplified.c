@@ -75,45 +75,47 @@ static int32_t stretched(int32_t way, int16_t weight, int16_t shift)
   return anhyst_shl_q31(anhyst_scale(way, weight), n);
 }
 
-static void advance(const int16_t *words, const anhyst_memory *from, int32_t way, anhyst_memory *to)
+static void advance(const int16_t *words, anhyst_memory *start, int32_t way, anhyst_memory *to)
 {
   int32_t distance =
       stretched(way, words[ANHYST_WORD_SIMPLE_RATE], words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
   int32_t z = 0;
-  to->a = from->a;
+  to->a = start->a;
   to->d = 0;
   to->e = 0;
   to->c = 0;
-  if (from->b < 0) {
+  if (start->b < 0) {
     const int32_t held =
         stretched(way, words[ANHYST_WORD_SIMPLE_HOLD], words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]);
-    if (held < -from->b) {
-      to->b = from->b + held;
+    if (held < -start->b) {
+      to->b = start->b + held;
       return;
     }
-    distance -= anhyst_scale(-from->b, words[ANHYST_WORD_SIMPLE_REST]) >> 2;
+    distance -= anhyst_scale(-start->b, words[ANHYST_WORD_SIMPLE_REST]) >> 2;
     distance = distance > 0 ? distance : 0;
-  } else if (from->c > 0) {
-    z = from->c;
   } else {
-    z = z_of(words, from->b);
+    if (start->c <= 0) {
+      start->c = z_of(words, start->b);
+    }
+    z = start->c;
   }
   z = anhyst_add_q31(z, distance);
   const int32_t p = p_of(words, z);
-  to->b = p > from->b ? p : from->b;
+  to->b = p > start->b ? p : start->b;
   to->c = z;
 }
 
 static int32_t simplified_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                                anhyst_memory *to)
+                                anhyst_candidate *to)
 {
   return anhyst_closed_field(words, from, flux, to, advance);
 }
 
 static int32_t simplified_flux(const int16_t *words, const anhyst_memory *from,
-                               const anhyst_arms *arms, int32_t current, anhyst_memory *to)
+                               const anhyst_candidate *solved, const anhyst_arms *arms,
+                               int32_t current, anhyst_memory *to)
 {
-  return anhyst_closed_flux(words, from, arms, current, to, advance);
+  return anhyst_closed_flux(words, from, solved, arms, current, to, advance);
 }
 
 static int simplified_sound(const int16_t *words)

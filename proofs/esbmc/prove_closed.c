@@ -46,11 +46,11 @@ static inline int32_t anhyst_lag_slope(const int16_t *words, int32_t p)
 }
 #endif
 
-static void any_advance(const int16_t *words, const anhyst_memory *from, int32_t way,
-                        anhyst_memory *to)
+static void any_advance(const int16_t *words, anhyst_memory *start, int32_t way, anhyst_memory *to)
 {
-  SHOW(way >= 0 && is_memory(from));
-  to->a = from->a;
+  SHOW(way >= 0 && is_memory(start));
+  start->c = any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX);
+  to->a = start->a;
   to->b = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   to->c = any_within(0, ANHYST_Q31_MAX);
 }
@@ -76,11 +76,11 @@ static void prove_field(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   const anhyst_memory from = any_memory();
-  anhyst_memory to;
+  anhyst_candidate to;
   assume_sound(words);
   (void)anhyst_closed_field(
       words, &from, any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3), &to, any_advance);
-  SHOW(is_memory(&to));
+  SHOW(is_memory(&to.memory));
 }
 
 static void prove_flux(void)
@@ -90,10 +90,11 @@ static void prove_flux(void)
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(0, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
+  const anhyst_candidate solved = {any_memory(), 0, nondet_i16(), 0, 0};
   anhyst_memory to;
   assume_sound(words);
   ASSUME(words[ANHYST_WORD_SIMPLE_ITERATIONS] <= 3);
-  (void)anhyst_closed_flux(words, &from, &arms, nondet_i32(), &to, any_advance);
+  (void)anhyst_closed_flux(words, &from, &solved, &arms, nondet_i32(), &to, any_advance);
   SHOW(is_memory(&to));
 }
 
@@ -101,7 +102,7 @@ static void prove_flux(void)
 static void prove_euler(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
-  const anhyst_memory from = any_memory();
+  anhyst_memory from = any_memory();
   anhyst_memory to;
   ASSUME(euler_sound(words));
   euler_advance(words, &from, any_within(0, ANHYST_Q31_MAX), &to);

@@ -13,18 +13,20 @@
    ANY_TURN at the beginning and at the end of a turn: the invariant is shown, everything forgotten
    but the invariant, and so one turn stands for all. */
 #define INVARIANT                                                                                  \
-  (inside(at->x) && find->low > -ONE && find->low <= at->x && at->x <= find->high &&               \
-   find->high < ONE && furthest >= 0)
+  (inside(at.x) && inside(find.low) && find.low <= at.x && at.x <= find.high && find.high < ONE && \
+   furthest >= 0 && next > at.x - 4 * ONE && next < at.x + 4 * ONE && find.residual > -2 * ONE &&  \
+   find.residual < 2 * ONE)
 #define ANY_TURN                                                                                   \
   SHOW(INVARIANT);                                                                                 \
-  at->x = nondet_i32();                                                                            \
-  find->low = nondet_i32();                                                                        \
-  find->high = nondet_i32();                                                                       \
-  find->residual = nondet_i32();                                                                   \
+  at.x = nondet_i32();                                                                             \
+  find.low = nondet_i32();                                                                         \
+  find.high = nondet_i32();                                                                        \
+  find.residual = nondet_i32();                                                                    \
   furthest = nondet_i32();                                                                         \
+  next = nondet_i32();                                                                             \
   ASSUME(INVARIANT);
 
-#define inside(a) ((a) > -ONE && (a) < ONE)
+#define inside(a) ((a) >= -ONE && (a) < ONE)
 
 /* The iron's weight in the search, of either sign, or below zero alone where a fault shows there.
  */
@@ -53,16 +55,17 @@ static path any_prepared(void)
   along.branch.n = (uint16_t)(along.curve.n + 1U);
   along.inverse.at = inverse_words;
   along.inverse.n = (uint16_t)any_within(3, 9);
-  along.x = any_within(1 - ONE, ONE - 1);
-  along.y = any_within(1 - ONE, ONE - 1);
-  along.p = any_within(1 - ONE, ONE - 1);
-  along.turn = any_within(1 - ONE, ONE - 1);
-  along.level = any_within(1 - ONE, ONE - 1);
+  along.x = any_within(-ONE, ONE - 1);
+  along.y = any_within(-ONE, ONE - 1);
+  along.p = any_within(-ONE, ONE - 1);
+  along.turn = any_within(-ONE, ONE - 1);
+  along.level = any_within(-ONE, ONE - 1);
   along.play = any_within(0, ANHYST_Q15_MAX) * 8192;
   along.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
   along.rate_shift = (uint16_t)any_within(0, 12);
   along.steepness = (int16_t)any_within(1, ANHYST_Q15_MAX);
   along.reversible = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  along.near = any_within(0, NEAR_WAY);
   return along;
 }
 
@@ -169,7 +172,7 @@ static int32_t follow_curve(const path *along, const search *find, int32_t x, in
 {
   SHOW(inside(x) && residual > -2 * ONE && residual < 2 * ONE);
   SHOW(find->air > 0 && find->iron >= -ANHYST_Q15_MAX);
-  return any_within(1 - ONE, ONE - 1);
+  return any_within(-ONE, ONE - 1);
 }
 
 static int32_t leave_hold(const path *along, search *find, int32_t end, int32_t tangent)
@@ -192,11 +195,19 @@ static void slide(const path *along, int32_t x, answer *at)
 #endif
 
 #ifdef RISE_BY_CONTRACT
-static void rise(const path *along, search *find, int16_t evaluations, answer *at)
+static answer rise(const path *along, search find, int16_t evaluations, answer at)
 {
-  SHOW(departed(along) && is_answer(along, at));
-  SHOW(find->air > 0 && find->iron >= -ANHYST_Q15_MAX && inside(find->target));
+  SHOW(departed(along) && is_answer(along, &at));
+  SHOW(find.air > 0 && find.iron >= -ANHYST_Q15_MAX && inside(find.target));
+  return any_answer(along);
+}
+
+static int slid(const path *along, search find, answer *at)
+{
+  SHOW(is_answer(along, at));
+  SHOW(find.air > 0 && find.iron >= -ANHYST_Q15_MAX && inside(find.target));
   *at = any_answer(along);
+  return nondet_i16();
 }
 #endif
 
@@ -206,9 +217,9 @@ static void remember(const path *along, const anhyst_memory *from, int falling, 
 {
   SHOW(inside(at->x) && inside(at->y) && inside(at->p));
   SHOW(inside(along->turn) && inside(along->level));
-  to->a = any_within(4 - ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
-  to->b = any_within(4 - ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
-  to->c = any_within(4 - ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
+  to->a = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
+  to->b = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
+  to->c = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
   to->d = nondet_i32();
   to->e = nondet_i32();
 }
@@ -276,7 +287,7 @@ static void prove_quotient(void)
 static void prove_evaluate(void)
 {
   const path along = any_path();
-  const int32_t x = any_within(1 - ONE, ONE - 1);
+  const int32_t x = any_within(-ONE, ONE - 1);
   answer at;
   evaluate(&along, x, &at);
   SHOW(at.x == x);
@@ -286,10 +297,16 @@ static void prove_evaluate(void)
 static void prove_depart(void)
 {
   path along = any_prepared();
-  int32_t step;
-  const int32_t slope = depart(&along, odd_value(along.curve, along.x, &step));
-  SHOW(is_slope(slope));
+  int32_t x_rise;
+  answer at = {along.x, along.y, along.p, any_within(-ONE, ONE - 1), 0, 0};
+  set_out(&along, nondet_i16() != 0);
+  depart(&along);
   SHOW(departed(&along));
+  at.x = along.x;
+  at.y = along.y;
+  at.p = along.p;
+  rise_from_start(&along, odd_value(along.curve, along.x, &x_rise), x_rise, &at);
+  SHOW(is_answer(&along, &at));
 }
 
 static void prove_steps(void)
@@ -298,7 +315,7 @@ static void prove_steps(void)
   answer at = any_answer(&along);
   search find = {(int16_t)any_within(1, ANHYST_Q15_MAX),
                  (int16_t)any_within(-ANHYST_Q15_MAX, MOST_IRON),
-                 any_within(1 - ONE, ONE - 1),
+                 any_within(-ONE, ONE - 1),
                  nondet_i32(),
                  nondet_i32(),
                  nondet_i32()};
@@ -308,15 +325,29 @@ static void prove_steps(void)
   SHOW(next - x > -4 * ONE && next - x < 4 * ONE);
   SHOW(find.residual < 0 ? find.low == x : find.high == x);
   SHOW(inside(follow_curve(&along, &find, x, find.residual)));
-  const int32_t end = any_within(1 - ONE, ONE - 1);
-  const int32_t low = any_within(1 - ONE, end);
+  const int32_t end = any_within(-ONE, ONE - 1);
+  const int32_t low = any_within(-ONE, end);
   const int32_t high = any_within(end, ONE - 1);
   find.low = low;
   find.high = high;
   const int32_t first = leave_hold(&along, &find, end, next);
   SHOW((find.low == end && find.high == high) || (find.low == low && find.high == end));
   SHOW(first >= find.low && first <= find.high);
-  slide(&along, any_within(1 - ONE, ONE - 1), &at);
+  slide(&along, any_within(-ONE, ONE - 1), &at);
+  SHOW(is_answer(&along, &at));
+}
+
+static void prove_slid(void)
+{
+  const path along = any_path();
+  answer at = any_answer(&along);
+  const search find = {(int16_t)any_within(1, ANHYST_Q15_MAX),
+                       (int16_t)any_within(-ANHYST_Q15_MAX, MOST_IRON),
+                       any_within(-ONE, ONE - 1),
+                       nondet_i32(),
+                       nondet_i32(),
+                       nondet_i32()};
+  (void)slid(&along, find, &at);
   SHOW(is_answer(&along, &at));
 }
 
@@ -326,11 +357,12 @@ static void prove_rise(void)
   answer at = any_answer(&along);
   search find = {(int16_t)any_within(1, ANHYST_Q15_MAX),
                  (int16_t)any_within(-ANHYST_Q15_MAX, MOST_IRON),
-                 any_within(1 - ONE, ONE - 1),
+                 any_within(-ONE, ONE - 1),
                  nondet_i32(),
                  nondet_i32(),
                  nondet_i32()};
-  rise(&along, &find, (int16_t)any_within(2, 16), &at);
+  ASSUME(at.x >= along.x);
+  at = rise(&along, find, (int16_t)any_within(2, 16), at);
   SHOW(is_answer(&along, &at));
 }
 
@@ -341,9 +373,9 @@ static void prove_remember(void)
   const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   anhyst_memory to;
   remember(&along, &from, nondet_i16() != 0, &at, &to);
-  SHOW(to.a > -ANHYST_Q30_ONE && to.a < ANHYST_Q30_ONE);
-  SHOW(to.b > -ANHYST_Q30_ONE && to.b < ANHYST_Q30_ONE);
-  SHOW(to.c > -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);
+  SHOW(to.a >= -ANHYST_Q30_ONE && to.a < ANHYST_Q30_ONE);
+  SHOW(to.b >= -ANHYST_Q30_ONE && to.b < ANHYST_Q30_ONE);
+  SHOW(to.c >= -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);
 }
 
 /* The head of a block that passed its check. */
@@ -389,19 +421,28 @@ static void prove_kernel(void)
   int16_t words[ANHYST_BLOCK_LEAST_WORDS]; /* any; no table is read */
   assume_sound(words);
   const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
-  anhyst_memory to;
 #ifdef FIELD
+  anhyst_candidate solved;
   const int32_t flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
-  (void)full_field(words, &from, flux, &to);
+  (void)full_field(words, &from, flux, &solved);
+  const anhyst_memory to = solved.memory;
+  SHOW(is_slope(solved.y_slope) && is_slope(solved.m_slope));
 #else
+  const anhyst_candidate solved = {
+      {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()},
+      nondet_i32(),
+      nondet_i16(),
+      (int16_t)any_within(0, ANHYST_SLOPE_MAX),
+      (int16_t)any_within(0, ANHYST_SLOPE_MAX)};
+  anhyst_memory to;
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
-  (void)full_flux(words, &from, &arms, nondet_i32(), &to);
+  (void)full_flux(words, &from, &solved, &arms, nondet_i32(), &to);
 #endif
-  SHOW(to.a > -ANHYST_Q30_ONE && to.a < ANHYST_Q30_ONE);
-  SHOW(to.b > -ANHYST_Q30_ONE && to.b < ANHYST_Q30_ONE);
-  SHOW(to.c > -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);
+  SHOW(to.a >= -ANHYST_Q30_ONE && to.a < ANHYST_Q30_ONE);
+  SHOW(to.b >= -ANHYST_Q30_ONE && to.b < ANHYST_Q30_ONE);
+  SHOW(to.c >= -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);
 }
 
 int main(void)

@@ -68,8 +68,8 @@ static void prove_advance(void)
 {
   int16_t words[WORDS];
   any_words(words);
-  const anhyst_memory from = {nondet_i32(), any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE),
-                              any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX), 0, 0};
+  anhyst_memory from = {nondet_i32(), any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE),
+                        any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX), 0, 0};
   anhyst_memory to;
   advance(words, &from, any_within(0, ANHYST_Q31_MAX), &to);
   SHOW(to.a == from.a && to.c >= 0);

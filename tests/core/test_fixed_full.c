@@ -142,8 +142,8 @@ static void walk(double kappa, double c, double *error_y, double *error_m)
     from.d = from.a;
     from.e = from.b;
     prepare(&along, words, &from);
-    int32_t rise;
-    (void)depart(&along, odd_value(along.curve, along.x, &rise));
+    set_out(&along, 0);
+    depart(&along);
     evaluate(&along, (int32_t)lrint(x1 / REACH * FULL_Q28), &at);
     const double y1 = lagged(kappa, x0, y0, x1);
     const double m1 = (1.0 - c) * y1 + c * langevin(x1);
@@ -192,8 +192,12 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(start[1] * ANHYST_Q30_ONE),
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE),
         (int32_t)lrint(start[1] * ANHYST_Q30_ONE)};
+    const anhyst_arms arms = {0, iron, air};
+    const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0};
     anhyst_memory to;
-    const double m = solve(words, &from, air, iron, target, &to) / FULL_Q28;
+    const int32_t flux = full_flux(words, &from, &none, &arms, target * 4, &to);
+    const double m =
+        (flux - anhyst_scale(to.a, words[ANHYST_WORD_FULL_AIR]) * 4) / (FULL_Q28 * 4.0);
     keep_worst(&worst, fabs((double)to.a / ANHYST_Q30_ONE - x1 / REACH));
     keep_worst(&worst, fabs(m - m1) / REACH);
   }

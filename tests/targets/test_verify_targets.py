@@ -6,6 +6,7 @@ import pytest
 
 from anhyst.verify import TargetResult, verify
 from anhyst.verify.firmware import FirmwareRun, compare_runs
+from anhyst.verify.protocol import COMPENSATOR
 from anhyst.verify.result import Verification
 
 from .conftest import Compile
@@ -13,7 +14,7 @@ from .conftest import Compile
 needs_avr = pytest.mark.needs("avr-gcc", "cc", "/usr/include/simavr/sim_avr.h")
 
 KINDS = [("full", "q31"), ("simplified", "q15")]
-PARTS = ["solve", "commit, solved", "commit, other", "pidd2", "tick"]
+PARTS = list(COMPENSATOR.sections[1:])
 
 
 def agrees(found: Verification) -> Verification:

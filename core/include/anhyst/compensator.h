@@ -38,6 +38,15 @@ typedef struct {
   int32_t e;
 } anhyst_memory;
 
+/* A solved step that has not been committed: where it leads, and what a current near it needs. */
+typedef struct {
+  anhyst_memory memory;
+  int32_t m;       /* full: magnetisation there, q28 */
+  int16_t way;     /* 1: the field rises, -1: it falls, 0: it stays, or not known */
+  int16_t y_slope; /* full: of irreversible part and magnetisation over the field, in 1/1024 */
+  int16_t m_slope;
+} anhyst_candidate;
+
 /* How the current is made up at the gap of this tick. */
 typedef struct {
   int32_t bias;      /* q30 */
@@ -45,15 +54,18 @@ typedef struct {
   int16_t field_arm; /* weight, > 0 */
 } anhyst_arms;
 
-/* A law in fixed point. Both functions leave *from alone and fill *to, which may not be *from. */
+/* A law in fixed point. Both functions leave *from alone and fill *to, which may not lie in *from.
+ */
 typedef struct {
   uint16_t kind; /* of the blocks it works with */
   /* The field that belongs to a flux, q30. |flux| <= 1. */
   int32_t (*field)(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                   anhyst_memory *to);
-  /* The flux to which a current leads, q30: bias + flux_arm*flux + field_arm*field = current. */
-  int32_t (*flux)(const int16_t *words, const anhyst_memory *from, const anhyst_arms *arms,
-                  int32_t current, anhyst_memory *to);
+                   anhyst_candidate *to);
+  /* The flux to which a current leads, q30: bias + flux_arm*flux + field_arm*field = current.
+     *solved is what field() found from the same memory, or its way is 0: a current near that of the
+     candidate is found in a fraction of the time. */
+  int32_t (*flux)(const int16_t *words, const anhyst_memory *from, const anhyst_candidate *solved,
+                  const anhyst_arms *arms, int32_t current, anhyst_memory *to);
   /* Whether a block's words of this kind are sound. */
   int (*sound)(const int16_t *words);
   /* Brings a memory from one sound block to another, under which the iron stands at this flux, q30.
@@ -65,18 +77,19 @@ extern const anhyst_kernel anhyst_kernel_full;
 extern const anhyst_kernel anhyst_kernel_simplified;
 extern const anhyst_kernel anhyst_kernel_euler;
 
-/* One compensator: 72 bytes or fewer on targets with 32-bit pointers. */
+/* One compensator: 92 bytes or fewer on targets with 32-bit pointers. */
 typedef struct {
   const anhyst_kernel *kernel;
-  const int16_t *words; /* the parameter block in use; read only */
-  anhyst_memory memory; /* of what was applied */
-  anhyst_memory next;   /* where the solved current would lead */
-  int32_t current;      /* solved, q31 */
-  int32_t flux;         /* solved, q30 */
-  int32_t flux_applied; /* after the last commit, q30 */
-  int32_t gap;          /* for which was solved, q31 */
-  uint16_t flags;       /* of the last solve, see flags.h */
-  uint16_t solved;      /* whether next belongs to memory */
+  const int16_t *words;  /* the parameter block in use; read only */
+  anhyst_memory memory;  /* of what was applied */
+  anhyst_candidate next; /* where the solved current would lead */
+  anhyst_arms arms;      /* at the gap for which was solved */
+  int32_t current;       /* solved, q31 */
+  int32_t flux;          /* solved, q30 */
+  int32_t flux_applied;  /* after the last commit, q30 */
+  int32_t gap;           /* for which was solved, q31 */
+  uint16_t flags;        /* of the last solve, see flags.h */
+  uint16_t solved;       /* whether next and arms belong to memory, gap and words */
 } anhyst_compensator;
 
 /* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the block is not
@@ -108,7 +121,8 @@ int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int1
 int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap);
 
 /* Advances the memory with the current that was applied, at the gap there was. If both are what
-   was solved for, this costs a copy; otherwise as much as a solve. */
+   was solved for, this costs a copy; near it, as what a converter's grid makes of it, an eighth of
+   a solve; otherwise at most as much as a solve. */
 void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16_t gap);
 void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap);
 

@@ -18,6 +18,8 @@ extern "C" {
 #endif
 
 #define ANHYST_Q30_ONE ((int32_t)1073741824)
+#define ANHYST_Q28_MAX ((int32_t)268435455)
+#define ANHYST_Q28_MIN ((int32_t)(-268435455 - 1))
 #define ANHYST_Q15_MAX ((int16_t)32767)
 #define ANHYST_Q15_MIN ((int16_t)(-32767 - 1))
 #define ANHYST_Q31_MAX ((int32_t)2147483647)
@@ -26,10 +28,40 @@ extern "C" {
 /* The nearest q15 to an int32_t that holds a q15: saturates. Exact inside the range. */
 static inline int16_t anhyst_sat_q15(int32_t a)
 {
+#ifdef ANHYST_PORT_SAT_Q15
+  return (int16_t)ANHYST_PORT_SAT_Q15(a);
+#else
   if (a > ANHYST_Q15_MAX) {
     return ANHYST_Q15_MAX;
   }
   return a < ANHYST_Q15_MIN ? ANHYST_Q15_MIN : (int16_t)a;
+#endif
+}
+
+/* The nearest number of 0..32767. Exact inside the range. */
+static inline int32_t anhyst_sat_u15(int32_t a)
+{
+#ifdef ANHYST_PORT_SAT_U15
+  return ANHYST_PORT_SAT_U15(a);
+#else
+  if (a > ANHYST_Q15_MAX) {
+    return ANHYST_Q15_MAX;
+  }
+  return a < 0 ? 0 : a;
+#endif
+}
+
+/* The nearest number of -2^28..2^28 - 1, which is -1 to just below 1 in q28. Exact inside. */
+static inline int32_t anhyst_sat_q28(int32_t a)
+{
+#ifdef ANHYST_PORT_SAT_Q28
+  return ANHYST_PORT_SAT_Q28(a);
+#else
+  if (a > ANHYST_Q28_MAX) {
+    return ANHYST_Q28_MAX;
+  }
+  return a < ANHYST_Q28_MIN ? ANHYST_Q28_MIN : a;
+#endif
 }
 
 /* a + b, saturates. Exact inside the range. */
@@ -111,13 +143,11 @@ static inline int32_t anhyst_scale(int32_t a, int16_t b)
 /* a*2^n for 0 <= n <= 31, saturates. Exact inside the range. */
 static inline int32_t anhyst_shl_q31(int32_t a, uint16_t n)
 {
-  if (a > (ANHYST_Q31_MAX >> n)) {
-    return ANHYST_Q31_MAX;
+  const int32_t shifted = (int32_t)((uint32_t)a << n);
+  if ((shifted >> n) != a) { /* what was shifted out is missing */
+    return a < 0 ? ANHYST_Q31_MIN : ANHYST_Q31_MAX;
   }
-  if (a < -(ANHYST_Q31_MAX >> n) - 1) {
-    return ANHYST_Q31_MIN;
-  }
-  return (int32_t)((uint32_t)a << n);
+  return shifted;
 }
 
 /* Nearest q15 to a q31 (halves upwards), saturates. */

@@ -14,7 +14,7 @@ CHECKPOINTS = 64
 WINDOW = 48
 
 START, RANDOM, VECTORS, STACK = range(4)
-AS_SOLVED, AS_GIVEN = range(2)
+AS_SOLVED, AS_GIVEN, ON_GRID = range(3)
 
 RECORD_WORDS = 18
 
@@ -71,9 +71,19 @@ COMPENSATOR = Form(
         "pidd2 velocity",
     ),
     inputs=("demand", "gap", "how", "applied", "applied gap"),
-    sections=("clock", "solve", "commit, solved", "commit, other", "pidd2", "tick"),
+    sections=(
+        "clock",
+        "solve",
+        "commit, solved",
+        "commit, rounded",
+        "commit, limited",
+        "commit, other",
+        "pidd2",
+        "tick, rounded",
+        "tick",
+    ),
     # A tick is made of four parts: PIDD2 and compensator, solve and commit each.
-    calls={"tick": 4, "pidd2": 2},
+    calls={"tick, rounded": 4, "tick": 4, "pidd2": 2},
     start="conditioning sequence",
 )
 
@@ -99,7 +109,7 @@ CONTROLLER = Form(
         "memory c",
     ),
     inputs=("position", "target", "load", "measured current 1", "measured current 2", "event"),
-    sections=("clock", "tick, controls", "tick, ramps", "tick, rests", "", "tick"),
+    sections=("clock", "tick, controls", "tick, ramps", "tick, rests", *[""] * 4, "tick"),
     calls={},
     start="limits",
 )
@@ -107,7 +117,7 @@ CONTROLLER = Form(
 _REQUEST = 6
 _REPLY = 8
 _SECTION_WORDS = 6
-SECTIONS = 6
+SECTIONS = 9
 _SECTIONS_AT = _REQUEST + _REPLY
 _CHECKPOINTS_AT = _SECTIONS_AT + _SECTION_WORDS * SECTIONS
 _WINDOW_AT = _CHECKPOINTS_AT + CHECKPOINTS

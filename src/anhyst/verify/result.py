@@ -18,8 +18,9 @@ class Cost:
     Parameters
     ----------
     part : str
-        ``solve``; ``commit, solved`` with the solved current; ``commit, other`` with another one;
-        ``pidd2``; ``tick``, all of a step.
+        ``solve``; ``commit, solved`` with the solved current, ``commit, rounded`` with that on a
+        converter's grid, ``commit, limited`` with a limit instead of it, ``commit, other`` with
+        another current; ``pidd2``; ``tick, rounded`` and ``tick``, all of a step.
     least, most : int
         Over all steps.
     mean : float

@@ -23,7 +23,8 @@ enum {
 /* How the current of a step comes about. */
 enum {
   HARNESS_AS_SOLVED = 0, /* applied is the solved current at the same gap */
-  HARNESS_AS_GIVEN = 1   /* applied and its gap stand in the record */
+  HARNESS_AS_GIVEN = 1,  /* applied and its gap stand in the record */
+  HARNESS_ON_GRID = 2    /* as solved, rounded to a converter of 12 bits */
 };
 
 /* One step of a compensator: what goes in and what comes out, in the order in which it does. */
@@ -77,9 +78,12 @@ enum {
   HARNESS_EMPTY, /* the clock itself: to be taken off the others */
   HARNESS_SOLVE,
   HARNESS_COMMIT_SOLVED,
+  HARNESS_COMMIT_ROUNDED, /* to a converter's grid */
+  HARNESS_COMMIT_LIMITED, /* of a solved current that met a limit, rounded or not */
   HARNESS_COMMIT_OTHER,
   HARNESS_CONTROL_BLOCK,
-  HARNESS_TICK, /* all of one step */
+  HARNESS_TICK_ROUNDED, /* all of a step whose current was solved without a limit, and rounded */
+  HARNESS_TICK,         /* all of one step */
   HARNESS_SECTIONS
 };
 
@@ -87,7 +91,7 @@ enum {
 enum {
   HARNESS_CONTROLS = HARNESS_SOLVE,      /* controls the position */
   HARNESS_RAMPS = HARNESS_COMMIT_SOLVED, /* demands a force of its own: lift-off, setting down */
-  HARNESS_RESTS = HARNESS_COMMIT_OTHER   /* neither */
+  HARNESS_RESTS = HARNESS_COMMIT_ROUNDED   /* neither */
 };
 
 typedef struct {

@@ -85,8 +85,9 @@ static int32_t next_gap(int32_t gap)
 static void choose_applied(void)
 {
   const uint32_t kind = harness_draw() % 16;
+  const uint32_t hows[3] = {HARNESS_AS_SOLVED, HARNESS_ON_GRID, HARNESS_AS_GIVEN};
   const int32_t applied = kind < 13 ? as_signed(harness_draw()) : double_q30(draw_q30(4));
-  in.how = kind < 11 ? HARNESS_AS_SOLVED : HARNESS_AS_GIVEN;
+  in.how = hows[(kind >= 5U) + (kind >= 11U)];
   in.applied = current_of(applied);
   in.applied_gap = kind == 15 ? gap_of(double_q30(within(draw_q30(0), 0, Q30_ONE))) : in.gap;
   in.load = applied / 8;
@@ -117,7 +118,7 @@ static uint32_t control(const input *at, uint32_t *record)
   const int32_t output = anhyst_pidd2_solve_q31(&gains, &controller, at->reference, at->position,
                                                 at->load, &candidate);
   const uint32_t solve = harness_clock_stop();
-  const int32_t applied = at->how == HARNESS_AS_SOLVED ? output : at->load;
+  const int32_t applied = at->how == HARNESS_AS_GIVEN ? at->load : output;
   harness_clock_start();
   anhyst_pidd2_commit_q31(&gains, &controller, &candidate, applied);
   const uint32_t elapsed = solve + harness_clock_stop();
@@ -128,8 +129,34 @@ static uint32_t control(const input *at, uint32_t *record)
   return elapsed;
 }
 
+/* What is applied where this was solved. */
+static signal applied_of(const input *at, signal current)
+{
+  if (at->how == HARNESS_AS_GIVEN) {
+    return at->applied;
+  }
+  return at->how == HARNESS_ON_GRID ? on_grid(current) : current;
+}
+
+static signal applied_gap_of(const input *at)
+{
+  return at->how == HARNESS_AS_GIVEN ? at->applied_gap : at->gap;
+}
+
+/* What kind of commit it is, for the clock. */
+static uint16_t commit_section(const input *at, uint32_t flags)
+{
+  if (at->how == HARNESS_AS_GIVEN) {
+    return HARNESS_COMMIT_OTHER;
+  }
+  if ((flags & ANHYST_CURRENT_LIMITED) != 0U) {
+    return HARNESS_COMMIT_LIMITED;
+  }
+  return at->how == HARNESS_ON_GRID ? HARNESS_COMMIT_ROUNDED : HARNESS_COMMIT_SOLVED;
+}
+
 /* Solve and commit. Returns what the clock counted, its own share included. */
-static uint32_t compensate(const input *at, uint32_t *record)
+static uint32_t compensate(const input *at, uint32_t *record, uint16_t *section)
 {
   harness_clock_start();
   const signal current = SOLVE(&compensator, at->demand, at->gap);
@@ -138,15 +165,15 @@ static uint32_t compensate(const input *at, uint32_t *record)
   record[HARNESS_FLAGS] = compensator.flags;
   record[HARNESS_FLUX] = INNER_WORD(compensator.flux);
 
-  const int as_solved = at->how == HARNESS_AS_SOLVED;
-  const signal applied = as_solved ? current : at->applied;
-  const signal applied_gap = as_solved ? at->gap : at->applied_gap;
+  const signal applied = applied_of(at, current);
+  const signal applied_gap = applied_gap_of(at);
+  *section = commit_section(at, compensator.flags);
   harness_clock_start();
   COMMIT(&compensator, applied, applied_gap);
   const uint32_t commit = harness_clock_stop();
 
   harness_measured(HARNESS_SOLVE, solve);
-  harness_measured(as_solved ? HARNESS_COMMIT_SOLVED : HARNESS_COMMIT_OTHER, commit);
+  harness_measured(*section, commit);
   record[HARNESS_DEMAND] = word_of(at->demand);
   record[HARNESS_GAP] = word_of(at->gap);
   record[HARNESS_HOW] = at->how;
@@ -157,8 +184,12 @@ static uint32_t compensate(const input *at, uint32_t *record)
 
 void subject_step(uint32_t *record)
 {
-  const uint32_t elapsed = control(&in, record) + compensate(&in, record);
+  uint16_t section;
+  const uint32_t elapsed = control(&in, record) + compensate(&in, record, &section);
   harness_measured(HARNESS_TICK, elapsed);
+  if (section == HARNESS_COMMIT_ROUNDED) {
+    harness_measured(HARNESS_TICK_ROUNDED, elapsed);
+  }
   record[HARNESS_OUTPUT] = word_of(OUTPUT(&compensator));
   record[HARNESS_FLUX_APPLIED] = INNER_WORD(compensator.flux_applied);
   record_memory(&compensator, record);
@@ -208,7 +239,6 @@ uint32_t subject_stack(void)
   const uintptr_t low = painted_from(top);
   paint(low, top);
   const signal current = SOLVE(&compensator, in.demand, in.gap);
-  const int as_solved = in.how == HARNESS_AS_SOLVED;
-  COMMIT(&compensator, as_solved ? current : in.applied, as_solved ? in.gap : in.applied_gap);
+  COMMIT(&compensator, applied_of(&in, current), applied_gap_of(&in));
   return (uint32_t)(top - deepest(low, top));
 }

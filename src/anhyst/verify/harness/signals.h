@@ -62,6 +62,14 @@ static inline signal gap_of(int32_t a)
   return ACTUATOR_PARAMETERS.gap_low + part_of(a, span);
 }
 
+/* Where a converter of 12 bits between minus and plus the largest current puts it. */
+static inline signal on_grid(signal current)
+{
+  const signal step = anhyst_parameters.current_high / 2048.0F;
+  const int32_t code = (int32_t)(current / step + (current < 0.0F ? -0.5F : 0.5F));
+  return (signal)code * step;
+}
+
 #define INNER_WORD word_of
 
 static inline void record_memory(const compensator_state *c, uint32_t *record)
@@ -113,6 +121,13 @@ static inline signal demand_of(int32_t a) { return (signal)(a >> SIGNAL_SHIFT); 
 
 #define current_of demand_of
 #define gap_of demand_of
+
+/* Where a converter of 12 bits puts a current; the highest code is 2047. */
+static inline signal on_grid(signal current)
+{
+  const int32_t code = (current / ((int32_t)1 << (19 - SIGNAL_SHIFT)) + (current < 0 ? -1 : 1)) / 2;
+  return (signal)((code < 2048 ? code : 2047) * ((int32_t)1 << (20 - SIGNAL_SHIFT)));
+}
 
 static inline uint32_t inner_word(int32_t a) { return (uint32_t)a; }
 
