@@ -108,11 +108,11 @@ def test_flags_tell_what_was_limited(kind: Kind, demand: int, gap: int) -> None:
     assert core.flags & ~7 == 0
 
 
-STEPS = st.lists(st.tuples(WORDS, WORDS), min_size=1, max_size=40)
+HISTORIES = st.lists(st.tuples(WORDS, WORDS), min_size=1, max_size=40)
 
 
 @settings(max_examples=60)
-@given(KINDS, STEPS, WORDS)
+@given(KINDS, HISTORIES, WORDS)
 def test_the_same_history_gives_the_same_bits(
     kind: Kind, steps: list[tuple[int, int]], last: int
 ) -> None:
@@ -129,7 +129,7 @@ def test_the_same_history_gives_the_same_bits(
 
 
 @settings(max_examples=60)
-@given(KINDS, STEPS, WORDS)
+@given(KINDS, HISTORIES, WORDS)
 def test_what_was_solved_before_hardly_moves_a_commit(
     kind: Kind, steps: list[tuple[int, int]], demand: int
 ) -> None:
