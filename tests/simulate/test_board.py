@@ -213,7 +213,7 @@ def test_a_position_has_no_demand_and_a_flight_no_run(flight: BoardFlight) -> No
 def test_the_pc_may_come_and_go_on_the_ground_alone(flight: BoardFlight) -> None:
     for _ in range(5000):
         flight.tick(beats=False)
-    assert not flight.fault
+    assert flight.state is not State.FAULT
     hover(flight)
     for _ in range(2100):
         flight.tick(beats=False)
