@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A whole tick of what a levitating actuator does when, from any state within the invariant, for
-   any sound limits and settings and any input. */
+/* A command, a fault from outside and a whole tick of what a levitating actuator does when, from
+   any state within the invariant, for any sound limits and settings and any input. */
 #include "any.h"
 #include "levitation.c"
+#include "supervisor.c"
 
 /* Any answer; its product is tried with every number (proofs/exhaustive/reach.c). */
 static int is_reachable(const anhyst_levitation *l, int32_t step, int32_t position)
@@ -14,12 +15,10 @@ static int is_reachable(const anhyst_levitation *l, int32_t step, int32_t positi
 /* What a state always is. A sequence counts no further than it is long. */
 static int holds(const anhyst_levitation *l)
 {
-  const int counted = l->phase == ANHYST_PHASE_HOLD        ? l->tick >= 0 && l->tick <= UINT16_MAX
-                      : l->phase == ANHYST_PHASE_CONDITION ? l->tick >= -1 && l->tick < INT32_MAX
-                                                           : 1;
-  return l->state <= ANHYST_LEVITATION_FAULT && l->phase <= ANHYST_PHASE_CONDITION && counted &&
-         (l->phase != ANHYST_PHASE_CONDITION || l->state == ANHYST_LEVITATION_IDLE ||
-          l->state == ANHYST_LEVITATION_FAULT);
+  const anhyst_supervisor *s = &l->supervisor;
+  const int falls = l->phase != ANHYST_PHASE_FALL || (l->tick >= 0 && l->tick <= UINT16_MAX);
+  const int counts = s->conditioning == 0U || (s->step >= -1 && s->step < INT32_MAX);
+  return s->state < ANHYST_STATE_COUNT && l->phase < ANHYST_PHASE_COUNT && falls && counts;
 }
 
 int main(void)
@@ -30,12 +29,18 @@ int main(void)
   anhyst_levitation levitation;
   ASSUME(anhyst_levitation_check(&limits, &settings) == ANHYST_OK);
   ASSUME(holds(&levitation));
-  const uint16_t faulty = levitation.state == ANHYST_LEVITATION_FAULT ? 1U : 0U;
-  const uint16_t fault = levitation.fault;
+  (void)anhyst_levitation_command(&levitation, nondet_u16(), nondet_u16());
+  SHOW(holds(&levitation));
+  if (nondet_i16() != 0) {
+    anhyst_levitation_fail(&levitation, nondet_u16(), nondet_i16());
+    SHOW(levitation.supervisor.state == ANHYST_STATE_FAULT);
+  }
+  const uint16_t faulty = levitation.supervisor.state == ANHYST_STATE_FAULT ? 1U : 0U;
+  const uint16_t fault = levitation.supervisor.fault;
   anhyst_levitation_tick(&levitation, &limits, &settings, &input);
   SHOW(holds(&levitation));
-  if (faulty != 0U && levitation.state == ANHYST_LEVITATION_FAULT) {
-    SHOW(levitation.fault == fault); /* the first reason stays */
+  if (faulty != 0U && levitation.supervisor.state == ANHYST_STATE_FAULT) {
+    SHOW(levitation.supervisor.fault == fault); /* the first reason stays */
   }
   if ((levitation.flags & ANHYST_SAMPLE_DOUBTFUL) == 0U) {
     SHOW(levitation.position >= limits.low && levitation.position <= limits.high);

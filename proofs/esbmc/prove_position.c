@@ -40,6 +40,15 @@ int main(void)
 
 /* ---- contracts ---- */
 
+/* All but the remainder of the converter's steps, which nothing here depends on. */
+static int are_sound_q31(const anhyst_position_limits_q31 *of,
+                         const anhyst_position_settings_q31 *to)
+{
+  return is_sound(to->units.gap[0].factor) && is_sound(to->units.gap[1].factor) &&
+         of->current_low < of->current_high && of->current_step > 0 &&
+         of->release >= of->current_step && nondet_i16() != 0;
+}
+
 static int32_t on_grid_q31(const anhyst_position_limits_q31 *of, int32_t current)
 {
   SHOW(of == &limits && is_current(current));
@@ -103,14 +112,21 @@ anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *of,
   return nondet_i16() != 0 ? ANHYST_BAD_PARAMETER : ANHYST_OK;
 }
 
-void anhyst_levitation_start(anhyst_levitation *levitation) { levitation->state = 0; }
+void anhyst_levitation_start(anhyst_levitation *levitation) { levitation->phase = 0; }
+
+uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t command,
+                                   uint16_t at_zero)
+{
+  levitation->phase = (uint16_t)any_within(0, ANHYST_PHASE_COUNT - 1);
+  return nondet_u16();
+}
 
 void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitation_limits *of,
                             const anhyst_levitation_settings *to,
                             const anhyst_levitation_input *input)
 {
   anhyst_levitation next; /* any */
-  ASSUME(next.state <= ANHYST_LEVITATION_FAULT && next.phase <= ANHYST_PHASE_CONDITION);
+  ASSUME(next.supervisor.state < ANHYST_STATE_COUNT && next.phase < ANHYST_PHASE_COUNT);
   *levitation = next;
 }
 

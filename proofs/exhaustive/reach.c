@@ -3,6 +3,7 @@
    with the largest step whose product is taken, and with the next one, whose product is not. A
    smaller step has a smaller product. Compiled so that an overflow stops the program. */
 #include "levitation.c"
+#include "supervisor.c"
 
 int main(void)
 {
@@ -10,8 +11,8 @@ int main(void)
   for (uint32_t age = 0; age <= UINT16_MAX; age++) {
     const int32_t most = ANHYST_Q31_MAX / ((int32_t)age + 1);
     anhyst_levitation l = {0};
-    l.age = (uint16_t)age;
-    l.known = 1;
+    l.supervisor.age = (uint16_t)age;
+    l.seen = 1;
     l.position = ANHYST_Q31_MIN;
     wrong += is_reachable(&l, most, ANHYST_Q31_MIN) != 1;
     if (age > 0U) {
