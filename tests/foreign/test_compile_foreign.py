@@ -52,10 +52,10 @@ def worst_percent(folder: Path) -> float:
 def test_a_core_that_couples_more_than_its_gap_compiles_and_verifies(ring: Path) -> None:
     slope = least_slope(read_model(ring / "ring.toml"), np.zeros(1))[0]
     assert 0.0 < slope < 1.0  # so that the flux arm is negative
-    arguments = ("ring.toml", "--kind", "full", "--io", "q15", "--rate", "2e4", "--accuracy", "0.1")
+    arguments = ("ring.toml", "--kind", "full", "--io", "q15", "--rate", "2e4", "--accuracy", "0.3")
     result = quick("compile", *arguments, "--out", "c", cwd=ring)
     assert result.returncode == 0, result.stderr
-    assert worst_percent(ring / "c") < 0.1
+    assert worst_percent(ring / "c") < 0.3
     result = anhyst("verify", "c", "--on", "host", cwd=ring)
     assert result.returncode == 0, result.stderr
 
@@ -67,7 +67,7 @@ def test_every_kind_and_format_of_it_compiles(ring: Path, kind: str, io: str) ->
     arguments = ("ring.toml", "--kind", kind, "--io", io, "--rate", "2e4", "--out", out)
     result = quick("compile", *arguments, cwd=ring)
     assert result.returncode == 0, result.stderr
-    assert kind == "simplified" or worst_percent(ring / out) < 0.1
+    assert kind == "simplified" or worst_percent(ring / out) < 0.3
 
 
 MEASURED: dict[str, tuple[str, tuple[str, ...], float]] = {

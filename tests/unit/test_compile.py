@@ -61,7 +61,7 @@ def measured(model: ActuatorModel, low: float = 0.0, high: float = 2.0) -> Actua
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("compile")
-    write_model(measured(magnet()), place / "magnet.toml")
+    write_model(measured(magnet(play=105.0)), place / "magnet.toml")
     return place
 
 
