@@ -38,7 +38,7 @@ static int erase(uint16_t copy)
   for (int i = 0; i < WORDS; i++) {
     if (!power()) {
       for (int j = i; j < WORDS; j++) {
-        memory[copy][j] |= random_word() & random_word();
+        memory[copy][j] |= random_word();
       }
       return 0;
     }

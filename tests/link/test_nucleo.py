@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import struct
 import zlib
 from pathlib import Path
 
 import pytest
+from tests.once import made_once
+from tests.targets.test_verify_controller import compile_bearing
 
 from anhyst.link import frames
 from anhyst.link.blocks import regenerate
@@ -219,3 +222,54 @@ def send_block(chip: Chip, words: list[int], sequence: int) -> None:
     chip.tick()
     answer = ask(chip, BlockSwapRequest(generation), sequence + 1)
     assert isinstance(answer, AckAnswer)
+
+
+@pytest.fixture(scope="module")
+def bearing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the firmware around the bundled bearing's controller."""
+    folder = made_once(tmp_path_factory, "compiled-bearing", compile_bearing) / "out"
+    return build("nucleo", folder, tmp_path_factory.mktemp("nucleo") / "bearing.elf")
+
+
+def kept_set(position: tuple[int, ...], source: int) -> bytes:
+    """Return a flash with a set: calibrations, where the position comes from, no block."""
+    live_zero = (410, 327760, 0, 80, 4015)
+    numbers = [1, *live_zero * 3, *position, source, 0]
+    payload = struct.pack(f"<{len(numbers)}i", *numbers) + bytes(2048)
+    copy = struct.pack("<III", 0x53594E41, 5, len(payload) // 4) + payload
+    copy += struct.pack("<I", zlib.crc32(copy))
+    return copy.ljust(2 * nucleo.SECTOR_BYTES, b"\xff")
+
+
+def test_the_encoder_counts_both_ways_round(bearing: Path) -> None:
+    chip = Chip(bearing, kept_set((0, 100, 0, -(2**31), 2**31 - 1), 0))
+    chip.start()
+    ask(chip, HelloRequest(frames.VERSION, 7), 1)
+    for sequence, edges in enumerate((100, -100, -20_000, -40_000, -30_000), start=2):
+        chip.edges = edges
+        chip.tick()
+        assert status_of(chip, sequence).position == edges * 100
+
+
+def test_a_converter_gives_the_position_as_the_set_in_flash_calibrates_it(bearing: Path) -> None:
+    chip = Chip(bearing, kept_set((32768, -200, 1, 100, 65000), 1))
+    chip.start()
+    ask(chip, HelloRequest(frames.VERSION, 7), 1)
+    for sequence, code in enumerate((32768, 40000, 20001), start=2):
+        chip.place = code
+        chip.tick()
+        assert status_of(chip, sequence).position == (code - 32768) * -100
+
+
+def test_a_converter_that_does_not_answer_is_a_fault(bearing: Path) -> None:
+    chip = Chip(bearing, kept_set((32768, 65536, 0, 100, 65000), 1))
+    chip.start()
+    for n in range(200):
+        chip.place = 32768 + n % 3
+        chip.tick()
+    ask(chip, HelloRequest(frames.VERSION, 7), 1)
+    assert status_of(chip, 2).fault == Fault.NONE
+    chip.place = None
+    for _ in range(20):
+        chip.tick()
+    assert status_of(chip, 3).fault in {Fault.POSITION_MISSING, Fault.SENSOR_FAILED}
