@@ -26,7 +26,11 @@ GROUPS = {
     "fixed": (core_files(*SOURCES.values(), CONTROL), CORE_INCLUDES),
     "f32": (core_files(*SINGLE.values()), CORE_INCLUDES),
     "firmware": (
-        sorted([*FIRMWARE.glob("app/*.c"), *FIRMWARE.glob("link/*.c")]),
+        sorted(
+            file
+            for part in ("app", "link", "force", "position")
+            for file in FIRMWARE.glob(f"{part}/*.c")
+        ),
         (FIRMWARE, ROOT / "core" / "include", ROOT / "tests" / "firmware"),
     ),
 }
