@@ -113,7 +113,7 @@ static void run(anhyst_position_q31 *controller, const anhyst_position_limits_q3
     anhyst_position_tick_q31(controller, &sample, &answer);
     CHECK(is_drivable(limits, answer.current[0]));
     CHECK(pair ? is_drivable(limits, answer.current[1]) : answer.current[1] == 0);
-    CHECK(answer.state / 16U <= ANHYST_LEVITATION_FAULT);
+    CHECK(answer.state / 16U <= ANHYST_STATE_FAULT);
     seen[answer.state % 8U]++;
   }
 }

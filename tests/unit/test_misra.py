@@ -27,7 +27,9 @@ GROUPS = {
     "f32": (core_files(*SINGLE.values()), CORE_INCLUDES),
     "firmware": (
         sorted(
-            file for part in ("app", "link", "services") for file in FIRMWARE.glob(f"{part}/*.c")
+            file
+            for part in ("app", "link", "services", "force", "position")
+            for file in FIRMWARE.glob(f"{part}/*.c")
         ),
         (FIRMWARE, ROOT / "core" / "include", ROOT / "tests" / "firmware"),
     ),

@@ -1,0 +1,45 @@
+"""The bearing's firmware in an emulated Cortex-M3: currents against the simulation, faults."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from anhyst.errors import InputError
+from anhyst.simulate.flyboard import QEMU, fly_board
+from rows import ROOT, Row, Stopwatch
+
+RIG = ROOT / "examples" / "bearing" / "rig.toml"
+SOFT = 5e-3
+"""Touch-down speed of a landing, m/s."""
+
+
+def rows() -> list[Row]:
+    """Fly from lift-off to landing, then break everything in the air."""
+    watch = Stopwatch()
+    with tempfile.TemporaryDirectory() as place:
+        try:
+            found = fly_board(RIG, Path(place) / "flight.json", QEMU)
+        except InputError as error:
+            return [Row("firmware of the bearing in QEMU", "", str(error), None)]
+    fallen = [one for one in found.endings if not one.flies and one.rest_speed > SOFT]
+    fastest = 1e3 * max(one.rest_speed for one in fallen)
+    landed = [one for one in found.endings if not one.flies and one.rest_speed <= SOFT]
+    return [
+        Row(
+            "firmware of the bearing in QEMU against the simulation, lift-off to landing",
+            "no tick differs",
+            f"{found.differ} of {len(found.flown)} differ, landing at "
+            f"{1e3 * found.landing_speed:.1f} mm/s",
+            found.differ == 0 and found.landed,
+            watch.processor,
+        ),
+        Row(
+            "everything that goes wrong in the air",
+            "noticed, and nothing pulled into the magnet",
+            f"{len(landed)} of {len(found.endings)} landed at most at "
+            f"{1e3 * max(one.rest_speed for one in landed):.1f} mm/s, {len(fallen)} let go, at "
+            f"most {fastest:.0f} mm/s",
+            all(one.as_expected and one.magnet_speed == 0.0 for one in found.endings),
+        ),
+    ]
