@@ -50,8 +50,9 @@ typedef struct {
 
 /* A rising path, prepared for evaluation at many places. */
 typedef struct {
+  const int16_t *words;
   table curve;
-  table branch;
+  table branch; /* as inverse and rate, once it has departed */
   table inverse;
   int32_t x; /* where it goes on */
   int32_t y;
@@ -183,7 +184,14 @@ static void evaluate(const path *along, int32_t x, answer *at)
 /* Finds where the irreversible part departs and what it has to forget. */
 static void depart(path *along)
 {
+  const int16_t *words = along->words;
   int32_t rise;
+  along->branch.at = words + words[ANHYST_WORD_FULL_BRANCH];
+  along->branch.n = (uint16_t)(along->curve.n + 1U);
+  along->inverse.at = words + words[ANHYST_WORD_FULL_INVERSE];
+  along->inverse.n = (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
+  along->rate = words[ANHYST_WORD_FULL_RATE];
+  along->rate_shift = (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT];
   if (along->turn >= along->p) { /* the play moved the other way, or not yet: it turns here */
     along->turn = along->p;
     along->level = along->y;
@@ -313,8 +321,7 @@ static int32_t leave_hold(const path *along, search *find, int32_t end, int32_t 
   return anhyst_clamp(first, find->low, find->high);
 }
 
-/* Whether the tangents lead to the next place: it is near, and the play is not taken up on the way
-   there, where y begins to rise at once. */
+/* Whether the tangents lead to a place: near, and not beyond where the play pulls y at once. */
 static int is_near(const path *along, int32_t x, int32_t next)
 {
   const int32_t way = next < x ? x - next : next - x;
@@ -329,9 +336,8 @@ static int is_near(const path *along, int32_t x, int32_t next)
    an interval that always holds the solution; one that leaves it follows the anhysteretic curve
    instead, or goes to the middle: with iron that counts against the air, where the curve leads a
    little way at a time if the sum is all but flat, as soon as the last step was longer than what is
-   left of the interval. The number of evaluations is bounded; a last step is taken along the
-   tangents, and what is left of the residual then is part of the accuracy budget. It is never taken
-   from the start itself, whose y is remembered: errors of many short steps would add up. */
+   left of the interval. The number of evaluations is bounded, and at least 1, since tangents at the
+   start would add up errors of many short steps; the last step is taken along the tangents. */
 static answer rise(const path *along, search find, int16_t evaluations, answer at)
 {
   const int32_t freed = along->departure + along->play;
@@ -369,15 +375,10 @@ static answer rise(const path *along, search find, int16_t evaluations, answer a
 
 static void prepare(path *along, const int16_t *words, const anhyst_memory *from)
 {
+  along->words = words;
   along->curve.at = words + words[ANHYST_WORD_FULL_CURVE];
   along->curve.n = (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
-  along->branch.at = words + words[ANHYST_WORD_FULL_BRANCH];
-  along->branch.n = (uint16_t)(along->curve.n + 1U);
-  along->inverse.at = words + words[ANHYST_WORD_FULL_INVERSE];
-  along->inverse.n = (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
   along->play = (int32_t)words[ANHYST_WORD_FULL_PLAY] * 8192;
-  along->rate = words[ANHYST_WORD_FULL_RATE];
-  along->rate_shift = (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT];
   along->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
   along->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
   along->near = NEAR_PART / along->steepness;
@@ -389,11 +390,14 @@ static void prepare(path *along, const int16_t *words, const anhyst_memory *from
   along->level = anhyst_sat_q28(from->e >> 2);
 }
 
-/* The number in the direction of a path: -1 - a and not -a, which would leave the range for -1. */
-static int32_t turned(int32_t a, int falling) { return falling ? ~a : a; }
+/* In the direction of a path, falling 0 or -1: -1 - a where it falls; -a could leave the range. */
+static int32_t turned(int32_t a, int32_t falling)
+{
+  return (int32_t)((uint32_t)a ^ (uint32_t)falling);
+}
 
 /* Mirrors what falls, and lets the play turn where it moved the other way, or not yet. */
-static void set_out(path *along, int falling)
+static void set_out(path *along, int32_t falling)
 {
   along->x = turned(along->x, falling);
   along->y = turned(along->y, falling);
@@ -408,8 +412,8 @@ static void set_out(path *along, int falling)
 
 /* What was found on a path, in q30 and in the direction it really had; where the play has not
    moved, it has not turned either. */
-static void remember(const path *along, const anhyst_memory *from, int falling, const answer *at,
-                     anhyst_memory *to)
+static void remember(const path *along, const anhyst_memory *from, int32_t falling,
+                     const answer *at, anhyst_memory *to)
 {
   const int moved = at->p != along->p;
   to->a = turned(at->x, falling) * 4;
@@ -437,18 +441,18 @@ static int32_t full_field(const int16_t *words, const anhyst_memory *from, int32
   const int32_t m = magnetisation(&along, along.y, anhysteretic);
   find.air = words[ANHYST_WORD_FULL_AIR];
   find.iron = 16384;
-  const int32_t residual =
-      anhyst_scale(along.x, find.air) + anhyst_scale(m, find.iron) - (flux >> 4);
-  const int falling = residual > 0;
+  const int32_t target = flux >> 4;
+  const int32_t residual = anhyst_scale(along.x, find.air) + anhyst_scale(m, find.iron) - target;
+  const int32_t falling = residual > 0 ? -1 : 0;
   set_out(&along, falling);
   answer at = {along.x, along.y, along.p, turned(m, falling), 0, 0};
   to->way = 0;
   if (residual > STILL || residual < -STILL) {
-    find.target = turned(flux >> 4, falling);
+    find.target = turned(target, falling);
     depart(&along);
     rise_from_start(&along, turned(anhysteretic, falling), x_rise, &at);
     at = rise(&along, find, words[ANHYST_WORD_FULL_ITERATIONS], at);
-    to->way = falling ? -1 : 1;
+    to->way = falling == 0 ? 1 : -1;
   }
   remember(&along, from, falling, &at, &to->memory);
   to->m = turned(at.m, falling);
@@ -464,8 +468,7 @@ static int32_t current_at(const int16_t *words, const anhyst_arms *arms, int32_t
   return anhyst_scale(flux, arms->flux_arm) + anhyst_scale(x, arms->field_arm);
 }
 
-/* Sets the target so that at a known place so much is missing of it: what air and iron lose to
-   their 16 bits counts for the way from there alone. */
+/* Sets the target so that here so much of it is missing: air and iron are rounded to 16 bits. */
 static void aim(search *find, const answer *at, int32_t missing)
 {
   find->target =
@@ -473,7 +476,7 @@ static void aim(search *find, const answer *at, int32_t missing)
 }
 
 /* The end of a solved path of the same start and direction. */
-static answer end_of(const path *along, const anhyst_candidate *solved, int falling)
+static answer end_of(const path *along, const anhyst_candidate *solved, int32_t falling)
 {
   const answer at = {above(turned(solved->memory.a >> 2, falling), along->x),
                      above(turned(solved->memory.b >> 2, falling), along->y),
@@ -507,23 +510,29 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from,
   const int32_t m = magnetisation(&along, along.y, anhysteretic);
   const int32_t wanted = (current >> 2) - (arms->bias >> 2);
   const int32_t missing = wanted - current_at(words, arms, along.x, m);
-  const int falling = missing < 0;
+  const int32_t falling = missing < 0 ? -1 : 0;
   set_out(&along, falling);
   answer at = {along.x, along.y, along.p, turned(m, falling), 0, 0};
   if (missing > STILL || missing < -STILL) {
     const int32_t air_arm = ((int32_t)words[ANHYST_WORD_FULL_AIR] * arms->flux_arm) >> 14;
-    const answer end = end_of(&along, solved, falling);
-    const int32_t left = turned(wanted, falling) - current_at(words, arms, end.x, end.m);
-    const int from_end =
-        solved->way == (falling ? -1 : 1) && anhyst_abs_q31(left) < turned(missing, falling);
+    int32_t left = ANHYST_Q31_MAX;
+    answer end = at;
     find.air = (int16_t)anhyst_clamp(arms->field_arm + air_arm, 1, ANHYST_Q15_MAX);
     find.iron = arms->flux_arm;
-    at = from_end ? end : at;
-    aim(&find, &at, from_end ? left : turned(missing, falling));
-    if (!from_end || !slid(&along, find, &at)) {
+    if (solved->way == (falling == 0 ? 1 : -1)) {
+      end = end_of(&along, solved, falling);
+      left = turned(wanted, falling) - current_at(words, arms, end.x, end.m);
+      aim(&find, &end, left);
+    }
+    if (left != ANHYST_Q31_MAX && slid(&along, find, &end)) {
+      at = end;
+    } else {
       depart(&along);
-      if (!from_end) {
+      if (anhyst_abs_q31(left) < turned(missing, falling)) {
+        at = end;
+      } else {
         rise_from_start(&along, turned(anhysteretic, falling), x_rise, &at);
+        aim(&find, &at, turned(missing, falling));
       }
       at = rise(&along, find, words[ANHYST_WORD_FULL_ITERATIONS], at);
     }

@@ -11,6 +11,8 @@ int main(void)
   const int32_t x = nondet_i32();
   const int32_t y = nondet_i32();
   (void)anhyst_sat_q15(x);
+  SHOW(anhyst_sat_u15(x) == anhyst_clamp(x, 0, ANHYST_Q15_MAX));
+  SHOW(anhyst_sat_q28(x) == anhyst_clamp(x, ANHYST_Q28_MIN, ANHYST_Q28_MAX));
   (void)anhyst_add_q15(a, b);
   (void)anhyst_sub_q15(a, b);
   (void)anhyst_mul_q15(a, b);

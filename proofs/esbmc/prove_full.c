@@ -39,9 +39,11 @@
 #include "full.c"
 
 /* The tables of a path; what stands in for value() tells them by their place. */
-static const int16_t curve_words[1];
-static const int16_t branch_words[1];
-static const int16_t inverse_words[1];
+enum { CURVE_AT = ANHYST_BLOCK_LEAST_WORDS, BRANCH_AT, INVERSE_AT };
+static int16_t block_words[INVERSE_AT + 1];
+static const int16_t *const curve_words = block_words + CURVE_AT;
+static const int16_t *const branch_words = block_words + BRANCH_AT;
+static const int16_t *const inverse_words = block_words + INVERSE_AT;
 
 static int32_t steepest(uint16_t n) { return ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U); }
 
@@ -49,20 +51,20 @@ static int32_t steepest(uint16_t n) { return ANHYST_Q15_MAX >> (n > 5U ? n - 5U 
 static path any_prepared(void)
 {
   path along;
+  block_words[ANHYST_WORD_FULL_BRANCH] = BRANCH_AT;
+  block_words[ANHYST_WORD_FULL_INVERSE] = INVERSE_AT;
+  block_words[ANHYST_WORD_FULL_INVERSE_SEGMENTS] = (int16_t)any_within(3, 9);
+  block_words[ANHYST_WORD_FULL_RATE] = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  block_words[ANHYST_WORD_FULL_RATE_SHIFT] = (int16_t)any_within(0, 12);
+  along.words = block_words;
   along.curve.at = curve_words;
   along.curve.n = (uint16_t)any_within(3, 9);
-  along.branch.at = branch_words;
-  along.branch.n = (uint16_t)(along.curve.n + 1U);
-  along.inverse.at = inverse_words;
-  along.inverse.n = (uint16_t)any_within(3, 9);
   along.x = any_within(-ONE, ONE - 1);
   along.y = any_within(-ONE, ONE - 1);
   along.p = any_within(-ONE, ONE - 1);
   along.turn = any_within(-ONE, ONE - 1);
   along.level = any_within(-ONE, ONE - 1);
   along.play = any_within(0, ANHYST_Q15_MAX) * 8192;
-  along.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
-  along.rate_shift = (uint16_t)any_within(0, 12);
   along.steepness = (int16_t)any_within(1, ANHYST_Q15_MAX);
   along.reversible = (int16_t)any_within(0, ANHYST_Q15_MAX);
   along.near = any_within(0, NEAR_WAY);
@@ -78,6 +80,12 @@ static int departed(const path *along)
 static path any_path(void)
 {
   path along = any_prepared();
+  along.branch.at = branch_words;
+  along.branch.n = (uint16_t)(along.curve.n + 1U);
+  along.inverse.at = inverse_words;
+  along.inverse.n = (uint16_t)any_within(3, 9);
+  along.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  along.rate_shift = (uint16_t)any_within(0, 12);
   along.departure = nondet_i32();
   along.offset = nondet_i32();
   along.lead = nondet_i16();
@@ -212,8 +220,8 @@ static int slid(const path *along, search find, answer *at)
 #endif
 
 #ifdef REMEMBER_BY_CONTRACT
-static void remember(const path *along, const anhyst_memory *from, int falling, const answer *at,
-                     anhyst_memory *to)
+static void remember(const path *along, const anhyst_memory *from, int32_t falling,
+                     const answer *at, anhyst_memory *to)
 {
   SHOW(inside(at->x) && inside(at->y) && inside(at->p));
   SHOW(inside(along->turn) && inside(along->level));
@@ -299,7 +307,7 @@ static void prove_depart(void)
   path along = any_prepared();
   int32_t x_rise;
   answer at = {along.x, along.y, along.p, any_within(-ONE, ONE - 1), 0, 0};
-  set_out(&along, nondet_i16() != 0);
+  set_out(&along, nondet_i16() != 0 ? -1 : 0);
   depart(&along);
   SHOW(departed(&along));
   at.x = along.x;
@@ -372,7 +380,7 @@ static void prove_remember(void)
   const answer at = any_answer(&along);
   const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   anhyst_memory to;
-  remember(&along, &from, nondet_i16() != 0, &at, &to);
+  remember(&along, &from, nondet_i16() != 0 ? -1 : 0, &at, &to);
   SHOW(to.a >= -ANHYST_Q30_ONE && to.a < ANHYST_Q30_ONE);
   SHOW(to.b >= -ANHYST_Q30_ONE && to.b < ANHYST_Q30_ONE);
   SHOW(to.c >= -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);

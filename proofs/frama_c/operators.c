@@ -52,6 +52,14 @@ static inline int32_t anhyst_scale(int32_t a, int16_t b);
     assigns \nothing; */
 static inline int32_t anhyst_shl_q31(int32_t a, uint16_t n);
 
+/*@ assigns \nothing;
+    ensures 0 <= \result <= 32767; */
+static inline int32_t anhyst_sat_u15(int32_t a);
+
+/*@ assigns \nothing;
+    ensures -268435456 <= \result <= 268435455; */
+static inline int32_t anhyst_sat_q28(int32_t a);
+
 /*@ assigns \nothing; */
 static inline int16_t anhyst_round_q31(int32_t a);
 

@@ -25,6 +25,9 @@ void every(const int32_t *a, const int32_t *b, int32_t *out, int32_t n, int32_t 
     case 0: out[i] = anhyst_scale(a[i], (int16_t)b[i]); break;
     case 1: out[i] = anhyst_add_q31(a[i], b[i]); break;
     case 2: out[i] = anhyst_sub_q31(a[i], b[i]); break;
+    case 3: out[i] = anhyst_sat_q15(a[i]); break;
+    case 4: out[i] = anhyst_sat_u15(a[i]); break;
+    case 5: out[i] = anhyst_sat_q28(a[i]); break;
     default: out[i] = anhyst_headroom((a[i] & 0x7FFFFFFF) == 0 ? 1 : a[i] & 0x7FFFFFFF);
     }
   }
@@ -53,6 +56,9 @@ ORACLES: list[Callable[[int, int], int]] = [
     lambda a, b: a * low_half(b) // 65536,
     lambda a, b: saturated(a + b),
     lambda a, b: saturated(a - b),
+    lambda a, b: max(-(2**15), min(2**15 - 1, a)),
+    lambda a, b: max(0, min(2**15 - 1, a)),
+    lambda a, b: max(-(2**28), min(2**28 - 1, a)),
     lambda a, b: 31 - positive(a).bit_length(),
 ]
 

@@ -114,7 +114,7 @@ def _iterations(plan: Plan) -> Choice:
         "iterations",
         f"{plan.sizes.iterations} in {what}",
         "one more than the fewest that are as good as many, full-range jumps and lost currents "
-        "included; the number is fixed, so is the time",
+        "included; at most so many, since a search ends where its tangents lead to the target",
     )
 
 
