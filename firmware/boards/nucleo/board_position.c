@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the bearing on a Nucleo is to a controller of position. The range of the position and how
    fast it can move stand in the controller that anhyst compile wrote. */
-#include "boards/actuator_controller.h"
+#include "boards/actuator_position.h"
 #include "nucleo.h"
 #include "position/flight.h"
 
