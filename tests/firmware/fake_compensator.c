@@ -35,7 +35,8 @@ anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *wor
 
 uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales)
 {
-  const int same = memcmp(words + ANHYST_WORD_SCALE_DEMAND, scales, sizeof(int16_t) * ANHYST_SCALE_WORDS) == 0;
+  const int same =
+      memcmp(words + ANHYST_WORD_SCALE_DEMAND, scales, sizeof(int16_t) * ANHYST_SCALE_WORDS) == 0;
   return same ? 0 : ANHYST_WORD_SCALE_DEMAND;
 }
 
