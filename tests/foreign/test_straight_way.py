@@ -56,7 +56,7 @@ def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> N
     here, there = (
         build_full(model, scales, each, Sizes(iterations=10)) for each in (limits, narrow)
     )
-    path = reversals(0.05 * demand, 0.3 * demand, 25, 1)
+    path = reversals(0.02 * demand, 0.15 * demand, 25, 1)  # within the narrower limit
     for gap in (scales.gap_low, 0.5 * (scales.gap_low + scales.gap_high)):
         assert jump(here, there, path, gap) < 4e-4
         assert jump(there, here, path, gap) < 4e-4
