@@ -643,8 +643,10 @@ static void full_carry(const int16_t *before, const int16_t *words, int32_t flux
   path along;
   carried from;
   int32_t step;
+  const table inverse = {before + before[ANHYST_WORD_FULL_INVERSE],
+                         (uint16_t)before[ANHYST_WORD_FULL_INVERSE_SEGMENTS]};
   prepare(&along, before, memory);
-  const int32_t behind = odd_value(along.inverse, along.y, &step);
+  const int32_t behind = odd_value(inverse, along.y, &step);
   from.rest = along.y - odd_value(along.curve, behind, &step);
   from.x = in_reach(along.x, before, words);
   from.p = in_reach(along.p, before, words);
