@@ -31,6 +31,14 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_simplified;
 static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 #else
 #include "full.c"
+
+/* Any answer: its products are too much for a solver. */
+static int current_rises(const int16_t *words)
+{
+  (void)words;
+  return nondet_i16() != 0;
+}
+
 static const anhyst_kernel *const kernel = &anhyst_kernel_full;
 #endif
 
