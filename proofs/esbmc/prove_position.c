@@ -1,0 +1,170 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A whole tick of the controller of a levitating armature: any sound limits and settings, any
+   state, any sample, one magnet or two. Levitation, PIDD2 and drives give way to what their own
+   proofs show of them: each call is shown to be allowed, and answers anything. The currents stay
+   within the limits of the board. */
+#define ANHYST_PORT_HEADER "contracts.h"
+#include "any.h"
+
+#include "position.c"
+
+static anhyst_position_limits_q31 limits;
+static anhyst_position_settings_q31 settings;
+
+static int is_sound(anhyst_factor factor)
+{
+  return factor.shift >= ANHYST_PIDD2_SHIFT_LOW && factor.shift <= ANHYST_PIDD2_SHIFT_HIGH;
+}
+
+static int is_current(int32_t current)
+{
+  return current >= limits.current_low && current <= limits.current_high;
+}
+
+/* ---- contracts ---- */
+
+/* All but the remainder of the converter's steps, on which on_grid_q31 alone depends. */
+static int are_sound_q31(const anhyst_position_limits_q31 *of,
+                         const anhyst_position_settings_q31 *to)
+{
+  return is_sound(to->units.gap[0].factor) && is_sound(to->units.gap[1].factor) &&
+         of->current_low < of->current_high && of->current_step > 0 &&
+         of->release >= of->current_step && nondet_i16() != 0;
+}
+
+static int32_t on_grid_q31(const anhyst_position_limits_q31 *of, int32_t current)
+{
+  SHOW(of == &limits && is_current(current));
+  return any_within(limits.current_low, limits.current_high);
+}
+
+int32_t anhyst_pidd2_product(int32_t x, anhyst_factor factor)
+{
+  (void)x;
+  SHOW(is_sound(factor));
+  return nondet_i32();
+}
+
+anhyst_status anhyst_pidd2_check_q31(const anhyst_pidd2_gains_q31 *gains)
+{
+  return nondet_i16() != 0 || gains->low > gains->high ? ANHYST_BAD_PARAMETER : ANHYST_OK;
+}
+
+static int position_holds(const anhyst_pidd2_state_q31 *state)
+{
+  return state->position >= -ANHYST_Q30_ONE && state->position < ANHYST_Q30_ONE;
+}
+
+static anhyst_pidd2_state_q31 any_state(void)
+{
+  const anhyst_pidd2_state_q31 state = {any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 1),
+                                        nondet_i32(), nondet_i32()};
+  return state;
+}
+
+void anhyst_pidd2_start_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
+                            int32_t reference, int32_t position, int32_t load, int32_t output)
+{
+  SHOW(gains == &settings.gains);
+  *state = any_state();
+}
+
+int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
+                               const anhyst_pidd2_state_q31 *state, int32_t reference,
+                               int32_t position, int32_t load,
+                               anhyst_pidd2_candidate_q31 *candidate)
+{
+  SHOW(gains == &settings.gains && position_holds(state));
+  candidate->next = any_state();
+  candidate->output = any_within(settings.gains.low, settings.gains.high);
+  return candidate->output;
+}
+
+void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
+                             const anhyst_pidd2_candidate_q31 *candidate, int32_t applied)
+{
+  SHOW(gains == &settings.gains && position_holds(&candidate->next));
+  *state = any_state();
+}
+
+anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *of,
+                                      const anhyst_levitation_settings *to)
+{
+  (void)of;
+  (void)to;
+  return nondet_i16() != 0 ? ANHYST_BAD_PARAMETER : ANHYST_OK;
+}
+
+void anhyst_levitation_start(anhyst_levitation *levitation) { levitation->phase = 0; }
+
+uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t command,
+                                   uint16_t at_zero)
+{
+  levitation->phase = (uint16_t)any_within(0, ANHYST_PHASE_COUNT - 1);
+  return nondet_u16();
+}
+
+void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitation_limits *of,
+                            const anhyst_levitation_settings *to,
+                            const anhyst_levitation_input *input)
+{
+  anhyst_levitation next; /* any */
+  ASSUME(next.supervisor.state < ANHYST_STATE_COUNT && next.phase < ANHYST_PHASE_COUNT);
+  *levitation = next;
+}
+
+int32_t anhyst_drive_solve_q31(anhyst_drive_q31 *drive, int32_t demand, int32_t gap, int32_t flux)
+{
+  drive->flags = nondet_u16();
+  return nondet_i32();
+}
+
+int32_t anhyst_drive_commit_q31(anhyst_drive_q31 *drive, int32_t applied, int32_t gap)
+{
+  return nondet_i32();
+}
+
+int32_t anhyst_drive_conditioning_length_q31(const anhyst_drive_q31 *drive) { return nondet_i32(); }
+
+int32_t anhyst_drive_conditioning_q31(const anhyst_drive_q31 *drive, int32_t tick)
+{
+  return nondet_i32();
+}
+
+/* ---- proof ---- */
+
+static void show_state(const anhyst_position_q31 *c)
+{
+  SHOW(is_current(c->current[0]) && (c->drive[1] == NULL || is_current(c->current[1])));
+  SHOW(position_holds(&c->state));
+  SHOW(c->pending == 0U || position_holds(&c->candidate.next));
+}
+
+int main(void)
+{
+  anhyst_drive_q31 first;
+  anhyst_drive_q31 second;
+  anhyst_position_q31 c;
+  anhyst_position_sample_q31 sample; /* any */
+  anhyst_position_answer_q31 answer;
+  anhyst_position_limits_q31 any_limits;
+  anhyst_position_settings_q31 any_settings;
+  limits = any_limits;
+  settings = any_settings;
+  ASSUME(anhyst_position_init_q31(&c, &limits, &settings, &first,
+                                  nondet_i16() != 0 ? &second : NULL) == ANHYST_OK);
+  show_state(&c);
+  /* from any state */
+  c.levitation.phase = nondet_u16();
+  c.state = any_state();
+  c.candidate.next = any_state();
+  c.position = nondet_i32();
+  c.demand = nondet_i32();
+  c.pending = nondet_u16();
+  c.current[0] = any_within(limits.current_low, limits.current_high);
+  c.current[1] = c.drive[1] == NULL ? 0 : any_within(limits.current_low, limits.current_high);
+  anhyst_position_tick_q31(&c, &sample, &answer);
+  show_state(&c);
+  SHOW(is_current(answer.current[0]) && (c.drive[1] == NULL || is_current(answer.current[1])));
+  return 0;
+}
