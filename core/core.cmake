@@ -12,6 +12,7 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/batch_dispatch.c"
   "${ANHYST_CORE_DIR}/src/block.c"
   "${ANHYST_CORE_DIR}/src/full.c"
+  "${ANHYST_CORE_DIR}/src/full_block.c"
   "${ANHYST_CORE_DIR}/src/closed.c"
   "${ANHYST_CORE_DIR}/src/simplified.c"
   "${ANHYST_CORE_DIR}/src/euler.c"

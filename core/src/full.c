@@ -16,19 +16,10 @@
 
    Inside, everything is q28: sums of a few numbers stay far from the ends of 32 bits, and none
    needs to saturate. */
-#include "anhyst/compensator.h"
-#include "block.h"
-#include "lookup.h"
-
-#define ONE ((int32_t)268435456)
+#include "full_path.h"
 
 /* An interval of the field too long for a tangent to be trusted at its ends: 1/64. */
 #define LONG_WAY (ONE / 64)
-
-/* A step along the tangents that needs no evaluation after it: a 64th of the field in which the
-   memory fades, kappa, so that slopes change by about as much; but at most 1/256. */
-#define NEAR_WAY (ONE / 256)
-#define NEAR_PART (ONE / 64 * 256)
 
 /* A step too short to matter, about what the tables leave unsure: 6e-5. */
 #define SHORT_WAY (ONE / 16384)
@@ -36,39 +27,8 @@
 /* Steps of the guess that follows the anhysteretic curve against the iron. */
 #define CHORDS 4
 
-/* Of the interval in which a memory of another block is brought to its flux: leaves 2.4e-7. */
-#define HALVINGS 24
-
 /* A residual that is nothing but rounding: the iron stays where it is. */
 #define STILL 32
-
-/* A table over 0..1, ready for use. */
-typedef struct {
-  const int16_t *at;
-  uint16_t n; /* it has 2^n segments */
-} table;
-
-/* A rising path, prepared for evaluation at many places. */
-typedef struct {
-  const int16_t *words;
-  table curve;
-  table branch; /* as inverse and rate, once it has departed */
-  table inverse;
-  int32_t x; /* where it goes on */
-  int32_t y;
-  int32_t p;
-  int32_t turn;      /* where the play turned into this direction ... */
-  int32_t level;     /* ... and what y was there */
-  int32_t play;      /* half-width */
-  int32_t departure; /* of the irreversible part, from there */
-  int32_t offset;    /* level - A(departure) */
-  int16_t lead;      /* weight: (A(departure) - level)/4 */
-  int16_t rate;
-  uint16_t rate_shift;
-  int16_t steepness;
-  int16_t reversible;
-  int32_t near; /* a step that needs no evaluation after it */
-} path;
 
 /* What the law answers at one place of it. */
 typedef struct {
@@ -87,32 +47,10 @@ static int32_t above(int32_t a, int32_t least)
   return inside > least ? inside : least;
 }
 
-/* The value of a table at u, 0 <= u < 1; *rise is that of the segment, in q15. */
-static int32_t value(table t, int32_t u, int32_t *rise)
-{
-  const int32_t fine = u >> (15U - t.n); /* segment and 13 bits of its part */
-  const int16_t *at = t.at + (fine >> 13);
-  const int32_t low = at[0];
-  *rise = at[1] - low;
-  return low * 8192 + *rise * (fine & 8191);
-}
-
-/* An odd table, -1 <= u < 1. */
-static int32_t odd_value(table t, int32_t u, int32_t *rise)
-{
-  return u < 0 ? ~value(t, ~u, rise) : value(t, u, rise);
-}
-
 /* A(x). */
 static int32_t branch(const path *along, int32_t x, int32_t *rise)
 {
   return value(along->branch, (x + ONE) >> 1, rise);
-}
-
-/* The rise of a segment of curve or branch, which are equally wide, as a slope in 1/1024. */
-static int32_t slope_of(const path *along, int32_t rise)
-{
-  return (int32_t)((uint32_t)rise << along->curve.n) >> 5;
 }
 
 /* dy/dp in 1/1024 where what pulls stands so far above y. */
@@ -132,17 +70,6 @@ static int32_t forgotten(int32_t way)
   ratio = 7863 - ((ratio * f) >> 15);
   ratio = 22713 - ((ratio * f) >> 15);
   return ONE - ((ONE - anhyst_scale(rest * 8, (int16_t)ratio)) >> whole);
-}
-
-/* m = y + c*(L - y). */
-static int32_t magnetisation(const path *along, int32_t y, int32_t anhysteretic)
-{
-  return y + anhyst_scale(anhysteretic - y, along->reversible) * 2;
-}
-
-static int32_t slope_of_m(const path *along, int32_t y_slope, int32_t x_slope)
-{
-  return y_slope + (((x_slope - y_slope) * along->reversible) >> 15);
 }
 
 /* The irreversible part where the play stands so far beyond the departure; *slope is dy/dp. */
@@ -188,14 +115,9 @@ static void depart(path *along)
   int32_t rise;
   along->branch.at = words + words[ANHYST_WORD_FULL_BRANCH];
   along->branch.n = (uint16_t)(along->curve.n + 1U);
-  along->inverse.at = words + words[ANHYST_WORD_FULL_INVERSE];
-  along->inverse.n = (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
+  along->inverse = inverse_of(words);
   along->rate = words[ANHYST_WORD_FULL_RATE];
   along->rate_shift = (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT];
-  if (along->turn >= along->p) { /* the play moved the other way, or not yet: it turns here */
-    along->turn = along->p;
-    along->level = along->y;
-  }
   /* Held until the anhysteretic has crossed y. Where that is exactly hardly matters, since y leaves
      with slope zero. */
   const int32_t crossing = odd_value(along->inverse, along->level, &rise);
@@ -340,7 +262,8 @@ static int is_near(const path *along, int32_t x, int32_t next)
    start would add up errors of many short steps; the last step is taken along the tangents. */
 static answer rise(const path *along, search find, int16_t evaluations, answer at)
 {
-  const int32_t freed = along->departure + along->play;
+  const int32_t moves = along->departure > along->p ? along->departure : along->p;
+  const int32_t freed = moves + along->play;
   int32_t furthest = ANHYST_Q31_MAX;
   find.low = along->x;
   find.high = ONE - 1;
@@ -371,23 +294,6 @@ static answer rise(const path *along, search find, int16_t evaluations, answer a
   }
   slide(along, anhyst_clamp(next, find.low, find.high), &at);
   return at;
-}
-
-static void prepare(path *along, const int16_t *words, const anhyst_memory *from)
-{
-  along->words = words;
-  along->curve.at = words + words[ANHYST_WORD_FULL_CURVE];
-  along->curve.n = (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
-  along->play = (int32_t)words[ANHYST_WORD_FULL_PLAY] * 8192;
-  along->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
-  along->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
-  along->near = NEAR_PART / along->steepness;
-  along->near = along->near < NEAR_WAY ? along->near : NEAR_WAY;
-  along->x = anhyst_sat_q28(from->a >> 2);
-  along->y = anhyst_sat_q28(from->b >> 2);
-  along->p = anhyst_sat_q28(from->c >> 2);
-  along->turn = anhyst_sat_q28(from->d >> 2);
-  along->level = anhyst_sat_q28(from->e >> 2);
 }
 
 /* In the direction of a path, falling 0 or -1: -1 - a where it falls; -a could leave the range. */
@@ -542,130 +448,5 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from,
   return anhyst_add_q31(turned(at.m, falling) * 4, of_air);
 }
 
-/* The largest slope of m over tables that are sound, as it may have been before their entries were
-   rounded, which makes a segment steeper by up to one. No path is steeper than the ascending
-   branch. */
-static int32_t steepest_slope(const int16_t *words)
-{
-  path along;
-  along.curve.n = (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
-  along.reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
-  const int16_t *curve = words + words[ANHYST_WORD_FULL_CURVE];
-  const int16_t segments = (int16_t)(1 << along.curve.n);
-  const int16_t *rising = words + words[ANHYST_WORD_FULL_BRANCH] + segments;
-  int32_t most = 0;
-  for (int16_t i = 0; i < segments; i++) {
-    const int32_t y_rise = (int32_t)rising[i + 1] - rising[i];
-    const int32_t x_rise = (int32_t)curve[i + 1] - curve[i];
-    const int32_t slope = slope_of_m(&along, slope_of(&along, y_rise > 0 ? y_rise - 1 : 0),
-                                     slope_of(&along, x_rise > 0 ? x_rise - 1 : 0));
-    most = slope > most ? slope : most;
-  }
-  return most;
-}
-
-/* Whether more field needs more current at every gap: field_arm + flux_arm*(h + slope of m) is
-   above zero by more than what rounding between two entries of the tables over the gap can take
-   away, half a unit of either arm and one for each product. */
-static int current_rises(const int16_t *words)
-{
-  const int16_t *flux_arm = words + words[ANHYST_WORD_GAP_FLUX_ARM];
-  const int16_t *field_arm = words + words[ANHYST_WORD_GAP_FIELD_ARM];
-  const int32_t slope = steepest_slope(words);
-  const int32_t h = words[ANHYST_WORD_FULL_AIR];
-  const int32_t margin = 3 + (h >> 15) + (slope >> 11);
-  for (int16_t i = 0; i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++) {
-    const int32_t least = field_arm[i] + ((h * flux_arm[i]) >> 14) + ((slope * flux_arm[i]) >> 10);
-    if (flux_arm[i] < 0 && least <= margin) {
-      return 0;
-    }
-  }
-  return 1;
-}
-
-static int full_sound(const int16_t *words)
-{
-  const int16_t n = words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
-  const int16_t n_inverse = words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
-  /* Slopes of the tables stay within ANHYST_SLOPE_MAX. */
-  const int16_t steepest = (int16_t)(ANHYST_Q15_MAX >> (n > 5 && n <= 9 ? n - 5 : 0));
-  return words[ANHYST_WORD_FULL_AIR] > 0 && words[ANHYST_WORD_FULL_REVERSIBLE] >= 0 &&
-         words[ANHYST_WORD_FULL_PLAY] >= 0 && words[ANHYST_WORD_FULL_RATE] > 0 &&
-         anhyst_within(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, 12) &&
-         words[ANHYST_WORD_FULL_STEEPNESS] > 0 &&
-         anhyst_within(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16) && anhyst_within(n, 3, 9) &&
-         anhyst_within(n_inverse, 3, 9) && anhyst_single_sound(words, ANHYST_WORD_UNIT_FIELD) &&
-         anhyst_table_rises(words, words[ANHYST_WORD_FULL_CURVE], (int16_t)((1 << n) + 1), 0,
-                            steepest) &&
-         anhyst_table_rises(words, words[ANHYST_WORD_FULL_BRANCH], (int16_t)((2 << n) + 1),
-                            -ANHYST_Q15_MAX, steepest) &&
-         anhyst_table_rises(words, words[ANHYST_WORD_FULL_INVERSE], (int16_t)((1 << n_inverse) + 1),
-                            0, ANHYST_Q15_MAX) &&
-         current_rises(words);
-}
-
-/* A memory of another block on its way here. */
-typedef struct {
-  int32_t x;
-  int32_t p;
-  int32_t behind; /* field at which the anhysteretic is y */
-  int32_t rest;   /* of y, by which the tables miss that */
-} carried;
-
-/* Moves it so far along the field and takes it for the start of a path; the residual of
-   h*x + m = flux there, over 4. It rises with the way. */
-static int32_t carried_to(path *along, const carried *from, int32_t way, int16_t air, int32_t flux)
-{
-  int32_t step;
-  along->x = anhyst_clamp(from->x + way, 1 - ONE, ONE - 1);
-  along->p = anhyst_clamp(anhyst_clamp(from->p + way, 1 - ONE, ONE - 1), along->x - along->play,
-                          along->x + along->play);
-  const int32_t behind = anhyst_clamp(from->behind + way, 1 - ONE, ONE - 1);
-  const int32_t pull = odd_value(along->curve, behind, &step);
-  along->y = anhyst_clamp(pull + from->rest, 1 - ONE, ONE - 1);
-  const int32_t m = magnetisation(along, along->y, odd_value(along->curve, along->x, &step));
-  return anhyst_scale(along->x, air) + anhyst_scale(m, 16384) - (flux >> 4);
-}
-
-/* A field of another block in this one's unit, within its tables. */
-static int32_t in_reach(int32_t x, const int16_t *before, const int16_t *words)
-{
-  return anhyst_clamp(anhyst_in_unit(x, before, words, ANHYST_WORD_UNIT_FIELD), 1 - ONE, ONE - 1);
-}
-
-/* The iron stays as far behind its anhysteretic, in field, as it was, and so does its play; all
-   move along the field to where they give the flux under this block, so that no demand that stays
-   the same has to be reached over a branch. The play turns here: a path that began under
-   another law does not lead here under this one. */
-static void full_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                       anhyst_memory *memory)
-{
-  path along;
-  carried from;
-  int32_t step;
-  prepare(&along, before, memory);
-  const int32_t behind = odd_value(along.inverse, along.y, &step);
-  from.rest = along.y - odd_value(along.curve, behind, &step);
-  from.x = in_reach(along.x, before, words);
-  from.p = in_reach(along.p, before, words);
-  from.behind = in_reach(behind, before, words);
-  prepare(&along, words, memory);
-  int32_t low = -2 * ONE;
-  int32_t high = 2 * ONE;
-  for (int16_t i = 0; i < HALVINGS; i++) {
-    const int32_t middle = (low + high) / 2;
-    if (carried_to(&along, &from, middle, words[ANHYST_WORD_FULL_AIR], flux) < 0) {
-      low = middle;
-    } else {
-      high = middle;
-    }
-  }
-  memory->a = along.x * 4;
-  memory->b = along.y * 4;
-  memory->c = along.p * 4;
-  memory->d = memory->c;
-  memory->e = memory->b;
-}
-
-const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL, full_field, full_flux, full_sound,
-                                          full_carry};
+const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL, full_field, full_flux,
+                                          anhyst_full_sound, anhyst_full_carry};

@@ -37,6 +37,7 @@
 #endif
 
 #include "full.c"
+#include "full_block.c"
 
 /* The tables of a path; what stands in for value() tells them by their place. */
 enum { CURVE_AT = ANHYST_BLOCK_LEAST_WORDS, BRANCH_AT, INVERSE_AT };
@@ -112,7 +113,7 @@ static answer any_answer(const path *along)
 /* ---- contracts ---- */
 
 #ifdef VALUE_BY_CONTRACT
-static int32_t value(table t, int32_t u, int32_t *rise)
+static inline int32_t value(table t, int32_t u, int32_t *rise)
 {
   SHOW(u >= 0 && u < ONE);
   const int32_t least = t.at == branch_words ? -ANHYST_Q15_MAX : 0;
@@ -129,7 +130,7 @@ static int32_t forgotten(int32_t way)
   return any_within(0, ONE);
 }
 
-static int32_t slope_of(const path *along, int32_t rise)
+static inline int32_t slope_of(const path *along, int32_t rise)
 {
   SHOW(rise >= 0 && rise <= steepest(along->curve.n));
   return any_within(0, ANHYST_SLOPE_MAX);
@@ -141,7 +142,7 @@ static int32_t pulled(const path *along, int32_t above)
   return any_within(-262144, 262144);
 }
 
-static int32_t slope_of_m(const path *along, int32_t y_slope, int32_t x_slope)
+static inline int32_t slope_of_m(const path *along, int32_t y_slope, int32_t x_slope)
 {
   SHOW(along->reversible >= 0 && is_slope(y_slope) && is_slope(x_slope));
   return any_within(0, ANHYST_SLOPE_MAX);
@@ -418,7 +419,7 @@ static void prove_carry(void)
   assume_sound(before);
   assume_sound(words);
   anhyst_memory memory = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
-  full_carry(before, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), &memory);
+  anhyst_full_carry(before, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), &memory);
   SHOW(memory.a > -ANHYST_Q30_ONE && memory.a < ANHYST_Q30_ONE);
   SHOW(memory.b > -ANHYST_Q30_ONE && memory.b < ANHYST_Q30_ONE);
   SHOW(memory.c > -ANHYST_Q30_ONE && memory.c < ANHYST_Q30_ONE);

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the parts of the full law in fixed point: table, fading, and one evaluation of a path,
    against double and long double precision. */
-#include "full.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+/* Their static functions are meant. */
+#include "full.c"       /* NOLINT(bugprone-suspicious-include) */
+#include "full_block.c" /* NOLINT(bugprone-suspicious-include) */
 
 #include "check.h"
 #include "truth.h"

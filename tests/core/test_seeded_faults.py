@@ -104,7 +104,7 @@ FAULTS = [
     ),
     Fault(
         "reversible part too small",
-        "src/full.c",
+        "src/full_path.h",
         "anhyst_scale(anhysteretic - y, along->reversible) * 2;",
         "anhyst_scale(anhysteretic - y, along->reversible);",
         "test_fixed_full",
@@ -118,14 +118,14 @@ FAULTS = [
     ),
     Fault(
         "half of the steepest slope",
-        "src/full.c",
+        "src/full_block.c",
         "((slope * flux_arm[i]) >> 10)",
         "((slope * flux_arm[i]) >> 11)",
         "test_fixed_full",
     ),
     Fault(
         "a current that may fall at the last gap",
-        "src/full.c",
+        "src/full_block.c",
         "i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++",
         "i < (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++",
         "test_fixed_full",

@@ -58,7 +58,7 @@ def test_cortex_m4_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: 
 
 @pytest.mark.parametrize(
     ("kind", "io", "rounded", "worst"),
-    [("full", "q31", 2000, 3200), ("simplified", "q15", 1100, 1500)],
+    [("full", "q31", 2450, 3700), ("simplified", "q15", 1150, 1600)],
 )
 def test_a_converters_grid_costs_no_second_search(
     compiled: Compile, kind: str, io: str, rounded: int, worst: int

@@ -9,7 +9,7 @@ from anhyst._core.folder import core_folder
 from anhyst.compile.block import Kind
 
 SOURCES: dict[Kind, tuple[str, ...]] = {
-    "full": ("block.c", "full.c", "compensator.c"),
+    "full": ("block.c", "full_block.c", "full.c", "compensator.c"),
     "simplified": ("block.c", "closed.c", "simplified.c", "compensator.c"),
     "euler": ("block.c", "closed.c", "euler.c", "compensator.c"),
 }
