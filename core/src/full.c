@@ -219,9 +219,7 @@ static void slide(const path *along, int32_t goal, answer *at)
   at->x = x;
   at->y = above(at->y + anhyst_scale(way, (int16_t)at->y_slope) * 64, along->y);
   at->m = anhyst_sat_q28(at->m + anhyst_scale(way, (int16_t)at->m_slope) * 64);
-  if (at->p > along->p) {
-    at->p = above(x - along->play, along->p);
-  }
+  at->p = above(x - along->play, along->p);
 }
 
 /* Where to look first on a path that begins held, up to a known end: there m needs no evaluation
