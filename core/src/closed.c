@@ -78,10 +78,10 @@ static void reach(const int16_t *words, anhyst_memory *start, const anhyst_arms 
     const int32_t flux = next < ANHYST_Q30_ONE ? next : ANHYST_Q30_ONE - 1;
     if (flux > start->a) {
       advance(words, start, anhyst_sub_q31(flux, start->a), to);
+      to->a = flux;
     } else {
       *to = *start;
     }
-    to->a = flux;
     if (way <= NEAR_WAY) {
       break;
     }
