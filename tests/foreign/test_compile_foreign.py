@@ -53,7 +53,7 @@ def worst_percent(folder: Path) -> float:
 def test_a_core_that_couples_more_than_its_gap_compiles_and_verifies(ring: Path) -> None:
     slope = least_slope(read_model(ring / "ring.toml"), np.zeros(1))[0]
     assert 0.0 < slope < 1.0  # so that the flux arm is negative
-    arguments = ("ring.toml", "--kind", "full", "--io", "q15", "--rate", "2e4", "--accuracy", "0.3")
+    arguments = ("ring.toml", "--kind", "full", "--io", "q15", "--rate", "2e4")
     result = quick("compile", *arguments, "--out", "c", cwd=ring)
     assert result.returncode == 0, result.stderr
     assert worst_percent(ring / "c") < 0.3
