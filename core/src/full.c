@@ -338,7 +338,7 @@ static int32_t full_field(const int16_t *words, const anhyst_memory *from, int32
                           anhyst_candidate *to)
 {
   path along;
-  search find;
+  search find = {0, 0, 0, 0, 0, 0};
   int32_t x_rise;
   prepare(&along, words, from);
   const int32_t anhysteretic = odd_value(along.curve, along.x, &x_rise);
@@ -407,7 +407,7 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from,
                          anhyst_memory *to)
 {
   path along;
-  search find;
+  search find = {0, 0, 0, 0, 0, 0};
   int32_t x_rise;
   prepare(&along, words, from);
   const int32_t anhysteretic = odd_value(along.curve, along.x, &x_rise);
