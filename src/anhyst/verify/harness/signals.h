@@ -65,7 +65,7 @@ static inline signal gap_of(int32_t a)
 /* Where a converter of 12 bits between minus and plus the largest current puts it. */
 static inline signal on_grid(signal current)
 {
-  const signal step = anhyst_parameters.current_high / 2048.0F;
+  const signal step = ACTUATOR_PARAMETERS.current_high / 2048.0F;
   const int32_t code = (int32_t)(current / step + (current < 0.0F ? -0.5F : 0.5F));
   return (signal)code * step;
 }
