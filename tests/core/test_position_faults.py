@@ -51,7 +51,6 @@ FAULTS = [
     ("levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
     ("levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
     ("levitation.c", "l->let_go = l->tick == 0 ? 1U : 0U;", "l->let_go = 0U;"),
-    ("supervisor.c", "return ready && s->age == 0U;", "return ready;"),
     ("position.c", "rest >= step - rest ?", "rest >= step ?"),
     ("position.c", "anhyst_shl_q31(anhyst_pidd2_product(", "(2 + anhyst_pidd2_product("),
     ("position.c", "return a >> 1;", "return a >> 2;"),
