@@ -11,15 +11,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from anhyst.simulate import experiments
-from anhyst.simulate.controllerfile import ControllerFile, Format, Variant, read_controller
-from anhyst.simulate.measuring import measure_loops
-from anhyst.simulate.operating import OperatingPoint, find_operating_point
-from anhyst.simulate.responses import Cell, compare, default_seeds
-from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.rigtables import PositionTable, TrajectoryTable
-from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
-from anhyst.simulate.variations import changed, with_iron
+from anhyst.control.controller_file import ControllerFile, Format, Variant, read_controller
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.tables import PositionTable, TrajectoryTable
+from anhyst.study.bearing import experiments
+from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
+from anhyst.study.bearing.responses import Cell, compare, default_seeds
+from anhyst.study.bearing.variations import changed, with_iron
 from rows import ROOT, Row
 
 FOLDER = ROOT / "examples" / "bearing"
@@ -42,7 +43,7 @@ class Iron:
 
     rig: BearingRig
     at: OperatingPoint
-    knowledge: Knowledge
+    knowledge: IdentifiedMagnet
     setups: Mapping[Variant, Setup]
 
     @property
@@ -60,7 +61,7 @@ def read() -> tuple[BearingRig, ControllerFile]:
 def make_iron(rig: BearingRig, controller: ControllerFile, fraction: float) -> Iron:
     """Measure the loops of an iron, identify its model, fit every variant."""
     own = with_iron(rig, fraction)
-    knowledge = learn(measure_loops(own))
+    knowledge = identify_magnet(measure_loops(own))
     setups = {
         variant: make_setup(own, controller.settings, knowledge, variant, "fixed")
         for variant in VARIANTS

@@ -15,21 +15,22 @@ from functools import cache
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anhyst.simulate.controllerfile import ControllerFile, Format, Variant, read_controller
-from anhyst.simulate.drive import MapLaw
-from anhyst.simulate.loop import Loop
-from anhyst.simulate.plant import STOP_RESONANCE, current_gains, make_bearing
-from anhyst.simulate.position import position_control
-from anhyst.simulate.ready import make_ready
-from anhyst.simulate.rigfile import BearingRig, read_bearing, step_ends
-from anhyst.simulate.scenario import Scenario, Script
-from anhyst.simulate.setup import Knowledge, Setup, make_setup
+from anhyst.compensate.drive import MapLaw
+from anhyst.control.controller_file import ControllerFile, Format, Variant, read_controller
+from anhyst.rig.bearing.file import BearingRig, read_bearing, step_ends
+from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
+from anhyst.rig.bearing.plant import STOP_RESONANCE, current_gains, make_bearing
+from anhyst.rig.bearing.position import position_control
+from anhyst.rig.bearing.scenario import Scenario, Script
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.bearing.ready import make_ready
+from anhyst.support.arrays import FloatArray
 from rival_bearing import ByNumba, ByScipy, Control, Flight, Method, Plant
 from rows import ROOT, Row
 
-Array = NDArray[np.float64]
+Array = FloatArray
 FOLDER = ROOT / "examples" / "bearing"
 
 SECONDS = 0.2
@@ -57,7 +58,7 @@ class Case:
 
     rig: BearingRig
     controller: ControllerFile
-    knowledge: Knowledge
+    knowledge: IdentifiedMagnet
 
     def setup(self, variant: Variant, number_format: Format) -> Setup:
         """Return the example's controller with one of the ways from force to current."""

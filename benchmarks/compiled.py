@@ -7,18 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anhyst.compile.block import Limits, Scales, Sizes
+from anhyst.compensate.block import Limits, Scales, Sizes
+from anhyst.compensate.plan import Request, find_limits, find_scales
+from anhyst.compensate.scheduled import nodes
+from anhyst.compensate.simplified import build_euler, build_simplified, fit_closed_form
+from anhyst.compensate.twin import Twin
 from anhyst.compile.output import Compiled, compile_model
-from anhyst.compile.plan import Request, find_limits, find_scales
-from anhyst.compile.scheduled import nodes
-from anhyst.compile.simplified import build_euler, build_simplified, fit_closed_form
-from anhyst.compile.twin import Twin
 from anhyst.data import LoopSet
 from anhyst.identify import identify
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import read_model, write_model
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.model.writer import write_model
+from anhyst.support.arrays import FloatArray
 from anhyst.verify import Verification, verify
 from rows import ROOT, Row, Stopwatch
 
@@ -183,7 +184,7 @@ def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) ->
     ]
 
 
-def _demands(scales: Scales, limits: Limits) -> dict[str, NDArray[np.float64]]:
+def _demands(scales: Scales, limits: Limits) -> dict[str, FloatArray]:
     """Triangles at several samplings, and full-range jumps; a force the widest gap can give.
 
     They begin with a slow ramp, which is not counted: an Euler step from nothing to a first demand

@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from anhyst.errors import InputError
-from anhyst.simulate.flyboard import QEMU, fly_board
+from anhyst.study.bearing.on_board import QEMU, fly_board
+from anhyst.support.errors import InputError
 from rows import ROOT, Row, Stopwatch
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"

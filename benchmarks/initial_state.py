@@ -15,18 +15,19 @@ from itertools import pairwise, permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compile.block import Block, Conditioning, Kind, Limits, Scales, Sizes
-from anhyst.compile.full import build_full
-from anhyst.compile.simplified import build_euler, build_simplified, fit_closed_form
-from anhyst.compile.twin import Twin
+from anhyst.compensate.block import Block, Conditioning, Kind, Limits, Scales, Sizes
+from anhyst.compensate.full import build_full
+from anhyst.compensate.simplified import build_euler, build_simplified, fit_closed_form
+from anhyst.compensate.twin import Twin
 from anhyst.data import LoopSet
 from anhyst.identify import identify
-from anhyst.laws.equation import MU_0
 from anhyst.laws.explicit import ExplicitForm
-from anhyst.model import ActuatorModel
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 from rows import ROOT, Row
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
 SAMPLES = 200

@@ -8,19 +8,19 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from numpy.typing import NDArray
 
 import rival_scipy_de as rival
 from anhyst.data import Loop, LoopSet
 from anhyst.data.clean import thin
 from anhyst.identify import identify
 from anhyst.identify.default import search_one_gap
-from anhyst.identify.drives import records_of
+from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
+from anhyst.support.arrays import FloatArray
 from rows import Row
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 SAME_ERROR = 0.0227
 """Sum of squares, T^2, that both sides are timed to on the ferrite loops."""

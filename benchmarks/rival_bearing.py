@@ -25,10 +25,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-Array = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
+
+Array = FloatArray
 Method = Literal["RK23", "RK45", "LSODA", "Radau"]
 MU_0 = 4e-7 * math.pi
 

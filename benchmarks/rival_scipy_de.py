@@ -28,7 +28,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
-Array = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
+
+Array = FloatArray
 MU_0 = 4e-7 * math.pi
 FILE = Path("ferrite_mnzn") / "mnzn_hp_ferrite_4loops.csv"
 SUBSTEPS = 1

@@ -10,18 +10,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 
+from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
-from anhyst.compile.plan import Request
+from anhyst.control.states import Command, State
 from anhyst.data import LoopSet
 from anhyst.identify import identify
 from anhyst.link.client import ForceController
 from anhyst.link.firmware import build, read_sizes
 from anhyst.link.frames import DemandRequest, StatusAnswer
-from anhyst.link.plantbus import Reading
+from anhyst.link.plant_bus import Reading
 from anhyst.link.process import Running, run_host, run_qemu
 from anhyst.link.wire import encode
-from anhyst.modelfile import write_model
-from anhyst.states import Command, State
+from anhyst.model.writer import write_model
 from rows import ROOT, Row
 
 COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))

@@ -11,12 +11,12 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst._core import Operator, batch, batch_functions, batch_levels, demagnetised, langevin
+from anhyst.support.arrays import FloatArray
 from rows import Row
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 REPETITIONS = 15
 KAPPA, REVERSIBILITY, OMEGA = 0.8, 0.2, -0.8

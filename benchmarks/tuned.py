@@ -9,11 +9,11 @@ import sys
 import tempfile
 from pathlib import Path
 
-from anhyst.simulate.controllerfile import Variant
-from anhyst.simulate.montecarlo import monte_carlo
-from anhyst.tune.aims import Aims
-from anhyst.tune.search import Found, Search
-from anhyst.tune.trial import default_conditions
+from anhyst.control.controller_file import Variant
+from anhyst.study.bearing.monte_carlo import monte_carlo
+from anhyst.study.tuning.aims import Aims
+from anhyst.study.tuning.search import Found, Search
+from anhyst.study.tuning.trial import default_conditions
 from bearing import IRONS, Iron, make_iron, read
 from rows import Row, Stopwatch
 

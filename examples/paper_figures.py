@@ -29,18 +29,26 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from anhyst.data import LoopSet
-from anhyst.errors import InputError
 from anhyst.identify import IdentifyResult, identify
-from anhyst.identify.paper import spline_model_at
-from anhyst.model import ActuatorModel
-from anhyst.report.figures import figure_reduction
-from anhyst.report.style import ALARM, FALLING, MEASURED, RISING, new_figure, styled, write_png
+from anhyst.identify.paper.search import spline_model_at
+from anhyst.model.actuator import ActuatorModel
+from anhyst.report.model.figures import figure_reduction
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.page.style import (
+    ALARM,
+    FALLING,
+    MEASURED,
+    RISING,
+    new_figure,
+    styled,
+    write_png,
+)
 
-Array = NDArray[np.float64]
+Array = FloatArray
 Answer = Callable[[Array, float], Array]
 
 LOOPS = Path(__file__).parent / "electromagnet" / "loops.csv"
@@ -49,7 +57,7 @@ SHOWN = ("k", "c_H")
 
 
 def search(loops: LoopSet, gap_map: str, seed: int) -> IdentifyResult:
-    def progress(done: int, total: int) -> None:
+    def progress(done: float, total: float) -> None:
         if sys.stderr.isatty():
             print(f"\r{gap_map}: stage {done} of {total}", end="", file=sys.stderr)
 

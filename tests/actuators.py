@@ -6,15 +6,13 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anhyst.compile.block import Block, Kind, Limits, Scales, Sizes
-from anhyst.compile.full import build_full
-from anhyst.compile.simplified import ClosedForm, build_euler, build_simplified, fit_closed_form
-from anhyst.data.units import QUANTITIES
-from anhyst.model import ActuatorModel, GapMap, Parameter
-
-FloatArray = NDArray[np.float64]
+from anhyst.compensate.block import Block, Kind, Limits, Scales, Sizes
+from anhyst.compensate.full import build_full
+from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified, fit_closed_form
+from anhyst.model.actuator import ActuatorModel, GapMap, Parameter
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import QUANTITIES
 
 GAPS = (0.3e-3, 0.4e-3, 0.6e-3)
 WIDE = 0.45e-3

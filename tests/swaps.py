@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from tests.actuators import FloatArray
-
 from anhyst._core import FixedCompensator
-from anhyst.compile.block import Block
-from anhyst.compile.twin import Twin
+from anhyst.compensate.block import Block
+from anhyst.compensate.twin import Twin
+from anhyst.support.arrays import FloatArray
 
 
 def jump(here: Block, there: Block, demand: FloatArray, gap: float) -> float:

@@ -20,7 +20,7 @@ MODULE = ROOT / "src" / "anhyst" / "link" / "frames.py"
 PAGE = ROOT / "docs" / "firmware.md"
 CORE_STATES = ROOT / "core" / "include" / "anhyst" / "states.h"
 CORE_FLAGS = ROOT / "core" / "include" / "anhyst" / "flags.h"
-STATES = ROOT / "src" / "anhyst" / "states.py"
+STATES = ROOT / "src" / "anhyst" / "control" / "states.py"
 
 SIZES = {"u8": 1, "u16": 2, "u32": 4, "i16": 2, "i32": 4}
 C_TYPES = {kind: f"{'' if kind[0] == 'i' else 'u'}int{kind[1:]}_t" for kind in SIZES}

@@ -17,13 +17,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
-from anhyst.compile.plan import Request
-from anhyst.data.units import QUANTITIES
 from anhyst.link.firmware import actuator_defines
-from anhyst.model import ActuatorModel, Parameter
-from anhyst.modelfile import write_model
-from anhyst.record import ValidRange
+from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.model.fit_record import ValidRange
+from anhyst.model.writer import write_model
+from anhyst.support.units import QUANTITIES
 
 ROOT = Path(__file__).resolve().parents[1]
 KINDS = ("full", "simplified")

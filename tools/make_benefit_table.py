@@ -14,15 +14,15 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from anhyst.atomic import atomic_writer
-from anhyst.simulate.benefit import MEASURES, Benefit, Cell, benefit
-from anhyst.simulate.benefit_note import TABLE
-from anhyst.simulate.controllerfile import read_controller
-from anhyst.simulate.rigfile import read_bearing
+from anhyst.control.controller_file import read_controller
+from anhyst.rig.bearing.file import read_bearing
+from anhyst.study.bearing.benefit import MEASURES, Benefit, Cell, benefit
+from anhyst.study.bearing.benefit_note import TABLE
+from anhyst.support.atomic import atomic_writer
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / "examples" / "bearing"
-PLACE = ROOT / "src" / "anhyst" / "simulate" / TABLE
+PLACE = ROOT / "src" / "anhyst" / "study" / "bearing" / TABLE
 
 
 def rows(found: Benefit) -> list[dict[str, Any]]:

@@ -20,22 +20,23 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
-from anhyst.compile.plan import Request
 from anhyst.data import LoopSet
 from anhyst.data.inspection import inspect
 from anhyst.data.verdict import monotone_fit, single_valued
 from anhyst.identify import identify
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import read_model, write_model
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.model.writer import write_model
 from anhyst.report import write_plots, write_report
+from anhyst.support.arrays import FloatArray
 from anhyst.verify import verify
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 HERE = Path(__file__).parent
 BETWEEN = 0.45e-3

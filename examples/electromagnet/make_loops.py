@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
+
+from anhyst.support.arrays import FloatArray
 
 HERE = Path(__file__).resolve().parent
 MU_0 = 4e-7 * np.pi
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ A step is a function, and lives in the module of its name:
 
 - `anhyst.data`: ``LoopSet.from_csv`` reads loops; ``anhyst.data.inspection.inspect`` judges them;
 - `anhyst.identify`: ``identify`` finds a model;
-- `anhyst.model`: ``ActuatorModel`` predicts and inverts, whole records or step by step;
-- `anhyst.modelfile`: ``read_model`` and ``write_model``;
-- `anhyst.report`: ``write_report``; `anhyst.diff`: ``diff``.
+- `anhyst.model.actuator`: ``ActuatorModel`` predicts and inverts, whole records or step by step;
+- `anhyst.model.file`: ``read_model`` and ``write_model``;
+- `anhyst.report`: ``write_report``; `anhyst.model.diff`: ``diff``.
 """

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from anhyst.data.units import QUANTITIES
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import model_text
-from anhyst.record import ValidRange
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import ValidRange
+from anhyst.model.writer import model_text
+from anhyst.support.units import QUANTITIES
 
 GAPS = (0.3, 0.5)
 """In mm."""

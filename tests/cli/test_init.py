@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.simulate.controllerfile import check_controller, read_controller
-from anhyst.simulate.rigfile import read_bearing
+from anhyst.control.controller_file import read_controller
+from anhyst.rig.bearing.controller_check import check_controller
+from anhyst.rig.bearing.file import read_bearing
 
 from .command import as_ordinary_user, contents, quick, refused
 from .test_places import permissions_count

@@ -14,7 +14,8 @@ from tests.simulate import bearings
 
 from anhyst._core import batch_levels
 from anhyst.identify.dispatch import VARIABLE
-from anhyst.modelfile import read_model, write_model
+from anhyst.model.file import read_model
+from anhyst.model.writer import write_model
 
 from .command import anhyst
 

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.data.units import QUANTITIES
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import read_model, write_model
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.model.writer import write_model
+from anhyst.support.units import QUANTITIES
 
 from .command import anhyst, contents, quick, refused
 from .records import model

@@ -25,17 +25,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from tests.foreign.irons import (
-    MU_0,
-    FrictionIron,
-    FrictionSteel,
-    Iron,
-    PreisachIron,
-    PreisachSteel,
-)
+from tests.foreign.irons import FrictionIron, FrictionSteel, Iron, PreisachIron, PreisachSteel
 
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
 
 @dataclass(frozen=True)
@@ -90,7 +83,9 @@ class ForeignMagnet:
         """Largest current, A."""
         return max(high for _, high in self.ranges)
 
-    def force(self, current: Floats, gap: Floats | float, iron: Iron | None = None) -> Floats:
+    def force(
+        self, current: FloatArray, gap: FloatArray | float, iron: Iron | None = None
+    ) -> FloatArray:
         """Return the true force, N, of a fresh (or a given) magnet along a drive."""
         iron = iron or self.make_iron()
         gaps = np.broadcast_to(np.asarray(gap, dtype=np.float64), current.shape)
@@ -107,7 +102,7 @@ class ForeignMagnet:
         fringes = 1.0 - gap * (shape.width + shape.depth + 2.0 * gap) / rim
         return flux * flux / (MU_0 * rim) * fringes
 
-    def sweep_between(self, *ends: float) -> Floats:
+    def sweep_between(self, *ends: float) -> FloatArray:
         """Return straight lines of current from end to end, A, evenly sampled."""
         step = self.top / self.samples
         parts = [np.array(ends[:1])]
@@ -116,7 +111,7 @@ class ForeignMagnet:
             parts.append(np.linspace(start, end, count + 1)[1:])
         return np.concatenate(parts)
 
-    def _records(self) -> Iterator[tuple[int, float, Floats, Floats]]:
+    def _records(self) -> Iterator[tuple[int, float, FloatArray, FloatArray]]:
         for gap in self.gaps:
             for number, (low, high) in enumerate(self.ranges, start=1):
                 iron = self.make_iron()

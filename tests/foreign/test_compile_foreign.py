@@ -10,8 +10,8 @@ import pytest
 from tests.cli.command import anhyst, quick
 from tests.foreign.magnets import MAGNETS
 
-from anhyst.compilable import least_slope
-from anhyst.modelfile import read_model
+from anhyst.model.compilable import least_slope
+from anhyst.model.file import read_model
 
 RING_FIELD = 4000.0
 """A/m: about four times the coercivity of the iron of the magnet ``hard``."""

@@ -13,8 +13,8 @@ import pytest
 from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import read_model
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
 
 NAMES = sorted(MAGNETS)
 

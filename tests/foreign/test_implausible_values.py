@@ -8,9 +8,9 @@ import pytest
 from tests.cli.command import quick
 from tests.cli.records import model, rows, table
 
-from anhyst.errors import ImplausibleWarning
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import read_model
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.support.errors import ImplausibleWarning
 
 
 @pytest.fixture

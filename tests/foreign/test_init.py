@@ -11,8 +11,9 @@ import pytest
 from tests.cli.command import anhyst, quick
 from tests.foreign.magnets import MAGNETS
 
-from anhyst.simulate.controllerfile import check_controller, read_controller
-from anhyst.simulate.rigfile import read_bearing
+from anhyst.control.controller_file import read_controller
+from anhyst.rig.bearing.controller_check import check_controller
+from anhyst.rig.bearing.file import read_bearing
 
 PATIENCE = 1200.0
 """Seconds for half a minute of processor time, on a machine with much else to do."""

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.cli.command import quick, refused
 from tests.cli.records import model
 from tests.foreign.magnets import MAGNETS
 
-Floats = NDArray[np.float64]
-Loops = list[tuple[str, float, Floats, Floats]]
+from anhyst.support.arrays import FloatArray
+
+Loops = list[tuple[str, float, FloatArray, FloatArray]]
 """Label, gap in m, current in A and force in N of each record."""
 
 
@@ -324,9 +324,9 @@ def test_the_advised_mapping_of_a_drive_works_when_pasted(tmp_path: Path) -> Non
     assert quick(*run, "--columns", both, cwd=tmp_path).returncode == 0
 
 
-def delayed(values: Floats, samples: float) -> Floats:
+def delayed(values: FloatArray, samples: float) -> FloatArray:
     rows = np.arange(values.size)
-    late: Floats = np.interp(rows - samples, rows, values)
+    late: FloatArray = np.interp(rows - samples, rows, values)
     return late
 
 

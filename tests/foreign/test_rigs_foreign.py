@@ -15,8 +15,8 @@ from tests.foreign.rigs import FROM_LOOPS, write_bearing, write_force_control
 
 from anhyst.data import LoopSet
 from anhyst.rig.distance import along, distance, follower
-from anhyst.rig.fromloops import Fitted, fit_magnet
-from anhyst.rig.magnettable import ElectromagnetTable
+from anhyst.rig.from_loops import Fitted, fit_magnet
+from anhyst.rig.magnet_table import ElectromagnetTable
 
 ROOT = Path(__file__).resolve().parents[2]
 RUN = ("simulate", "rig.toml", "--out", "run.csv")
@@ -178,7 +178,7 @@ def test_a_wrong_key_of_the_controller_is_said_before_the_fit(tmp_path: Path) ->
 
 
 def test_several_files_of_loops_are_one_set(tmp_path: Path) -> None:
-    from anhyst.simulate.rigfile import read_bearing
+    from anhyst.rig.bearing.file import read_bearing
 
     rig = write_bearing(MAGNETS["soft"], tmp_path)
     head, *rows = (tmp_path / "loops.csv").read_text().splitlines()
@@ -204,9 +204,9 @@ def test_an_error_of_force_control_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
-    from anhyst.modelfile import write_model
-    from anhyst.simulate.plantcheck import check_plant
-    from anhyst.simulate.ready import make_ready, read_files
+    from anhyst.model.writer import write_model
+    from anhyst.rig.bearing.plant_check import check_plant
+    from anhyst.study.bearing.ready import make_ready, read_files
 
     example = ROOT / "examples" / "bearing"
     for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):

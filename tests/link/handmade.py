@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.actuators import compiled
 
-from anhyst.compile.block import Kind
+from anhyst.compensate.block import Kind
 from anhyst.compile.core import SOURCES, core_files
 from anhyst.compile.parameters import scales_source
 

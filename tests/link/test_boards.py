@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.errors import InputError, NegativeResult
+from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ForceController
 from anhyst.link.firmware import build, read_sizes
-from anhyst.link.plantbus import PlantBus
+from anhyst.link.plant_bus import PlantBus
 from anhyst.link.process import run_host, run_qemu
-from anhyst.states import Command, Fault, State
+from anhyst.support.errors import InputError, NegativeResult
 
 from .handmade import write_parameters
 from .plant import NoisyPlant

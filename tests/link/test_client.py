@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.errors import InputError
+from anhyst.control.states import Command, Fault, Flag, State
 from anhyst.link import frames
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ForceController, Refused
@@ -28,7 +28,7 @@ from anhyst.link.frames import (
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, recorder_state, start_recording
 from anhyst.link.status import Status
-from anhyst.states import Command, Fault, Flag, State
+from anhyst.support.errors import InputError
 
 from .conftest import RATE
 from .plant import NOISE, NoisyPlant

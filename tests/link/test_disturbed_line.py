@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.errors import InputError
+from anhyst.control.states import Command, State
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ForceController
 from anhyst.link.frames import Setting, Signal, Trigger
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, start_recording
-from anhyst.states import Command, State
+from anhyst.support.errors import InputError
 
 from .plant import NoisyPlant
 from .proxy import Disturbance, disturbed_line

@@ -10,6 +10,7 @@ import pytest
 from tests.once import made_once
 from tests.targets.test_verify_controller import compile_bearing
 
+from anhyst.control.states import Command, Fault, State
 from anhyst.link import frames
 from anhyst.link.blocks import regenerate
 from anhyst.link.firmware import build
@@ -29,7 +30,6 @@ from anhyst.link.frames import (
     StatusAnswer,
 )
 from anhyst.link.wire import Receiver, encode
-from anhyst.states import Command, Fault, State
 
 from . import nucleo
 from .conftest import RATE

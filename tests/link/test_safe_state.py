@@ -6,10 +6,10 @@ import math
 
 import pytest
 
+from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ForceController, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running
-from anhyst.states import Command, Fault, State
 
 from .conftest import RATE
 from .plant import NoisyPlant

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from tests.actuators import SIZES, closed_form, compiled, magnet, ranges
 
-from anhyst.compile import block as layout
-from anhyst.compile.block import Scales
-from anhyst.compile.simplified import build_simplified
+from anhyst.compensate import block as layout
+from anhyst.compensate.block import Scales
+from anhyst.compensate.simplified import build_simplified
+from anhyst.control.states import Command
 from anhyst.link import blocks
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ForceController, Refused
 from anhyst.link.frames import Reason
 from anhyst.link.process import Running
-from anhyst.states import Command
 
 from .conftest import RATE
 from .handmade import KIND

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.errors import InputError
 from anhyst.link import frames
 from anhyst.link.client import ForceController
 from anhyst.link.frames import HelloRequest, InfoAnswer, NakAnswer, Reason, StatusAnswer
 from anhyst.link.process import Running
 from anhyst.link.wire import Receiver, encode
+from anhyst.support.errors import InputError
 
 
 def refusal(url: str) -> str:

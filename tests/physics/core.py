@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from anhyst import _core
 from anhyst.laws.iron import Iron
 from anhyst.laws.operator import DEMAGNETISED, State
-
-FloatArray = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 
 class Record(NamedTuple):

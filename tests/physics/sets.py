@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from anhyst.laws.effective_field import StepKind
 from anhyst.laws.iron import Iron, LawName
 from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.support.arrays import FloatArray
 
 
 class Case(NamedTuple):
@@ -59,13 +59,13 @@ def random_cases(
     return cases
 
 
-def sine(amplitude: float, samples: int, cycles: int = 1) -> NDArray[np.float64]:
+def sine(amplitude: float, samples: int, cycles: int = 1) -> FloatArray:
     """Return whole cycles of a sine that starts after zero, `samples` a cycle."""
     phase = 2.0 * np.pi * np.arange(1, samples * cycles + 1) / samples
     return np.asarray(amplitude * np.sin(phase))
 
 
-def random_walk(amplitude: float, samples: int, seed: int) -> NDArray[np.float64]:
+def random_walk(amplitude: float, samples: int, seed: int) -> FloatArray:
     """Return turning points drawn from the whole range: many reversals, steps of every size."""
     rng = np.random.default_rng(seed)
     return np.asarray(amplitude * rng.uniform(-1.0, 1.0, samples) * rng.uniform(0, 1, samples))

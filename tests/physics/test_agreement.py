@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anhyst.laws.equation import MU_0, solve
+from anhyst.laws.equation import solve
 from anhyst.laws.explicit import ExplicitForm, Scheme
 from anhyst.laws.iron import Iron, LawName
 from anhyst.laws.linear_anhysteretic import LinearAnhysteretic
 from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
 from .sets import random_cases, random_walk, sine
 
@@ -42,7 +43,7 @@ def test_laws_differ_with_a_reversible_part() -> None:
     assert 0.002 < np.max(np.abs(one - other)[48:]) / (MU_0 * SHEET.m_s) < 0.05
 
 
-def truth_of_linear_law(law: LinearAnhysteretic, b: NDArray[np.float64]) -> list[float]:
+def truth_of_linear_law(law: LinearAnhysteretic, b: FloatArray) -> list[float]:
     """Return the field by integrating eqs. 13 to 15, corrected, with SciPy."""
     m, before, found = law.k2 / law.lam, 0.0, []
     weight = 1.0 - law.alpha
@@ -53,7 +54,7 @@ def truth_of_linear_law(law: LinearAnhysteretic, b: NDArray[np.float64]) -> list
             x = b_now / MU_0 - weight * m_now
             return sg * (law.anhysteretic(x) - m_now)
 
-        def rate(b_now: float, y: NDArray[np.float64], sg: float = sg) -> list[float]:
+        def rate(b_now: float, y: FloatArray, sg: float = sg) -> list[float]:
             chi = max(0.0, lag(b_now, float(y[0]), sg)) / law.k + law.c * law.k1
             return [chi / MU_0 / (1.0 + weight * chi)]
 

@@ -11,7 +11,6 @@ from tests.actuators import (
     CURRENTS,
     GAPS,
     WIDE,
-    FloatArray,
     compiled,
     largest_force,
     magnet,
@@ -21,11 +20,12 @@ from tests.actuators import (
     ring,
 )
 
-from anhyst.compile.block import Limits, Scales, Sizes
-from anhyst.compile.full import build_full
-from anhyst.compile.twin import Twin
-from anhyst.errors import InputError
-from anhyst.model import GapMap
+from anhyst.compensate.block import Limits, Scales, Sizes
+from anhyst.compensate.full import build_full
+from anhyst.compensate.twin import Twin
+from anhyst.model.actuator import GapMap
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 RESIDUAL = 0.5
 DEMAND_LIMITED, CURRENT_LIMITED = 1, 2

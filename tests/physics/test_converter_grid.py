@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.actuators import CURRENTS, WIDE, FloatArray, compiled, largest_force, magnet
+from tests.actuators import CURRENTS, WIDE, compiled, largest_force, magnet
 
 from anhyst._core import FixedCompensator
-from anhyst.compile.block import Kind
-from anhyst.compile.twin import Twin
+from anhyst.compensate.block import Kind
+from anhyst.compensate.twin import Twin
+from anhyst.support.arrays import FloatArray
 
 TICKS = 60_000
 

@@ -9,9 +9,10 @@ import pytest
 
 from anhyst import _core
 from anhyst.laws.effective_field import StepKind
-from anhyst.laws.equation import MU_0
 from anhyst.laws.iron import Iron, LawName
 from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
 from . import core
 from .sets import Case, random_cases, random_walk, sine, virgin_fold, wandered
@@ -24,7 +25,7 @@ VARIANTS: list[tuple[LawName, StepKind, int]] = [
 ]
 
 
-def settled(case: Case, samples: int) -> tuple[core.FloatArray, core.FloatArray]:
+def settled(case: Case, samples: int) -> tuple[FloatArray, FloatArray]:
     """Return field and flux density of the settled cycle."""
     drive, zero = sine(case.amplitude, samples), np.zeros(samples)
     state, _, status = core.core_of(case.iron).settle(

@@ -7,10 +7,10 @@ import pytest
 
 from anhyst import _core
 from anhyst.laws.effective_field import StepKind
-from anhyst.laws.equation import MU_0
 from anhyst.laws.iron import Iron, LawName
 from anhyst.laws.langevin import langevin, langevin_slope
 from anhyst.laws.operator import State
+from anhyst.support.units import MU_0
 
 from . import core
 from .sets import random_cases, random_walk, sine, wandered

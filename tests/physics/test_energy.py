@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from anhyst.laws.effective_field import StepKind
-from anhyst.laws.equation import MU_0
 from anhyst.laws.iron import Iron, LawName
 from anhyst.laws.langevin import inverse_langevin_scalar, langevin_slope_scalar
 from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
 from .sets import random_cases, random_walk, sine, wandered
 
@@ -18,7 +18,7 @@ LAWS: tuple[LawName, ...] = ("effective-field", "jiles-atherton-1986")
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
-def settle(iron: Iron, drive: NDArray[np.float64], cycles: int = 60) -> State:
+def settle(iron: Iron, drive: FloatArray, cycles: int = 60) -> State:
     """Repeat a cycle until the irreversible part comes back to itself."""
     state = DEMAGNETISED
     for _ in range(cycles):
@@ -29,7 +29,7 @@ def settle(iron: Iron, drive: NDArray[np.float64], cycles: int = 60) -> State:
     return state
 
 
-def heat_rates(iron: Iron, state: State, x1: float) -> NDArray[np.float64]:
+def heat_rates(iron: Iron, state: State, x1: float) -> FloatArray:
     """Return the heat per distance at quadrature nodes of a straight path, over ``mu0*M_s*a``.
 
     It is the way from the anhysteretic curve at the same irreversible part to the field, times what
@@ -43,7 +43,7 @@ def heat_rates(iron: Iron, state: State, x1: float) -> NDArray[np.float64]:
     return np.array(rates)
 
 
-def polygon_area(h: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def polygon_area(h: FloatArray, b: FloatArray) -> float:
     """Return the area of the closed polygon through the samples, J/m^3."""
     return float(0.5 * np.sum((np.roll(b, -1) - b) * (np.roll(h, -1) + h)))
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from anhyst.laws.effective_field import EffectiveField
-from anhyst.laws.equation import MU_0, solve
+from anhyst.laws.equation import solve
 from anhyst.laws.iron import Iron
 from anhyst.laws.operator import DEMAGNETISED
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
 from .sets import Case, random_cases, random_walk
 
-FloatArray = NDArray[np.float64]
 GAPS = np.array([0.3, 0.4, 0.6])
 
 

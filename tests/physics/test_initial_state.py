@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.actuators import CURRENTS, GAPS, WIDE, magnet
 
-from anhyst.compile.block import Kind
+from anhyst.compensate.block import Kind
 
 if TYPE_CHECKING:
     from initial_state import Actuator, Outcome

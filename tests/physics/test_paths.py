@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from anhyst.laws.effective_field import EffectiveField
@@ -15,6 +14,7 @@ from anhyst.laws.iron import LawName
 from anhyst.laws.jiles_atherton_1986 import JilesAtherton1986
 from anhyst.laws.langevin import langevin_scalar, langevin_slope_scalar
 from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.support.arrays import FloatArray
 
 from .sets import random_cases, random_walk, sine, virgin_fold, wandered
 
@@ -25,7 +25,7 @@ def brute_force(rate: RateOfIrreversible, x0: float, y0: float, x1: float) -> fl
     """Return the irreversible part at `x1` by SciPy, with an event where the hold ends."""
     sg = math.copysign(1.0, x1 - x0)
 
-    def lag(x: float, y: NDArray[np.float64]) -> float:
+    def lag(x: float, y: FloatArray) -> float:
         return sg * (langevin_scalar(x) - float(y[0]))
 
     if lag(x0, np.array([y0])) < 0.0:

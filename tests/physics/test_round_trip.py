@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from anhyst.laws.effective_field import StepKind
-from anhyst.laws.equation import MU_0
 from anhyst.laws.iron import Iron, LawName
+from anhyst.support.units import MU_0
 
 from .sets import random_cases, random_walk, sine
 

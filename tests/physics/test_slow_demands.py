@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.actuators import WIDE, compiled, largest_force, magnet
 
-from anhyst.compile.block import Kind
-from anhyst.compile.twin import Twin
+from anhyst.compensate.block import Kind
+from anhyst.compensate.twin import Twin
 
 
 @pytest.mark.parametrize("play", [0.0, 40.0])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from anhyst.plants.iron import CellIron, CellSteel
+from anhyst.rig.parts.iron import CellIron, CellSteel
 
 Floats = NDArray[np.float64]
 MU_0 = 4e-7 * math.pi

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from anhyst._core import Bearing
-from anhyst.plants.iron import CellSteel
-from anhyst.plants.magnet import Poles
-from anhyst.simulate.plant import make_bearing
-from anhyst.simulate.rigfile import BearingRig
-from anhyst.simulate.rigtables import BearingTable
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.plant import make_bearing
+from anhyst.rig.bearing.tables import BearingTable
+from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.parts.magnet import Poles
 
 PATH = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
 GAP = 0.45e-3

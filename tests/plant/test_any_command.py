@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.plant.oracle import Ledger, Shape, middles
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
 
-from anhyst.simulate.plant import STOP_RESONANCE
+from anhyst.rig.bearing.plant import STOP_RESONANCE
 
 PAIR = {
     "magnet.arrangement": "pair",

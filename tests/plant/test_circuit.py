@@ -6,17 +6,17 @@ import itertools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.actuators import GAPS, nested
 from tests.actuators import magnet as model
-from tests.plant.oracle import MU_0, OracleMagnet, Shape, polarisation
+from tests.plant.oracle import OracleMagnet, Shape, polarisation
 from tests.plant.rigs import GAP, example_poles, example_steel
 
 from anhyst._core import Coil, Magnet
-from anhyst.plants.iron import CellSteel
-from anhyst.plants.magnet import FluxTable, cell_magnet, law_magnet
+from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.parts.magnet import FluxTable, cell_magnet, law_magnet
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
-Floats = NDArray[np.float64]
 STEELS = {
     "example": example_steel(),
     "nothing pins": CellSteel(1, 1.0, 170.0, 3.0, 1.3, 120.0, 0.75, 3000.0),
@@ -24,7 +24,7 @@ STEELS = {
 }
 
 
-def wander(samples: int, seed: int) -> tuple[Floats, Floats]:
+def wander(samples: int, seed: int) -> tuple[FloatArray, FloatArray]:
     """Return currents of both signs and gaps, with large and small movements."""
     rng = np.random.default_rng(seed)
     current = 4.5 * np.sin(np.cumsum(rng.normal(0.0, 0.25, samples)))

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.plant.oracle import Floats
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles
 
 from anhyst._core import Bearing
+from anhyst.support.arrays import FloatArray
 
 SOFT: dict[str, Any] = {
     "magnet.iron.reversible_fraction": 1.0,
@@ -101,7 +101,7 @@ def test_commands_beyond_the_range_stay_at_its_end(wanted: float, flows: float) 
 def test_a_command_takes_effect_exactly_after_the_delay(
     ticks: float, late: float, substeps: int
 ) -> None:
-    def flows(changes: dict[str, Any], hold: int) -> Floats:
+    def flows(changes: dict[str, Any], hold: int) -> FloatArray:
         plant = welded(changes)
         rows = []
         for tick in range(8 * hold):
@@ -131,7 +131,7 @@ def test_in_voltage_mode_the_command_is_the_voltage() -> None:
 FREE: dict[str, Any] = OPEN_LOOP | {"mechanics.stop_low_m": 0.1e-3, "mechanics.stop_high_m": 0.8e-3}
 
 
-def flight(changes: dict[str, Any], velocity: float, force: float, ticks: int) -> Floats:
+def flight(changes: dict[str, Any], velocity: float, force: float, ticks: int) -> FloatArray:
     """Return gap and velocity without any current."""
     plant = bearing(FREE | changes)
     plant.place(GAP, velocity)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.plant.oracle import Floats, Ledger, Shape, middles
+from tests.plant.oracle import Ledger, Shape, middles
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles, example_steel
 
 from anhyst._core import Coil
-from anhyst.plants.iron import CellSteel
-from anhyst.plants.magnet import cell_magnet
+from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.parts.magnet import cell_magnet
+from anhyst.support.arrays import FloatArray
 
 SHAPE, STEEL = Shape(), example_steel()
 
@@ -130,7 +131,7 @@ steels = st.builds(
 )
 
 
-def straight(turns: list[tuple[float, float]], samples: int) -> tuple[Floats, Floats]:
+def straight(turns: list[tuple[float, float]], samples: int) -> tuple[FloatArray, FloatArray]:
     """Return currents and gaps straight from turning point to turning point and back."""
     ends = np.array([*turns, turns[0]])
     at = np.linspace(0.0, len(turns), samples * len(turns) + 1)

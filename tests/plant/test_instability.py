@@ -9,8 +9,8 @@ import pytest
 from tests.plant.oracle import OracleMagnet, Shape
 from tests.plant.rigs import GAP, STIFF, bearing, example_steel
 
-from anhyst.plants.iron import CellSteel
-from anhyst.simulate.linear import Point
+from anhyst.rig.parts.iron import CellSteel
+from anhyst.study.bearing.linear import Point
 
 MASS = 2.0
 

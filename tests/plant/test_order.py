@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from tests.actuators import GAPS
 from tests.actuators import magnet as model
-from tests.plant.oracle import Floats, OracleMagnet, Shape
+from tests.plant.oracle import OracleMagnet, Shape
 from tests.plant.rigs import GAP, OPEN_LOOP, example_poles, example_steel, rig
 
 from anhyst._core import Coil, Magnet
-from anhyst.plants.magnet import cell_magnet, flux_table_of, law_magnet
-from anhyst.simulate.plant import make_bearing
+from anhyst.rig.bearing.plant import make_bearing
+from anhyst.rig.parts.magnet import cell_magnet, flux_table_of, law_magnet
+from anhyst.support.arrays import FloatArray
 
 EDDY = 20.0
 """Of a law, A s/(m T)."""
@@ -23,7 +24,7 @@ VOLTAGES = ((60.0, 1.5e-3), (-40.0, 1.0e-3), (30.0, 1.0e-3))
 """V and s; the field turns round at each jump and nowhere else."""
 
 
-def stepped(magnet: Magnet, steps: int, start: float = 0.0) -> Floats:
+def stepped(magnet: Magnet, steps: int, start: float = 0.0) -> FloatArray:
     """Return linkage, current and pull at the end of each voltage; so many steps for 0.5 ms."""
     coil = Coil(magnet)
     coil.hold(start, GAP)
@@ -120,7 +121,7 @@ CASES = {
 }
 
 
-def run(case: Case, substeps: int, lift: float) -> Floats:
+def run(case: Case, substeps: int, lift: float) -> FloatArray:
     """Return gap, velocity, force and current at each tick of 3 ms of moving commands."""
     changes = OPEN_LOOP | {"timing.delay_ticks": 1.0, "mechanics.gravity_m_per_s2": lift}
     plant = make_bearing(

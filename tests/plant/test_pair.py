@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.plant.oracle import Floats, OracleMagnet, Shape
+from tests.plant.oracle import OracleMagnet, Shape
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
 
 from anhyst._core import Bearing
+from anhyst.support.arrays import FloatArray
 
 PAIR: dict[str, Any] = OPEN_LOOP | {
     "magnet.arrangement": "pair",
@@ -57,7 +58,7 @@ def test_the_net_force_is_odd_in_displacement_and_in_the_difference_of_currents(
         assert pair(2.5, 2.5, displaced).force * displaced < 0.0  # towards the nearer magnet
 
 
-def flight(side: float) -> tuple[Floats, Floats]:
+def flight(side: float) -> tuple[FloatArray, FloatArray]:
     """Return displacements and readings of 5 ms; side -1 with the roles of the magnets changed."""
     swing = 0.4 * np.sin(0.3 * np.arange(100))
     plant = pair(2.5, 2.5, side * 1e-6)

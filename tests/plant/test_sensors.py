@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.plant.oracle import Floats
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing
+
+from anhyst.support.arrays import FloatArray
 
 STILL: dict[str, Any] = OPEN_LOOP | {"mechanics.mass_kg": 1e12}
 """Too heavy to be moved by a magnet, but for its own speed."""
@@ -80,7 +81,7 @@ def test_a_slow_sensor_lags_behind_a_ramp_by_its_time_constant() -> None:
     assert plant.gap - plant.read()[0] == pytest.approx(lag, rel=2e-3)
 
 
-def phasor(values: Floats, turn: float) -> complex:
+def phasor(values: FloatArray, turn: float) -> complex:
     """Amplitude and phase of a sine over whole periods."""
     return complex(np.mean(values * np.exp(-1j * turn * np.arange(values.size)))) * 2.0
 
@@ -104,7 +105,7 @@ def test_at_its_bandwidth_a_sensor_says_0_7_of_it_an_eighth_of_a_period_late(
     assert math.degrees(math.atan2(ratio.imag, ratio.real)) == pytest.approx(-45.0, abs=1.0)
 
 
-def readings(seed: int, changes: dict[str, Any], count: int) -> Floats:
+def readings(seed: int, changes: dict[str, Any], count: int) -> FloatArray:
     plant = bearing(changes, seed)
     plant.place(GAP, 0.0)
     plant.hold(2.5, 0)

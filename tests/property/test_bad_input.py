@@ -16,11 +16,12 @@ from anhyst.data import LoopSet, read_columns
 from anhyst.data.clean import STEPS, clean
 from anhyst.data.inspection import inspect
 from anhyst.data.sidecar import Reading
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import model_text, read_model
-from anhyst.record import FitFigures, LoopFit, Provenance, Uncertainty, ValidRange
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty, ValidRange
+from anhyst.model.writer import model_text
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
 RISE = np.linspace(0.0, 2.0, 12)
 LAG = np.concatenate([np.maximum(RISE - 0.1, 0.0), np.minimum(RISE + 0.1, 1.9)[-2::-1]])

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from tests.actuators import GAPS, compiled, largest_force, magnet, ring
 
 from anhyst._core import FixedCompensator
-from anhyst.compile.block import Block, Kind, Limits, Scales
-from anhyst.compile.full import build_full
-from anhyst.compile.twin import Twin
-from anhyst.model import GapMap
+from anhyst.compensate.block import Block, Kind, Limits, Scales
+from anhyst.compensate.full import build_full
+from anhyst.compensate.twin import Twin
+from anhyst.model.actuator import GapMap
 
 ONE = 2**30
 WORDS = st.one_of(

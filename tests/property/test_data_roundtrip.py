@@ -13,8 +13,8 @@ from hypothesis.extra import numpy as hnp
 
 from anhyst.data import History, Loop, LoopSet, read_columns, write_csv
 from anhyst.data.path import turning_points
-from anhyst.data.rawtable import Texts
-from anhyst.data.units import INPUTS, OUTPUTS, QUANTITIES, UNITS, parse_header
+from anhyst.data.raw_table import Texts
+from anhyst.support.units import INPUTS, OUTPUTS, QUANTITIES, UNITS, parse_header
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=True)
 DIMENSION = {"displacement": "length", "gap": "length"}

@@ -8,20 +8,17 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from anhyst.data import Quantity
 from anhyst.data.history import DEMAGNETISED
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
-from anhyst.identify.drives import Drive, Records
+from anhyst.identify.fit_records import Drive, Records
 from anhyst.identify.gauge import AIR_CORE, form_of, physical
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import Form, Local
 from anhyst.identify.space import Space
-from anhyst.model import ActuatorModel, GapMap, Law, Parameter
-
-Floats = NDArray[np.float64]
+from anhyst.model.actuator import ActuatorModel, GapMap, Law, Parameter
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES, Quantity
 
 GAPS = (0.2e-3, 0.35e-3, 0.6e-3)
 PATH = np.concatenate(
@@ -81,7 +78,7 @@ def reluctance_scales(sets: list[Local]) -> list[Local]:
     return [replace(one, scale=sets[0].scale / (1.0 - one.h * one.omega)) for one in sets]
 
 
-def fitted(space: Space, sets: list[Local]) -> list[Floats]:
+def fitted(space: Space, sets: list[Local]) -> list[FloatArray]:
     return list(np.split(Objective(space).outputs(sets), len(sets)))
 
 
@@ -179,7 +176,7 @@ def scaled(model: ActuatorModel, factors: dict[str, float], **others: Parameter)
     return replace(model, parameters={**changed, **others})
 
 
-def outputs(model: ActuatorModel, gaps: Sequence[float] = GAPS) -> Floats:
+def outputs(model: ActuatorModel, gaps: Sequence[float] = GAPS) -> FloatArray:
     return np.concatenate([model.predict(PATH, gap).output for gap in gaps])
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.unit.levitating import CONTROL, FORMATS, PAIR, make
 
 from anhyst.control.position import Format
-from anhyst.states import Command
+from anhyst.control.states import Command
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 GAPS = st.floats(0.32e-3, 0.58e-3) | ANY

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from tests.actuators import (
     GAPS,
     SIZES,
-    FloatArray,
     closed_form,
     largest_force,
     magnet,
@@ -21,10 +20,11 @@ from tests.actuators import (
 )
 from tests.swaps import apart, jump
 
-from anhyst.compile.block import Block, Limits, Sizes
-from anhyst.compile.full import build_full
-from anhyst.compile.simplified import build_simplified
-from anhyst.model import ActuatorModel, GapMap
+from anhyst.compensate.block import Block, Limits, Sizes
+from anhyst.compensate.full import build_full
+from anhyst.compensate.simplified import build_simplified
+from anhyst.model.actuator import ActuatorModel, GapMap
+from anhyst.support.arrays import FloatArray
 
 MAPS = st.sampled_from(["reluctance", "circuit"])
 """With ``circuit`` the flux arm is negative."""

@@ -13,19 +13,19 @@ from matplotlib.axes import Axes
 
 from anhyst.cli.app import main
 from anhyst.cli.force_control import _show as show_terminal
-from anhyst.compile.block import Block
-from anhyst.compile.plan import Request, make_plan
+from anhyst.compensate.block import Block
+from anhyst.compensate.plan import Request, make_plan
 from anhyst.link.firmware import build
-from anhyst.modelfile import read_model
-from anhyst.rig.bench import Bench
-from anhyst.rig.demand import with_lead_in
-from anhyst.rig.drawing import figure_constant_gap, figure_moving, figure_positions
-from anhyst.rig.force_control import ForceControl, force_control
-from anhyst.rig.programs import Program, Session, ticks_that_differ
-from anhyst.rig.rigfile import read_rig
-from anhyst.rig.session import run_firmware
-from anhyst.rig.trials import Outcome
-from anhyst.rig.verdict import BASELINES, verdict
+from anhyst.model.file import read_model
+from anhyst.report.force.figures import draw, figure_constant_gap, figure_moving, figure_positions
+from anhyst.rig.force.bench import Bench
+from anhyst.rig.force.demand import with_lead_in
+from anhyst.rig.force.file import read_rig
+from anhyst.rig.force.programs import Program, Session, ticks_that_differ
+from anhyst.rig.force.session import run_firmware
+from anhyst.study.force.force_control import ForceControl, force_control
+from anhyst.study.force.trials import Outcome
+from anhyst.study.force.verdict import BASELINES, verdict
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 GAPS = ("0.00100", "0.00160", "0.00280")
@@ -65,7 +65,9 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> ForceControl:
     demand = small.parent / "demand.csv"
     demand.write_text("t_s,F_N\n0,0\n0.2,30\n0.3,30\n0.5,8\n")
-    return force_control(small, tmp_path_factory.mktemp("out") / "run", demand=demand)
+    result = force_control(small, tmp_path_factory.mktemp("out") / "run", demand=demand)
+    draw(result)
+    return result
 
 
 def test_the_firmware_does_what_the_simulated_program_does(run: ForceControl) -> None:
@@ -152,10 +154,10 @@ def test_errors_are_drawn_under_every_force(run: ForceControl, small: Path) -> N
     by_stage: dict[str, list[Outcome]] = {}
     for outcome in run.outcomes:
         by_stage.setdefault(outcome.trial.stage, []).append(outcome)
-    for draw, stage in (
+    for figure_of, stage in (
         (figure_constant_gap, "end"), (figure_positions, "positions"), (figure_moving, "moving"),
     ):  # fmt: skip
-        axes = draw(rig, by_stage[stage]).axes
+        axes = figure_of(rig, by_stage[stage]).axes
         forces = [ax for ax in axes if "demand" in labels(ax)]
         errors = [ax for ax in axes if "error, full" in labels(ax)]
         assert len(forces) == len(errors) >= 1

@@ -6,21 +6,22 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from anhyst.simulate.controllerfile import (
+from anhyst.control.controller_file import (
     ControllerFile,
     ControllerTable,
     Format,
     Variant,
     read_controller,
 )
-from anhyst.simulate.loop import Loop
-from anhyst.simulate.measuring import measure_loops
-from anhyst.simulate.recording import Recording
-from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.rigtables import PositionTable
-from anhyst.simulate.scenario import Scenario, Script
-from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
-from anhyst.simulate.variations import changed, with_iron
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.bearing.scenario import Scenario, Script
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.tables import PositionTable
+from anhyst.study.bearing.variations import changed, with_iron
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 FORMATS: tuple[Format, ...] = ("f64", "f32", "fixed")
@@ -40,9 +41,9 @@ def controller() -> ControllerFile:
 
 
 @cache
-def knowledge(fraction: float = 0.15) -> Knowledge:
+def knowledge(fraction: float = 0.15) -> IdentifiedMagnet:
     """Loops and model of the example with another reversible fraction."""
-    return learn(measure_loops(with_iron(example(), fraction)))
+    return identify_magnet(measure_loops(with_iron(example(), fraction)))
 
 
 @cache

@@ -9,25 +9,25 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.report.blocks import Items, Note
-from anhyst.simulate.controllerfile import ControllerTable, Variant, read_controller
-from anhyst.simulate.linear import Margins
-from anhyst.simulate.metrics import Interval, no_mean
-from anhyst.simulate.recording import COLUMNS, Recording
-from anhyst.simulate.report import Subject
-from anhyst.simulate.report.force_current import LoopCurve
-from anhyst.simulate.report.over_frequency import Response
-from anhyst.simulate.report.over_runs import (
+from anhyst.control.controller_file import ControllerTable, Variant, read_controller
+from anhyst.report.bearing import Subject
+from anhyst.report.bearing.force_current import LoopCurve
+from anhyst.report.bearing.over_frequency import Response
+from anhyst.report.bearing.over_runs import (
     BenefitCell,
     Candidate,
     Spread,
     Tuning,
 )
-from anhyst.simulate.report.over_time import StepPanel
-from anhyst.simulate.report.subject import Comparison, Tracking, grouped
-from anhyst.simulate.responses import Cell
-from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.scenario import Step
+from anhyst.report.bearing.over_time import StepPanel
+from anhyst.report.bearing.subject import Comparison, Tracking, grouped
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.recording import COLUMNS, Recording
+from anhyst.rig.bearing.scenario import Step
+from anhyst.study.bearing.linear import Margins
+from anhyst.study.bearing.metrics import Interval, no_mean
+from anhyst.study.bearing.responses import Cell
+from anhyst.support.page.blocks import Items, Note
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 SHOWN: tuple[Variant, ...] = ("ratio", "static", "full")

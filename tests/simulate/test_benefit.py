@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.reversal import reversal_share
-from anhyst.errors import InputError
-from anhyst.simulate.benefit import RIVALS, Benefit, Cell, Comparison, benefit
-from anhyst.simulate.controllerfile import ControllerFile, read_controller
-from anhyst.simulate.measuring import measure_loops
-from anhyst.simulate.metrics import Interval, mean_interval
-from anhyst.simulate.operating import find_operating_point
-from anhyst.simulate.ratio import quotient
-from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.variations import changed, with_iron
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.study.bearing.benefit import RIVALS, Benefit, Cell, Comparison, benefit
+from anhyst.study.bearing.metrics import Interval, mean_interval
+from anhyst.study.bearing.operating import find_operating_point
+from anhyst.study.bearing.ratio import quotient
+from anhyst.study.bearing.variations import changed, with_iron
+from anhyst.support.errors import InputError
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 HEIGHTS = (10e-6, 100e-6)

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 from tests.cli.command import quick
 
+from anhyst.control.controller_file import read_controller
 from anhyst.data import LoopSet
-from anhyst.data.units import QUANTITIES
 from anhyst.data.verdict import judge
-from anhyst.simulate.benefit import FRACTIONS, WIDTHS, benefit
-from anhyst.simulate.benefit_note import BenefitNote, benefit_note, table
-from anhyst.simulate.controllerfile import read_controller
-from anhyst.simulate.measuring import measure_loops
-from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.variations import changed, with_iron
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.study.bearing.benefit import FRACTIONS, WIDTHS, benefit
+from anhyst.study.bearing.benefit_note import BenefitNote, benefit_note, table
+from anhyst.study.bearing.variations import changed, with_iron
+from anhyst.support.units import QUANTITIES
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "bearing"

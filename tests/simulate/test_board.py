@@ -8,19 +8,19 @@ from pathlib import Path
 import pytest
 from tests.once import made_once
 
-from anhyst.errors import InputError
+from anhyst.control.controller_file import ControllerFile, write_controller
+from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import Refused
 from anhyst.link.frames import DemandRequest, Reason, Signal, StatusAnswer, TargetRequest
 from anhyst.link.recorder import read_recording, start_recording
-from anhyst.rig.session import BOARDS
-from anhyst.simulate.board import BearingPlant, BoardFlight, board_flight
-from anhyst.simulate.boardfaults import Ending, FaultFlights, Injection, injections
-from anhyst.simulate.controllerfile import ControllerFile, write_controller
-from anhyst.simulate.flyboard import build_flight, count_differences, fly_board
-from anhyst.simulate.loop import Loop
-from anhyst.simulate.scenario import DROP, Script, land_time
-from anhyst.simulate.setup import Setup
-from anhyst.states import Command, Fault, Phase, State
+from anhyst.rig.bearing.board import BearingPlant, BoardFlight, board_flight
+from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.scenario import DROP, Script, land_time
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.force.session import BOARDS
+from anhyst.study.bearing.board_faults import Ending, FaultFlights, Injection, injections
+from anhyst.study.bearing.on_board import build_flight, count_differences, fly_board
+from anhyst.support.errors import InputError
 
 from . import bearings
 from .bearings import GAP

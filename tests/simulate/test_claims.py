@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.simulate import responses
-from anhyst.simulate.controllerfile import Format, Variant
-from anhyst.simulate.experiments import Outcome, Trial, of_all, stand_still
-from anhyst.simulate.limitcycle import LimitCycle
-from anhyst.simulate.responses import Cell, Run, StepResult, compare
-from anhyst.simulate.setup import Setup
+from anhyst.control.controller_file import Format, Variant
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.bearing import responses
+from anhyst.study.bearing.experiments import Outcome, Trial, of_all, stand_still
+from anhyst.study.bearing.limit_cycle import LimitCycle
+from anhyst.study.bearing.responses import Cell, Run, StepResult, compare
 
 from . import bearings
 from .bearings import GAP

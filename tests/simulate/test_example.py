@@ -11,19 +11,18 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from anhyst.data import LoopSet
-from anhyst.simulate.measuring import measure_loops
-from anhyst.simulate.plant import static_map
-from anhyst.simulate.rigfile import BearingRig, read_bearing
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.plant import static_map
+from anhyst.support.arrays import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 README = (FOLDER / "README.md").read_text()
 HIGH = 4.5
 PAST = [0.0, *[HIGH, 0.0] * 3]
-Floats = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +60,7 @@ def test_the_loops_read_as_they_were_measured(rig: BearingRig) -> None:
         np.testing.assert_allclose(kept.output, fresh.output, atol=1e-4)
 
 
-def both_ways(rig: BearingRig, gap: float) -> tuple[Floats, Floats, Floats, float]:
+def both_ways(rig: BearingRig, gap: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Current, force rising and falling, and the largest flux density, after conditioning."""
     current = np.linspace(0.0, HIGH, 401)
     path = np.concatenate([PAST, current[1:], current[::-1][1:]])
@@ -70,10 +69,10 @@ def both_ways(rig: BearingRig, gap: float) -> tuple[Floats, Floats, Floats, floa
     return current, force[len(PAST) - 1 : turn + 1], force[turn:][::-1], float(density[turn])
 
 
-def opening(current: Floats, rising: Floats, falling: Floats) -> Floats:
+def opening(current: FloatArray, rising: FloatArray, falling: FloatArray) -> FloatArray:
     """Width of a loop at all levels, as a percentage of the largest current."""
     level = np.linspace(0.05, 0.95, 181) * rising[-1]
-    width: Floats = np.interp(level, rising, current) - np.interp(level, falling, current)
+    width: FloatArray = np.interp(level, rising, current) - np.interp(level, falling, current)
     return 100.0 * width / HIGH
 
 

@@ -14,23 +14,23 @@ import pytest
 from pydantic import BaseModel
 
 from anhyst.control import design
-from anhyst.data import LoopSet
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel
-from anhyst.simulate.controllerfile import (
+from anhyst.control.controller_file import (
     ControllerTable,
     GainsTable,
     Variant,
-    check_controller,
     controller_text,
     read_controller,
     write_controller,
 )
-from anhyst.simulate.fluxfile import check_flux_range, read_flux_table
-from anhyst.simulate.rigfile import check_load, check_rate, read_bearing, step_ends
-from anhyst.simulate.rigtables import POSITION_SENSORS, BearingTable
-from anhyst.simulate.setup import Knowledge, make_setups
-from anhyst.tomlfile import TomlFileError
+from anhyst.data import LoopSet
+from anhyst.model.actuator import ActuatorModel
+from anhyst.rig.bearing.controller_check import check_controller
+from anhyst.rig.bearing.file import check_load, check_rate, read_bearing, step_ends
+from anhyst.rig.bearing.flux_file import check_flux_range, read_flux_table
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
+from anhyst.rig.bearing.tables import POSITION_SENSORS, BearingTable
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import TomlFileError
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "bearing"
@@ -369,7 +369,7 @@ def test_gains_that_fixed_point_cannot_hold_are_told_with_their_key(folder: Path
     line = change(path, "bandwidth_Hz = 120.0", "bandwidth_Hz = 1e6")
     rig, where = read_bearing(folder / "rig.toml"), rf"{path}:{line}: design\.bandwidth_Hz: prop"
     loops = LoopSet.from_csv(EXAMPLE / "loops.csv")
-    known = Knowledge(loops, cast(ActuatorModel, None))  # no variant below looks at a model
+    known = IdentifiedMagnet(loops, cast(ActuatorModel, None))  # no variant below looks at a model
     with pytest.raises(InputError, match=rf"{where}.* too large"):
         make_setups(rig, read_controller(path), known, ("static",))
     change(path, 'format = "fixed"', 'format = "f64"')

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedCompensator, FixedController, FixedDrive
-from anhyst.compile.block import Block
-from anhyst.simulate.controllerfile import Variant
-from anhyst.simulate.drive import CompensatorLaw
-from anhyst.simulate.position import position_control
-from anhyst.simulate.recording import COLUMNS, HOVER, RUN, Recording
-from anhyst.simulate.scenario import DROP, Scenario
-from anhyst.simulate.setup import Setup
-from anhyst.states import Command
+from anhyst.compensate.block import Block
+from anhyst.compensate.drive import CompensatorLaw
+from anhyst.control.controller_file import Variant
+from anhyst.control.states import Command
+from anhyst.rig.bearing.position import position_control
+from anhyst.rig.bearing.recording import COLUMNS, HOVER, RUN, Recording
+from anhyst.rig.bearing.scenario import DROP, Scenario
+from anhyst.rig.bearing.setup import Setup
 
 from . import bearings
 from .bearings import GAP

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import signal
 
-from anhyst.simulate.limitcycle import limit_cycle, lowest_frequency
+from anhyst.study.bearing.limit_cycle import limit_cycle, lowest_frequency
+from anhyst.support.arrays import FloatArray
 
 RATE = 20e3
 T = np.arange(round(1.0 * RATE)) / RATE
-Row = NDArray[np.float64]
+Row = FloatArray
 
 
 def noise(rng: np.random.Generator, damping: float) -> Row:

@@ -12,7 +12,7 @@ import pytest
 from scipy.signal import cont2discrete
 
 from anhyst.control import Pidd2, design, to_control
-from anhyst.simulate.linear import (
+from anhyst.study.bearing.linear import (
     Amplifier,
     Chain,
     Compensation,
@@ -20,7 +20,7 @@ from anhyst.simulate.linear import (
     Loop,
     Point,
 )
-from anhyst.simulate.linearplant import sampled
+from anhyst.study.bearing.linear_plant import sampled
 
 RATE = 20e3
 # The example bearing: 80 Hz of unstable pole.

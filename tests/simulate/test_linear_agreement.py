@@ -8,21 +8,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from anhyst.compensate.variants import fit_drive
 from anhyst.control import Pidd2
+from anhyst.control.controller_file import read_controller
 from anhyst.data import LoopSet
-from anhyst.simulate.controllerfile import read_controller
-from anhyst.simulate.linear import Amplifier, Chain, Compensation, DigitalAmplifier, Loop
-from anhyst.simulate.loop import Loop as Running
-from anhyst.simulate.operating import find_operating_point
-from anhyst.simulate.plant import current_gains
-from anhyst.simulate.recording import Recording
-from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.scenario import Script
-from anhyst.simulate.sensitivity import measure_sensitivity
-from anhyst.simulate.setup import Setup, operating_point
-from anhyst.simulate.variants import fit_drive
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.loop import Loop as Running
+from anhyst.rig.bearing.make_setup import operating_point
+from anhyst.rig.bearing.plant import current_gains
+from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.bearing.linear import Amplifier, Chain, Compensation, DigitalAmplifier, Loop
+from anhyst.study.bearing.operating import find_operating_point
+from anhyst.study.bearing.sensitivity import measure_sensitivity
+from anhyst.support.arrays import FloatArray
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 FREQUENCIES = np.array([20.0, 60.0, 120.0, 200.0, 320.0, 450.0, 700.0])
@@ -78,7 +79,7 @@ def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: fl
     running = Running(Setup(rig, controller, drive))
     running.run(Script(rig, gap).lift_off(controller).build())
 
-    def run(inject: NDArray[np.float64]) -> Recording:
+    def run(inject: FloatArray) -> Recording:
         return running.run(Script(rig, gap).hold(0.0, inject).build())
 
     rate = rig.settings.timing.rate_Hz

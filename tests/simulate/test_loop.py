@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedPosition, Position, SinglePosition
-from anhyst.simulate.controllerfile import Format
-from anhyst.simulate.plant import current_loop, make_bearing
-from anhyst.simulate.pool import all_of
-from anhyst.simulate.position import make_position
-from anhyst.simulate.recording import COLUMNS, HOVER, Recording
-from anhyst.simulate.responses import Run, run_steps
-from anhyst.simulate.scenario import DROP, Scenario, Script
-from anhyst.simulate.setup import Setup
-from anhyst.states import Command
+from anhyst.control.controller_file import Format
+from anhyst.control.states import Command
+from anhyst.rig.bearing.plant import current_loop, make_bearing
+from anhyst.rig.bearing.position import make_position
+from anhyst.rig.bearing.recording import COLUMNS, HOVER, Recording
+from anhyst.rig.bearing.scenario import DROP, Scenario, Script
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.bearing.responses import Run, run_steps
+from anhyst.support.jobs import all_of
 
 from . import bearings
 from .bearings import GAP

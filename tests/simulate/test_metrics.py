@@ -6,19 +6,19 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from anhyst.simulate.metrics import (
+from anhyst.study.bearing.metrics import (
     deviation,
     effort,
     mean_interval,
     recovery_time,
     step_figures,
 )
+from anhyst.support.arrays import FloatArray
 
 RATE = 20e3
 SENSOR = 5e-9  # resolution, rms, m
-Row = NDArray[np.float64]
+Row = FloatArray
 
 
 def second_order(damping: float, w: float, t: Row) -> Row:

@@ -13,10 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.errors import InputError, Interrupted
-from anhyst.modelfile import write_model
-from anhyst.simulate.controllerfile import ControllerFile, Variant, read_controller
-from anhyst.simulate.drift import (
+from anhyst.control.controller_file import ControllerFile, Variant, read_controller
+from anhyst.model.writer import write_model
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.plant import static_map
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.tables import DriftTable
+from anhyst.study.bearing.drift import (
     CUT,
     Drift,
     draw_drift,
@@ -24,16 +29,11 @@ from anhyst.simulate.drift import (
     drifted_law,
     drifted_rig,
 )
-from anhyst.simulate.loop import Loop
-from anhyst.simulate.montecarlo import FIGURES, MonteCarlo, Plant, monte_carlo, percentile
-from anhyst.simulate.plant import static_map
-from anhyst.simulate.plantrow import fault_of
-from anhyst.simulate.ready import make_ready
-from anhyst.simulate.responses import Run, run_steps
-from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.rigtables import DriftTable
-from anhyst.simulate.scenario import Script
-from anhyst.simulate.setup import make_setup
+from anhyst.study.bearing.monte_carlo import FIGURES, MonteCarlo, Plant, monte_carlo, percentile
+from anhyst.study.bearing.plant_row import fault_of
+from anhyst.study.bearing.ready import make_ready
+from anhyst.study.bearing.responses import Run, run_steps
+from anhyst.support.errors import InputError, Interrupted
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 NONE = dict.fromkeys(DriftTable.model_fields, 0.0)
@@ -112,7 +112,7 @@ def test_an_interrupt_loses_nothing(
 ) -> None:
     path = tmp_path / "plants.jsonl"
 
-    def stop(done: int, total: int) -> None:
+    def stop(done: float, total: float) -> None:
         assert total == 5
         if done == 3:
             raise KeyboardInterrupt

@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.simulate import experiments
-from anhyst.simulate.controllerfile import Variant
-from anhyst.simulate.experiments import (
+from anhyst.control.controller_file import Variant
+from anhyst.control.states import Command
+from anhyst.rig.bearing.loop import Loop, hovers_from, lost_at
+from anhyst.rig.bearing.recording import HOVER
+from anhyst.rig.bearing.scenario import DROP
+from anhyst.study.bearing import experiments
+from anhyst.study.bearing.experiments import (
     BACK_M,
     LEAST_BAND_M,
     Event,
@@ -15,11 +19,7 @@ from anhyst.simulate.experiments import (
     excess_band,
     recover,
 )
-from anhyst.simulate.loop import Loop, hovers_from, lost_at
-from anhyst.simulate.recording import HOVER
-from anhyst.simulate.scenario import DROP
-from anhyst.simulate.variations import changed
-from anhyst.states import Command
+from anhyst.study.bearing.variations import changed
 
 from . import bearings
 from .bearings import GAP

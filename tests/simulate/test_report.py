@@ -19,15 +19,15 @@ from tests.simulate.reported import (
     cells,
 )
 
-from anhyst.simulate.controllerfile import ControllerTable
-from anhyst.simulate.metrics import Interval
-from anhyst.simulate.report import Subject, write_simulation_report
-from anhyst.simulate.report.look import COLOURS, interval_text
-from anhyst.simulate.report.page import render
-from anhyst.simulate.report.subject import grouped
-from anhyst.simulate.report.tables import difference
-from anhyst.simulate.report.verdict import judge
-from anhyst.simulate.rigfile import BearingRig
+from anhyst.control.controller_file import ControllerTable
+from anhyst.report.bearing import Subject, write_simulation_report
+from anhyst.report.bearing.look import COLOURS, interval_text
+from anhyst.report.bearing.page import render
+from anhyst.report.bearing.subject import grouped
+from anhyst.report.bearing.tables import difference
+from anhyst.report.bearing.verdict import judge
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.study.bearing.metrics import Interval
 
 
 @pytest.fixture(scope="module", name="rig")

@@ -21,17 +21,14 @@ from tests.simulate.reported import (
     lag,
 )
 
-from anhyst.controllerfile import FilterTable, GainsTable
-from anhyst.data.loopset import Loop, LoopSet
-from anhyst.data.units import QUANTITIES
-from anhyst.simulate.controllerfile import ControllerTable, Variant
-from anhyst.simulate.recording import Recording
-from anhyst.simulate.report import Subject
-from anhyst.simulate.report.block_diagram import figure_structure
-from anhyst.simulate.report.force_current import LoopCurve, figure_force_current, nearest_loops
-from anhyst.simulate.report.look import COLOURS, DASHES, MOST_POINTS, thinned
-from anhyst.simulate.report.over_frequency import figure_sensitivity
-from anhyst.simulate.report.over_runs import (
+from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable, Variant
+from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.report.bearing import Subject
+from anhyst.report.bearing.block_diagram import figure_structure
+from anhyst.report.bearing.force_current import LoopCurve, figure_force_current, nearest_loops
+from anhyst.report.bearing.look import COLOURS, DASHES, MOST_POINTS, thinned
+from anhyst.report.bearing.over_frequency import figure_sensitivity
+from anhyst.report.bearing.over_runs import (
     Candidate,
     Outcome,
     Spread,
@@ -40,10 +37,12 @@ from anhyst.simulate.report.over_runs import (
     figure_pareto,
     pareto_front,
 )
-from anhyst.simulate.report.over_time import figure_forces, figure_steps
-from anhyst.simulate.report.page import render
-from anhyst.simulate.rigfile import BearingRig
-from anhyst.simulate.rigtables import DisturbanceTable
+from anhyst.report.bearing.over_time import figure_forces, figure_steps
+from anhyst.report.bearing.page import render
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.bearing.tables import DisturbanceTable
+from anhyst.support.units import QUANTITIES
 
 
 @pytest.fixture(scope="module", name="rig")

@@ -13,15 +13,15 @@ import pytest
 from tests.page import Page
 
 from anhyst.cli.app import main
-from anhyst.report.numbers import number
-from anhyst.simulate.benefit import benefit
-from anhyst.simulate.controllerfile import read_controller
-from anhyst.simulate.metrics import Interval
-from anhyst.simulate.report.from_benefit import subject_of_benefit
-from anhyst.simulate.report.look import interval_text
-from anhyst.simulate.report.page import render
-from anhyst.simulate.rigfile import read_bearing
-from anhyst.simulate.variants import BASELINES
+from anhyst.compensate.variants import BASELINES
+from anhyst.control.controller_file import read_controller
+from anhyst.report.bearing.from_benefit import subject_of_benefit
+from anhyst.report.bearing.look import interval_text
+from anhyst.report.bearing.page import render
+from anhyst.rig.bearing.file import read_bearing
+from anhyst.study.bearing.benefit import benefit
+from anhyst.study.bearing.metrics import Interval
+from anhyst.support.page.numbers import number
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 

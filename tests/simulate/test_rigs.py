@@ -10,18 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from anhyst.control.controller_file import Format
+from anhyst.control.states import Command
 from anhyst.data.files import write_csv
-from anhyst.modelfile import write_model
-from anhyst.simulate.controllerfile import Format
-from anhyst.simulate.loop import lost_at
-from anhyst.simulate.operating import find_operating_point
-from anhyst.simulate.plant import flux_table
-from anhyst.simulate.recording import HOVER, Recording
-from anhyst.simulate.rigfile import BearingRig
-from anhyst.simulate.rigtables import DisturbanceTable, ModelTable
-from anhyst.simulate.setup import Setup, make_setup
-from anhyst.simulate.variations import changed
-from anhyst.states import Command
+from anhyst.model.writer import write_model
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import lost_at
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.plant import flux_table
+from anhyst.rig.bearing.recording import HOVER, Recording
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.tables import DisturbanceTable, ModelTable
+from anhyst.study.bearing.operating import find_operating_point
+from anhyst.study.bearing.variations import changed
 
 from . import bearings
 from .bearings import GAP

@@ -9,18 +9,18 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
 from anhyst._core import Controller
 from anhyst.control import Pidd2, design
-from anhyst.simulate.linear import Amplifier, Chain, Compensation, Loop, Point
-from anhyst.simulate.recording import COLUMNS, Recording
-from anhyst.simulate.sensitivity import Sensitivity, measure_sensitivity
-from anhyst.simulate.zones import BOUNDARIES, zone
+from anhyst.rig.bearing.recording import COLUMNS, Recording
+from anhyst.study.bearing.linear import Amplifier, Chain, Compensation, Loop, Point
+from anhyst.study.bearing.sensitivity import Sensitivity, measure_sensitivity
+from anhyst.study.bearing.zones import BOUNDARIES, zone
+from anhyst.support.arrays import FloatArray
 
 RATE, STEPS = 20e3, 4
-Row = NDArray[np.float64]
+Row = FloatArray
 POINT = Point(2.0, 123.0, 5e5, 20e-3, 1.2)
 AMPLIFIER = Amplifier(gain=314.0, reset=19e3)
 CONTROLLER = Pidd2(rate=RATE, **vars(design(2.0, 120.0, 1.0)), cutoff=2000.0)
@@ -129,6 +129,6 @@ def test_zones_end_at_the_decibels_of_the_standard() -> None:
 
 
 def test_the_example_is_true() -> None:
-    result = doctest.testmod(importlib.import_module("anhyst.simulate.zones"))
+    result = doctest.testmod(importlib.import_module("anhyst.study.bearing.zones"))
     assert result.attempted > 0
     assert result.failed == 0

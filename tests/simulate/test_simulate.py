@@ -16,20 +16,21 @@ import pytest
 from scipy.io import loadmat
 
 from anhyst.cli.app import main
+from anhyst.compensate.variants import TITLES
 from anhyst.control.position import Limits
-from anhyst.errors import InputError, NegativeResult
-from anhyst.modelfile import write_model
-from anhyst.simulate import scenario, variations
-from anhyst.simulate import simulate as module
-from anhyst.simulate.loop import hovers_from
-from anhyst.simulate.recording import COLUMNS, FAULT, HOVER
-from anhyst.simulate.report import write_simulation_report
-from anhyst.simulate.report.from_simulation import subject_of
-from anhyst.simulate.responses import FIGURES
-from anhyst.simulate.scenario import Script
-from anhyst.simulate.simulate import Simulation, simulate
-from anhyst.simulate.variants import TITLES
-from anhyst.states import Command, Flag, Phase, State
+from anhyst.control.states import Command, Flag, Phase, State
+from anhyst.model.writer import write_model
+from anhyst.report.bearing import write_simulation_report
+from anhyst.report.bearing.from_simulation import subject_of
+from anhyst.rig.bearing import scenario
+from anhyst.rig.bearing.loop import hovers_from
+from anhyst.rig.bearing.recording import COLUMNS, FAULT, HOVER
+from anhyst.rig.bearing.scenario import Script
+from anhyst.study.bearing import simulate as module
+from anhyst.study.bearing import variations
+from anhyst.study.bearing.responses import FIGURES
+from anhyst.study.bearing.simulate import Simulation, simulate
+from anhyst.support.errors import InputError, NegativeResult
 
 from . import bearings
 

@@ -9,22 +9,21 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 from tests.actuators import GAPS, magnet, triangles
 
+from anhyst.compensate.drive import Drive
+from anhyst.compensate.flux import FluxCalibration
+from anhyst.compensate.surface import fit_surface
+from anhyst.compensate.variants import TITLES, Operating, fit_drive
+from anhyst.control.controller_file import Format, Variant
 from anhyst.data import History, Loop, LoopSet
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel
-from anhyst.record import ValidRange
-from anhyst.simulate.controllerfile import Format, Variant
-from anhyst.simulate.drive import Drive
-from anhyst.simulate.flux import FluxCalibration
-from anhyst.simulate.surface import fit_surface
-from anhyst.simulate.variants import TITLES, Operating, fit_drive
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import ValidRange
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
-Floats = NDArray[np.float64]
 RATE = 20000.0
 RANGE = (0.32e-3, 0.55e-3)
 POINT = Operating(0.42e-3, 50.0, RATE, RANGE, 90.0, 2.0)
@@ -39,12 +38,12 @@ def loopset(loops: list[Loop]) -> LoopSet:
     return LoopSet(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
 
 
-def lines(force: Floats, gap: float) -> Floats:
+def lines(force: FloatArray, gap: float) -> FloatArray:
     """Return a current in proportion to force and gap, A."""
     return np.asarray(0.1 + 0.012 * force + 800.0 * gap)
 
 
-def roots(force: Floats, gap: float) -> Floats:
+def roots(force: FloatArray, gap: float) -> FloatArray:
     """Return the current of a magnet without iron, A."""
     return np.asarray(280.0 * (gap + 0.1e-3) * np.sqrt(force))
 
@@ -94,7 +93,7 @@ def known() -> tuple[LoopSet, ActuatorModel, FluxCalibration]:
     return loopset(loops), model, calibration
 
 
-def density(force: Floats) -> Floats:
+def density(force: FloatArray) -> FloatArray:
     """Return the flux density of the magnet's model, T."""
     return np.asarray(np.sqrt((force - 0.5) / 60.0))
 

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from tests.once import made_once
 
+from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
-from anhyst.compile.plan import Request
 from anhyst.data import LoopSet
 from anhyst.identify import identify
-from anhyst.modelfile import write_model
+from anhyst.model.writer import write_model
 
 ROOT = Path(__file__).resolve().parents[2]
 RATE = 10_000.0

@@ -12,9 +12,9 @@ from tests.core.test_c_core import tool
 from tests.once import made_once
 from tests.unit.test_compile import measured
 
+from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
-from anhyst.compile.plan import Request
-from anhyst.modelfile import write_model
+from anhyst.model.writer import write_model
 from anhyst.verify.elf import FLASH, read_image
 from anhyst.verify.toolchain import Build, compile_cortex_m
 from anhyst.verify.workshop import HARNESS

@@ -10,11 +10,11 @@ import pytest
 from tests.once import made_once
 
 from anhyst.cli.app import main
+from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
-from anhyst.compile.plan import Request
 from anhyst.data import LoopSet
 from anhyst.identify import identify
-from anhyst.modelfile import write_model
+from anhyst.model.writer import write_model
 from anhyst.verify import TargetResult, verify
 from anhyst.verify.bundle import read_bundle
 from anhyst.verify.protocol import CONTROLLER, RANDOM, START

@@ -10,7 +10,7 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.compile.folder import check_folder
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 from anhyst.verify import verify
 
 from .conftest import Compile, sign

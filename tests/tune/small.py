@@ -6,8 +6,8 @@ from functools import cache
 
 from tests.simulate import bearings
 
-from anhyst.simulate.setup import Setup
-from anhyst.tune.trial import Condition
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.tuning.trial import Condition
 
 HERE = (Condition(0.45e-3, 150.0), Condition(0.45e-3, 100.0))
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from anhyst.errors import InputError
-from anhyst.tune.aims import LOST, Aims, Figures, worst_of
+from anhyst.study.tuning.aims import LOST, Aims, Figures, worst_of
+from anhyst.support.errors import InputError
 
 GOOD = Figures(1.0, 4e-3, 2.0, 20e-9, 400.0)
 

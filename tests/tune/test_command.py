@@ -16,11 +16,11 @@ from tests.simulate import bearings
 
 from anhyst.cli import app as cli
 from anhyst.cli.tune import tune as command
-from anhyst.modelfile import write_model
-from anhyst.simulate.controllerfile import read_controller
-from anhyst.simulate.simulate import compared
-from anhyst.simulate.variations import changed
-from anhyst.tune import search
+from anhyst.control.controller_file import read_controller
+from anhyst.model.writer import write_model
+from anhyst.study.bearing.simulate import compared
+from anhyst.study.bearing.variations import changed
+from anhyst.study.tuning import search
 
 
 @cache
@@ -117,7 +117,7 @@ def test_aims_that_cannot_be_met_are_a_negative_result_that_says_why(here: Path)
 def test_all_variants_are_tuned_alike_and_compared(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("anhyst.simulate.simulate.COMPARED", ("ratio", "flux"))
+    monkeypatch.setattr("anhyst.study.bearing.simulate.COMPARED", ("ratio", "flux"))
     monkeypatch.chdir(here)
     given = ["tune", "rig.toml", "--out", "tuned", "--budget", "10", "--all-variants"]
     assert cli.main(given) == 0

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from tests.simulate import bearings
 
-from anhyst.simulate.linear import Loop
-from anhyst.simulate.operating import find_operating_point, linear_loop
-from anhyst.simulate.setup import with_gains
-from anhyst.tune.aims import MISSED, Aims
-from anhyst.tune.points import make_screen
-from anhyst.tune.screen import Screen, closed_loop, refine, spread_over
-from anhyst.tune.space import Space
+from anhyst.rig.bearing.setup import with_gains
+from anhyst.study.bearing.linear import Loop
+from anhyst.study.bearing.operating import find_operating_point, linear_loop
+from anhyst.study.tuning.aims import MISSED, Aims
+from anhyst.study.tuning.points import make_screen
+from anhyst.study.tuning.screen import Screen, closed_loop, refine, spread_over
+from anhyst.study.tuning.space import Space
 
 from .small import HERE, setup
 

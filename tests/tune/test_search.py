@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from tests.simulate import bearings
 
-from anhyst.tune import search as module
-from anhyst.tune.aims import Aims
-from anhyst.tune.limits import find_limits
-from anhyst.tune.search import Found, Search
-from anhyst.tune.trial import Condition, Outcome, Trial, run_trial
+from anhyst.study.tuning import search as module
+from anhyst.study.tuning.aims import Aims
+from anhyst.study.tuning.limits import find_limits
+from anhyst.study.tuning.search import Found, Search
+from anhyst.study.tuning.trial import Condition, Outcome, Trial, run_trial
 
 from .small import HERE, LESS, setup
 

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.simulate import bearings
 
+from anhyst.control.controller_file import read_controller, write_controller
 from anhyst.control.design import design
-from anhyst.simulate.controllerfile import read_controller, write_controller
-from anhyst.tune.space import Space
+from anhyst.study.tuning.space import Space
 
 SPACE = Space(rate=20e3, mass=2.0)
 PLACES = st.lists(st.floats(0.0, 1.0), min_size=7, max_size=7).map(np.array)

@@ -6,18 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from anhyst.tune.strategy import Strategy
-
-Floats = NDArray[np.float64]
+from anhyst.study.tuning.strategy import Strategy
+from anhyst.support.arrays import FloatArray
 
 BOTTOM = np.array([0.3, 0.62, 0.5, 0.44, 0.71, 0.38, 0.55])
 
 
 def search(
-    cost: Callable[[Floats], float], generations: int, seed: int = 0
-) -> tuple[Floats, Strategy]:
+    cost: Callable[[FloatArray], float], generations: int, seed: int = 0
+) -> tuple[FloatArray, Strategy]:
     strategy = Strategy(np.full(7, 0.5), 0.15, seed, 10)
     best, least = np.full(7, 0.5), np.inf
     for _ in range(generations):
@@ -29,7 +27,7 @@ def search(
     return best, strategy
 
 
-def valley(point: Floats) -> float:
+def valley(point: FloatArray) -> float:
     """A valley that runs across the axes, a hundred times as steep as it is long."""
     turned = np.linalg.qr(np.random.default_rng(4).normal(size=(7, 7)))[0] @ (point - BOTTOM)
     return float(np.sum(np.geomspace(1.0, 1e2, 7) * turned**2))
@@ -51,7 +49,7 @@ def test_a_minimum_in_a_corner_is_approached_from_inside() -> None:
     corner = np.array([0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
     inside = []
 
-    def cost(point: Floats) -> float:
+    def cost(point: FloatArray) -> float:
         inside.append(bool(np.all((point >= 0.0) & (point <= 1.0))))
         return float(np.sum((point - corner) ** 2))
 

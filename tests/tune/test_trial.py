@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from tests.simulate import bearings
 
-from anhyst.simulate.sensitivity import Sensitivity
-from anhyst.simulate.setup import with_gains
-from anhyst.simulate.sweep import SINE_M
-from anhyst.tune.aims import LOST, MISSED, Aims
-from anhyst.tune.trial import Condition, Trial, default_conditions, peak_of, run_trial
+from anhyst.rig.bearing.setup import with_gains
+from anhyst.study.bearing.sensitivity import Sensitivity
+from anhyst.study.bearing.sweep import SINE_M
+from anhyst.study.tuning.aims import LOST, MISSED, Aims
+from anhyst.study.tuning.trial import Condition, Trial, default_conditions, peak_of, run_trial
 
 from .small import HERE, setup
 

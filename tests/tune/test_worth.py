@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from anhyst.tune.worth import worth
+from anhyst.study.tuning.worth import worth
 
 
 def tuned(variant: str, settling: float, half_width: float = 0.01, *, meets: bool = True) -> Any:

@@ -6,15 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data import History, Loop, LoopSet
-from anhyst.data.units import QUANTITIES
-from anhyst.identify.gauge import MU_0
 from anhyst.identify.response import LOCAL, Local
-from anhyst.model import ActuatorModel, GapMap, Law, Parameter
-
-Floats = NDArray[np.float64]
+from anhyst.model.actuator import ActuatorModel, GapMap, Law, Parameter
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0, QUANTITIES
 
 GAPS = (0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3)
 I_MAX = 2.0
@@ -92,7 +89,7 @@ def core(law: Law = "effective-field", **changes: Parameter) -> ActuatorModel:
     )
 
 
-def path(points: Sequence[float], samples: int) -> Floats:
+def path(points: Sequence[float], samples: int) -> FloatArray:
     """Straight from point to point, about as many samples in all."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)))])
     return np.interp(np.linspace(0.0, way[-1], samples), way, points)
@@ -106,7 +103,7 @@ def history_of(model: ActuatorModel, kind: str) -> str:
     return f"conditioned:{points}"
 
 
-def drives_of(model: ActuatorModel, history: str, samples: int) -> dict[str, Floats]:
+def drives_of(model: ActuatorModel, history: str, samples: int) -> dict[str, FloatArray]:
     """Nested loops: cycles of their own if settled, else one record that goes through them."""
     top = H_MAX if model.input.name == "field" else I_MAX
     low = -1.0 if model.input.name == "field" else 0.0
@@ -156,7 +153,7 @@ def largest(loopset: LoopSet) -> float:
     return max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
 
 
-def worst(loopset: LoopSet, outputs: Sequence[Floats]) -> float:
+def worst(loopset: LoopSet, outputs: Sequence[FloatArray]) -> float:
     """Worst deviation of outputs from those of the loops, relative to the largest."""
     deviations = [
         np.abs(output - loop.output).max()
@@ -165,7 +162,7 @@ def worst(loopset: LoopSet, outputs: Sequence[Floats]) -> float:
     return float(max(deviations)) / largest(loopset)
 
 
-def predicted(model: ActuatorModel, loopset: LoopSet) -> list[Floats]:
+def predicted(model: ActuatorModel, loopset: LoopSet) -> list[FloatArray]:
     """Give what a model says about every loop."""
     return [
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst._core import Drive, FixedDrive, FixedPosition, Position, SingleDrive, SinglePosition
 from anhyst.control import (
@@ -20,7 +19,8 @@ from anhyst.control import (
     design,
 )
 from anhyst.control.position import Format
-from anhyst.states import Command, Phase, State
+from anhyst.control.states import Command, Phase, State
+from anhyst.support.arrays import FloatArray
 
 RATE = 20e3
 MASS, LOAD = 2.0, 150.0
@@ -76,7 +76,7 @@ def force(current: float, gap: float) -> float:
     return CONSTANT * (current / gap) ** 2
 
 
-def table() -> NDArray[np.float64]:
+def table() -> FloatArray:
     """Its exact inverse at every entry: current over gap and force."""
     forces = np.linspace(0.0, SCALES.demand, 257)
     gaps = np.linspace(SCALES.gap_low, SCALES.gap_high, 33)

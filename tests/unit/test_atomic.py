@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.atomic import atomic_writer, check_writable, write_bytes
-from anhyst.errors import InputError
+from anhyst.support.atomic import atomic_writer, check_writable, write_bytes
+from anhyst.support.errors import InputError
 
 
 def test_a_file_appears_only_when_complete(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from anhyst.cli import app as cli
-from anhyst.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult
 
 VERBS = (
     "inspect",

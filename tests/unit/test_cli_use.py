@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data.units import QUANTITIES
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import read_model, write_model
-from anhyst.record import ValidRange
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.model.fit_record import ValidRange
+from anhyst.model.writer import write_model
+from anhyst.support.units import QUANTITIES
 
 HALF = np.linspace(0.1, 2.0, 30)
 CYCLE = np.concatenate([HALF, HALF[-2::-1]])

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from tests.actuators import compiled
 
 from anhyst._core import FixedCompensator
-from anhyst.compile import block as layout
-from anhyst.compile.block import WORDS, Block, Kind
+from anhyst.compensate import block as layout
+from anhyst.compensate.block import WORDS, Block, Kind
 
 LAYOUT = Path(__file__).resolve().parents[2] / "core" / "include" / "anhyst" / "layout.h"
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")

@@ -8,7 +8,6 @@ from tests.actuators import (
     CURRENTS,
     GAPS,
     WIDE,
-    FloatArray,
     compiled,
     largest_force,
     magnet,
@@ -18,9 +17,10 @@ from tests.actuators import (
 )
 
 from anhyst._core import FixedCompensator
-from anhyst.compile.block import Block, Conditioning, Kind, Scales, Sizes
-from anhyst.compile.full import build_full
-from anhyst.compile.twin import Twin
+from anhyst.compensate.block import Block, Conditioning, Kind, Scales, Sizes
+from anhyst.compensate.full import build_full
+from anhyst.compensate.twin import Twin
+from anhyst.support.arrays import FloatArray
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
 IOS = ("q15", "q31")

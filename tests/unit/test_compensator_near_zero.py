@@ -7,8 +7,8 @@ import pytest
 from tests.actuators import SIZES, WIDE, compiled, magnet
 
 from anhyst._core import FixedCompensator
-from anhyst.compile.block import Kind, Sizes
-from anhyst.compile.twin import Twin
+from anhyst.compensate.block import Kind, Sizes
+from anhyst.compensate.twin import Twin
 
 RESIDUAL = 0.5
 """Force of the magnet without flux, N."""

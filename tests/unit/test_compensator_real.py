@@ -14,7 +14,6 @@ from tests.actuators import (
     CURRENTS,
     GAPS,
     WIDE,
-    FloatArray,
     closed_form,
     compiled,
     largest_force,
@@ -26,15 +25,16 @@ from tests.actuators import (
 )
 
 from anhyst._core import Compensator, Parameters
-from anhyst._core.folder import core_folder
-from anhyst.compilable import least_slope
-from anhyst.compile.block import Limits, Scales, Sizes
+from anhyst.compensate.block import Limits, Scales, Sizes
+from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, RealTwin, build_real
+from anhyst.compensate.twin import Twin
+from anhyst.compensate.words import Names
 from anhyst.compile.core import SINGLE
-from anhyst.compile.floating import COLUMNS, RealBlock, RealIo, RealKind, RealTwin, build_real
-from anhyst.compile.realsource import c_parameters_f32, literal
-from anhyst.compile.twin import Twin
-from anhyst.compile.words import Names
-from anhyst.model import GapMap
+from anhyst.compile.floating_source import c_parameters_f32, literal
+from anhyst.model.actuator import GapMap
+from anhyst.model.compilable import least_slope
+from anhyst.support.arrays import FloatArray
+from anhyst.support.core_folder import core_folder
 
 KINDS: tuple[RealKind, ...] = ("full", "simplified")
 IOS: tuple[RealIo, ...] = ("f32", "f64")

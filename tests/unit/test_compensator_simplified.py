@@ -10,13 +10,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tests.actuators import FloatArray, reversals, ring
+from tests.actuators import reversals, ring
 
-from anhyst.compile.block import Block, Kind, Limits, Scales, Sizes
-from anhyst.compile.simplified import ClosedForm, build_euler, build_simplified
-from anhyst.compile.twin import Twin
-from anhyst.laws.equation import MU_0
+from anhyst.compensate.block import Block, Kind, Limits, Scales, Sizes
+from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified
+from anhyst.compensate.twin import Twin
 from anhyst.laws.linear_anhysteretic import LinearAnhysteretic
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
 LAWS = [
     LinearAnhysteretic(k1=k1, k2=0.0, k=k, c=c, alpha=0.0)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from tests.unit.test_model import GAPS, magnet
 
-from anhyst.compilable import GAPS as LOOKED_AT
-from anhyst.compilable import least_slope, obstacle
-from anhyst.data.units import QUANTITIES
-from anhyst.model import ActuatorModel
-from anhyst.record import ValidRange
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.compilable import GAPS as LOOKED_AT
+from anhyst.model.compilable import least_slope, obstacle
+from anhyst.model.fit_record import ValidRange
+from anhyst.support.units import QUANTITIES
 
 AT = np.linspace(GAPS[0], GAPS[-1], LOOKED_AT)
 

@@ -18,18 +18,18 @@ from tests.actuators import GAPS, magnet, ring
 from tests.core.test_c_core import tool
 from tests.firmware.build import tool as avr_gcc
 
-from anhyst._core.folder import core_folder
 from anhyst.cli.app import main
-from anhyst.compile.block import KINDS, WORDS, Block
-from anhyst.compile.measure import against_demand, run_with_losses, start
+from anhyst.compensate.block import KINDS, WORDS, Block
+from anhyst.compensate.measure import against_demand, run_with_losses, start
+from anhyst.compensate.paths import paths
+from anhyst.compensate.plan import Request, full_scale
+from anhyst.compensate.words import BODY, FULL, HEAD, HEAD_PLACES
 from anhyst.compile.output import Compiled, compile_model
-from anhyst.compile.paths import paths
-from anhyst.compile.plan import Request, full_scale
-from anhyst.compile.words import BODY, FULL, HEAD, HEAD_PLACES
-from anhyst.errors import InputError, NegativeResult
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import write_model
-from anhyst.record import FitFigures, ValidRange
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import FitFigures, ValidRange
+from anhyst.model.writer import write_model
+from anhyst.support.core_folder import core_folder
+from anhyst.support.errors import InputError, NegativeResult
 
 ROOT = Path(__file__).resolve().parents[2]
 LAYOUT = ROOT / "core" / "include" / "anhyst" / "layout.h"

@@ -15,18 +15,20 @@ from tests.core.test_c_core import tool
 from tests.unit.test_compile import compiles_alone_on_16_bits
 
 from anhyst.cli.app import main
+from anhyst.compensate.plan import Request
 from anhyst.compile.lifting import COLUMNS, INPUTS
 from anhyst.compile.output import Compiled, compile_model
-from anhyst.compile.plan import Request
-from anhyst.controllerfile import read_controller
+from anhyst.control.controller_file import read_controller
+from anhyst.control.states import Command, Flag, Phase, State
 from anhyst.data import LoopSet
-from anhyst.modelfile import read_model, write_model
-from anhyst.simulate.loop import Loop
-from anhyst.simulate.recording import Recording
-from anhyst.simulate.rigfile import BearingRig, read_bearing
-from anhyst.simulate.scenario import DROP, Scenario, Script
-from anhyst.simulate.setup import Knowledge, Setup, learn, make_setup
-from anhyst.states import Command, Flag, Phase, State
+from anhyst.model.file import read_model
+from anhyst.model.writer import write_model
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
+from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.bearing.scenario import DROP, Scenario, Script
+from anhyst.rig.bearing.setup import Setup
 
 ROOT = Path(__file__).resolve().parents[2]
 BEARING = ROOT / "examples" / "bearing"
@@ -41,7 +43,9 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bearing")
     for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
         (folder / name).write_bytes((BEARING / name).read_bytes())
-    write_model(learn(LoopSet.from_csv(folder / "loops.csv")).model, folder / "model.toml")
+    write_model(
+        identify_magnet(LoopSet.from_csv(folder / "loops.csv")).model, folder / "model.toml"
+    )
     return folder
 
 
@@ -214,7 +218,7 @@ def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_
     path = changed(place, "case.toml", *changes)
     rig = pair_rig(place) if "pair" in case else read_bearing(place / "rig.toml")
     model = read_model(place / "model.toml")
-    known = Knowledge(LoopSet.from_csv(place / "loops.csv"), model)
+    known = IdentifiedMagnet(LoopSet.from_csv(place / "loops.csv"), model)
     setup = make_setup(rig, read_controller(path).settings, known, kind, "fixed")
     scenario = eventful(setup)
     recording = Loop(setup, seed=3).run(scenario)

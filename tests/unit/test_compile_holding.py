@@ -8,24 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS
 
-from anhyst.compile import holding
-from anhyst.compile.block import Block
-from anhyst.compile.holding import Held, hold
-from anhyst.compile.measure import Io, exact_output, start
-from anhyst.compile.paths import Path as Way
-from anhyst.compile.paths import find_reach
-from anhyst.compile.plan import Plan, Request, make_plan
-from anhyst.compile.twin import Twin
+from anhyst.compensate import holding
+from anhyst.compensate.block import Block
+from anhyst.compensate.holding import Held, hold
+from anhyst.compensate.measure import Io, exact_output, start
+from anhyst.compensate.paths import Path as Way
+from anhyst.compensate.paths import find_reach
+from anhyst.compensate.plan import Plan, Request, make_plan
+from anhyst.compensate.twin import Twin
 from anhyst.identify import identify
-from anhyst.model import ActuatorModel
-from anhyst.modelwriter import write_model
-from anhyst.sources import ReadOptions
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.sources import ReadOptions
+from anhyst.model.writer import write_model
+from anhyst.support.arrays import FloatArray
 
-Floats = NDArray[np.float64]
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 RATE = 10_000.0
 WANTED = 1e-3  # of the largest output
@@ -47,7 +46,7 @@ def worst(plan: Plan, held: list[Held] | None = None) -> float:
     return max(one.drift for one in held or hold(plan)) / plan.largest
 
 
-def off(plan: Plan, demand: Floats, gap: Floats) -> Floats:
+def off(plan: Plan, demand: FloatArray, gap: FloatArray) -> FloatArray:
     """Output minus demand along a path, in parts of the largest output."""
     current = start(plan.block, plan.request.io).run(demand, gap)
     path = Way("held", "held", demand, gap)

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import StateSpace, step
 
 from anhyst.control import Gains, Pidd2, design
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 
 def _poles(mass: float, gains: Gains) -> np.ndarray:

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from anhyst._core import Controller, FixedController
 from anhyst.control import FullScales, Pidd2, design, from_control, to_control
-from anhyst.errors import InputError
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 RATE = 20e3
 GAINS = Pidd2(
@@ -26,7 +26,7 @@ GAINS = Pidd2(
     cutoff_2=1500.0,
     weight=0.3,
 )
-Row = NDArray[np.float64]
+Row = FloatArray
 
 
 def signals(n: int = 3000) -> tuple[Row, Row, Row]:

@@ -14,7 +14,7 @@ from scipy import signal
 from anhyst._core import Controller, FixedController, SingleController
 from anhyst.control import FullScales, Pidd2
 from anhyst.control.reference import respond
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 SCALES = FullScales(position=0.5e-3, output=400.0, load=200.0)
 GAINS = Pidd2(

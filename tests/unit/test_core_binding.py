@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from anhyst._core import (
     Iron,
@@ -18,13 +17,14 @@ from anhyst._core import (
     langevin,
     status_text,
 )
+from anhyst.support.arrays import FloatArray
 
 IRON = Iron(1.3e6, 300.0, 200.0, 0.2, 5e-4)
 OPERATOR = Operator(0.7, 0.2)
 N, SETS, DIRECTIONS = 4, 3, 2
 
 # Every function that takes arrays, with arguments it accepts.
-CALLS: dict[str, tuple[Callable[..., Any], dict[str, NDArray[np.float64]]]] = {
+CALLS: dict[str, tuple[Callable[..., Any], dict[str, FloatArray]]] = {
     "forward": (
         IRON.forward,
         {"drive": np.ones(N), "rho": np.zeros(N), "eddy": np.zeros(N), "state": demagnetised()},

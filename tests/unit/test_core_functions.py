@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from anhyst._core import Operator, batch, batch_functions, batch_levels, demagnetised, langevin
+from anhyst.support.arrays import FloatArray
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 def loops(amplitude: float, samples: int, cycles: float = 1.5) -> Array:

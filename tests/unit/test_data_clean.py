@@ -6,20 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from anhyst.data import History, Loop, LoopSet, estimates
 from anhyst.data.clean import DEFAULT_STEPS, STEPS, clean, thin
 from anhyst.data.noise import noise
 from anhyst.data.path import turning_points
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
-Floats = NDArray[np.float64]
 SAMPLES = 400
 
 
-def play(drive: Floats, half_width: float) -> Floats:
+def play(drive: FloatArray, half_width: float) -> FloatArray:
     """Play operator: the simplest hysteresis there is."""
     answer = np.empty_like(drive)
     held = 0.0
@@ -29,7 +28,7 @@ def play(drive: Floats, half_width: float) -> Floats:
     return answer
 
 
-def iron(cycles: float = 3.0, samples: int = SAMPLES) -> tuple[Floats, Floats, Floats]:
+def iron(cycles: float = 3.0, samples: int = SAMPLES) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Field, flux density and time of a soft iron, started from rest, settled since."""
     time = np.arange(int(cycles * samples)) / samples
     field = 100.0 * np.sin(2.0 * np.pi * time)
@@ -37,7 +36,7 @@ def iron(cycles: float = 3.0, samples: int = SAMPLES) -> tuple[Floats, Floats, F
     return field, 0.4 * np.tanh(field / 60.0) + np.asarray(flux), time
 
 
-def record(field: Floats, flux: Floats, time: Floats | None = None) -> LoopSet:
+def record(field: FloatArray, flux: FloatArray, time: FloatArray | None = None) -> LoopSet:
     loop = Loop("1", field, flux, None, time, History("settled"))
     return LoopSet((loop,), QUANTITIES["field"], QUANTITIES["flux_density"])
 

@@ -7,16 +7,14 @@ import json
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from anhyst.data import History, Loop, LoopSet
 from anhyst.data.inspection import inspect
 from anhyst.data.plot import plot_inspection, plot_loops
-from anhyst.data.units import QUANTITIES
 from anhyst.data.verdict import judge, monotone_fit
-from anhyst.errors import InputError
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
 
 def magnet(
@@ -40,7 +38,7 @@ def loopset(*loops: Loop) -> LoopSet:
     return LoopSet(loops, current, force, gap)
 
 
-def changed(loop: Loop, drive: Floats, answer: Floats) -> LoopSet:
+def changed(loop: Loop, drive: FloatArray, answer: FloatArray) -> LoopSet:
     return loopset(Loop("1", drive, answer, loop.schedule, None, loop.history))
 
 

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from anhyst.data import History, Loop, LoopSet
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
 UP_AND_BACK = [0.0, 0.5, 1.0, 1.5, 2.0, 1.5, 1.0, 0.5, 0.0, 0.5, 1.0, 1.5, 2.0]
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.atomic import atomic_writer
 from anhyst.data import read_columns, write_csv
 from anhyst.data.layout import read_layout
-from anhyst.data.rawtable import Texts
-from anhyst.errors import InputError
+from anhyst.data.raw_table import Texts
+from anhyst.support.atomic import atomic_writer
+from anhyst.support.errors import InputError
 
 GOOD = "I_A,F_N\n0,0\n1,2.5\n2,10\n"
 
@@ -208,7 +208,7 @@ def long_table(folder: Path, rows: int, *, fault: int | None = None) -> Path:
 
 def test_long_files_are_read_in_chunks_with_progress(tmp_path: Path) -> None:
     path = long_table(tmp_path, 200_000)
-    seen: list[tuple[int, int]] = []
+    seen: list[tuple[float, float]] = []
     table = read_columns(path, {"tag": ""}, progress=lambda done, size: seen.append((done, size)))
     size = path.stat().st_size
     assert len(seen) >= 2

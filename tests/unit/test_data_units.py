@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.data.units import QUANTITIES, UNITS, parse_header, unit_of
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES, UNITS, parse_header, unit_of
 
 
 @pytest.mark.parametrize(

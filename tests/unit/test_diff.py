@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from anhyst.data.history import History
-from anhyst.data.units import QUANTITIES
-from anhyst.diff import diff
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel
-from anhyst.record import Provenance, ValidRange
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.diff import diff
+from anhyst.model.fit_record import Provenance, ValidRange
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
 MODEL = ActuatorModel(
     name="magnet",

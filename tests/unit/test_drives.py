@@ -16,7 +16,6 @@ from tests.actuators import (
     GAPS,
     SIZES,
     WIDE,
-    FloatArray,
     closed_form,
     compiled,
     largest_force,
@@ -34,7 +33,8 @@ from anhyst._core import (
     SingleDrive,
     SingleParameters,
 )
-from anhyst.compile.floating import RealKind, build_real
+from anhyst.compensate.floating import RealKind, build_real
+from anhyst.support.arrays import FloatArray
 
 ONE = 2**31
 NO_FLUX = -ONE

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from anhyst.errors import InputError
-from anhyst.identify.criterion import simplex
-from anhyst.identify.evolution import EvolutionStrategy, reflected
-from anhyst.identify.seven import Variables
-
-Floats = NDArray[np.float64]
+from anhyst.identify.paper.criterion import simplex
+from anhyst.identify.paper.evolution import EvolutionStrategy, reflected
+from anhyst.identify.paper.seven import Variables
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 
-def sphere(x: Floats) -> Floats:
+def sphere(x: FloatArray) -> FloatArray:
     return np.asarray(np.sum(x**2, axis=-1))
 
 
-def rosenbrock(x: Floats) -> Floats:
+def rosenbrock(x: FloatArray) -> FloatArray:
     steps = 100.0 * (x[..., 1:] - x[..., :-1] ** 2) ** 2 + (1.0 - x[..., :-1]) ** 2
     return np.asarray(steps.sum(axis=-1))
 
 
-def ellipsoid(x: Floats) -> Floats:
+def ellipsoid(x: FloatArray) -> FloatArray:
     return np.asarray((x**2) @ np.array([1.0, 1e2, 1e4]))
 
 

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+
+from anhyst.support.arrays import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 GAPS = (0.30e-3, 0.35e-3, 0.40e-3, 0.50e-3, 0.55e-3, 0.60e-3)
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from anhyst.rig.rigfile import Rig, read_rig
+from anhyst.rig.force.file import Rig, read_rig
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 CURRENT_MAX = 1.2

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from anhyst.errors import InputError
-from anhyst.gapmap import Curve, coordinate_of
+from anhyst.model.gap_map import Curve, coordinate_of
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 GAPS = np.array([0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3])
 NAMES = ("c_H", "M_s", "k", "c_out", "rho", "alpha")
@@ -75,7 +75,7 @@ def test_curve_goes_on_straight_beyond_the_last_node(name: str) -> None:
     h = 1e-6
     inside, node, outside = curve(GAPS[-1] + np.array([-h, 0.0, h]))
 
-    def straight(value: NDArray[np.float64]) -> NDArray[np.float64]:
+    def straight(value: FloatArray) -> FloatArray:
         match coordinate_of(name):
             case "reciprocal":
                 return 1.0 / value

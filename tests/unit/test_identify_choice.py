@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loop, LoopSet
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
 from anhyst.identify import IdentifyResult, identify
 from anhyst.identify.default import search_each_gap, search_one_gap
-from anhyst.identify.drives import records_of
+from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
-from anhyst.model import ActuatorModel, GapMap
-from anhyst.record import FitFigures
+from anhyst.model.actuator import ActuatorModel, GapMap
+from anhyst.model.fit_record import FitFigures
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
 from .identify_truths import (
     GAPS,
-    Floats,
     apart,
     core,
     largest,
@@ -210,7 +210,7 @@ def test_the_free_map_predicts_a_smooth_truth_between_gaps() -> None:
     assert fit_of(rough).left_out["free"] < 2.0 * NOISE
 
 
-def roughness(coordinates: Floats) -> float:
+def roughness(coordinates: FloatArray) -> float:
     return float(np.sum(np.diff(coordinates) ** 2))
 
 

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from anhyst.data import LoopSet
-from anhyst.errors import InputError
 from anhyst.identify import IdentifyResult, identify
-from anhyst.model import OPERATOR, ActuatorModel
-from anhyst.modelfile import read_model, write_model
+from anhyst.model.actuator import OPERATOR, ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.model.writer import write_model
+from anhyst.support.errors import InputError
 
 from .identify_truths import GAPS, loops_of, magnet, worst
 

@@ -11,9 +11,9 @@ import pytest
 
 from anhyst.data import LoopSet
 from anhyst.identify import IdentifyResult, identify
-from anhyst.identify.deadband import COST, PARTS
-from anhyst.model import Law
-from anhyst.sources import ReadOptions
+from anhyst.identify.dead_band import COST, PARTS
+from anhyst.model.actuator import Law
+from anhyst.model.sources import ReadOptions
 
 from .identify_truths import core, largest, loops_of, magnet, predicted
 

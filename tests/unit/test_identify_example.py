@@ -9,10 +9,11 @@ import pytest
 
 from anhyst.data import LoopSet
 from anhyst.identify import IdentifyResult, identify
-from anhyst.model import ActuatorModel
-from anhyst.record import FitFigures
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import FitFigures
+from anhyst.support.arrays import FloatArray
 
-from .identify_truths import Floats, largest, predicted
+from .identify_truths import largest, predicted
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 
@@ -47,7 +48,7 @@ def mean_error(model: ActuatorModel, truth: LoopSet) -> float:
 
 def best_single_valued(truth: LoopSet) -> float:
     """Give the error of a smooth curve through both branches, even fitted to the truth itself."""
-    off: list[Floats] = []
+    off: list[FloatArray] = []
     for gap in truth.schedule_values:
         drive = np.concatenate([loop.input for loop in truth.at(gap).loops])
         force = np.concatenate([loop.output for loop in truth.at(gap).loops])

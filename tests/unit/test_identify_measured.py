@@ -10,7 +10,7 @@ import pytest
 from anhyst.data import LoopSet
 from anhyst.data.clean import clean
 from anhyst.identify import IdentifyResult, identify
-from anhyst.record import FitFigures
+from anhyst.model.fit_record import FitFigures
 
 from .identify_truths import predicted
 

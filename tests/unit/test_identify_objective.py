@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loop, LoopSet
-from anhyst.errors import InputError
 from anhyst.identify import identify
 from anhyst.identify.default import follow
-from anhyst.identify.drives import WEIGHTINGS, Records, records_of
+from anhyst.identify.fit_records import WEIGHTINGS, Records, records_of
 from anhyst.identify.fitting import Evaluation
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
@@ -19,19 +18,11 @@ from anhyst.identify.response import LOCAL, Local, NoResponseError
 from anhyst.identify.screening import sample_sets, screen, starts
 from anhyst.identify.space import PER_GAP, Space
 from anhyst.identify.uncertainty import memory
-from anhyst.model import ActuatorModel, GapMap
+from anhyst.model.actuator import ActuatorModel, GapMap
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
-from .identify_truths import (
-    GAPS,
-    HISTORIES,
-    Floats,
-    core,
-    gauge_free,
-    largest,
-    loops_of,
-    magnet,
-    path,
-)
+from .identify_truths import GAPS, HISTORIES, core, gauge_free, largest, loops_of, magnet, path
 
 TWO = GAPS[1:3]
 CASES: dict[str, tuple[ActuatorModel, str]] = {
@@ -50,14 +41,14 @@ def space_of(truth: ActuatorModel, gap_map: str, loops: LoopSet, weights: str = 
     return Space(gap_map, records_of(loops, weights), form)
 
 
-def near(space: Space, truth: ActuatorModel, seed: int) -> Floats:
+def near(space: Space, truth: ActuatorModel, seed: int) -> FloatArray:
     """Coordinates some way off the truth, each in its own direction."""
     rng = np.random.default_rng(seed)
     theta = space.pack(gauge_free(truth))
     return np.clip(theta + 0.03 * rng.uniform(-1.0, 1.0, theta.size), *space.bounds)
 
 
-def central_differences(objective: Objective, theta: Floats, step: float = 1e-5) -> Floats:
+def central_differences(objective: Objective, theta: FloatArray, step: float = 1e-5) -> FloatArray:
     columns = []
     for place in range(theta.size):
         up, down = theta.copy(), theta.copy()
@@ -163,7 +154,7 @@ def pair(factor: float) -> LoopSet:
     return LoopSet(tuple(loops), truth.input, truth.output)
 
 
-def criterion(loops: LoopSet, outputs: tuple[Floats, ...], weights: str) -> float:
+def criterion(loops: LoopSet, outputs: tuple[FloatArray, ...], weights: str) -> float:
     """Sum of squares that a weighting stands for, spelt out."""
     squares = [
         float(np.mean((output - loop.output) ** 2))
@@ -190,7 +181,7 @@ def test_weights_do_what_they_say(weights: str) -> None:
     assert float(np.sum(objective.deviations(theta) ** 2)) == pytest.approx(expected, rel=1e-9)
 
 
-def sets_at(space: Space, theta: Floats) -> list[Local]:
+def sets_at(space: Space, theta: FloatArray) -> list[Local]:
     return [local for local, _ in space.unpack(theta)]
 
 

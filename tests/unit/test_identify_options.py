@@ -5,9 +5,9 @@ from __future__ import annotations
 import inspect
 from typing import get_args
 
-from anhyst import identifyoptions
 from anhyst.cli import identify as command
-from anhyst.identifyoptions import IdentifyTable
+from anhyst.identify import options as identifyoptions
+from anhyst.identify.options import IdentifyTable
 
 NOT_IN_A_RIG = {"loops", "out", "as_json"}
 

@@ -10,17 +10,15 @@ import numpy as np
 import pytest
 
 from anhyst.data import LoopSet
-from anhyst.errors import InputError
 from anhyst.identify import IdentifyResult, identify
-from anhyst.identify import sequence as sequence_module
-from anhyst.identify.criterion import IMPOSSIBLE, Criterion, mean_deviation
-from anhyst.identify.drives import Records, records_of
+from anhyst.identify.fit_records import Records, records_of
 from anhyst.identify.gauge import form_of
-from anhyst.identify.paper import Bench, Effort, Stand, search_each_gap, spline_model_at
-from anhyst.identify.reduction import reductions
-from anhyst.identify.run import Run
-from anhyst.identify.sequence import search_paper
-from anhyst.identify.seven import (
+from anhyst.identify.paper import sequence as sequence_module
+from anhyst.identify.paper.criterion import IMPOSSIBLE, Criterion, mean_deviation
+from anhyst.identify.paper.reduction import reductions
+from anhyst.identify.paper.search import Bench, Effort, Stand, search_each_gap, spline_model_at
+from anhyst.identify.paper.sequence import search_paper
+from anhyst.identify.paper.seven import (
     AIR_SLOPE,
     SEVEN,
     Values,
@@ -30,7 +28,9 @@ from anhyst.identify.seven import (
     mean_over_gaps,
     variables_of,
 )
-from anhyst.model import ActuatorModel
+from anhyst.identify.run import Run
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.errors import InputError
 
 from .identify_truths import GAPS, core, loops_of, magnet
 
@@ -58,7 +58,7 @@ def run_of(loops: LoopSet, held: frozenset[str] = NO_OFFSETS, **settings: object
 
 
 def stopper(after: int) -> Callable[[int, int], None]:
-    def progress(done: int, total: int) -> None:
+    def progress(done: float, total: float) -> None:
         if done == after:
             raise KeyboardInterrupt
 
@@ -193,7 +193,7 @@ def test_a_killed_run_goes_on_to_the_same_result(
 ) -> None:
     kept = tmp_path / "checkpoint"
 
-    def killed(done: int, total: int) -> None:
+    def killed(done: float, total: float) -> None:
         if done == stage:
             raise RuntimeError("killed")
 

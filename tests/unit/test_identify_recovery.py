@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anhyst.errors import InputError
 from anhyst.identify import IdentifyResult, identify
-from anhyst.model import ActuatorModel, GapMap, Law
-from anhyst.record import Uncertainty
+from anhyst.model.actuator import ActuatorModel, GapMap, Law
+from anhyst.model.fit_record import Uncertainty
+from anhyst.support.errors import InputError
 
 from .identify_truths import (
     GAPS,

@@ -12,7 +12,7 @@ import pytest
 
 from anhyst.data import LoopSet
 from anhyst.identify import IdentifyResult, identify
-from anhyst.identify.drives import records_of
+from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.run import Run
 
@@ -39,9 +39,9 @@ class Killer:
     """A progress callback that kills the run after a number of stages."""
 
     after: int = 10**9
-    seen: list[tuple[int, int]] = field(default_factory=list)
+    seen: list[tuple[float, float]] = field(default_factory=list)
 
-    def __call__(self, done: int, total: int) -> None:
+    def __call__(self, done: float, total: float) -> None:
         self.seen.append((done, total))
         if done >= self.after:
             raise KeyboardInterrupt
@@ -53,7 +53,7 @@ class KilledError(BaseException):
 
 @dataclass
 class Executioner(Killer):
-    def __call__(self, done: int, total: int) -> None:
+    def __call__(self, done: float, total: float) -> None:
         self.seen.append((done, total))
         if done >= self.after:
             raise KilledError

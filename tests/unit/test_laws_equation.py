@@ -7,10 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.errors import InputError
 from anhyst.laws.effective_field import EffectiveField, mean_lag, mean_lag_slope
 from anhyst.laws.equation import (
-    MU_0,
     NO_EDDY,
     Eddy,
     backward_euler,
@@ -25,6 +23,8 @@ from anhyst.laws.equation import (
 from anhyst.laws.iron import Iron
 from anhyst.laws.jiles_atherton_1986 import JilesAtherton1986
 from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.support.errors import InputError
+from anhyst.support.units import MU_0
 
 IRON = Iron(m_s=1.3e6, a=300.0, k=200.0, c=0.2, alpha=5e-4)
 

@@ -7,7 +7,6 @@ from decimal import Decimal, getcontext
 import numpy as np
 import pytest
 
-from anhyst.errors import InputError
 from anhyst.laws.langevin import (
     inverse_langevin,
     inverse_langevin_scalar,
@@ -16,6 +15,7 @@ from anhyst.laws.langevin import (
     langevin_slope,
     langevin_slope_scalar,
 )
+from anhyst.support.errors import InputError
 
 ARGUMENTS = np.concatenate(
     [

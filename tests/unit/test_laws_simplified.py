@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.errors import InputError
-from anhyst.laws.equation import MU_0
 from anhyst.laws.explicit import ExplicitForm
 from anhyst.laws.linear_anhysteretic import LinearAnhysteretic
 from anhyst.laws.operator import State
+from anhyst.support.errors import InputError
+from anhyst.support.units import MU_0
 
 LAW = LinearAnhysteretic(k1=500.0, k2=0.0, k=60.0, c=0.2, alpha=1e-3)
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from anhyst.data.history import History
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError, NegativeResult
-from anhyst.model import ActuatorModel, GapMap, Parameter
-from anhyst.record import ValidRange
+from anhyst.model.actuator import ActuatorModel, GapMap, Parameter
+from anhyst.model.fit_record import ValidRange
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.units import QUANTITIES
 
 GAPS = (0.3e-3, 0.4e-3, 0.6e-3)
 I_MAX = 2.0
@@ -44,12 +44,12 @@ def magnet(gap_map: GapMap = "reluctance", **changes: Parameter) -> ActuatorMode
     )
 
 
-def up_and_down(peak: float, n: int = 50) -> NDArray[np.float64]:
+def up_and_down(peak: float, n: int = 50) -> FloatArray:
     half = np.linspace(0.0, peak, n)
     return np.concatenate([half, half[-2::-1]])
 
 
-def wave(n: int = 400) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def wave(n: int = 400) -> tuple[FloatArray, FloatArray, FloatArray]:
     time = np.linspace(0.0, 1.0, n)
     drive = 1.1 + 0.9 * np.sin(9.0 * time) * np.cos(31.0 * time)
     gap = 0.45e-3 + 0.14e-3 * np.sin(17.0 * time)

@@ -11,12 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anhyst.data.history import History
-from anhyst.data.loopset import Source
-from anhyst.data.units import QUANTITIES, Quantity
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel, Parameter
-from anhyst.modelfile import ModelFileError, model_text, read_model, write_model
-from anhyst.record import (
+from anhyst.data.loop_set import Source
+from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.model.file import read_model
+from anhyst.model.fit_record import (
     FitFigures,
     LoopFit,
     Provenance,
@@ -24,6 +22,10 @@ from anhyst.record import (
     Uncertainty,
     ValidRange,
 )
+from anhyst.model.writer import model_text, write_model
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import TomlFileError
+from anhyst.support.units import QUANTITIES, Quantity
 
 IRON: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.1, "c_H": 9e3}
 COMPLETE = ActuatorModel(
@@ -202,7 +204,7 @@ def test_a_wrong_key_is_named_with_its_line(
     tmp_path: Path, pattern: str, replacement: str, line: str, message: str
 ) -> None:
     path = edited(tmp_path, pattern, replacement)
-    with pytest.raises(ModelFileError) as caught:
+    with pytest.raises(TomlFileError) as caught:
         read_model(path)
     text = str(caught.value)
     assert text.startswith(f"{path}:{line_of(path, line)}: "), text
@@ -212,7 +214,7 @@ def test_a_wrong_key_is_named_with_its_line(
 
 def test_everything_wrong_is_told_at_once(tmp_path: Path) -> None:
     path = edited(tmp_path, "^(k_A_per_m|a_A_per_m|M_s_A_per_m|c_H_per_m) = .*", r"\1 = -1")
-    with pytest.raises(ModelFileError) as caught:
+    with pytest.raises(TomlFileError) as caught:
         read_model(path)
     keys = [problem.key for problem in caught.value.problems]
     assert keys == [

@@ -10,11 +10,12 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from anhyst.plants import amplifier, sensors
-from anhyst.plants.amplifier import Amplifier
-from anhyst.plants.iron import MU_0, CellIron, CellSteel
-from anhyst.plants.sensors import Converter, Lag, Sensor
-from anhyst.plants.solenoid import Geometry, Solenoid
+from anhyst.rig.parts import amplifier, sensors
+from anhyst.rig.parts.amplifier import Amplifier
+from anhyst.rig.parts.iron import CellIron, CellSteel
+from anhyst.rig.parts.sensors import Converter, Lag, Sensor
+from anhyst.rig.parts.solenoid import Geometry, Solenoid
+from anhyst.support.units import MU_0
 
 STEEL = CellSteel(
     cells=12,

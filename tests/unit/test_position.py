@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.control.position import Format
-from anhyst.states import Command, Fault, Flag, Phase, State
+from anhyst.control.states import Command, Fault, Flag, Phase, State
 
 from .levitating import (
     CONTROL,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import FixedDrive, FixedPosition
 from anhyst.control import PositionControl
-from anhyst.states import Command, Phase, State
+from anhyst.control.states import Command, Phase, State
 
 from .levitating import CONTROL, PAIR, REST, TARGET, Rig, Tick, codes, make_drive, place
 from .position_oracle import Oracle, Sample

@@ -12,11 +12,11 @@ import pytest
 from tests.actuators import CURRENTS, compiled, magnet, ranges
 
 from anhyst._core import Drive, FixedDrive, FixedPosition, Position
-from anhyst.compile.floating import build_real
+from anhyst.compensate.floating import build_real
 from anhyst.control import Converter, DriveScales, PositionControl
 from anhyst.control.position import Format
-from anhyst.errors import InputError
-from anhyst.states import Command, Phase, State
+from anhyst.control.states import Command, Phase, State
+from anhyst.support.errors import InputError
 
 from .levitating import CONTROL, FORMATS, PAIR, REST, TARGET, make_drive, path, place
 

@@ -14,22 +14,22 @@ from tests.page import NAMESPACES, Page
 
 from anhyst.cli import app as cli
 from anhyst.data.history import History
-from anhyst.data.loopset import LoopSet, Source
-from anhyst.data.units import QUANTITIES, Quantity
+from anhyst.data.loop_set import LoopSet, Source
 from anhyst.data.verdict import Level
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel, Parameter
-from anhyst.modelfile import write_model
-from anhyst.record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
+from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
+from anhyst.model.sources import ReadOptions
+from anhyst.model.writer import write_model
 from anhyst.report import write_plots, write_report
-from anhyst.report.evidence import gather, own_figures
-from anhyst.report.figures import figure_between, figure_differences, figure_residuals
-from anhyst.report.headline import headline
-from anhyst.report.page import subject_of
-from anhyst.report.sections_model import section_gap_map
-from anhyst.report.style import svg_text, write_png
-from anhyst.report.subject import Subject
-from anhyst.sources import ReadOptions
+from anhyst.report.model.evidence import gather, own_figures
+from anhyst.report.model.figures import figure_between, figure_differences, figure_residuals
+from anhyst.report.model.headline import headline
+from anhyst.report.model.page import subject_of
+from anhyst.report.model.sections_model import section_gap_map
+from anhyst.report.model.subject import Subject
+from anhyst.support.errors import InputError
+from anhyst.support.page.style import svg_text, write_png
+from anhyst.support.units import QUANTITIES, Quantity
 
 IRON: Mapping[str, Parameter] = {
     "M_s": 1.3e6, "a": 3000.0, "k": 1200.0, "c": 0.15, "c_out": 60.0,

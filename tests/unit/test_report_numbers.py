@@ -7,9 +7,16 @@ import math
 
 import pytest
 
-from anhyst.data.units import QUANTITIES
-from anhyst.report import numbers
-from anhyst.report.numbers import number, percent, scale_for, scale_of, with_deviation, written
+from anhyst.support.page import numbers
+from anhyst.support.page.numbers import (
+    number,
+    percent,
+    scale_for,
+    scale_of,
+    with_deviation,
+    written,
+)
+from anhyst.support.units import QUANTITIES
 
 
 def test_examples_in_the_docstrings_hold() -> None:

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.data import History, Loop, LoopSet
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
-from anhyst.rig.baselines import fit_ratio, fit_single_valued
-from anhyst.rig.bench import Bench, read_gaps, run_open_loop
-from anhyst.rig.demand import LEAD_IN, moving_gap, triangle, with_lead_in
-from anhyst.rig.rigfile import MovingTable, Rig, TriangleTable, read_rig
+from anhyst.rig.force.bench import Bench, read_gaps, run_open_loop
+from anhyst.rig.force.demand import LEAD_IN, moving_gap, triangle, with_lead_in
+from anhyst.rig.force.file import MovingTable, Rig, TriangleTable, read_rig
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 RATE = 200.0

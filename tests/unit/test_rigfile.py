@@ -10,9 +10,9 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from anhyst.errors import InputError
-from anhyst.rig.rigfile import RigTable, SolenoidFile, read_rig
-from anhyst.tomlfile import TomlFileError
+from anhyst.rig.force.file import RigTable, SolenoidFile, read_rig
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import TomlFileError
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "solenoid"

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from anhyst.data.history import History
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel
-from anhyst.record import ValidRange
-from anhyst.runfile import run_file
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import ValidRange
+from anhyst.model.predict_file import run_file
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
 MODEL = ActuatorModel(
     name="magnet",
@@ -37,11 +37,11 @@ def read(path: Path) -> dict[str, list[str]]:
     return {name: [row[i] for row in rows[1:]] for i, name in enumerate(rows[0])}
 
 
-def numbers(column: list[str]) -> NDArray[np.float64]:
+def numbers(column: list[str]) -> FloatArray:
     return np.array(column, dtype=np.float64)
 
 
-def write(path: Path, header: str, *columns: NDArray[np.float64] | list[str]) -> Path:
+def write(path: Path, header: str, *columns: FloatArray | list[str]) -> Path:
     rows = [",".join(map(str, row)) for row in zip(*columns, strict=True)]
     path.write_text("\n".join([header, *rows]) + "\n")
     return path

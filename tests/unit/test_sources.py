@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data.loopset import LoopSet
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import read_model, write_model
-from anhyst.record import Provenance
-from anhyst.sources import ReadOptions, read_sources, with_read_options
+from anhyst.data.loop_set import LoopSet
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.model.fit_record import Provenance
+from anhyst.model.sources import ReadOptions, read_sources, with_read_options
+from anhyst.model.writer import write_model
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
 IRON = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.15, "c_H": 9000.0, "c_out": 60.0}
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.data.units import QUANTITIES
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel, GapMap, Parameter
-from anhyst.record import ValidRange
+from anhyst.model.actuator import ActuatorModel, GapMap, Parameter
+from anhyst.model.fit_record import ValidRange
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 
 GAPS = (0.3e-3, 0.6e-3)
 LIMIT = 0.45

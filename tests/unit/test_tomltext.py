@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anhyst.tomltext import key_lines, toml_key, toml_value
+from anhyst.support.toml_text import key_lines, toml_key, toml_value
 
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]))
 SCALARS = st.one_of(

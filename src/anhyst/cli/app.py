@@ -23,7 +23,7 @@ from anhyst.cli.simulate import simulate
 from anhyst.cli.tune import tune
 from anhyst.cli.use import invert, predict
 from anhyst.cli.verify import verify
-from anhyst.errors import InputError, Interrupted, NegativeResult
+from anhyst.support.errors import InputError, Interrupted, NegativeResult
 
 BAD_INPUT = 2
 NEGATIVE = 1
@@ -55,7 +55,7 @@ app.command(no_args_is_help=True)(tune)
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from anhyst.version import running_version
+        from anhyst.support.version import running_version
 
         print(f"anhyst {running_version()}")
         raise typer.Exit

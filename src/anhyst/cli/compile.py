@@ -11,7 +11,7 @@ import typer
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson, ModelPath
 from anhyst.cli.progress import progress_bar
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
     from anhyst.compile.output import Compiled
@@ -107,8 +107,8 @@ def compile_(
 
     Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
+    from anhyst.compensate.plan import Request
     from anhyst.compile.output import compile_model
-    from anhyst.compile.plan import Request
 
     request = Request(kind.value, io.value, _rate(rate, controller), accuracy, name)
     with progress_bar("choosing tables and measuring") as progress:
@@ -127,7 +127,7 @@ def _rate(rate: float | None, controller: Path | None) -> float:
         return rate
     if controller is None:
         raise InputError("--rate: is missing; give the ticks a second, or a --controller file")
-    from anhyst.controllerfile import read_controller
+    from anhyst.control.controller_file import read_controller
 
     return read_controller(controller).settings.rate_Hz
 
@@ -137,8 +137,8 @@ def _as_dict(compiled: Compiled) -> dict[str, Any]:
 
 
 def _show(compiled: Compiled) -> None:
-    from anhyst.compile.budget import percent
-    from anhyst.compile.choices import explain
+    from anhyst.compensate.budget import percent
+    from anhyst.compensate.choices import explain
     from anhyst.compile.memory import parameters_bytes
 
     plan, budget = compiled.plan, compiled.budget

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from anhyst.data.units import Quantity
+    from anhyst.support.units import Quantity
 
 
 def say_error(text: str) -> None:

@@ -12,8 +12,8 @@ from anhyst.cli.console import in_small_units, print_json, show, table
 from anhyst.cli.options import AsJson
 
 if TYPE_CHECKING:
-    from anhyst.diff import ModelDiff
-    from anhyst.model import ActuatorModel, Parameter
+    from anhyst.model.actuator import ActuatorModel, Parameter
+    from anhyst.model.diff import ModelDiff
 
 
 def diff(
@@ -28,8 +28,8 @@ def diff(
 
     Example: anhyst diff old.toml new.toml
     """
-    from anhyst.diff import diff as compare
-    from anhyst.modelfile import read_model
+    from anhyst.model.diff import diff as compare
+    from anhyst.model.file import read_model
 
     one, other = read_model(first), read_model(second)
     result = compare(one, other)
@@ -40,7 +40,7 @@ def diff(
 
 
 def _show(result: ModelDiff, model: ActuatorModel) -> None:
-    from anhyst.modelkeys import parameter_names
+    from anhyst.model.keys import parameter_names
 
     if result.same:
         show("the two models compute the same")

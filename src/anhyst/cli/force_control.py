@@ -11,10 +11,10 @@ import typer
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson
 from anhyst.cli.progress import progress_bar
-from anhyst.errors import NegativeResult
+from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.rig.force_control import ForceControl
+    from anhyst.study.force.force_control import ForceControl
 
 
 class BoardChoice(StrEnum):
@@ -61,10 +61,12 @@ def force_control(
 
     Example: anhyst force-control examples/solenoid/rig.toml --out run
     """
-    from anhyst.rig.force_control import force_control as run
+    from anhyst.report.force.figures import draw
+    from anhyst.study.force.force_control import force_control as run
 
     with progress_bar("force control") as progress:
         found = run(rig, out, board=board.value, demand=demand, progress=progress)
+        draw(found)
     for text in found.plant.warnings:
         warn(text)
     if as_json:
@@ -79,7 +81,7 @@ def force_control(
 
 
 def _show(found: ForceControl) -> None:
-    from anhyst.rig.results import TITLES
+    from anhyst.study.force.results import TITLES
 
     figures = found.figures
     rows = table(

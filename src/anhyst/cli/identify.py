@@ -24,11 +24,11 @@ from anhyst.cli.options import (
     read_options,
 )
 from anhyst.cli.progress import progress_bar
-from anhyst.errors import Interrupted, NegativeResult
+from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
     from anhyst.identify import IdentifyResult
-    from anhyst.model import ActuatorModel
+    from anhyst.model.actuator import ActuatorModel
 
 GO_ON = "the same command goes on from there"
 
@@ -139,8 +139,8 @@ def identify(
 
     Example: anhyst identify loops.csv --out model.toml --gap-map auto
     """
-    from anhyst.atomic import check_writable
     from anhyst.data.reading import files_read
+    from anhyst.support.atomic import check_writable
 
     check_writable(out, reads=files_read(loops, sidecar))
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
@@ -148,8 +148,8 @@ def identify(
         measured = options.read(loops, progress)
     # Only now: these take longer to import than it takes to refuse a bad file.
     from anhyst.identify import identify as find_model
-    from anhyst.modelwriter import write_model
-    from anhyst.sources import with_read_options
+    from anhyst.model.sources import with_read_options
+    from anhyst.model.writer import write_model
 
     checkpoint = _checkpoint(out)
     with _stoppable(checkpoint), progress_bar("searching") as progress:

@@ -20,7 +20,7 @@ from anhyst.cli.options import (
     read_options,
 )
 from anhyst.cli.progress import progress_bar
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
     from anhyst.draft.drafting import Drafted
@@ -86,7 +86,7 @@ def init(
     """
     from anhyst.draft.drafting import init_bearing, init_example, init_force_control
     from anhyst.draft.machine import Wanted
-    from anhyst.sources import ReadOptions
+    from anhyst.model.sources import ReadOptions
 
     wanted = Wanted(mass, load, gap)
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)

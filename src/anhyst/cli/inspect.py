@@ -25,8 +25,8 @@ from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from anhyst.data.inspection import Inspection, LoopFigures
-    from anhyst.data.loopset import LoopSet
-    from anhyst.simulate.benefit_note import BenefitNote
+    from anhyst.data.loop_set import LoopSet
+    from anhyst.study.bearing.benefit_note import BenefitNote
 
 
 def inspect(
@@ -82,14 +82,14 @@ def _benefit_note(found: Inspection, loops: LoopSet) -> BenefitNote | None:
     """Look up what compensation gained for such loops; only those of a bearing."""
     if (found.input.name, found.output.name) != ("current", "force") or found.schedule is None:
         return None
-    from anhyst.simulate.benefit_note import benefit_note
+    from anhyst.study.bearing.benefit_note import benefit_note
 
     return benefit_note(loops, found.verdict.width_relative)
 
 
 def _check_plot(path: Path) -> None:
-    from anhyst.atomic import check_writable
-    from anhyst.errors import InputError
+    from anhyst.support.atomic import check_writable
+    from anhyst.support.errors import InputError
 
     if path.suffix.lower() not in {".png", ".svg", ".pdf"}:
         raise InputError(f"{path}: a plot is written as .png, .svg or .pdf; change the ending")
@@ -99,8 +99,8 @@ def _check_plot(path: Path) -> None:
 def _draw(found: Inspection, loops: LoopSet, path: Path) -> None:
     from io import BytesIO
 
-    from anhyst.atomic import write_bytes
     from anhyst.data.plot import plot_inspection
+    from anhyst.support.atomic import write_bytes
 
     picture = BytesIO()
     figure = plot_inspection(found, loops)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from anhyst.sources import ReadOptions
+    from anhyst.model.sources import ReadOptions
 
 Loops = Annotated[
     list[Path], typer.Argument(metavar="LOOPS", help="CSV files, or folders of them.")
@@ -93,7 +93,7 @@ def read_options(
     InputError
         A text that is not of the right form.
     """
-    from anhyst.sources import ReadOptions
+    from anhyst.model.sources import ReadOptions
 
     return ReadOptions.from_text(
         columns=columns,

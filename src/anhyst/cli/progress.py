@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
 
-Update = Callable[[float, float], None]
+from anhyst.support.progress import Progress
 
 SILENCE = 60.0
 """Seconds between two lines where there is no terminal."""
@@ -58,7 +58,7 @@ def _duration(seconds: float) -> str:
 
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[Update]:
+def progress_bar(title: str) -> Iterator[Progress]:
     """Show how far long work is: a bar on a terminal, a line a minute where there is none.
 
     Parameters
@@ -77,13 +77,14 @@ def progress_bar(title: str) -> Iterator[Update]:
 
 
 @contextmanager
-def _bar(title: str) -> Iterator[Update]:
+def _bar(title: str) -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bar
 
     pace = Pace()
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[pace]}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=1.0, pace=pace)
 
         def update(done: float, total: float) -> None:
@@ -94,7 +95,7 @@ def _bar(title: str) -> Iterator[Update]:
 
 
 @contextmanager
-def _lines(title: str) -> Iterator[Update]:
+def _lines(title: str) -> Iterator[Progress]:
     pace = Pace()
     over = Event()
 

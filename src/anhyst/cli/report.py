@@ -27,8 +27,8 @@ def report(
 
     Example: anhyst report model.toml --out report.html
     """
-    from anhyst.atomic import check_writable
     from anhyst.report import write_report
+    from anhyst.support.atomic import check_writable
 
     check_writable(out, reads=[model])
     warnings = write_report(model, out)

@@ -11,18 +11,18 @@ import typer
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson
 from anhyst.cli.progress import progress_bar
-from anhyst.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from rich.table import Table
 
-    from anhyst.simulate.benefit import Benefit, Comparison, Measure
-    from anhyst.simulate.boardfaults import Ending
-    from anhyst.simulate.montecarlo import MonteCarlo
-    from anhyst.simulate.responses import Cell
-    from anhyst.simulate.simulate import Simulation
+    from anhyst.study.bearing.benefit import Benefit, Comparison, Measure
+    from anhyst.study.bearing.board_faults import Ending
+    from anhyst.study.bearing.monte_carlo import MonteCarlo
+    from anhyst.study.bearing.responses import Cell
+    from anhyst.study.bearing.simulate import Simulation
 
 
 REPORT = "report.html"
@@ -111,10 +111,10 @@ def simulate(
 
 
 def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_json: bool) -> None:
-    from anhyst.atomic import check_writable
-    from anhyst.simulate.report import write_simulation_report
-    from anhyst.simulate.report.from_simulation import subject_of
-    from anhyst.simulate.simulate import explore, refuse_losses, write_simulation
+    from anhyst.report.bearing import write_simulation_report
+    from anhyst.report.bearing.from_simulation import subject_of
+    from anhyst.study.bearing.simulate import explore, refuse_losses, write_simulation
+    from anhyst.support.atomic import check_writable
 
     for path in (out, out.parent / REPORT):
         check_writable(path)
@@ -137,7 +137,7 @@ def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_js
 
 
 def _firmware(rig: Path, out: Path, controller: Path | None, board: str, as_json: bool) -> None:
-    from anhyst.simulate.flyboard import fly_board, write_flight
+    from anhyst.study.bearing.on_board import fly_board, write_flight
 
     with progress_bar(f"firmware on {board}") as progress:
         found = fly_board(rig, out, board, controller, progress)
@@ -175,12 +175,12 @@ def _faults(endings: Sequence[Ending]) -> Table:
 def _fly(
     rig_path: Path, out: Path, controller_path: Path | None, count: int, command: str, as_json: bool
 ) -> None:
-    from anhyst.atomic import atomic_writer
     from anhyst.compile.folder import json_text
-    from anhyst.simulate.montecarlo import FLOWN, monte_carlo
-    from anhyst.simulate.ready import make_ready, read_files
-    from anhyst.simulate.report import write_simulation_report
-    from anhyst.simulate.report.from_plants import subject_of_plants
+    from anhyst.report.bearing import write_simulation_report
+    from anhyst.report.bearing.from_plants import subject_of_plants
+    from anhyst.study.bearing.monte_carlo import FLOWN, monte_carlo
+    from anhyst.study.bearing.ready import make_ready, read_files
+    from anhyst.support.atomic import atomic_writer
 
     files = read_files(rig_path, controller_path)
     if out.suffix != ".jsonl":
@@ -208,12 +208,12 @@ def _fly(
 def _map(
     rig_path: Path, out: Path, controller_path: Path | None, command: str, as_json: bool
 ) -> None:
-    from anhyst.atomic import atomic_writer
     from anhyst.compile.folder import json_text
-    from anhyst.simulate.benefit import benefit
-    from anhyst.simulate.ready import make_ready, read_files
-    from anhyst.simulate.report import write_simulation_report
-    from anhyst.simulate.report.from_benefit import subject_of_benefit
+    from anhyst.report.bearing import write_simulation_report
+    from anhyst.report.bearing.from_benefit import subject_of_benefit
+    from anhyst.study.bearing.benefit import benefit
+    from anhyst.study.bearing.ready import make_ready, read_files
+    from anhyst.support.atomic import atomic_writer
 
     files = read_files(rig_path, controller_path)
     if out.suffix != ".json":
@@ -270,7 +270,7 @@ def _map_against(
 
 
 def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:
-    from anhyst.simulate.montecarlo import percentile
+    from anhyst.study.bearing.monte_carlo import percentile
 
     rows = table(
         "overshoot that 50 and 95 % of the plants stay below, %",
@@ -302,8 +302,8 @@ def _overshoot(cell: Cell) -> str:
 
 
 def _show(found: Simulation, out: Path) -> None:
-    from anhyst.simulate.report.subject import grouped
-    from anhyst.simulate.report.verdict import judge
+    from anhyst.report.bearing.subject import grouped
+    from anhyst.report.bearing.verdict import judge
 
     heights = list(dict.fromkeys(cell.height for cell in found.cells))
     gap = found.rig.settings.simulate.gap_m

@@ -10,10 +10,10 @@ import typer
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson
 from anhyst.cli.progress import progress_bar
-from anhyst.errors import Interrupted, NegativeResult
+from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.tune.tuning import Tuning
+    from anhyst.study.tuning.result import Tuning
 
 
 def tune(
@@ -66,9 +66,10 @@ def tune(
 
     Example: anhyst tune examples/bearing/rig.toml --out tuned
     """
-    from anhyst.tune.aims import Aims
-    from anhyst.tune.output import figures_of
-    from anhyst.tune.tuning import tune as run
+    from anhyst.report.bearing.tuning import write_pareto
+    from anhyst.study.tuning.aims import Aims
+    from anhyst.study.tuning.output import figures_of, shortfall
+    from anhyst.study.tuning.tuning import tune as run
 
     aims = Aims(overshoot, peak, settling, standstill, effort)
     with progress_bar("tuning") as progress:
@@ -82,6 +83,7 @@ def tune(
             seed=seed,
             progress=progress,
         )
+        write_pareto(found, out)
     for text in found.plant.warnings:
         warn(text)
     if as_json:
@@ -91,13 +93,14 @@ def tune(
     if found.interrupted:
         kept = ", ".join(str(place) for place in found.written.values())
         raise Interrupted(f"the best so far, not checked, is in {kept}")
-    if found.verdict is not None:
-        raise NegativeResult(found.verdict)
+    missed = shortfall(found)
+    if missed is not None:
+        raise NegativeResult(missed)
 
 
 def _show(found: Tuning, out: Path) -> None:
-    from anhyst.tune.output import aims_text, heads, rows
-    from anhyst.tune.worth import worth
+    from anhyst.study.tuning.output import aims_text, heads, rows
+    from anhyst.study.tuning.worth import worth
 
     head = heads()[:-1]
     drawn = table(f"tuned for {aims_text(found.aims)}; then the least settling time", head)

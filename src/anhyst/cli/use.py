@@ -13,7 +13,7 @@ from anhyst.cli.options import AsJson, Columns, ModelPath, RunHistory
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from anhyst.runfile import Direction, RunSummary
+    from anhyst.model.predict_file import Direction, RunSummary
 
 Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")]
 
@@ -71,10 +71,10 @@ def _run(
     history: str | None,
     as_json: bool,
 ) -> None:
-    from anhyst.atomic import check_writable
-    from anhyst.modelfile import read_model
-    from anhyst.runfile import run_file
-    from anhyst.sources import ReadOptions
+    from anhyst.model.file import read_model
+    from anhyst.model.predict_file import run_file
+    from anhyst.model.sources import ReadOptions
+    from anhyst.support.atomic import check_writable
 
     check_writable(out, reads=[model_path, path])
     mapping = ReadOptions.from_text(columns=columns).columns

@@ -10,7 +10,7 @@ import typer
 from anhyst.cli.console import print_json, show, table
 from anhyst.cli.options import AsJson
 from anhyst.cli.progress import progress_bar
-from anhyst.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
     from anhyst.verify import Verification

@@ -10,15 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedDrive, FixedPosition
-from anhyst.atomic import PathLike
-from anhyst.compile.bearing import bearing_model
-from anhyst.compile.block import Block
-from anhyst.compile.plan import Plan, Request
+from anhyst.compensate.bearing import bearing_model
+from anhyst.compensate.block import Block
+from anhyst.compensate.plan import Plan, Request
+from anhyst.control.controller_file import (
+    ControllerFile,
+    ControllerTable,
+    read_controller,
+    told_by_key,
+)
 from anhyst.control.position import DriveScales, PositionControl, Settings
-from anhyst.controllerfile import ControllerFile, ControllerTable, read_controller, told_by_key
-from anhyst.errors import InputError
-from anhyst.model import ActuatorModel
-from anhyst.tomlfile import Fault, faults_error
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import Fault, faults_error
 
 KINDS = ("full", "simplified")
 """Variants that are compiled; the others exist to be compared with."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from anhyst._core.folder import core_folder
-from anhyst.compile.block import Kind
+from anhyst.compensate.block import Kind
+from anhyst.support.core_folder import core_folder
 
 SOURCES: dict[Kind, tuple[str, ...]] = {
     "full": ("block.c", "full_block.c", "full.c", "compensator.c"),

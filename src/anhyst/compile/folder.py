@@ -9,8 +9,8 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from anhyst.atomic import PathLike, write_error
-from anhyst.errors import InputError
+from anhyst.support.atomic import PathLike, write_error
+from anhyst.support.errors import InputError
 
 MANIFEST = "manifest.json"
 FORMAT = "anhyst-compiled"

@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from anhyst.compensate.plan import Plan
 from anhyst.compile.controller import ControllerPlan
-from anhyst.compile.plan import Plan
-from anhyst.states import Command, Phase, State
+from anhyst.control.states import Command, Phase, State
 
 COLUMNS = (
     "position",

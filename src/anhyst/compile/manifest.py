@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from anhyst.compile.block import Block
-from anhyst.compile.budget import Budget, percent
-from anhyst.compile.choices import explain
+from anhyst.compensate.block import Block
+from anhyst.compensate.budget import Budget, percent
+from anhyst.compensate.choices import explain
+from anhyst.compensate.floating import RealBlock
+from anhyst.compensate.holding import SECONDS
+from anhyst.compensate.plan import Plan
+from anhyst.compensate.words import BODY, Names, Unit
 from anhyst.compile.controller import ControllerPlan
-from anhyst.compile.controllersource import described
-from anhyst.compile.floating import RealBlock
-from anhyst.compile.holding import SECONDS
+from anhyst.compile.controller_source import described
 from anhyst.compile.memory import controller_bytes, parameters_bytes, state_bytes
-from anhyst.compile.plan import Plan
-from anhyst.compile.words import BODY, Names, Unit
-from anhyst.data.units import Quantity
+from anhyst.support.units import Quantity
 
 VERSION = 2
 

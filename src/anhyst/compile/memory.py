@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 from functools import cache
 
+from anhyst.compensate.floating import RealBlock
+from anhyst.compensate.measure import AnyBlock
 from anhyst.compile.core import read_core
-from anhyst.compile.floating import RealBlock
-from anhyst.compile.measure import AnyBlock
 
 REAL_STATE_BYTES = 64
 """Of ``anhyst_compensator_f32``."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from anhyst.atomic import PathLike
-from anhyst.compile.budget import (
+from anhyst.compensate.budget import (
     REASON,
     Budget,
     as_dict,
@@ -23,21 +21,21 @@ from anhyst.compile.budget import (
     refusal,
     why_drifting,
 )
+from anhyst.compensate.measure import Io
+from anhyst.compensate.plan import ACCURACY, Plan, Request, make_plan, not_computed
 from anhyst.compile.controller import Controller, read_fitting
 from anhyst.compile.folder import check_folder, json_text, write_folder
 from anhyst.compile.lifting import flight_csv, flight_vectors
 from anhyst.compile.manifest import manifest
-from anhyst.compile.measure import Io
 from anhyst.compile.page import budget_page
-from anhyst.compile.plan import ACCURACY, Plan, Request, make_plan, not_computed
 from anhyst.compile.source import sources
 from anhyst.compile.vectors import golden_vectors, vectors_csv
-from anhyst.errors import InputError, NegativeResult
-from anhyst.model import ActuatorModel
-from anhyst.modelfile import read_model
-from anhyst.version import running_version
-
-Progress = Callable[[float, float], None]
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.progress import Progress
+from anhyst.support.version import running_version
 
 SHARES = (1.0, 0.7, 0.4)
 """Of the allowance that a plan may use up, one try after the other."""

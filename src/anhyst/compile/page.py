@@ -10,13 +10,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.compile.block import FloatArray
-from anhyst.compile.budget import Budget, Part, percent
-from anhyst.compile.choices import explain
-from anhyst.compile.holding import SECONDS
+from anhyst.compensate.budget import Budget, Part, percent
+from anhyst.compensate.choices import explain
+from anhyst.compensate.holding import SECONDS
+from anhyst.compensate.plan import Plan
 from anhyst.compile.memory import parameters_bytes
-from anhyst.compile.plan import Plan
 from anhyst.compile.source import render, signal_lines
+from anhyst.support.arrays import FloatArray
 
 STYLE = {
     "font.family": "sans-serif",

@@ -8,9 +8,9 @@ from textwrap import wrap
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compile.block import LEAST_WORDS, SCALE_WORDS, SCALES, Block
-from anhyst.compile.words import BODY, HEAD, HEAD_PLACES, ONES, Names, Unit, Word
-from anhyst.data.units import Quantity
+from anhyst.compensate.block import LEAST_WORDS, SCALE_WORDS, SCALES, Block
+from anhyst.compensate.words import BODY, HEAD, HEAD_PLACES, ONES, Names, Unit, Word
+from anhyst.support.units import Quantity
 
 ENTRIES_A_LINE = 10
 HEAD_WORDS = 10

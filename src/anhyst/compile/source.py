@@ -9,16 +9,16 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from anhyst.compensate.floating import RealBlock
+from anhyst.compensate.plan import Plan
+from anhyst.compensate.words import Names
 from anhyst.compile.controller import ControllerPlan
-from anhyst.compile.controllersource import told
+from anhyst.compile.controller_source import told
 from anhyst.compile.core import CONTROL, SINGLE, SOURCES, SRC, core_files, read_core
-from anhyst.compile.floating import RealBlock
+from anhyst.compile.floating_source import c_parameters_f32
 from anhyst.compile.memory import controller_bytes, parameters_bytes, state_bytes
 from anhyst.compile.parameters import parameters_source, scales_source
-from anhyst.compile.plan import Plan
-from anhyst.compile.realsource import c_parameters_f32
-from anhyst.compile.words import Names
-from anhyst.data.units import Quantity
+from anhyst.support.units import Quantity
 
 PORT = "port/anhyst_port_cortex_m4.h"
 TYPES = {"q15": "int16_t", "q31": "int32_t", "f32": "float"}

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator, SingleCompensator
-from anhyst.compile.floating import RealBlock
-from anhyst.compile.plan import Plan
+from anhyst.compensate.floating import RealBlock
+from anhyst.compensate.plan import Plan
 
 COLUMNS = ("demand", "gap", "applied", "current")
 ROWS = 1000

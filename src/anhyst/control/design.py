@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
 from anhyst.control.pidd2 import FixedPidd2, Pidd2
-from anhyst.errors import InputError
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
     from control import TransferFunction
@@ -137,12 +137,12 @@ def _library() -> Any:
     return control
 
 
-def _in_z(over_w: Polynomial) -> NDArray[np.float64]:
+def _in_z(over_w: Polynomial) -> FloatArray:
     """Return the coefficients over z, highest first, of a polynomial over w = z - 1."""
     return np.asarray(over_w(Polynomial([-1.0, 1.0])).coef[::-1])
 
 
-def _over_w(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def _over_w(coefficients: FloatArray) -> FloatArray:
     """Return the coefficients over w = z - 1, lowest first, rounding taken for zero."""
     given = np.atleast_1d(np.asarray(coefficients, dtype=float))
     moved = np.array(Polynomial(given[::-1])(Polynomial([1.0, 1.0])).coef, dtype=np.float64)
@@ -167,7 +167,7 @@ def _check_time(transfer: TransferFunction, rate: float) -> None:
 
 
 def _parts(
-    numerator: NDArray[np.float64], denominator: NDArray[np.float64]
+    numerator: FloatArray, denominator: FloatArray
 ) -> tuple[float, float, float, float, tuple[float, float]]:
     """Return P, K, D, E and the shares of both filters."""
     below = _over_w(denominator)
@@ -200,7 +200,7 @@ def _parts(
     return (float(p), float(k), float(d), float(e) if abs(e) * s * t > 1e-9 * size else 0.0, shares)
 
 
-def _shares(rest: NDArray[np.float64]) -> tuple[float, float]:
+def _shares(rest: FloatArray) -> tuple[float, float]:
     """Return the shares of two filters, the larger first, from (w + s)(w + t)."""
     if len(rest) == 1:
         return 1.0, 1.0
@@ -238,7 +238,7 @@ def _weight(transfer: TransferFunction, p: float, k: float) -> float:
     return nearest if math.isclose(weight, nearest, abs_tol=1e-9) else weight
 
 
-def _constant(numerator: NDArray[np.float64], denominator: NDArray[np.float64]) -> float:
+def _constant(numerator: FloatArray, denominator: FloatArray) -> float:
     """Return the value of a function that must be one number."""
     above, below = _over_w(numerator), _over_w(denominator)
     if len(above) != 1 or len(below) != 1:

@@ -17,8 +17,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.elementary import passed
-from anhyst.errors import InputError
+from anhyst.support.arrays import FloatArray
+from anhyst.support.elementary import passed
+from anhyst.support.errors import InputError
 
 # Factors of core/include/anhyst/pidd2.h: mantissa/65536 * 2^shift.
 _SHIFT_LOW, _SHIFT_HIGH = -15, 16
@@ -81,7 +82,7 @@ class FixedPidd2:
         return np.array([*flat, self.unweighted, self.low, self.high], dtype=np.int32)
 
     @property
-    def per_tick(self) -> NDArray[np.float64]:
+    def per_tick(self) -> FloatArray:
         """The gains that the words stand for, exactly, as :attr:`Pidd2.per_tick`."""
         value = {name: m / 65536.0 * 2.0**s for name, (m, s) in self.factors.items()}
         units = _units(self.scales)
@@ -168,7 +169,7 @@ class Pidd2:
         return min(1.0, self.tick * self.K_i / self.K_p) if self.K_p else 1.0
 
     @property
-    def per_tick(self) -> NDArray[np.float64]:
+    def per_tick(self) -> FloatArray:
         """The members of ``anhyst_pidd2_gains_f64`` in their order, shape (11,)."""
         tick = self.tick
         gains = [self.K_p, self.K_i * tick, self.K_d / tick, self.K_dd / (tick * tick), self.K_load]

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.control.pidd2 import FullScales, Pidd2, as_factor
-from anhyst.errors import InputError
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 Format = Literal["f64", "f32", "fixed"]
 Settings = Mapping[str, float]
@@ -231,7 +232,7 @@ class PositionControl:
         """Full scale of the position, m: beyond the gaps that can be, to either side."""
         return _POSITION_REACH * (self.limits.gap_high - self.limits.gap_low)
 
-    def gains(self, number_format: Format) -> NDArray[np.float64] | NDArray[np.int32]:
+    def gains(self, number_format: Format) -> FloatArray | NDArray[np.int32]:
         """Return the gains as the core takes them.
 
         Parameters

@@ -9,21 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.control.pidd2 import Pidd2
-
-_Array = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 
 def respond(
     gains: Pidd2,
-    reference: _Array,
-    position: _Array,
-    load: _Array,
+    reference: FloatArray,
+    position: FloatArray,
+    load: FloatArray,
     *,
     limit: Callable[[float], float] = lambda output: output,
-) -> tuple[_Array, _Array]:
+) -> tuple[FloatArray, FloatArray]:
     """Answer recorded signals, at rest before them.
 
     Parameters

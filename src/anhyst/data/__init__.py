@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from anhyst.data.files import write_csv
 from anhyst.data.history import History
-from anhyst.data.loopset import Loop, LoopSet, Source
+from anhyst.data.loop_set import Loop, LoopSet, Source
 from anhyst.data.table import Table, read_columns
-from anhyst.data.units import Quantity
 
 __all__ = [
     "History",
     "Loop",
     "LoopSet",
-    "Quantity",
     "Source",
     "Table",
     "read_columns",

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.loop_set import Loop, LoopSet
 from anhyst.data.path import turning_points
-from anhyst.data.units import Quantity
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import Quantity
 
 _WOBBLE = 0.05
 """Input reversals below this share of its range are noise, not branches."""
@@ -35,7 +33,7 @@ class Branch:
         return slice(self.start, self.stop)
 
 
-def branches(drive: Floats) -> list[Branch]:
+def branches(drive: FloatArray) -> list[Branch]:
     """Cut a record at its reversals; neighbours share the turning point.
 
     Parameters
@@ -54,7 +52,7 @@ def branches(drive: Floats) -> list[Branch]:
     return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in pairs]
 
 
-def repeats(drive: Floats, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
+def repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
     """Pairs of branches, one cycle apart, that start and end at the same input."""
     near = _ALIKE * float(np.ptp(drive))
     return [
@@ -65,7 +63,7 @@ def repeats(drive: Floats, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
     ]
 
 
-def smooth(drive: Floats, answer: Floats, bins: int = 100) -> tuple[Floats, Floats]:
+def smooth(drive: FloatArray, answer: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
     """Average one branch in equal bins of the input.
 
     Parameters
@@ -90,8 +88,8 @@ def smooth(drive: Floats, answer: Floats, bins: int = 100) -> tuple[Floats, Floa
 
 
 def separation(
-    drive: Floats, answer: Floats, one: Branch, two: Branch
-) -> tuple[Floats, Floats] | None:
+    drive: FloatArray, answer: FloatArray, one: Branch, two: Branch
+) -> tuple[FloatArray, FloatArray] | None:
     """Output of the falling branch minus that of the rising one, over the input they share.
 
     Positive where the loop runs as one that loses energy. ``None`` if they share nothing.
@@ -106,13 +104,13 @@ def separation(
     return grid, np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
 
 
-def is_bipolar(drive: Floats) -> bool:
+def is_bipolar(drive: FloatArray) -> bool:
     """Whether the input takes both signs, by more than a tenth of the larger."""
     low, high = float(drive.min()), float(drive.max())
     return low < 0.0 < high and min(-low, high) > 0.1 * max(-low, high)
 
 
-def is_negative(drive: Floats) -> bool:
+def is_negative(drive: FloatArray) -> bool:
     """Whether the input takes negative values only, but for an offset or noise around zero."""
     return not is_bipolar(drive) and float(drive.min()) < -abs(float(drive.max()))
 
@@ -133,14 +131,14 @@ def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
     return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar)
 
 
-def correlation(one: Floats, two: Floats) -> float:
+def correlation(one: FloatArray, two: FloatArray) -> float:
     """Coefficient of correlation of two signals; 0 if one is constant."""
     a, b = one - one.mean(), two - two.mean()
     scale = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
     return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
 
 
-def folded(loop: Loop, *, even: bool) -> tuple[Floats, Floats]:
+def folded(loop: Loop, *, even: bool) -> tuple[FloatArray, FloatArray]:
     """Input and output of a loop; an even output over the size of its input."""
     if even and is_bipolar(loop.input):
         return np.abs(loop.input), loop.output

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
-from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.loop_set import Loop, LoopSet
 from anhyst.data.noise import noise as noise_of
 from anhyst.data.path import turning_points
-from anhyst.errors import InputError
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 MOST_POINTS = 4000
 """Samples that thinning leaves of a loop at most."""
@@ -217,7 +216,7 @@ def _thinned(loop: Loop, most: int) -> Loop:
     starts = np.flatnonzero(edge)
     counts = np.diff(np.concatenate((starts, [loop.n])))
 
-    def mean(values: Floats | None) -> Floats | None:
+    def mean(values: FloatArray | None) -> FloatArray | None:
         return None if values is None else np.add.reduceat(values, starts) / counts
 
     drive, answer = mean(loop.input), mean(loop.output)
@@ -230,7 +229,7 @@ def _thinned(loop: Loop, most: int) -> Loop:
     return replace(loop, input=drive, output=answer, schedule=schedule, time=mean(loop.time))
 
 
-def _stays(values: Floats) -> NDArray[np.bool_]:
+def _stays(values: FloatArray) -> NDArray[np.bool_]:
     still: NDArray[np.bool_] = np.diff(values) == 0.0
     return still
 

@@ -6,14 +6,12 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data.branches import Branch, branches, is_bipolar, repeats, smooth
-from anhyst.data.loopset import Loop
+from anhyst.data.loop_set import Loop
 from anhyst.data.noise import TO_SIGMA, noise
 from anhyst.data.path import crossings
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 _MOST_SKEW = 8.0
 """Largest delay between channels looked for, in samples."""
@@ -99,7 +97,7 @@ def _missed(loop: Loop, parts: list[Branch], first: Branch) -> float | None:
     return None
 
 
-def _straight_to(inputs: Floats, outputs: Floats, level: float) -> float:
+def _straight_to(inputs: FloatArray, outputs: FloatArray, level: float) -> float:
     """Output at an input level, along the straight line through a few samples beside it."""
     span = float(np.ptp(inputs))
     if span == 0.0:
@@ -193,7 +191,7 @@ def len_of(branch: Branch) -> int:
     return branch.stop - branch.start
 
 
-def _clock(loop: Loop) -> Floats:
+def _clock(loop: Loop) -> FloatArray:
     return loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
 
 
@@ -209,7 +207,7 @@ def _shift(loop: Loop, one: Branch, two: Branch) -> tuple[float, float]:
     return middle, 1.25 * spread / min(grid.size, len_of(one), len_of(two)) ** 0.5
 
 
-def _tip_output(drive: Floats, answer: Floats, level: float) -> float:
+def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
     """Mean output where the input passes a level near its tip, up and down."""
     up = crossings(drive, answer, level, rising=True)
     down = crossings(drive, answer, level, rising=False)
@@ -219,7 +217,7 @@ def _tip_output(drive: Floats, answer: Floats, level: float) -> float:
     return float(answer[int(np.argmax(drive * np.sign(level)))])
 
 
-def _tip_misfits(loop: Loop, tip: int, width: int, powers: int) -> Floats:
+def _tip_misfits(loop: Loop, tip: int, width: int, powers: int) -> FloatArray:
     """Misfit of the output around a reversal of the input, for each of the delays tried."""
     return np.array([_tip_misfit(loop, tip, width, delay, powers) for delay in _DELAYS])
 

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.atomic import atomic_writer
 from anhyst.data.layout import PathLike
-from anhyst.data.rawtable import Texts
+from anhyst.data.raw_table import Texts
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import atomic_writer
 
-Column = NDArray[np.float64] | NDArray[np.bool_] | Texts
+Column = FloatArray | NDArray[np.bool_] | Texts
 
 _BLOCK = 1 << 16
 

@@ -6,7 +6,7 @@ import re
 import shlex
 from collections.abc import Collection, Sequence
 
-from anhyst.data.units import DIMENSIONS, QUANTITIES, Header
+from anhyst.support.units import DIMENSIONS, QUANTITIES, Header
 
 _WORDS = {
     "current": ("current", "curr", "strom", "amp", "coil", "i"),

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, cast
 
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 Kind = Literal["demagnetised", "settled", "conditioned"]
 

@@ -10,12 +10,13 @@ import numpy as np
 from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
 from anhyst.data.history import History
-from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.loop_set import Loop, LoopSet
 from anhyst.data.noise import noise as noise_of
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.start import Proposal, propose_histories
-from anhyst.data.units import Quantity
 from anhyst.data.verdict import Verdict, judge, loop_width, single_valued
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import Quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,9 +175,7 @@ def inspect(loopset: LoopSet) -> Inspection:
     )
 
 
-def _figures(
-    loop: Loop, deviation: estimates.Floats, proposal: Proposal, *, even: bool
-) -> LoopFigures:
+def _figures(loop: Loop, deviation: FloatArray, proposal: Proposal, *, even: bool) -> LoopFigures:
     proposed, reason = proposal
     centre = None if even else estimates.offsets(loop)
     width = loop_width(loop, even=even)

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.data.loopset import Loop, LoopSet, Source
-from anhyst.data.units import Quantity
-from anhyst.errors import InputError
+from anhyst.data.loop_set import Loop, LoopSet, Source
+from anhyst.support.errors import InputError
+from anhyst.support.units import Quantity
 
 
 @dataclass(frozen=True, slots=True)

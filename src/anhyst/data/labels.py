@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from anhyst.data.hints import mapping
 from anhyst.data.path import reversal_count
-from anhyst.data.rawtable import Texts
-from anhyst.data.units import Header
-from anhyst.errors import InputError
+from anhyst.data.raw_table import Texts
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import Header
 
-Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 SHORTEST = 6
@@ -32,9 +32,9 @@ def find_label(
     place: str,
     headers: Sequence[Header],
     idle: Mapping[int, Texts],
-    drive: Floats,
-    answer: Floats,
-    schedule: Floats | None,
+    drive: FloatArray,
+    answer: FloatArray,
+    schedule: FloatArray | None,
 ) -> int | None:
     """Find the column that stays through each loop and changes from one to the next.
 
@@ -81,7 +81,7 @@ def find_label(
     return first
 
 
-def _loops(column: Texts, schedule: Floats | None) -> list[Rows] | None:
+def _loops(column: Texts, schedule: FloatArray | None) -> list[Rows] | None:
     """Rows of each loop, if the column has one run of rows a value, at each scheduling value."""
     if np.count_nonzero(np.bincount(column.codes)) < 2:
         return None
@@ -107,7 +107,7 @@ def _loops(column: Texts, schedule: Floats | None) -> list[Rows] | None:
     return runs if len(keys) == len(runs) else None
 
 
-def _are_loops(loops: list[Rows], drive: Floats, answer: Floats) -> bool:
+def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool:
     spans = np.array([[np.ptp(drive[rows]), np.ptp(answer[rows])] for rows in loops])
     if (spans[:, 0] == 0.0).any() or not (np.ptp(spans, axis=0) > _ALIKE * spans.max(axis=0)).any():
         return False

@@ -11,8 +11,8 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.data.units import find_unit, parse_header
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
+from anhyst.support.units import find_unit, parse_header
 
 PathLike = str | os.PathLike[str]
 

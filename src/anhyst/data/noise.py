@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 TO_SIGMA = 1.4826
 """Median absolute deviation to standard deviation, normal distribution."""
 
 
-def noise(values: Floats) -> float:
+def noise(values: FloatArray) -> float:
     """Estimate the standard deviation of white noise on a smooth signal, from differences.
 
     Differences of any order (2 to 5 are taken) hold the noise and what is left of the signal, so

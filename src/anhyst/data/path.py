@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.support.arrays import FloatArray
+
 LARGEST = 1e50
 """Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""
 
 
-def turning_points(values: NDArray[np.float64], threshold: float) -> NDArray[np.intp]:
+def turning_points(values: FloatArray, threshold: float) -> NDArray[np.intp]:
     """Find the first sample, every reversal larger than the threshold, and the last sample.
 
     Parameters
@@ -47,14 +49,12 @@ def turning_points(values: NDArray[np.float64], threshold: float) -> NDArray[np.
     return extremes[places]
 
 
-def reversal_count(values: NDArray[np.float64], threshold: float) -> int:
+def reversal_count(values: FloatArray, threshold: float) -> int:
     """Count the reversals larger than a threshold."""
     return max(0, turning_points(values, threshold).size - 2)
 
 
-def crossings(
-    values: NDArray[np.float64], other: NDArray[np.float64], level: float, *, rising: bool
-) -> NDArray[np.float64]:
+def crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bool) -> FloatArray:
     """Interpolate ``other`` where ``values`` crosses a level in one direction.
 
     Parameters
@@ -72,19 +72,19 @@ def crossings(
     return other[place] + share * (other[place + 1] - other[place])
 
 
-def value_fault(values: NDArray[np.float64]) -> int | None:
+def value_fault(values: FloatArray) -> int | None:
     """Find the index of the first sample that nobody measured: NaN, Inf, or beyond `LARGEST`."""
     good = np.abs(values) <= LARGEST
     return None if good.all() else int(np.argmin(good))
 
 
-def time_fault(time: NDArray[np.float64]) -> int | None:
+def time_fault(time: FloatArray) -> int | None:
     """Find the index of the first sample whose time is before that of the sample before it."""
     back = np.flatnonzero(np.diff(time) < 0.0)
     return int(back[0]) + 1 if back.size else None
 
 
-def _local_extremes(values: NDArray[np.float64]) -> NDArray[np.intp]:
+def _local_extremes(values: FloatArray) -> NDArray[np.intp]:
     """Find the first and the last sample and every local extreme (first of equals)."""
     moving = np.flatnonzero(np.diff(values) != 0.0)
     if moving.size == 0:

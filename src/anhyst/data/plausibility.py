@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data.branches import (
     branches,
@@ -16,10 +15,8 @@ from anhyst.data.branches import (
     is_negative,
     separation,
 )
-from anhyst.data.loopset import Loop, LoopSet
-from anhyst.errors import InputError
-
-Floats = NDArray[np.float64]
+from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.support.errors import InputError
 
 _MAGNETIC = ("force", "flux_density", "flux_linkage")
 _SWAP_ADVICE = "are the columns of current and force swapped?"

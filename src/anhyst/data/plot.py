@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from anhyst.data.inspection import Inspection
-    from anhyst.data.loopset import LoopSet
+    from anhyst.data.loop_set import LoopSet
 
 _MOST_POINTS = 20_000
 """Lines are drawn with at most about this many points."""

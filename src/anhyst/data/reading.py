@@ -15,17 +15,18 @@ from anhyst.data.history import History
 from anhyst.data.joining import Part, join
 from anhyst.data.labels import SHORTEST, find_label, may_label
 from anhyst.data.layout import PathLike, is_number, read_layout
-from anhyst.data.loopset import Loop, LoopSet, Source
+from anhyst.data.loop_set import Loop, LoopSet, Source
 from anhyst.data.path import time_fault, value_fault
-from anhyst.data.rawtable import Progress, Texts, read_raw, row_line
+from anhyst.data.raw_table import Texts, read_raw, row_line
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
 from anhyst.data.sidecar import Reading, is_sidecar
 from anhyst.data.start import propose_histories
 from anhyst.data.table import first_rows, map_headers
-from anhyst.data.units import GAP_ADVICE, QUANTITIES, Header
-from anhyst.errors import InputError
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header
 
-Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 _DWELL = 6
@@ -44,10 +45,10 @@ class _Columns:
     """
 
     place: str
-    input: Floats
-    output: Floats
-    schedule: Floats | None
-    time: Floats | None
+    input: FloatArray
+    output: FloatArray
+    schedule: FloatArray | None
+    time: FloatArray | None
     labels: Texts
     where: Callable[[int], str]
 
@@ -117,7 +118,7 @@ def loops_of_frame(frame: Any, told: Reading) -> LoopSet:
     headers = map_headers(place, texts, told.columns)
     roles = find_roles(place, headers, told)
 
-    def values(index: int | None) -> Floats | None:
+    def values(index: int | None) -> FloatArray | None:
         if index is None:
             return None
         try:
@@ -201,7 +202,7 @@ def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: b
     def where(row: int) -> str:
         return f"{path}: line {row_line(layout, row if keep is None else int(keep[row]))}"
 
-    def values(index: int | None) -> Floats | None:
+    def values(index: int | None) -> FloatArray | None:
         if index is None:
             return None
         column = raw.numbers[index] if keep is None else raw.numbers[index][keep]
@@ -240,7 +241,7 @@ def _one_label(label: str, rows: int) -> Texts:
     return Texts((label,), np.zeros(rows, np.int32))
 
 
-def _schedule_values(roles: Roles, column: Floats | None, rows: int) -> Floats | None:
+def _schedule_values(roles: Roles, column: FloatArray | None, rows: int) -> FloatArray | None:
     return np.full(rows, roles.fixed) if roles.fixed is not None else column
 
 
@@ -355,7 +356,7 @@ def _blocks(columns: _Columns) -> list[Rows]:
     return blocks
 
 
-def _by_value(columns: _Columns, values: Floats, rows: Rows) -> list[Rows]:
+def _by_value(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
     """Cut rows of one label where the scheduling value steps; a value that moves stays whole."""
     steps = np.flatnonzero(np.diff(values) != 0.0) + 1
     runs = steps.size + 1
@@ -388,7 +389,7 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
     """Make one loop, its history still to be said."""
     label = columns.labels.values[columns.labels.codes[rows[0]]]
 
-    def part(values: Floats | None) -> Floats | None:
+    def part(values: FloatArray | None) -> FloatArray | None:
         if values is None:
             return None
         start, stop = int(rows[0]), int(rows[-1]) + 1

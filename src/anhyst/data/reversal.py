@@ -6,13 +6,11 @@ import itertools
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data.branches import Branch, branches, folded, is_even, smooth
-from anhyst.data.loopset import LoopSet
+from anhyst.data.loop_set import LoopSet
 from anhyst.data.verdict import loop_width
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 _REACH = 0.5
 """Widths of the loop after a reversal that count as just after it."""
@@ -50,8 +48,8 @@ def reversal_share(loopset: LoopSet) -> float | None:
     """
     even = is_even(loopset)
     reach = _REACH * max(loop_width(loop, even=even).width for loop in loopset.loops)
-    expected: list[Floats] = []
-    answered: list[Floats] = []
+    expected: list[FloatArray] = []
+    answered: list[FloatArray] = []
     for loops in loopset.by_schedule().values():
         curves = [folded(loop, even=even) for loop in loops]
         every = np.concatenate([size for size, _ in curves])
@@ -68,7 +66,7 @@ def reversal_share(loopset: LoopSet) -> float | None:
     return _share(np.concatenate(expected), np.concatenate(answered)) if expected else None
 
 
-def _slope(size: Floats, answer: Floats, at: float) -> float:
+def _slope(size: FloatArray, answer: FloatArray, at: float) -> float:
     near = np.abs(size - at) <= _AROUND * float(np.ptp(size))
     if np.count_nonzero(near) < _FEWEST:
         return 0.0
@@ -77,8 +75,8 @@ def _slope(size: Floats, answer: Floats, at: float) -> float:
 
 
 def _after(
-    size: Floats, answer: Floats, before: Branch, after: Branch, reach: float
-) -> tuple[Floats, Floats]:
+    size: FloatArray, answer: FloatArray, before: Branch, after: Branch, reach: float
+) -> tuple[FloatArray, FloatArray]:
     """Return how far input and output went back just after a reversal, sample by sample."""
     tip = after.start
     rows = slice(max(before.start, tip + 1 - _BEFORE), tip + 1)
@@ -90,7 +88,7 @@ def _after(
     return back[:count], answer[tip + 1 : tip + 1 + count] - end
 
 
-def _share(expected: Floats, answered: Floats) -> float | None:
+def _share(expected: FloatArray, answered: FloatArray) -> float | None:
     weight = float(expected @ expected)
     if expected.size < _FEWEST or weight == 0.0:
         return None

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from anhyst.data.hints import map_one, mapping
 from anhyst.data.sidecar import Reading
-from anhyst.data.units import INPUTS, OUTPUTS, QUANTITIES, Header, Quantity, parse_header
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
+from anhyst.support.units import INPUTS, OUTPUTS, QUANTITIES, Header, Quantity, parse_header
 
 _NO_SCHEDULE = "none"
 _INPUT_EXAMPLES = "'I_A', 'H_A_per_m' or 'u_V'"

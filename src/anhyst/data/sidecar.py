@@ -10,7 +10,7 @@ from typing import Any
 
 from anhyst.data.history import History
 from anhyst.data.layout import PathLike
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,17 +7,16 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data.branches import Branch, branches, folded
 from anhyst.data.history import DEMAGNETISED, SETTLED, History
-from anhyst.data.loopset import Loop
+from anhyst.data.loop_set import Loop
 from anhyst.data.noise import noise
 from anhyst.data.path import crossings
+from anhyst.support.arrays import FloatArray
 
-Floats = NDArray[np.float64]
 Proposal = tuple[History, str]
-_Curve = tuple[Floats, Floats]
+_Curve = tuple[FloatArray, FloatArray]
 _Sigma = tuple[float, float]
 
 _NEAR = 0.02
@@ -250,17 +249,17 @@ def _weigh(
     return found
 
 
-def _scatter(answer: Floats, span: float, sigma: _Sigma) -> float:
+def _scatter(answer: FloatArray, span: float, sigma: _Sigma) -> float:
     """Return the standard deviation of an output at equal input, by the noise of both."""
     return float(np.hypot(sigma[1], float(np.ptp(answer)) / span * sigma[0]))
 
 
-def _at(curve: _Curve, size: Floats) -> Floats:
+def _at(curve: _Curve, size: FloatArray) -> FloatArray:
     order = np.argsort(curve[0], kind="stable")
     return np.interp(size, curve[0][order], curve[1][order])
 
 
-def _return_to_start(drive: Floats, answer: Floats) -> float | None:
+def _return_to_start(drive: FloatArray, answer: FloatArray) -> float | None:
     """Output when the input last passes its first value in the direction it started in."""
     parts = branches(drive)
     if len(parts) < 2:

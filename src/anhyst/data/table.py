@@ -11,18 +11,11 @@ import numpy as np
 from anhyst.data.hints import map_one, mapping
 from anhyst.data.layout import Layout, PathLike, is_number, read_layout
 from anhyst.data.path import time_fault
-from anhyst.data.rawtable import (
-    Floats,
-    Progress,
-    TextInNumbersError,
-    Texts,
-    read_raw,
-    row_line,
-    shown,
-    split_lines,
-)
-from anhyst.data.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse_header
-from anhyst.errors import InputError
+from anhyst.data.raw_table import TextInNumbersError, Texts, read_raw, row_line, shown, split_lines
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse_header
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +29,7 @@ class Table:
     path: str
     sha256: str
     headers: tuple[Header, ...]
-    columns: tuple[Floats | Texts, ...]
+    columns: tuple[FloatArray | Texts, ...]
     notes: tuple[str, ...]
     layout: Layout
 
@@ -50,7 +43,7 @@ class Table:
             header.quantity.name if header.quantity else header.name for header in self.headers
         )
 
-    def get(self, name: str) -> Floats | None:
+    def get(self, name: str) -> FloatArray | None:
         """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent.
 
         Raises
@@ -93,7 +86,7 @@ class Table:
             )
         return values
 
-    def need(self, name: str, example: str) -> Floats:
+    def need(self, name: str, example: str) -> FloatArray:
         """SI values of a quantity that must be there; ``example`` is a header to advise.
 
         Raises
@@ -115,7 +108,7 @@ class Table:
         texts = [place for place, column in enumerate(self.columns) if isinstance(column, Texts)]
         return mapping(self.headers, [name], skip=texts, least=0) if name in QUANTITIES else ""
 
-    def as_columns(self) -> dict[str, Floats | Texts]:
+    def as_columns(self) -> dict[str, FloatArray | Texts]:
         """Columns as they stood in the file by header, ready for `write_csv` to repeat."""
         names = {}
         for place, (text, column) in enumerate(zip(self.layout.header, self.columns, strict=True)):
@@ -163,7 +156,7 @@ def read_columns(
             if error.column in known:
                 raise
             texts.add(error.column)  # a column nobody asked for may hold anything
-    held: list[Floats | Texts] = []
+    held: list[FloatArray | Texts] = []
     for place in range(layout.width):
         if place in texts:
             held.append(raw.texts[place])

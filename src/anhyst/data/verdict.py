@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data.branches import branches, folded, is_even, separation, smooth
-from anhyst.data.loopset import Loop, LoopSet
+from anhyst.data.loop_set import Loop, LoopSet
 from anhyst.data.noise import noise
+from anhyst.support.arrays import FloatArray
 
-Floats = NDArray[np.float64]
 Level = Literal["yes", "little", "no"]
 
 _MEAN_OF_NORMAL = 0.7979
@@ -77,7 +76,7 @@ class Verdict:
         return self.level == "yes"
 
 
-def monotone_fit(values: Floats, weights: Floats) -> Floats:
+def monotone_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
     """Best non-decreasing sequence in the weighted least-squares sense (pool adjacent violators).
 
     Parameters
@@ -106,7 +105,7 @@ def monotone_fit(values: Floats, weights: Floats) -> Floats:
     return np.repeat(np.array(means), sizes)
 
 
-def single_valued(loopset: LoopSet) -> list[tuple[Loop, Floats]]:
+def single_valued(loopset: LoopSet) -> list[tuple[Loop, FloatArray]]:
     """Deviation of each loop's output from the best monotone curve of its scheduling value.
 
     Returns
@@ -139,7 +138,7 @@ def loop_width(loop: Loop, *, even: bool) -> Width:
 
 
 def separation_sideways(
-    size: Floats, answer: Floats, one: slice, two: slice, height: float
+    size: FloatArray, answer: FloatArray, one: slice, two: slice, height: float
 ) -> float:
     """Largest distance in input between two branches at equal output, outer tenths left out."""
     curves = []
@@ -227,7 +226,7 @@ def _worded(loopset: LoopSet, figures: Verdict) -> Verdict:
     return Verdict(**{**values, "sentences": sentences})
 
 
-def _residuals(loops: list[Loop], *, even: bool) -> list[tuple[Loop, Floats]]:
+def _residuals(loops: list[Loop], *, even: bool) -> list[tuple[Loop, FloatArray]]:
     pairs = [folded(loop, even=even) for loop in loops]
     size = np.concatenate([pair[0] for pair in pairs])
     answer = np.concatenate([pair[1] for pair in pairs])

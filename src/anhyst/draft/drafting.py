@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from anhyst.atomic import PathLike
 from anhyst.data.reading import files_read
 from anhyst.draft.bearing import draft_bearing
 from anhyst.draft.examples import NEXT, example_files
@@ -17,8 +16,10 @@ from anhyst.draft.machine import Machine, Wanted, machine_of
 from anhyst.draft.magnet import Reach, reach_of
 from anhyst.draft.rules import Numbers, numbers_of
 from anhyst.draft.text import Draft
-from anhyst.errors import InputError
-from anhyst.sources import Progress, ReadOptions
+from anhyst.model.sources import ReadOptions
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
 
 RIG, CONTROLLER, LOOPS = "rig.toml", "controller.toml", "loops"
 """What is written; loops are copied into a folder, so that no file of theirs meets ours."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 NEXT: Mapping[str, tuple[str, ...]] = {
     "bearing": (

@@ -7,8 +7,8 @@ import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from anhyst.atomic import PathLike, write_error
-from anhyst.errors import InputError
+from anhyst.support.atomic import PathLike, write_error
+from anhyst.support.errors import InputError
 
 
 def check_new(out: PathLike, names: Sequence[str]) -> None:

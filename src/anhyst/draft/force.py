@@ -10,7 +10,7 @@ from anhyst.draft.instruments import identify_sections, magnet_section, noise_en
 from anhyst.draft.magnet import Reach
 from anhyst.draft.rounding import down, nearest, up
 from anhyst.draft.text import Draft, Entry, Section
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 EXAMPLE = "as in the example solenoid"
 

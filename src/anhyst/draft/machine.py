@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from anhyst.draft.magnet import Reach
 from anhyst.draft.rounding import down, nearest
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 GRAVITY = 9.81
 """m/s^2."""

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anhyst.compensate.surface import Tangent, fit_plane, fit_surface
 from anhyst.data import Loop, LoopSet
 from anhyst.data.noise import noise
 from anhyst.draft.rounding import nearest
-from anhyst.errors import InputError
-from anhyst.simulate.surface import Tangent, fit_plane, fit_surface
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 NEAR_TOP = 0.95
 """Share of the largest current from which samples say what force it makes."""
@@ -51,9 +49,9 @@ class Reach:
     """
 
     loops: LoopSet
-    gaps: Floats
+    gaps: FloatArray
     current_high: float
-    forces: Floats
+    forces: FloatArray
 
     def force_at(self, gap: float) -> float:
         """Return the force that the largest current makes at a gap within the measured ones, N.

@@ -14,11 +14,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from anhyst.compensate.surface import Tangent
 from anhyst.draft.machine import Machine
 from anhyst.draft.magnet import Reach
 from anhyst.draft.rounding import down, nearest, step_down, step_up, up
-from anhyst.errors import InputError
-from anhyst.simulate.surface import Tangent
+from anhyst.support.errors import InputError
 
 POLES_IN_BANDWIDTH = 1.4
 """The controller's poles lie so many times farther out than the unstable one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from anhyst.tomltext import toml_key, toml_value
+from anhyst.support.toml_text import toml_key, toml_value
 
 COLUMN = 38
 """Where comments begin, if the value leaves room."""

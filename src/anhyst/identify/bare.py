@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data import LoopSet
 from anhyst.identify.default import Found
 from anhyst.identify.gauge import physical
 from anhyst.identify.rest import AT_REST
-from anhyst.model import ActuatorModel
-from anhyst.record import ValidRange
-
-Floats = NDArray[np.float64]
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import ValidRange
+from anhyst.support.arrays import FloatArray
 
 
 def model_of(found: Found, loopset: LoopSet) -> ActuatorModel:
@@ -66,7 +64,7 @@ def valid_range(loopset: LoopSet) -> ValidRange:
         From zero on where the drive comes to rest.
     """
 
-    def span(values: list[Floats]) -> tuple[float, float]:
+    def span(values: list[FloatArray]) -> tuple[float, float]:
         return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
 
     at = loopset.schedule_values

@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compilable import obstacle
 from anhyst.data import LoopSet
-from anhyst.errors import InputError
 from anhyst.identify.bare import model_of, valid_range
-from anhyst.identify.crossvalidation import (
+from anhyst.identify.cross_validation import (
     AS_GOOD,
     Fold,
     Miss,
@@ -25,7 +23,7 @@ from anhyst.identify.crossvalidation import (
     promise,
     refit,
 )
-from anhyst.identify.deadband import add_dead_band, why_dead_band
+from anhyst.identify.dead_band import add_dead_band, why_dead_band
 from anhyst.identify.default import (
     SCREENED,
     Found,
@@ -36,13 +34,15 @@ from anhyst.identify.default import (
     search_each_gap,
     search_one_gap,
 )
-from anhyst.identify.drives import Records
+from anhyst.identify.fit_records import Records
 from anhyst.identify.offsets import OFFSETS, only_demanded
 from anhyst.identify.response import Local
 from anhyst.identify.run import SEARCHED, Run
 from anhyst.identify.screening import starts
 from anhyst.identify.space import Space
-from anhyst.record import CrossValidation
+from anhyst.model.compilable import obstacle
+from anhyst.model.fit_record import CrossValidation
+from anhyst.support.errors import InputError
 
 CARRIED = 24
 """Sets of the screening that are tried at the other gaps beside the optimum of one gap."""

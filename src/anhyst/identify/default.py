@@ -15,16 +15,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anhyst.identify.drives import Records
+from anhyst.identify.fit_records import Records
 from anhyst.identify.fitting import descend
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import Form, Local
 from anhyst.identify.screening import cost_at_gap, scan_gap, starts
 from anhyst.identify.space import Space
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 SCREENED = 256
 KEPT = 3
@@ -43,7 +41,7 @@ class Found:
     """Outcome of a search under one gap map: coordinates, weighted sum of squares, evaluations."""
 
     space: Space
-    theta: Floats
+    theta: FloatArray
     cost: float
     evaluations: int
 
@@ -77,7 +75,7 @@ class Found:
 
 
 def follow(
-    space: Space, theta: Floats, tolerance: float = 1e-10, most: int = 200, tie: float = 0.0
+    space: Space, theta: FloatArray, tolerance: float = 1e-10, most: int = 200, tie: float = 0.0
 ) -> Found:
     """Descend from a start and count."""
     objective = Objective(space, tie)
@@ -115,7 +113,7 @@ def search_one_gap(form: Form, records: Records, seed: int, held: frozenset[str]
     return _best_end(space, [space.pack([one]) for one in starts(space, SCREENED, KEPT, seed)])
 
 
-def _best_end(space: Space, begins: list[Floats]) -> Found:
+def _best_end(space: Space, begins: list[FloatArray]) -> Found:
     """Descend a little from each begin, and to the end from the best of them."""
     tried = [follow(space, theta, 1e-4, _SHORT + space.records.gaps) for theta in begins]
     best = min(tried, key=lambda one: one.cost)

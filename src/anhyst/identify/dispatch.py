@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from anhyst._core import batch_levels
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 VARIABLE = "ANHYST_DISPATCH"
 """Environment variable that forces a level."""

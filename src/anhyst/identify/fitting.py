@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import NoResponseError
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +24,7 @@ class Fit:
         Weighted sum of squares.
     """
 
-    theta: Floats
+    theta: FloatArray
     cost: float
 
 
@@ -43,9 +42,9 @@ class Linear:
         Their derivatives times themselves, shape (size, size).
     """
 
-    deviation: Floats
-    gradient: Floats
-    normal: Floats
+    deviation: FloatArray
+    gradient: FloatArray
+    normal: FloatArray
 
     @property
     def cost(self) -> float:
@@ -60,7 +59,7 @@ class Evaluation:
         self.objective = objective
         self.analytic = objective.space.form.law == "effective-field"
 
-    def at(self, theta: Floats) -> Linear:
+    def at(self, theta: FloatArray) -> Linear:
         """Linearise at a point; without any slope where the law has no answer."""
         if not self.analytic:
             deviation = self.objective.deviations(theta)
@@ -72,7 +71,7 @@ class Evaluation:
             nothing = np.zeros((theta.size, theta.size))
             return Linear(self.objective.impossible, nothing[0], nothing)
 
-    def worth(self, theta: Floats, cost: float) -> Linear | None:
+    def worth(self, theta: FloatArray, cost: float) -> Linear | None:
         """Linearise where the cost is below another; a numerical derivative is dear."""
         if not self.analytic:
             found = self.objective.deviations(theta)
@@ -81,7 +80,7 @@ class Evaluation:
         there = self.at(theta)
         return there if there.cost < cost else None
 
-    def differences(self, theta: Floats) -> Floats:
+    def differences(self, theta: FloatArray) -> FloatArray:
         """Central differences, turned inward at the bounds."""
         low, high = self.objective.space.bounds
         columns = []
@@ -95,7 +94,7 @@ class Evaluation:
         return np.stack(columns, axis=1)
 
 
-def _step(there: Linear, free: NDArray[np.bool_], damping: float) -> Floats:
+def _step(there: Linear, free: NDArray[np.bool_], damping: float) -> FloatArray:
     """Damped Gauss-Newton step in the free coordinates, zero in the others."""
     normal = there.normal[np.ix_(free, free)]
     diagonal = np.diag(normal)
@@ -105,7 +104,9 @@ def _step(there: Linear, free: NDArray[np.bool_], damping: float) -> Floats:
     return step
 
 
-def descend(objective: Objective, theta: Floats, tolerance: float = 1e-10, most: int = 200) -> Fit:
+def descend(
+    objective: Objective, theta: FloatArray, tolerance: float = 1e-10, most: int = 200
+) -> Fit:
     """Least squares from a start, within the bounds of the space.
 
     Levenberg-Marquardt with Nielsen's damping; coordinates at a bound that the gradient presses

@@ -16,13 +16,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from anhyst.data import Quantity
-from anhyst.gapmap import Curve
 from anhyst.identify.response import Form, Local
 from anhyst.identify.space import IN_SERIES
-
-MU_0 = 4e-7 * np.pi
-"""Permeability of free space, V s/(A m), as the core has it."""
+from anhyst.model.gap_map import Curve
+from anhyst.support.units import MU_0, Quantity
 
 SATURATION = 1e6
 """M_s where the data do not tell it, A/m."""
@@ -66,7 +63,7 @@ def physical(
     output_quantity: Quantity,
     gaps: Sequence[float] = (),
 ) -> dict[str, Parameter]:
-    """Physical parameters for gauge-free ones, for :class:`anhyst.model.ActuatorModel`.
+    """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.ActuatorModel`.
 
     Parameters
     ----------

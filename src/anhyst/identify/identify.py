@@ -9,30 +9,29 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anhyst.compilable import obstacle
 from anhyst.data import History, LoopSet
 from anhyst.data.plausibility import check_plausible
-from anhyst.errors import InputError
 from anhyst.identify.bare import model_of, valid_range
 from anhyst.identify.choice import Choice, search_maps
 from anhyst.identify.default import Found
-from anhyst.identify.drives import records_of
+from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
-from anhyst.identify.paper import check_splines
+from anhyst.identify.paper.search import check_splines
+from anhyst.identify.paper.sequence import search_paper
 from anhyst.identify.rest import rest_of
 from anhyst.identify.result import IdentifyResult
-from anhyst.identify.run import Progress, Run
-from anhyst.identify.sequence import search_paper
+from anhyst.identify.run import Run
 from anhyst.identify.space import IN_SERIES
 from anhyst.identify.uncertainty import assess
-from anhyst.model import GAP_MAPS, LAWS, ActuatorModel
-from anhyst.record import CrossValidation, Provenance, ReductionStep, fit_figures
-from anhyst.version import running_version
-
-Floats = NDArray[np.float64]
+from anhyst.model.actuator import GAP_MAPS, LAWS, ActuatorModel
+from anhyst.model.compilable import obstacle
+from anhyst.model.fit_record import CrossValidation, Provenance, ReductionStep, fit_figures
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+from anhyst.support.version import running_version
 
 SEARCHES = ("default", "paper")
 
@@ -187,7 +186,7 @@ class _Outcome:
 
     found: Found
     model: ActuatorModel
-    fitted: tuple[Floats, ...]
+    fitted: tuple[FloatArray, ...]
     why: str
     interrupted: bool
     dead_band: str = "none"
@@ -234,7 +233,7 @@ def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
     )
 
 
-def _fitted(found: Found, loopset: LoopSet) -> tuple[Floats, ...]:
+def _fitted(found: Found, loopset: LoopSet) -> tuple[FloatArray, ...]:
     """Modelled outputs in the order of the loops of the set."""
     drives = found.space.records.drives
     ends = np.cumsum([drive.input.size for drive in drives])[:-1]

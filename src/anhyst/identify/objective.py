@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst._core import Operator
 from anhyst.identify.response import LOCAL, Local, NoResponseError, Responder
 from anhyst.identify.space import Space
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 _IMPOSSIBLE = 10.0
 """Deviation, in units of the largest output, where the law has no answer."""
@@ -41,7 +39,7 @@ class Objective:
         self._ties = np.sqrt(self.tie) * _differences(self.space)
 
     @property
-    def impossible(self) -> Floats:
+    def impossible(self) -> FloatArray:
         """Deviations that stand for parameters without an answer."""
         far = _IMPOSSIBLE * self.space.records.output_span * self.weights
         return np.concatenate([far, np.zeros(self._ties.shape[0])])
@@ -59,7 +57,7 @@ class Objective:
             found.append(built[key])
         return found
 
-    def outputs(self, sets: list[Local]) -> Floats:
+    def outputs(self, sets: list[Local]) -> FloatArray:
         """Modelled outputs of all drives, one after the other, SI."""
         self.evaluations += 1
         operators = self._operators(sets)
@@ -69,7 +67,7 @@ class Objective:
         ]
         return np.concatenate(parts)
 
-    def deviations(self, theta: Floats) -> Floats:
+    def deviations(self, theta: FloatArray) -> FloatArray:
         """Weighted deviations, shape (samples,), and ties, if any, after them."""
         try:
             found = self.outputs([local for local, _ in self.space.unpack(theta)])
@@ -77,7 +75,7 @@ class Objective:
             return self.impossible
         return np.concatenate([(found - self.measured) * self.weights, self._ties @ theta])
 
-    def with_jacobian(self, theta: Floats) -> tuple[Floats, Floats]:
+    def with_jacobian(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Deviations as above and their derivatives, one row for each, shape (.., size)."""
         self.evaluations += 1
         sets = self.space.unpack(theta)
@@ -94,7 +92,7 @@ class Objective:
         rows.append(self._ties)
         return np.concatenate(values), np.concatenate(rows)
 
-    def normal(self, theta: Floats) -> tuple[Floats, Floats, Floats]:
+    def normal(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Deviations as above, gradient of half their sum of squares, and normal matrix.
 
         Gap by gap from the seven parameters there: what one gap does not share with the others
@@ -124,7 +122,7 @@ class Objective:
         return np.concatenate(values), gradient, matrix
 
 
-def _differences(space: Space) -> Floats:
+def _differences(space: Space) -> FloatArray:
     """Rows that take the difference of a coordinate between neighbouring gaps; offsets are free."""
     place = {entry: at for at, entry in enumerate(space.entries)}
     pairs = [

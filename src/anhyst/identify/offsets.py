@@ -13,7 +13,6 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.identify.default import Found, follow
 from anhyst.identify.fitting import Evaluation, Linear
@@ -22,8 +21,7 @@ from anhyst.identify.response import NoResponseError
 from anhyst.identify.rest import Reading
 from anhyst.identify.space import Space
 from anhyst.identify.uncertainty import mean_memory
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 OFFSETS = frozenset({"in_0", "out_0"})
 
@@ -65,7 +63,7 @@ def only_demanded(found: Found, tolerance: float = 1e-10, most: int = 200) -> Fo
     independent = _independent(found.space, here.deviation)
     ways = [frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)]
 
-    def score(cost: float, space: Space, theta: Floats) -> float:
+    def score(cost: float, space: Space, theta: FloatArray) -> float:
         return independent * math.log(cost + _EXACT) + _price(space, theta, independent)
 
     tries = {}
@@ -90,7 +88,7 @@ def _responds(found: Found) -> bool:
     return True
 
 
-def _independent(space: Space, deviation: Floats) -> float:
+def _independent(space: Space, deviation: FloatArray) -> float:
     """Count the samples that say something of their own.
 
     A law misses the same iron in the same way in every loop: of the part of the deviations that
@@ -103,14 +101,14 @@ def _independent(space: Space, deviation: Floats) -> float:
     return max(2.0, float(ends[-1]) / mean_memory(space, deviation) / alike)
 
 
-def _lasting(deviation: Floats) -> float:
+def _lasting(deviation: FloatArray) -> float:
     """Part of the mean square that is still there a sample later."""
     centred = deviation - deviation.mean()
     power = float(centred @ centred)
     return max(0.0, float(centred[1:] @ centred[:-1]) / power) if power > 0.0 else 0.0
 
 
-def _without(found: Found, here: Linear, names: frozenset[str]) -> tuple[float, Floats]:
+def _without(found: Found, here: Linear, names: frozenset[str]) -> tuple[float, FloatArray]:
     """Foresee the best fit with these offsets held at zero: its cost and its coordinates."""
     out = np.array([name in names for name, _ in found.space.entries])
     theta = np.where(out, 0.0, found.theta)
@@ -122,7 +120,7 @@ def _without(found: Found, here: Linear, names: frozenset[str]) -> tuple[float, 
     return found.cost + float(step @ here.normal @ step), theta
 
 
-def _price(space: Space, theta: Floats, independent: float) -> float:
+def _price(space: Space, theta: FloatArray, independent: float) -> float:
     """Price the free offsets of a space, in twice the logarithm of the odds."""
     rest = space.records.rest
     readings = {

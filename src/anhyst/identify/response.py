@@ -13,12 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst._core import Operator, demagnetised, langevin, status_text
-from anhyst.identify.drives import Drive
-
-Floats = NDArray[np.float64]
+from anhyst.identify.fit_records import Drive
+from anhyst.support.arrays import FloatArray
 
 LOCAL = ("kappa", "c", "omega", "scale", "gain", "in_0", "out_0")
 """Gauge-free parameters at one gap, in the order of the derivatives."""
@@ -114,9 +112,9 @@ class Responder:
     """Follows drives; remembers where settled cycles began, to begin there the next time."""
 
     def __init__(self) -> None:
-        self._starts: dict[int, Floats] = {}
+        self._starts: dict[int, FloatArray] = {}
 
-    def output(self, form: Form, local: Local, operator: Operator, drive: Drive) -> Floats:
+    def output(self, form: Form, local: Local, operator: Operator, drive: Drive) -> FloatArray:
         """Output of one drive, shape (n,), SI, without derivatives."""
         r = (drive.input - local.in_0) / local.scale
         omega = np.full(r.size, local.omega)
@@ -143,7 +141,7 @@ class Responder:
 
     def with_derivatives(
         self, form: Form, local: Local, operator: Operator, drive: Drive
-    ) -> tuple[Floats, Floats]:
+    ) -> tuple[FloatArray, FloatArray]:
         """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
         if drive.settled:
             x, m, x_t, m_t = self._settled(form, local, operator, drive)
@@ -163,7 +161,7 @@ class Responder:
 
     def _settled(
         self, form: Form, local: Local, operator: Operator, drive: Drive
-    ) -> tuple[Floats, Floats, Floats, Floats]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Close the cycle by Newton on the one number that is free: y before the first sample."""
         terms = _Terms(form, local, drive.input, _DIRECTIONS + 1)
         state = self._starts.get(id(drive))
@@ -196,7 +194,7 @@ class Responder:
 class _Terms:
     """A drive in the terms of the solver, with derivatives by kappa, c, omega, scale, in_0."""
 
-    def __init__(self, form: Form, local: Local, drive: Floats, directions: int) -> None:
+    def __init__(self, form: Form, local: Local, drive: FloatArray, directions: int) -> None:
         n = drive.size
         self.r = (drive - local.in_0) / local.scale
         self.omega = np.full(n, local.omega)
@@ -213,7 +211,7 @@ class _Terms:
 
 def _once(
     form: Form, local: Local, operator: Operator, drive: Drive
-) -> tuple[Floats, Floats, Floats, Floats]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     whole = np.concatenate([drive.lead, drive.input])
     terms = _Terms(form, local, whole, _DIRECTIONS)
     x, m, x_t, m_t, _, _, status, _ = operator.sensitivity(
@@ -230,7 +228,7 @@ def _once(
     return x[first:], m[first:], x_t[first:], m_t[first:]
 
 
-def _seeds(form: Form, local: Local, terms: _Terms, state: Floats) -> Floats:
+def _seeds(form: Form, local: Local, terms: _Terms, state: FloatArray) -> FloatArray:
     """Differentiate the state before the first sample: x follows y by the equation there.
 
     The play stands at the same part of its width, as it does where a drive has pushed it.
@@ -248,7 +246,7 @@ def _seeds(form: Form, local: Local, terms: _Terms, state: Floats) -> Floats:
     return seeds
 
 
-def _admissible(state: Floats, form: Form, local: Local, r: float) -> Floats:
+def _admissible(state: FloatArray, form: Form, local: Local, r: float) -> FloatArray:
     """Make a state from elsewhere one before the first sample: x by the equation, y within reach.
 
     With y at rest the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
@@ -268,7 +266,7 @@ def _admissible(state: Floats, form: Form, local: Local, r: float) -> Floats:
     return np.array([x, y, p])
 
 
-def _limit(state: Floats, ends: list[float]) -> Floats:
+def _limit(state: FloatArray, ends: list[float]) -> FloatArray:
     """Where the last three ends of passes lead: small loops creep for hundreds of passes."""
     first, second = ends[-2] - ends[-3], ends[-1] - ends[-2]
     if abs(second) >= abs(first):

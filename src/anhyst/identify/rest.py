@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from anhyst.data import Loop, LoopSet
 from anhyst.data.verdict import largest_output
 
-Floats = NDArray[np.float64]
-
 AT_REST = 0.01
 """A smallest input below this share of the largest counts as zero."""
 

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from anhyst.data import LoopSet
-from anhyst.model import ActuatorModel
-from anhyst.monotone import Acceptance, GapCheck
-
-Floats = NDArray[np.float64]
+from anhyst.model.acceptance import Acceptance, GapCheck
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +41,7 @@ class IdentifyResult:
 
     model: ActuatorModel
     loops: LoopSet
-    fitted: tuple[Floats, ...]
+    fitted: tuple[FloatArray, ...]
     acceptance: Acceptance
     warnings: tuple[str, ...] = ()
     per_gap: ActuatorModel | None = None

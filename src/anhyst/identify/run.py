@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from anhyst.atomic import atomic_writer
-from anhyst.identify.drives import Records
+from anhyst.identify.fit_records import Records
 from anhyst.identify.response import Form
-from anhyst.version import running_version
+from anhyst.support.atomic import atomic_writer
+from anhyst.support.progress import Progress
+from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from anhyst.identify.default import Found
 
-Progress = Callable[[int, int], None]
 
 SEARCHED = 400
 """Samples of a loop that a search looks at, at most."""
@@ -119,7 +119,7 @@ class Run:
 
 def _key(run: Run) -> str:
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(source.read_bytes())  # a search that was changed does not go on
     digest.update(
         f"{running_version()} {run.form} {run.seed} {sorted(run.held)} {run.key}".encode()

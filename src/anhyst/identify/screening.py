@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import batch
-from anhyst.errors import InputError
 from anhyst.identify.dispatch import batch_level
-from anhyst.identify.drives import Drive, Records, thinned
+from anhyst.identify.fit_records import Drive, Records, thinned
 from anhyst.identify.response import LOCAL, Form, Local
 from anhyst.identify.space import IN_SERIES, Space
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 OMEGA_JUMP = 3.0
 """At omega = -3 the law may begin to jump; the batch does not follow it there."""
@@ -36,7 +35,7 @@ _THIN = 64
 """Samples a loop at the screening, at most."""
 
 
-def _evenly(dimensions: int, count: int, seed: int) -> Floats:
+def _evenly(dimensions: int, count: int, seed: int) -> FloatArray:
     """Fill the unit cube evenly from a random start, shape (dimensions, count).
 
     Multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio of d dimensions
@@ -51,7 +50,7 @@ def _evenly(dimensions: int, count: int, seed: int) -> Floats:
     return np.asarray((begin[:, None] + steps[:, None] * np.arange(count)) % 1.0)
 
 
-def sample_sets(records: Records, count: int, seed: int, interacting: bool = True) -> Floats:
+def sample_sets(records: Records, count: int, seed: int, interacting: bool = True) -> FloatArray:
     """Draw kappa, c, omega, scale by an additive sequence of low discrepancy (:func:`_evenly`).
 
     What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
@@ -75,7 +74,9 @@ def sample_sets(records: Records, count: int, seed: int, interacting: bool = Tru
     return np.stack([kappa, c, omega, largest / drive])
 
 
-def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, Floats]:
+def screen(
+    form: Form, records: Records, sets: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Deviation of many sets at one gap, with the best gain and offset for each.
 
     Parameters
@@ -102,8 +103,8 @@ def screen(form: Form, records: Records, sets: Floats) -> tuple[Floats, Floats, 
 
 
 def follow_sets(
-    drive: Drive, kept: NDArray[np.intp], sets: Floats, offset: Floats
-) -> tuple[Floats, Floats]:
+    drive: Drive, kept: NDArray[np.intp], sets: FloatArray, offset: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Follow one drive with many sets at once.
 
     Parameters
@@ -136,7 +137,9 @@ def follow_sets(
     return m, xi
 
 
-def _moments(form: Form, records: Records, sets: Floats, offset: Floats) -> tuple[Floats, float]:
+def _moments(
+    form: Form, records: Records, sets: FloatArray, offset: FloatArray
+) -> tuple[FloatArray, float]:
     """Weighted sums, over all samples, that the deviation of any gain and offset follows from.
 
     With b the output for gain 1 and y the measured one: 1, b, b^2, y, b*y; and the sum of y^2.
@@ -159,7 +162,7 @@ def _moments(form: Form, records: Records, sets: Floats, offset: Floats) -> tupl
     return moments, total
 
 
-def _cost(moments: Floats, total: float, gain: Floats, out_0: Floats) -> Floats:
+def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray) -> FloatArray:
     ones, first, second, mean, cross = moments
     square = total + gain**2 * second + out_0**2 * ones
     return np.asarray(square + 2.0 * (gain * out_0 * first - gain * cross - out_0 * mean))
@@ -210,7 +213,7 @@ def starts(space: Space, count: int, keep: int, seed: int) -> list[Local]:
     return found
 
 
-def scan_gap(space: Space, gap: int, known: list[Local]) -> tuple[list[Local], Floats]:
+def scan_gap(space: Space, gap: int, known: list[Local]) -> tuple[list[Local], FloatArray]:
     """Find, at one gap, the best value of the parameter that the map ties to it, the rest held.
 
     Parameters
@@ -248,17 +251,17 @@ def scan_gap(space: Space, gap: int, known: list[Local]) -> tuple[list[Local], F
     return sets, cost[np.arange(count), best]
 
 
-def cost_at_gap(space: Space, gap: int, known: list[Local]) -> Floats:
+def cost_at_gap(space: Space, gap: int, known: list[Local]) -> FloatArray:
     """Weighted sums of squares of sets at one gap, as they are, shape (len(known),)."""
     return _cost_of(space.form, space.records.at(gap), _table(known))
 
 
-def _table(known: list[Local]) -> Floats:
+def _table(known: list[Local]) -> FloatArray:
     """Lay sets out as columns, rows in the order of LOCAL."""
     return np.array([[getattr(local, name) for local in known] for name in LOCAL])
 
 
-def _cost_of(form: Form, records: Records, table: Floats) -> Floats:
+def _cost_of(form: Form, records: Records, table: FloatArray) -> FloatArray:
     kappa, c, omega, scale, gain, in_0, out_0 = table
     followed = np.stack([kappa, c, np.maximum(omega, _ALMOST_JUMPING), scale])
     moments, total = _moments(form, records, followed, in_0)

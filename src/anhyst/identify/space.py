@@ -15,10 +15,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.identify.drives import Records
+from anhyst.identify.fit_records import Records
 from anhyst.identify.response import LOCAL, Form, Local
-
-Floats = NDArray[np.float64]
+from anhyst.support.arrays import FloatArray
 
 PER_GAP = {
     "none": frozenset[str](),
@@ -103,7 +102,7 @@ class Space:
         return self.records.output_span if name in {"gain", "out_0"} else 1.0
 
     @cached_property
-    def bounds(self) -> tuple[Floats, Floats]:
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of the coordinates."""
         low = [self._inward(name, _LIMITS[name][0] * self.unit(name)) for name, _ in self.entries]
         high = [self._inward(name, _LIMITS[name][1] * self.unit(name)) for name, _ in self.entries]
@@ -126,7 +125,7 @@ class Space:
         unit = self.unit(name)
         return coordinate * unit, unit
 
-    def pack(self, sets: list[Local]) -> Floats:
+    def pack(self, sets: list[Local]) -> FloatArray:
         """Coordinates of parameters given for each gap; shared ones are taken from the first."""
         theta = []
         for name, gap in self.entries:
@@ -147,7 +146,7 @@ class Space:
         kept = [place for place, (name, _) in enumerate(self.entries) if name not in names]
         return replace(self, held=self.held | names), np.array(kept)
 
-    def unpack(self, theta: Floats) -> list[tuple[Local, Floats]]:
+    def unpack(self, theta: FloatArray) -> list[tuple[Local, FloatArray]]:
         """Parameters at each gap, and their derivatives by the coordinates, shape (7, size)."""
         shared: dict[str, tuple[int, float, float]] = {}
         single: dict[tuple[str, int], tuple[int, float, float]] = {}
@@ -169,7 +168,7 @@ class Space:
             found.append((self._finish(values, jacobian), jacobian))
         return found
 
-    def _finish(self, values: dict[str, float], jacobian: Floats) -> Local:
+    def _finish(self, values: dict[str, float], jacobian: FloatArray) -> Local:
         """Fill in what follows from the rest: h, and the scale of the reluctance map."""
         if self.gap_map not in IN_SERIES:
             return self.form.with_h(Local(**values, h=0.0))

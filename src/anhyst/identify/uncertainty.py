@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data import LoopSet
 from anhyst.identify.default import Found
 from anhyst.identify.fitting import Evaluation
 from anhyst.identify.objective import Objective
 from anhyst.identify.space import IN_SERIES, Space
-from anhyst.record import Uncertainty
-
-Floats = NDArray[np.float64]
+from anhyst.model.fit_record import Uncertainty
+from anhyst.support.arrays import FloatArray
 
 _LOOSE = 0.2
 """Relative standard deviation above which a number is called loose."""
@@ -33,7 +31,7 @@ _MEANING = {
 }
 
 
-def memory(deviations: Floats) -> float:
+def memory(deviations: FloatArray) -> float:
     """Count the samples that weigh as one, because their deviations go together.
 
     Twice the integral of the autocorrelation up to its first zero: misfit of the law runs in long
@@ -50,13 +48,13 @@ def memory(deviations: Floats) -> float:
     return max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
 
 
-def mean_memory(space: Space, deviation: Floats) -> float:
+def mean_memory(space: Space, deviation: FloatArray) -> float:
     """Average the memory of weighted deviations over the drives of a space."""
     ends = np.cumsum([drive.input.size for drive in space.records.drives])
     return float(np.mean([memory(one) for one in np.split(deviation, ends)[:-1]]))
 
 
-def _covariance(found: Found) -> Floats:
+def _covariance(found: Found) -> FloatArray:
     objective = Objective(found.space)
     evaluation = Evaluation(objective)
     here = evaluation.at(found.theta)
@@ -134,7 +132,7 @@ def _slope(name: str, coordinate: float, value: float, unit: float) -> float:
 
 
 def _statements(
-    found: Found, names: list[str], values: list[float], stds: list[float], correlation: Floats
+    found: Found, names: list[str], values: list[float], stds: list[float], correlation: FloatArray
 ) -> list[str]:
     said = []
     for name, value, std in zip(names, values, stds, strict=True):
@@ -161,7 +159,7 @@ def _statements(
     return said
 
 
-def _tied(correlation: Floats) -> list[list[int]]:
+def _tied(correlation: FloatArray) -> list[list[int]]:
     """Group coordinates that hang together by strong correlations."""
     groups: list[list[int]] = []
     for place in range(correlation.shape[0]):

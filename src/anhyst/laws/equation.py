@@ -24,11 +24,9 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-from anhyst.errors import InputError
 from anhyst.laws.operator import Operator, State, Step
-
-MU_0 = 4.0e-7 * math.pi
-"""Magnetic constant in T m/A, the value that was exact before 2019."""
+from anhyst.support.errors import InputError
+from anhyst.support.units import MU_0
 
 _RTOL = 4.0 * 2.220446049250313e-16
 _SHORTEST_STRIDE = 1e-3

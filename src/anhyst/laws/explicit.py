@@ -18,17 +18,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from anhyst.errors import InputError
-from anhyst.laws.equation import MU_0
 from anhyst.laws.langevin import langevin_scalar, langevin_slope_scalar
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import MU_0
 
 Scheme = Literal["euler", "rk4"]
 Rate = Callable[[float, float, float], float]
 
 
-def integrate(rate: Rate, given: NDArray[np.float64], m0: float, scheme: Scheme) -> list[float]:
+def integrate(rate: Rate, given: FloatArray, m0: float, scheme: Scheme) -> list[float]:
     """Return the magnetisation after each step of an explicit scheme, one step a sample.
 
     Parameters
@@ -103,7 +104,7 @@ class ExplicitForm:
         chi = self.susceptibility(h + self.alpha * m, m, sg)
         return chi / (1.0 - self.alpha * chi)
 
-    def inverse(self, b: ArrayLike, scheme: Scheme = "rk4", m0: float = 0.0) -> NDArray[np.float64]:
+    def inverse(self, b: ArrayLike, scheme: Scheme = "rk4", m0: float = 0.0) -> FloatArray:
         """Return the field for a record of the flux density (eqs. 14 and 15).
 
         Parameters
@@ -124,7 +125,7 @@ class ExplicitForm:
         m = np.array(integrate(self.inverse_rate, given, m0, scheme))
         return np.asarray(given / MU_0 - m)
 
-    def forward(self, h: ArrayLike, scheme: Scheme = "rk4", m0: float = 0.0) -> NDArray[np.float64]:
+    def forward(self, h: ArrayLike, scheme: Scheme = "rk4", m0: float = 0.0) -> FloatArray:
         """Return the flux density for a record of the field, valid while ``alpha*chi < 1``.
 
         Parameters

@@ -12,21 +12,15 @@ from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from anhyst.errors import InputError
 from anhyst.laws.effective_field import EffectiveField, StepKind
-from anhyst.laws.equation import (
-    MU_0,
-    NO_EDDY,
-    Eddy,
-    Use,
-    forward_use,
-    inverse_use,
-    solve,
-)
+from anhyst.laws.equation import NO_EDDY, Eddy, Use, forward_use, inverse_use, solve
 from anhyst.laws.jiles_atherton_1986 import JilesAtherton1986
 from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import MU_0
 
 LawName = Literal["effective-field", "jiles-atherton-1986"]
 
@@ -169,7 +163,7 @@ class Iron:
         rho: ArrayLike = 0.0,
         eddy: ArrayLike = 0.0,
         state: State = DEMAGNETISED,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], State]:
+    ) -> tuple[FloatArray, FloatArray, State]:
         """Return flux density and field for a record of the drive.
 
         Parameters
@@ -200,7 +194,7 @@ class Iron:
         rho: ArrayLike = 0.0,
         eddy: ArrayLike = 0.0,
         state: State = DEMAGNETISED,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], State]:
+    ) -> tuple[FloatArray, FloatArray, State]:
         """Return drive and field for a record of the flux density (T).
 
         Parameters are those of :meth:`forward` with `b` in place of the drive; the drive (A/m) is
@@ -219,7 +213,7 @@ class Iron:
         rho: ArrayLike,
         eddy: ArrayLike,
         state: State,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], State]:
+    ) -> tuple[FloatArray, FloatArray, State]:
         """Solve and commit sample by sample."""
         self.operator.check_state(state)
         samples = np.atleast_1d(np.asarray(given, dtype=np.float64))

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from anhyst.errors import InputError
 from anhyst.laws.lagging import LaggingLaw
 from anhyst.laws.langevin import (
     LARGEST_SLOPE,
@@ -25,6 +24,7 @@ from anhyst.laws.langevin import (
     langevin_scalar,
     langevin_slope_scalar,
 )
+from anhyst.support.errors import InputError
 
 _TOLERANCE = 1e-14
 _MEMORY_LENGTHS = 40.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 
-from anhyst.errors import InputError
 from anhyst.laws.langevin import LARGEST_SLOPE, langevin_scalar, langevin_slope_scalar
 from anhyst.laws.operator import State, Step
+from anhyst.support.errors import InputError
 
 _ROUNDING = 1e-9
 

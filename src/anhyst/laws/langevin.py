@@ -16,11 +16,12 @@ import math
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from anhyst.errors import InputError
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
-Number = TypeVar("Number", float, NDArray[np.float64])
+Number = TypeVar("Number", float, FloatArray)
 
 LARGEST_SLOPE = 1.0 / 3.0
 """``L'(0)``, the largest slope of the Langevin function."""
@@ -67,7 +68,7 @@ def inverse_langevin_scalar(y: float) -> float:
     return z
 
 
-def langevin(z: ArrayLike) -> NDArray[np.float64]:
+def langevin(z: ArrayLike) -> FloatArray:
     """Return the Langevin function ``coth(z) - 1/z`` (eq. 1).
 
     Parameters
@@ -95,7 +96,7 @@ def langevin(z: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(np.where(size < _SWITCH, inner, np.copysign(outer, arg)))
 
 
-def langevin_slope(z: ArrayLike) -> NDArray[np.float64]:
+def langevin_slope(z: ArrayLike) -> FloatArray:
     """Return the slope ``1/z**2 - 1/sinh(z)**2`` of the Langevin function (eq. 12).
 
     Parameters
@@ -120,7 +121,7 @@ def langevin_slope(z: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(np.where(size < _SWITCH, inner, outer))
 
 
-def inverse_langevin(y: ArrayLike) -> NDArray[np.float64]:
+def inverse_langevin(y: ArrayLike) -> FloatArray:
     """Return the argument at which the Langevin function takes the value `y`.
 
     Newton's iteration from the rational estimate ``y*(3 - y**2)/(1 - y**2)``, which is within 5 %,

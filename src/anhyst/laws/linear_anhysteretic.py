@@ -16,12 +16,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import lambertw
 
-from anhyst.errors import InputError
-from anhyst.laws.equation import MU_0
 from anhyst.laws.operator import State, Step
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import MU_0
 
 _ROUNDING = 1e-9
 
@@ -174,7 +175,7 @@ class LinearAnhysteretic:
 
     def inverse(
         self, b: ArrayLike, u0: float = 0.0, b0: float = 0.0
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the field for a record of the flux density, in closed form.
 
         Parameters

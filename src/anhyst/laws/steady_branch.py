@@ -16,10 +16,10 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 from scipy.special import exp1, expi
 
 from anhyst.laws.langevin import langevin
+from anhyst.support.arrays import FloatArray
 
 _EDGE = 30.0
 _WIDTH = 0.5
@@ -100,7 +100,7 @@ class SteadyBranch:
 
     def _solve_panels(self) -> list[list[float]]:
         """Return the Chebyshev coefficients of the branch on each panel."""
-        nodes: NDArray[np.float64] = -np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
+        nodes: FloatArray = -np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
         values = chebyshev.chebvander(nodes, _DEGREE)
         identity = np.eye(_DEGREE + 1)
         slopes = chebyshev.chebval(nodes, chebyshev.chebder(identity)).T

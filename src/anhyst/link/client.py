@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Self, TypeVar
 
-from anhyst.errors import InputError
+from anhyst.control.states import Command, Fault, State
 from anhyst.link import frames
 from anhyst.link.blocks import GENERATION_AT, LENGTH_AT, checksum, misfit
 from anhyst.link.frames import (
@@ -46,7 +46,7 @@ from anhyst.link.status import Status
 from anhyst.link.streaming import demand_request, stream
 from anhyst.link.transport import BAUD, Port
 from anhyst.link.wire import Frame, Receiver, encode
-from anhyst.states import Command, Fault, State
+from anhyst.support.errors import InputError
 
 _Answer = TypeVar("_Answer", bound=Message)
 

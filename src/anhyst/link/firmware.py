@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst._core.folder import core_folder
-from anhyst.atomic import PathLike, write_bytes
-from anhyst.errors import InputError, NegativeResult
-from anhyst.version import running_version
+from anhyst.support.atomic import PathLike, write_bytes
+from anhyst.support.core_folder import core_folder
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.version import running_version
 
 _MANIFEST = "manifest.json"
 _WARNINGS = ["-Wall", "-Wextra", "-Wconversion"]

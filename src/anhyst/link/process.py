@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.errors import InputError
-from anhyst.link.plantbus import Plant, PlantBus
+from anhyst.link.plant_bus import Plant, PlantBus
+from anhyst.support.errors import InputError
 
 _QEMU = "qemu-system-arm"
 _NO_ESCAPE = "0x1ff"

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.errors import InputError
 from anhyst.link.client import ForceController
 from anhyst.link.frames import (
     Recorder,
@@ -20,6 +19,7 @@ from anhyst.link.frames import (
     Signal,
     Trigger,
 )
+from anhyst.support.errors import InputError
 
 _VALUES_MOST = 58
 """Values in one frame."""

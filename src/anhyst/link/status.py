@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
+from anhyst.control.states import Fault, Flag, State
 from anhyst.link.frames import StatusAnswer
-from anhyst.states import Fault, Flag, State
 
 _Q30 = 1.0 / (1 << 30)
 _Q31 = 1.0 / (1 << 31)

@@ -7,15 +7,12 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-from anhyst.errors import InputError
-from anhyst.link.frames import DemandRequest, NakAnswer, Reason, StatusAnswer
+from anhyst.link.frames import DemandRequest, Message, NakAnswer, Reason, StatusAnswer
 from anhyst.link.status import Status
 from anhyst.link.wire import Frame, encode
-
-if TYPE_CHECKING:
-    from anhyst.link.client import ForceController
+from anhyst.support.errors import InputError
 
 WINDOW_MOST = 32
 """Requests on their way; the controller knows of so many whether it answered them."""
@@ -23,6 +20,35 @@ WINDOW_MOST = 32
 
 _PAUSE = 0.2e-3
 """Between two looks at the line, s: an emulated board sends byte by byte, and every look costs."""
+
+
+class Line(Protocol):
+    """The end of a line that demands are sent over."""
+
+    url: str
+    timeout: float
+    attempts: int
+    repeated: int
+
+    def next_sequence(self) -> int:
+        """Return the number of the next request."""
+        ...
+
+    def send(self, wire: bytes) -> None:
+        """Put bytes on the line."""
+        ...
+
+    def receive(self, timeout: float) -> list[Frame]:
+        """Return what arrived, waiting at most so long, s."""
+        ...
+
+    def read_answer(self, frame: Frame) -> Message:
+        """Return what a frame says."""
+        ...
+
+    def silent(self) -> Exception:
+        """Return the error of a controller that does not answer."""
+        ...
 
 
 @dataclass(slots=True)
@@ -49,7 +75,7 @@ def demand_request(force: int) -> DemandRequest:
     return DemandRequest(int(force))
 
 
-def stream(controller: ForceController, forces: Iterable[int], window: int) -> Iterator[Status]:
+def stream(controller: Line, forces: Iterable[int], window: int) -> Iterator[Status]:
     """Send demands; see :meth:`anhyst.link.client.ForceController.stream`."""
     if not 1 <= window <= WINDOW_MOST:
         raise InputError(f"window {window}: choose 1 to {WINDOW_MOST}")
@@ -64,7 +90,7 @@ def stream(controller: ForceController, forces: Iterable[int], window: int) -> I
 
 
 class _Flow:
-    def __init__(self, controller: ForceController) -> None:
+    def __init__(self, controller: Line) -> None:
         self.controller = controller
         self.waiting: deque[_Sent] = deque()
         self._end = 0.0

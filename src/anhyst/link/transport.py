@@ -9,7 +9,7 @@ import socket
 from contextlib import suppress
 from typing import Any
 
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 BAUD = 921600
 

@@ -1,12 +1,12 @@
 """The report of a model, and its figures.
 
 ``write_report`` makes one HTML file from a model file; ``write_plots`` makes picture files; the
-functions of :mod:`anhyst.report.figures` give the figures themselves.
+functions of :mod:`anhyst.report.model.figures` give the figures themselves.
 """
 
 from __future__ import annotations
 
-from anhyst.report.page import write_report
-from anhyst.report.plots import write_plots
+from anhyst.report.model.page import write_report
+from anhyst.report.model.plots import write_plots
 
 __all__ = ["write_plots", "write_report"]

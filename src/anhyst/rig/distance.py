@@ -7,18 +7,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst._core import Coil, Magnet
 from anhyst.data import LoopSet
-from anhyst.data.loopset import Loop
-from anhyst.model import ActuatorModel
+from anhyst.data.loop_set import Loop
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
 
-Floats = NDArray[np.float64]
 SLACK = 1.1
 """A plant counts as farther from its loops than a model from this ratio of the means on."""
 
-Follow = Callable[[Floats, Floats], Floats]
+Follow = Callable[[FloatArray, FloatArray], FloatArray]
 """From currents, A, and gaps, m, shape (n,), to forces, N, going on from where it is."""
 
 
@@ -28,7 +27,7 @@ def follower(magnet: Magnet) -> Follow:
     return lambda current, gap: coil.run(current, gap)[:, 0].copy()
 
 
-def along(follow: Follow, loop: Loop, zero: float = 0.0) -> Floats:
+def along(follow: Follow, loop: Loop, zero: float = 0.0) -> FloatArray:
     """Return the force of a magnet along the drive of a loop, with its history.
 
     Parameters
@@ -90,7 +89,7 @@ class Distance:
         }
 
 
-def distance(loops: LoopSet, force: Callable[[Loop], Floats]) -> Distance:
+def distance(loops: LoopSet, force: Callable[[Loop], FloatArray]) -> Distance:
     """Return how far forces are from loops.
 
     Parameters

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 
 FORMAT = 2
 MANIFEST = "manifest.json"

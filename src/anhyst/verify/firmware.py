@@ -10,12 +10,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
 
-from anhyst.errors import InputError, NegativeResult
+from anhyst.control.states import Command, Fault
 from anhyst.link.client import ForceController
 from anhyst.link.firmware import build
-from anhyst.link.plantbus import Plant, Reading
+from anhyst.link.plant_bus import Plant, Reading
 from anhyst.link.process import Running, run_host, run_qemu
-from anhyst.states import Command, Fault
+from anhyst.support.errors import InputError, NegativeResult
 from anhyst.verify.bundle import Bundle
 from anhyst.verify.compare import Difference
 from anhyst.verify.result import TargetResult

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.errors import NegativeResult
+from anhyst.support.errors import NegativeResult
 from anhyst.verify.elf import Image
 from anhyst.verify.protocol import BOX_BYTES, VECTORS, WINDOW_OFFSET, Reply, Request
 

@@ -6,7 +6,7 @@ import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from anhyst.errors import NegativeResult
+from anhyst.support.errors import NegativeResult
 from anhyst.verify.protocol import BOX_BYTES, Reply, Request
 
 TIME_LIMIT = 1800.0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.atomic import atomic_writer
+from anhyst.support.atomic import atomic_writer
 from anhyst.verify.estimate import CLOCK_HZ, PRICES, Estimate
 from anhyst.verify.result import TargetResult, Verification
 

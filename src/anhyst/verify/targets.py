@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from anhyst.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult
 from anhyst.verify.bundle import PORT_HEADER, Bundle
-from anhyst.verify.cortexm import CortexProgram, build_counter
+from anhyst.verify.cortex_m import CortexProgram, build_counter
 from anhyst.verify.elf import read_image
 from anhyst.verify.firmware import TARGET as FIRMWARE
 from anhyst.verify.msp430 import Msp430Program

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from anhyst.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult
 from anhyst.verify.tools import missing_modules
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")

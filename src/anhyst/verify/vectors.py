@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.errors import InputError
+from anhyst.support.errors import InputError
 from anhyst.verify.protocol import AS_GIVEN, COMPENSATOR, CONTROLLER, Form, Words
 
 NEEDED = ("demand", "gap", "current")

@@ -5,23 +5,24 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from anhyst.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.progress import Progress
 from anhyst.verify.bundle import FLIGHT, VECTORS, read_bundle
 from anhyst.verify.compare import Outcome, compare, run
-from anhyst.verify.cortexm import CortexProgram
+from anhyst.verify.cortex_m import CortexProgram
 from anhyst.verify.elf import Image, Sizes, measure_sizes
 from anhyst.verify.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
 from anhyst.verify.firmware import TARGET as FIRMWARE
 from anhyst.verify.firmware import missing_tools, verify_firmware
 from anhyst.verify.protocol import Form, Reply
 from anhyst.verify.result import Cost, TargetResult, Verification
-from anhyst.verify.stackdepth import stack_below
+from anhyst.verify.stack_depth import stack_below
 from anhyst.verify.targets import (
     CORTEX,
     TARGETS,
@@ -40,8 +41,6 @@ HOST_STEPS = 1_000_000
 TARGET_STEPS = 10_000
 ESTIMATE_STEPS = 2_000
 SEED = 1
-
-Progress = Callable[[float, float], None]
 
 
 def verify(

@@ -1,0 +1,1 @@
+"""From a model or loops to a compensator: the current that a force needs, sample by sample."""

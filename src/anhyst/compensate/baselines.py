@@ -1,0 +1,165 @@
+"""What a force controller without hysteresis can do, fitted to the same loops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from anhyst.data import Loop, LoopSet
+from anhyst.data.verdict import monotone_fit
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+LEVELS = 200
+"""Levels of force at which a single-valued curve has its points."""
+
+
+@dataclass(frozen=True)
+class ConstantRatio:
+    """Current in proportion to force: the paper's uncompensated case.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (g,)
+        Gaps, m.
+    ratio : ndarray, shape (g,)
+        N/A; a single one for a ratio that does not know the gap.
+    """
+
+    nodes: FloatArray
+    ratio: FloatArray
+
+    def current(self, force: FloatArray, gap: FloatArray) -> FloatArray:
+        """Return the current for a force, A, shape (n,)."""
+        if self.nodes.size == 1:
+            return np.asarray(force / self.ratio[0])
+        return np.asarray(force / PchipInterpolator(self.nodes, self.ratio)(gap))
+
+
+@dataclass(frozen=True)
+class SingleValued:
+    """The best curve without memory at every gap.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (g,)
+        Gaps, m.
+    force : ndarray, shape (l,)
+        Levels from zero on in equal steps, N.
+    table : ndarray, shape (g, l)
+        Current, A; never falls along the force.
+    """
+
+    nodes: FloatArray
+    force: FloatArray
+    table: FloatArray
+
+    def current(self, force: FloatArray, gap: FloatArray) -> FloatArray:
+        """Return the current for a force, A, shape (n,)."""
+        level = np.clip(force / self.force[1], 0.0, self.force.size - 1.0)
+        below = np.minimum(level.astype(np.intp), self.force.size - 2)
+        share, sample = level - below, np.arange(force.size)
+        table = self._over_gap(gap)
+        return np.asarray((1.0 - share) * table[sample, below] + share * table[sample, below + 1])
+
+    def _over_gap(self, gap: FloatArray) -> FloatArray:
+        """Currents of all levels at every gap, shape (n, l)."""
+        if self.nodes.size == 1:
+            return np.broadcast_to(self.table[0], (gap.size, self.force.size))
+        place = np.clip(gap, self.nodes[0], self.nodes[-1])
+        return np.asarray(PchipInterpolator(self.nodes, self.table, axis=0)(place))
+
+
+def fit_ratio(loops: LoopSet, force_max: float) -> ConstantRatio:
+    """Fit a constant ratio at every gap, least squares of the force up to the largest wanted.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Current to force.
+    force_max : float
+        N.
+    """
+    groups = loops.by_schedule()
+    ratios = []
+    for members in groups.values():
+        current = np.concatenate([loop.input for loop in members])
+        force = np.concatenate([loop.output for loop in members])
+        used = force <= force_max
+        ratios.append(float(force[used] @ current[used] / (current[used] @ current[used])))
+    return ConstantRatio(np.array(list(groups), dtype=np.float64), np.array(ratios))
+
+
+def fit_single_valued(loops: LoopSet, force_max: float) -> SingleValued:
+    """Fit the best single-valued current over force and gap.
+
+    At every level of force the current lies midway between the least and the largest that the
+    loops show there: no other curve has a smaller worst error.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Current to force.
+    force_max : float
+        N.
+
+    Raises
+    ------
+    InputError
+        The loops of a gap do not reach the largest force.
+    """
+    levels = np.linspace(0.0, force_max, LEVELS)
+    groups = loops.by_schedule()
+    table = []
+    for gap, members in groups.items():
+        middle = midway(members, levels)
+        known = np.isfinite(middle)
+        if not known[-1]:
+            raise InputError(
+                f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
+            )
+        filled = np.interp(levels, levels[known], middle[known])
+        table.append(monotone_fit(filled, np.ones(LEVELS)))
+    return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))
+
+
+def midway(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
+    """Return what lies midway between the least and the largest current at levels of the force.
+
+    Parameters
+    ----------
+    members : sequence of Loop
+        Of one gap.
+    levels : ndarray, shape (l,)
+        N, rising.
+
+    Returns
+    -------
+    ndarray, shape (l,)
+        A; NaN where no loop passes.
+    """
+    crossings = [_crossings(loop.input, loop.output, levels) for loop in members]
+    low = np.min([least for least, _ in crossings], axis=0)
+    high = np.max([largest for _, largest in crossings], axis=0)
+    known = low <= high
+    return np.where(known, 0.5 * (np.where(known, low, 0.0) + np.where(known, high, 0.0)), np.nan)
+
+
+def _crossings(
+    current: FloatArray, force: FloatArray, levels: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Least and largest current at which a record passes each level; inf and -inf where none."""
+    least, largest = np.full(levels.size, np.inf), np.full(levels.size, -np.inf)
+    for begin, end in zip(range(force.size - 1), range(1, force.size), strict=True):
+        low, high = sorted((force[begin], force[end]))
+        met = slice(np.searchsorted(levels, low), np.searchsorted(levels, high, side="right"))
+        if met.start == met.stop or low == high:
+            continue
+        share = (levels[met] - force[begin]) / (force[end] - force[begin])
+        at = current[begin] + share * (current[end] - current[begin])
+        least[met] = np.minimum(least[met], at)
+        largest[met] = np.maximum(largest[met], at)
+    return least, largest

@@ -1,0 +1,42 @@
+"""A model where a levitating armature uses it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import ValidRange
+from anhyst.support.errors import InputError
+
+
+def bearing_model(
+    model: ActuatorModel, current_max: float, force_max: float, gaps: tuple[float, float]
+) -> ActuatorModel:
+    """Return a model that holds for one magnet of a bearing, and no further.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Force over current and gap.
+    current_max, force_max : float
+        Of that magnet, A and N; the least of both is zero.
+    gaps : tuple of float
+        Smallest and largest, m.
+
+    Raises
+    ------
+    InputError
+        It is another actuator's, or does not say that it holds at these gaps.
+    """
+    if (model.input.name, model.output.name) != ("current", "force") or model.power != 2:
+        raise InputError("model: a bearing needs one from current to force")
+    if model.valid is None:
+        raise InputError("model: does not say where it holds; identify it from loops")
+    seen = model.valid.schedule
+    if seen is None or gaps[0] < seen[0] - 1e-9 or gaps[1] > seen[1] + 1e-9:
+        told = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
+        raise InputError(
+            f"model: holds at {told}, wanted are {gaps[0]:g} to {gaps[1]:g} m; identify it "
+            "from loops at more gaps or narrow the range"
+        )
+    return replace(model, valid=ValidRange((0.0, current_max), (0.0, force_max), gaps))

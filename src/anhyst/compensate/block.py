@@ -1,0 +1,295 @@
+"""A parameter block: what a compensator knows of its actuator, as one row of 16-bit words.
+
+The layout is that of ``core/include/anhyst/layout.h``; a test holds the two together.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+Kind = Literal["full", "simplified", "euler"]
+
+KINDS: dict[Kind, int] = {"full": 1, "simplified": 2, "euler": 3}
+MAGIC = (0x6E41, 0x7968)
+LAYOUT = 2
+MOST_WORDS = 1024
+LEAST_WORDS = 64
+CRC_AT = 6
+
+COMMON = {
+    "POWER": 10,
+    "DEMAND_LOW": 11,
+    "DEMAND_HIGH": 12,
+    "CURRENT_LOW": 13,
+    "CURRENT_HIGH": 14,
+    "CURRENT_SHIFT": 15,
+    "FLUX_LIMIT": 16,
+    "FLUX_SHIFT": 17,
+    "GAP_SEGMENTS": 18,
+    "GAP_GAIN": 19,
+    "GAP_OFFSET": 20,
+    "GAP_BIAS": 21,
+    "GAP_FLUX_ARM": 22,
+    "GAP_FIELD_ARM": 23,
+    "CONDITION_CYCLES": 24,
+    "CONDITION_TICKS": 25,
+    "ROOT_KNEE": 26,
+}
+SCALES = {
+    "SCALE_DEMAND": 48,
+    "SCALE_CURRENT": 50,
+    "SCALE_GAP_LOW": 52,
+    "SCALE_GAP_HIGH": 54,
+    "SCALE_RATE": 56,
+    "SCALE_UNITS": 58,
+}
+SCALE_WORDS = 11
+FIELD = {"UNIT_FIELD": 60}
+UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
+"""Units of the signals, by their numbers in ``SCALE_UNITS``."""
+FULL = {
+    "FULL_AIR": 32,
+    "FULL_REVERSIBLE": 33,
+    "FULL_PLAY": 34,
+    "FULL_RATE": 35,
+    "FULL_RATE_SHIFT": 36,
+    "FULL_STEEPNESS": 37,
+    "FULL_ITERATIONS": 38,
+    "FULL_CURVE_SEGMENTS": 39,
+    "FULL_CURVE": 40,
+    "FULL_BRANCH": 41,
+    "FULL_INVERSE_SEGMENTS": 42,
+    "FULL_INVERSE": 43,
+}
+SIMPLE = {
+    "SIMPLE_RATE": 32,
+    "SIMPLE_RATE_SHIFT": 33,
+    "SIMPLE_HOLD": 34,
+    "SIMPLE_HOLD_SHIFT": 35,
+    "SIMPLE_REST": 36,
+    "SIMPLE_ITERATIONS": 37,
+    "SIMPLE_OCTAVES": 38,
+    "SIMPLE_SEGMENTS": 39,
+    "SIMPLE_CURVE": 40,
+    "EULER_SUBSTEPS": 41,
+}
+WORDS: dict[Kind, dict[str, int]] = {
+    "full": COMMON | FULL | SCALES | FIELD,
+    "simplified": COMMON | SIMPLE | SCALES,
+    "euler": COMMON | SIMPLE | SCALES,
+}
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What the fractions 0 and 1.0 of the signals mean, SI.
+
+    Parameters
+    ----------
+    demand, current : float
+        Output and drive at 1.0, in units of the model's output and input.
+    gap_low, gap_high : float
+        Scheduling variable at 0 and at 1.0, m for a gap. Equal where nothing runs over it.
+    """
+
+    demand: float
+    current: float
+    gap_low: float
+    gap_high: float
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Lowest and highest demand (units of the output) and current (units of the input)."""
+
+    demand: tuple[float, float]
+    current: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How fine tables and searches are; segments are powers of two, given as their exponent."""
+
+    gap_segments: int = 4
+    curve_segments: int = 7
+    inverse_segments: int = 6
+    iterations: int = 6
+    octaves: int = 12
+    octave_segments: int = 3
+    substeps: int = 1
+    root_knee: int = 5
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """The sequence that makes an unknown state known: triangles over the current's range."""
+
+    cycles: int = 3
+    ramp_ticks: int = 1000
+    rate: float = 0.0
+    """Ticks a second for which it is laid out; 0: for none."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A parameter block with the scales that give its numbers a meaning."""
+
+    kind: Kind
+    words: NDArray[np.int16]
+    scales: Scales
+    limits: Limits
+    tables: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    """First word and number of entries of each table, by the name of the word that points to it."""
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return int(self.words.size) * 2
+
+    def word(self, name: str) -> int:
+        """One word by its name in the layout, without ``ANHYST_WORD_``."""
+        return int(self.words[WORDS[self.kind][name]])
+
+    def single(self, name: str) -> float:
+        """One number of two words by its name in the layout."""
+        at = WORDS[self.kind][name]
+        return single_value(*self.words[at : at + 2].tolist())
+
+    def table(self, name: str) -> NDArray[np.int16]:
+        """Entries of one table, by the name of the word that points to it."""
+        first, entries = self.tables[name]
+        return self.words[first : first + entries]
+
+
+def as_word(value: float, one: float, name: str) -> int:
+    """Round a number to a word in which `one` counts as 1.0.
+
+    Raises
+    ------
+    InputError
+        It does not fit into 16 bits.
+    """
+    word = round(value * one)
+    word = 32767 if word == 32768 else word  # 1.0 is the largest number of its format
+    if not -32767 <= word <= 32767:
+        raise InputError(f"{name}: {value:g} does not fit its 16-bit word; widen the scale")
+    return word
+
+
+def mantissa(factor: float, name: str) -> tuple[int, int]:
+    """Split a positive factor into a weight (n/65536, below 0.5) and a shift of 0 to 12.
+
+    Raises
+    ------
+    InputError
+        The factor is above 2047 or too small to count.
+    """
+    shift = 0
+    while factor >= 0.4999 * 2.0**shift and shift <= 12:
+        shift += 1
+    weight = round(factor / 2.0**shift * 65536)
+    if shift > 12 or weight < 1:
+        raise InputError(f"{name}: {factor:g} is out of the range of fixed point")
+    return weight, shift
+
+
+def single_words(value: float) -> tuple[int, int]:
+    """Return the bits of a number in single precision, low half, high half."""
+    bits = int(np.float32(value).view(np.uint32))
+    return bits & 0xFFFF, bits >> 16
+
+
+def single_value(low: int, high: int) -> float:
+    """Return the number of two words, each signed or not."""
+    bits = (low & 0xFFFF) | (high & 0xFFFF) << 16
+    return float(f"{np.uint32(bits).view(np.float32):.7g}")
+
+
+class Packer:
+    """Collects words and tables, and closes the block with its checksum."""
+
+    def __init__(self, kind: Kind, model_hash: int = 0) -> None:
+        self.kind = kind
+        self._head = np.zeros(LEAST_WORDS, dtype=np.int64)
+        self._head[0:4] = [*MAGIC, LAYOUT, KINDS[kind]]
+        self._head[8:10] = [model_hash & 0xFFFF, (model_hash >> 16) & 0xFFFF]
+        self._tables: dict[str, NDArray[np.int64]] = {}
+
+    def set(self, name: str, value: int) -> None:
+        """Put one word."""
+        self._head[WORDS[self.kind][name]] = value
+
+    def set_single(self, name: str, value: float) -> None:
+        """Put a number of two words."""
+        at = WORDS[self.kind][name]
+        self._head[at : at + 2] = single_words(value)
+
+    def table(self, name: str, values: FloatArray, one: float, least: int = -32767) -> None:
+        """Put a table of numbers in which `one` counts as 1.0.
+
+        Raises
+        ------
+        InputError
+            An entry does not fit, or neighbours are too far apart.
+        """
+        words = np.rint(np.asarray(values) * one).astype(np.int64)
+        words = np.maximum(words, least)
+        if np.abs(words).max() > 32767 or (words.size > 1 and np.abs(np.diff(words)).max() > 32767):
+            largest = float(np.abs(values).max())
+            raise InputError(
+                f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end at "
+                f"{32767 / one:.3g}; narrow the model's [valid], or correct its parameters"
+            )
+        self._tables[name] = words
+
+    def close(self, scales: Scales, limits: Limits, generation: int = 0) -> Block:
+        """Lay everything out.
+
+        Raises
+        ------
+        InputError
+            The block is longer than a controller takes.
+        """
+        for name, value in (
+            ("SCALE_DEMAND", scales.demand),
+            ("SCALE_CURRENT", scales.current),
+            ("SCALE_GAP_LOW", scales.gap_low),
+            ("SCALE_GAP_HIGH", scales.gap_high),
+        ):
+            self.set_single(name, value)
+        places: dict[str, tuple[int, int]] = {}
+        parts = [self._head]
+        end = LEAST_WORDS
+        for name, values in self._tables.items():
+            same = next(
+                (n for n, v in self._tables.items() if n in places and np.array_equal(v, values)),
+                None,
+            )
+            if same is None:
+                places[name] = (end, values.size)
+                parts.append(values)
+                end += values.size
+            else:
+                places[name] = places[same]
+            self.set(name, places[name][0])
+        if end > MOST_WORDS:
+            raise InputError(
+                f"the parameter block needs {2 * end} bytes, a controller takes {2 * MOST_WORDS}; "
+                "ask for less accuracy"
+            )
+        self._head[4:6] = [end, generation]
+        words = np.concatenate(parts)
+        unsigned = (words & 0xFFFF).astype("<u2")
+        kept = np.concatenate([unsigned[:CRC_AT], unsigned[CRC_AT + 2 :]])
+        crc = zlib.crc32(kept.tobytes())
+        unsigned[CRC_AT : CRC_AT + 2] = [crc & 0xFFFF, crc >> 16]
+        return Block(self.kind, unsigned.view("<i2").astype(np.int16), scales, limits, places)

@@ -1,0 +1,411 @@
+"""The accuracy budget: what each step from model to C costs, alone and together, measured.
+
+The compensator's currents go through the exact model in double precision; what comes out is
+compared with what was demanded, over nested loops, random reversals, full-range jumps in one
+sample and a moving gap, all of it on other paths than those the plan was made on. That is while the
+demand travels; what becomes of one that is held is measured apart (:mod:`.holding`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from anhyst.compensate.holding import SECONDS, Held, hold
+from anhyst.compensate.measure import (
+    Deviation,
+    Run,
+    against_demand,
+    between,
+    deviation,
+    interpolation,
+    snapped,
+)
+from anhyst.compensate.paths import Path, find_reach, paths
+from anhyst.compensate.plan import Plan
+from anhyst.compensate.search import FINE
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NegativeResult
+
+SEED = 2
+LENGTH = 4
+
+CROSSING = 0.5
+"""Seconds in which the demand of the part 'sample rate' crosses its range, and the gap its own."""
+
+MOST_TICKS = 400
+"""Of a crossing that are simulated; at higher rates the deviation shrinks in proportion."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One line of the budget, in units of the output.
+
+    Parameters
+    ----------
+    name, title : str
+        Key, and what a reader sees.
+    worst, rms : float or None
+        Deviations; None where there is nothing to measure.
+    note : str
+        What was switched on, and where it was worst.
+    """
+
+    name: str
+    title: str
+    worst: float | None
+    rms: float | None
+    note: str
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What was measured.
+
+    Parameters
+    ----------
+    largest : float
+        Output to which per cent refer.
+    unit : str
+        Of the output.
+    wanted : float or None
+        Accuracy that was asked for, in units of the output; None where none was.
+    parts : tuple of Part
+        Each switched on alone.
+    compiled : Part
+        Everything that compiling adds, switched on together.
+    total : Part
+        All parts: worst ones added up, which no path need ever reach; rms as a root of squares.
+    drift : Part
+        Of an output that is held, in :data:`~anhyst.compensate.holding.SECONDS`.
+    held : tuple of Held
+        What was held for that.
+    runs : tuple of (Run, ndarray)
+        The paths with everything switched on, and the deviation along each.
+    """
+
+    largest: float
+    unit: str
+    wanted: float | None
+    parts: tuple[Part, ...]
+    compiled: Part
+    total: Part
+    drift: Part
+    held: tuple[Held, ...]
+    runs: tuple[tuple[Run, FloatArray], ...]
+
+    def part(self, name: str) -> Part | None:
+        """Return the part of this name, or None."""
+        return next((part for part in self.parts if part.name == name), None)
+
+
+def measure_budget(plan: Plan) -> Budget:
+    """Measure what a plan costs.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is compiled.
+
+    Returns
+    -------
+    Budget
+    """
+    model, block, io = plan.model, plan.block, plan.request.io
+    ways = paths(model, block.scales, block.limits, seed=SEED, length=LENGTH)
+    everything, runs = against_demand(model, block, io, ways)
+    compiled = _part("compiled", "compiled, all at once", everything, runs)
+    parts = (
+        _model_fit(plan),
+        *_law(plan, ways),
+        _tables(plan, ways),
+        _quantisation(plan, ways),
+        *_gap(plan, ways),
+        _sampling(plan),
+    )
+    known = [part for part in parts if part.name in {"model_fit", "sample_rate"}]
+    added = [compiled, *known]
+    total = Part(
+        "total",
+        "total",
+        sum(part.worst or 0.0 for part in added),
+        float(np.sqrt(sum((part.rms or 0.0) ** 2 for part in added))),
+        "compiled, sample rate and model fit: worst ones added up, rms as a root of squares",
+    )
+    asked = plan.request.accuracy
+    wanted = None if asked is None else asked / 100.0 * plan.largest
+    held = tuple(hold(plan))
+    return Budget(
+        largest=plan.largest,
+        unit=model.output.unit,
+        wanted=wanted,
+        parts=parts,
+        compiled=compiled,
+        total=total,
+        drift=_drift(held, model),
+        held=held,
+        runs=tuple(runs),
+    )
+
+
+def _part(name: str, title: str, off: Deviation, runs: Sequence[tuple[Run, FloatArray]]) -> Part:
+    where = next(run.path.title for run, _ in runs if run.path.name == off.path)
+    return Part(name, title, off.worst, off.rms, f"worst in {where}")
+
+
+def _drift(held: Sequence[Held], model: ActuatorModel) -> Part:
+    off = np.array([one.drift for one in held])
+    worst = held[int(np.argmax(off))]
+    return Part(
+        "drift",
+        f"drift of a held {model.output.name.replace('_', ' ')} in {SECONDS:g} s",
+        worst.drift,
+        float(np.sqrt(np.mean(off**2))),
+        f"on top of that, at rest and under small movements; worst at {worst.demand:.3g} "
+        f"{model.output.unit} while {worst.title}",
+    )
+
+
+def _model_fit(plan: Plan) -> Part:
+    fit = plan.model.fit
+    if fit is None:
+        return Part("model_fit", "model fit", None, None, "the model file has no fit figures")
+    note = "model against the measured loops, as the model file says"
+    return Part("model_fit", "model fit", fit.worst, fit.rms, note)
+
+
+def _law(plan: Plan, ways: list[Path]) -> list[Part]:
+    if plan.block.kind == "full":
+        return []
+    off, runs = against_demand(plan.model, plan.builder.exact(FINE), "f64", ways)
+    part = _part("law", "straight anhysteretic", off, runs)
+    return [replace(part, note=f"the simplified law with fine tables; {part.note}")]
+
+
+def _tables(plan: Plan, ways: list[Path]) -> Part:
+    builder, sizes = plan.builder, plan.sizes
+    at, block = snapped(ways, plan.model, plan.block.scales, sizes), builder.exact(sizes)
+    if plan.block.kind == "full":
+        off, runs = against_demand(plan.model, block, "f64", at)
+        part = _part("tables", "tables", off, runs)
+        note = f"in double precision, at gaps that stand in the tables; {part.note}"
+        return replace(part, note=note)
+    fine = builder.exact(replace(FINE, gap_segments=sizes.gap_segments))
+    off = between(plan.model, (block, "f64"), (fine, "f64"), at)
+    note = "chosen against fine tables, in double precision, at gaps that stand in the tables"
+    return Part("tables", "tables", off.worst, off.rms, note)
+
+
+def _quantisation(plan: Plan, ways: list[Path]) -> Part:
+    same = plan.builder.exact(plan.sizes)
+    off = between(plan.model, (plan.block, plan.request.io), (same, "f64"), ways)
+    note = (
+        f"{plan.request.io} and {plan.sizes.iterations} iterations against double precision, many "
+        "iterations and the same tables"
+    )
+    if plan.block.kind == "euler":
+        note = "Euler's steps and rounding against the closed form in double precision"
+    return Part("quantisation", "quantisation", off.worst, off.rms, note)
+
+
+def _gap(plan: Plan, ways: list[Path]) -> list[Part]:
+    model, scales, limits = plan.model, plan.block.scales, plan.block.limits
+    if not model.needs_schedule:
+        return []
+    if plan.block.kind == "full":
+        lifted = paths(model, scales, limits, lifted=True, seed=SEED, length=LENGTH)
+        off = interpolation(model, scales, limits, plan.sizes, lifted)
+        note = "straight lines between the entries over the gap, everything else exact"
+    else:
+        coarse, fine = (
+            plan.builder.exact(replace(FINE, gap_segments=n))
+            for n in (plan.sizes.gap_segments, FINE.gap_segments)
+        )
+        off = between(model, (coarse, "f64"), (fine, "f64"), ways)
+        note = "chosen entries over the gap against those of the fit, everything else fine"
+    return [Part("gap_interpolation", "gap interpolation", off.worst, off.rms, note)]
+
+
+def _sampling(plan: Plan) -> Part:
+    """Let every current act two ticks after its demand: one of delay, and the end of its hold."""
+    model, scales, limits = plan.model, plan.block.scales, plan.block.limits
+    asked = plan.request.rate * CROSSING
+    ticks = int(np.clip(asked, 8, MOST_TICKS))
+    place = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # 0..1, twice to and fro
+    gap = scales.gap_low + (scales.gap_high - scales.gap_low) * place
+    reach = find_reach(model, scales, limits)
+    demand = reach.demand(0.05 + 0.9 * np.roll(place, ticks // 2), gap, lifted=True)
+    error = ticks / asked * _late(model, demand, gap)[2 * ticks :]
+    note = (
+        f"a current of {plan.request.rate:g} Hz at the end of its hold, one tick of delay before "
+        f"it, while demand and gap cross their ranges in {CROSSING:g} s; half as fast, half as much"
+    )
+    off = deviation([("sample_rate", error)])
+    return Part("sample_rate", "sample rate", off.worst, off.rms, note)
+
+
+def _late(model: ActuatorModel, demand: FloatArray, gap: FloatArray) -> FloatArray:
+    """Output minus demand where each current acts two ticks late, at the gap of then.
+
+    The iron's memory is advanced at the ticks alone. Between them the gap moves under a current
+    that rests and then leaps; iron comes back from such ripples, but the law of the model drifts
+    along them a little, at any rate, and this is not to be told as an error of sampling.
+    """
+    iron, state = model.iron_at(float(gap[0])), np.zeros(3)
+    circuit = model.circuit(gap, np.zeros(gap.size))
+    flux, _ = circuit.flux_density(demand)
+    error = np.zeros(gap.size)
+    none = np.zeros(1)
+    for now in range(gap.size - 2):
+        here, then = slice(now, now + 1), slice(now + 2, now + 3)
+        drive, _, state, _, _ = iron.inverse(flux[here], circuit.rho[here], none, state)
+        # The same current at the gap of two ticks later, where its turns count otherwise.
+        later = drive * circuit.turns[then] / circuit.turns[here]
+        later = later + circuit.turns[then] * (circuit.in_0[here] - circuit.in_0[then])
+        reached, *_ = iron.forward(later, circuit.rho[then], none, state)
+        output = circuit.c_out[then] * reached**model.power + circuit.out_0[then]
+        error[then] = output - demand[then]
+    return error
+
+
+REASON = {
+    "law": "a straight anhysteretic curve comes no nearer",
+    "tables": "2 KiB of tables hold no more",
+    "quantisation": "its words hold no more",
+    "gap_interpolation": "narrow the range of the gap in the model's [valid]",
+}
+"""Why a part cannot be smaller, or what helps."""
+
+
+def keeps_allowance(plan: Plan, budget: Budget) -> bool:
+    """Whether formats and tables cost no more than they may, on the paths of the budget."""
+    tables = budget.part("tables")
+    assert tables is not None
+    judged = budget.compiled if plan.block.kind == "full" else tables
+    return judged.worst is not None and judged.worst <= plan.allowance
+
+
+def is_held(plan: Plan, budget: Budget) -> bool:
+    """Whether a held output drifts by no more than what is compiled may be off."""
+    return (budget.drift.worst or 0.0) <= _may_drift(plan, budget)
+
+
+def _may_drift(plan: Plan, budget: Budget) -> float:
+    return plan.allowance if budget.wanted is None else budget.wanted
+
+
+def why_drifting(plan: Plan, budget: Budget) -> str:
+    """Tell how far a held output drifts, and what helps."""
+    drift, part = percent(budget, budget.drift.worst or 0.0), budget.drift
+    return (
+        f"{part.title}: {drift:.2g} % of the largest output ({part.note.partition('; ')[2]}), more "
+        f"than {percent(budget, _may_drift(plan, budget)):.3g} %: {_against_drift(plan)}"
+    )
+
+
+def _against_drift(plan: Plan) -> str:
+    if plan.block.kind != "full":
+        return "this law has no dead band that would hold it; compile with --kind full"
+    if not np.any(plan.model.parameters["r_d"]):
+        return (
+            "the model has no dead band (r_d = 0); identify it again from its loops, or set r_d in "
+            "the model file"
+        )
+    return "the dead band r_d of the model is too narrow for such movements; widen it"
+
+
+def drift_refusal(plan: Plan, budget: Budget) -> NegativeResult:
+    """Return what is said where the wanted accuracy is not kept by an output that is held."""
+    return NegativeResult(f"accuracy: {why_drifting(plan, budget)}; nothing was written")
+
+
+def culprit(budget: Budget) -> Part:
+    """Return the largest of the parts that compiling adds."""
+    added = [part for part in budget.parts if part.name in REASON]
+    return max(added, key=lambda part: part.worst or 0.0)
+
+
+def is_reached(budget: Budget) -> bool:
+    """Whether what is compiled is as accurate as it was asked to be."""
+    return budget.wanted is None or (budget.compiled.worst or 0.0) <= budget.wanted
+
+
+def refusal(budget: Budget, better: str) -> NegativeResult:
+    """Return what is said where it is not: which part of the budget breaks it, and what to change.
+
+    Parameters
+    ----------
+    budget : Budget
+        Of what was asked for.
+    better : str
+        What reaches the accuracy, as options; empty if nothing does.
+    """
+    assert budget.wanted is not None
+    reached, part = budget.compiled.worst or 0.0, culprit(budget)
+    advice = f"compile with {better}" if better else REASON[part.name]
+    easy = 10.0 ** np.floor(np.log10(percent(budget, reached)))
+    enough = np.ceil(percent(budget, reached) / easy * 10.0) / 10.0 * easy
+    return NegativeResult(
+        f"accuracy: {percent(budget, reached):.3g} % of the largest output is reached, "
+        f"{percent(budget, budget.wanted):.3g} % was asked for; the largest part is "
+        f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or ask for "
+        f"{enough:.3g} %; nothing was written"
+    )
+
+
+def percent(budget: Budget, value: float) -> float:
+    """Return a deviation in per cent of the largest output."""
+    return 100.0 * value / budget.largest
+
+
+def as_dict(budget: Budget) -> dict[str, Any]:
+    """Return a budget as it stands in ``budget.json``."""
+
+    def row(part: Part) -> dict[str, Any]:
+        return {
+            "name": part.name,
+            "title": part.title,
+            "worst": part.worst,
+            "rms": part.rms,
+            "worst_percent": None if part.worst is None else percent(budget, part.worst),
+            "rms_percent": None if part.rms is None else percent(budget, part.rms),
+            "note": part.note,
+        }
+
+    by_path = [
+        {
+            "name": run.path.name,
+            "title": run.path.title,
+            "samples": int(error.size),
+            "worst": float(np.abs(error).max()),
+            "rms": float(np.sqrt((error**2).mean())),
+            "worst_percent": percent(budget, float(np.abs(error).max())),
+        }
+        for run, error in budget.runs
+    ]
+    return {
+        "format": 1,
+        "unit": budget.unit,
+        "largest_output": budget.largest,
+        "wanted": budget.wanted,
+        "wanted_percent": None if budget.wanted is None else percent(budget, budget.wanted),
+        "parts": [row(part) for part in budget.parts],
+        "compiled": row(budget.compiled),
+        "total": row(budget.total),
+        "drift": row(budget.drift),
+        "held": [
+            {
+                "title": one.title,
+                "demand": one.demand,
+                "seconds": one.seconds,
+                "drift": one.drift,
+                "drift_percent": percent(budget, one.drift),
+            }
+            for one in budget.held
+        ],
+        "paths": by_path,
+    }

@@ -1,0 +1,278 @@
+"""The compensator in floating point: its parameters, and its use in Python.
+
+The law, the tables and the number of evaluations are those of the fixed-point form with the same
+:class:`~anhyst.compensate.block.Sizes`. So the double-precision one shows what tables and iterations
+cost, and its distance from the fixed-point one what fixed point costs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from anhyst._core import Compensator, Parameters, SingleCompensator, SingleParameters
+from anhyst.compensate.block import Conditioning, Limits, Scales, Sizes
+from anhyst.compensate.full import full_tables, normal
+from anhyst.compensate.scheduled import (
+    flux_gain,
+    flux_unit,
+    nodes,
+    refuse_uncompilable,
+)
+from anhyst.compensate.simplified import ClosedForm, curve, distances, fit_closed_form
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
+
+RealKind = Literal["full", "simplified"]
+RealIo = Literal["f32", "f64"]
+
+COLUMNS = ("gain", "offset", "bias", "flux_arm", "field_arm")
+"""Of a row over the gap, as in ``anhyst_at_gap``."""
+
+
+@dataclass(frozen=True)
+class RealBlock:
+    """Parameters of a floating-point compensator.
+
+    Parameters
+    ----------
+    kind : str
+        ``"full"`` or ``"simplified"``.
+    scales : Scales
+        Full-scale output (counts as 1 under the root) and the range of the gap; the current needs
+        no scale.
+    limits : Limits
+        Of demand and current.
+    numbers : dict of str to float
+        Fields of the C structures that hold one number, by their names.
+    gaps : ndarray, shape (g, 5)
+        Rows over the gap; columns as :data:`COLUMNS`.
+    tables : dict of str to ndarray
+        Tables of the law, by their names in C.
+    """
+
+    kind: RealKind
+    scales: Scales
+    limits: Limits
+    numbers: dict[str, float]
+    gaps: FloatArray
+    tables: dict[str, FloatArray]
+
+    @property
+    def entries(self) -> int:
+        """How many numbers stand in tables."""
+        return self.gaps.size + sum(table.size for table in self.tables.values())
+
+    @cached_property
+    def single(self) -> SingleParameters:
+        """For C in single precision."""
+        return SingleParameters(self.kind, self.numbers, self.gaps, self.tables)
+
+    @cached_property
+    def double(self) -> Parameters:
+        """For C in double precision."""
+        return Parameters(self.kind, self.numbers, self.gaps, self.tables)
+
+
+def build_real(
+    model: ActuatorModel,
+    kind: RealKind,
+    scales: Scales,
+    limits: Limits,
+    sizes: Sizes | None = None,
+    conditioning: Conditioning | None = None,
+    law: ClosedForm | None = None,
+) -> RealBlock:
+    """Make the parameters of a floating-point compensator.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Of the effective-field law, without eddy currents; every gap map but 'free'.
+    kind : str
+        ``"full"`` or ``"simplified"``.
+    scales : Scales
+        Full-scale output and range of the gap.
+    limits : Limits
+        Of demand and current.
+    sizes : Sizes, optional
+        How fine tables and searches are; up to 12 for the exponents of the full law's tables.
+    conditioning : Conditioning, optional
+        Start-up sequence.
+    law : ClosedForm, optional
+        Outcome of `fit_closed_form`, which is called where a simplified law needs it.
+
+    Returns
+    -------
+    RealBlock
+
+    Raises
+    ------
+    InputError
+        The model cannot be compiled.
+    """
+    refuse_uncompilable(model)
+    sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
+    at = nodes(model, scales, sizes)
+    offset = None
+    if kind == "full":
+        numbers, arms, tables = _full(model, limits, at, sizes)
+        numbers["flux_limit"] = _largest_flux(model, limits, at)
+    else:
+        law = law or fit_closed_form(model, limits, at, sizes)
+        numbers, arms, tables = _simplified(law, at, sizes)
+        offset = law.offset_over(at)
+    offset = model.over_schedule("out_0", at) if offset is None else offset
+    rows = (flux_gain(model, scales, at), offset, *arms)
+    common = _common(model, scales, limits, sizes, conditioning)
+    gaps = np.ascontiguousarray(np.column_stack(rows))
+    return RealBlock(kind, scales, limits, common | numbers, gaps, tables)
+
+
+def _common(
+    model: ActuatorModel, scales: Scales, limits: Limits, sizes: Sizes, conditioning: Conditioning
+) -> dict[str, float]:
+    span = scales.gap_high - scales.gap_low
+    return {
+        "demand_low": limits.demand[0],
+        "demand_high": limits.demand[1],
+        "current_low": limits.current[0],
+        "current_high": limits.current[1],
+        "full_scale": scales.demand,
+        "knee": 2.0**-sizes.root_knee,
+        "flux_limit": 1.0,
+        "gap_low": scales.gap_low,
+        "gap_rows": 2**sizes.gap_segments / span if model.needs_schedule else 0.0,
+        "power": model.power,
+        "condition_cycles": conditioning.cycles,
+        "condition_ticks": conditioning.ramp_ticks,
+    }
+
+
+def _largest_flux(model: ActuatorModel, limits: Limits, at: FloatArray) -> float:
+    """Return the flux that the demands need at most, or that of saturated iron."""
+    circuit = model.circuit(at, np.zeros(at.size))
+    needed = [circuit.flux_density(np.full(at.size, end))[0] for end in limits.demand]
+    return max(1.0, float(np.abs(needed).max()) / flux_unit(model))
+
+
+Arms = tuple[FloatArray, FloatArray, FloatArray]
+Law = tuple[dict[str, float], Arms, dict[str, FloatArray]]
+
+
+def _full(model: ActuatorModel, limits: Limits, at: FloatArray, sizes: Sizes) -> Law:
+    law = normal(model, at)
+    found = full_tables(law, limits, sizes)
+    numbers = {
+        "air": law.air,
+        "reversible": law.c,
+        "play": law.play,
+        "octaves": 1.0 / (law.kappa * np.log(2.0)),
+        "reach": found.reach,
+        "iterations": sizes.iterations,
+        "curve_segments": 2**sizes.curve_segments,
+        "inverse_segments": 2**sizes.inverse_segments,
+    }
+    tables = {"curve": found.curve, "branch": found.branch, "inverse": found.inverse}
+    return numbers, (law.bias, law.flux_arm, law.field_arm), tables
+
+
+def _simplified(law: ClosedForm, at: FloatArray, sizes: Sizes) -> Law:
+    numbers = {
+        "rate": law.rate,
+        "hold": law.rate / (1.0 - law.nu),
+        "nu": law.nu,
+        "first": 16.0 / 2.0**sizes.octaves,
+        "iterations": sizes.iterations,
+        "octaves": sizes.octaves,
+        "segments": 2**sizes.octave_segments,
+    }
+    return numbers, law.over(at), {"curve": curve(law.nu, distances(sizes))}
+
+
+class RealTwin:
+    """A floating-point compensator in use; bit for bit what a controller computes.
+
+    The interface is that of :class:`~anhyst.compensate.twin.Twin`.
+
+    Parameters
+    ----------
+    block : RealBlock
+        Its parameters.
+    io : str, optional
+        ``"f32"`` or ``"f64"``.
+    """
+
+    def __init__(self, block: RealBlock, io: RealIo = "f32") -> None:
+        self.block = block
+        self.io = io
+        self._core = SingleCompensator(block.single) if io == "f32" else Compensator(block.double)
+
+    def _gap(self, gap: float | None) -> float:
+        return self.block.scales.gap_low if gap is None else gap
+
+    def solve(self, demand: float, gap: float | None = None) -> float:
+        """Return the drive that gives `demand` now; the memory is not touched."""
+        return self._core.solve(demand, self._gap(gap))
+
+    def commit(self, applied: float, gap: float | None = None) -> float:
+        """Advance the memory with the drive that was applied; return the expected output."""
+        self._core.commit(applied, self._gap(gap))
+        return self.output
+
+    @property
+    def output(self) -> float:
+        """Output that the compensator expects after the last commit."""
+        return self._core.output()
+
+    @property
+    def flags(self) -> int:
+        """Bits of the last solve: 1 demand limited, 2 current limited, 4 flux limited."""
+        return self._core.flags
+
+    @property
+    def memory(self) -> FloatArray:
+        """What the iron remembers; see ``anhyst_memory`` in generic/compensator.h."""
+        return self._core.memory
+
+    def start_from(self, memory: ArrayLike) -> None:
+        """Set what the iron remembers: place, level, turn, turn_level, x.
+
+        Raises
+        ------
+        ValueError
+            Not five numbers, or a level beyond -1..1.
+        """
+        self._core.set_memory(np.array(memory, dtype=np.float64))
+
+    def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
+        """Solve and commit sample by sample.
+
+        Parameters
+        ----------
+        demand : array_like, shape (n,)
+            In units of the output.
+        gap : array_like, shape (n,) or scalar, optional
+            Scheduling variable, SI.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Drive in units of the input.
+        """
+        wanted = np.array(demand, dtype=np.float64, ndmin=1)
+        given = self.block.scales.gap_low if gap is None else gap
+        at = np.broadcast_to(np.asarray(given, dtype=np.float64), wanted.shape).copy()
+        return self._core.run(wanted, at)
+
+    def condition(self, gap: float | None = None) -> FloatArray:
+        """Run the start-up sequence; return its currents."""
+        ticks = range(self._core.conditioning_length())
+        currents = [self._core.conditioning(tick) for tick in ticks]
+        for current in currents:
+            self.commit(current, gap)
+        return np.array(currents)

@@ -1,0 +1,227 @@
+"""The parameter block of the full law: the exact step, from tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from anhyst._core import FixedCompensator, langevin
+from anhyst.compensate.block import (
+    Block,
+    Conditioning,
+    Limits,
+    Packer,
+    Scales,
+    Sizes,
+    as_word,
+    mantissa,
+)
+from anhyst.compensate.scheduled import (
+    WEIGHT,
+    nodes,
+    pack_arms,
+    pack_common,
+    refuse_uncompilable,
+)
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.compilable import ascending_branch, least_slope
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+MARGIN = 1.02
+"""Tables reach a little further than any current within its limits drives the field."""
+
+
+DESCENTS = 100
+"""Steps down to the largest field from above: each is a bound, wherever one stops."""
+
+FURTHEST = 95.0
+"""Largest field over the shape field: the curve rises by a third of it, a slope of 32 at most."""
+
+
+@dataclass(frozen=True)
+class Normal:
+    """The law in units of its own, and how a current is made up there.
+
+    Parameters
+    ----------
+    kappa, c, play : float
+        ``k/a``, reversible fraction, ``r_d/a``.
+    air : float
+        ``h = a/((1-alpha)*M_s)``: flux (over that of saturated iron) for a field ``x = 1``.
+    bias, flux_arm, field_arm : ndarray, shape (n,)
+        Current at each place over the gap, A: ``bias + flux_arm*flux + field_arm*x``.
+    """
+
+    kappa: float
+    c: float
+    play: float
+    air: float
+    bias: FloatArray
+    flux_arm: FloatArray
+    field_arm: FloatArray
+
+
+def normal(model: ActuatorModel, at: FloatArray) -> Normal:
+    """Bring a model into the form of the compensator, at places over the gap.
+
+    ``c_H*(I - in_0) = x*a/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with
+    ``B/mu0 = (1-alpha)*M_s*flux`` and ``flux = m + h*x``; a rewriting of section 2 of the theory.
+    """
+    iron = model.parameters_at(float(at[0]))
+    m_s, a, alpha = iron["M_s"], iron["a"], iron["alpha"]
+    turns, rho = (model.over_schedule(name, at) for name in ("c_H", "rho"))
+    flux_arm = (1.0 - alpha) * m_s * (rho - alpha / (1.0 - alpha)) / turns
+    return Normal(
+        kappa=iron["k"] / a,
+        c=iron["c"],
+        play=iron["r_d"] / a,
+        air=a / ((1.0 - alpha) * m_s),
+        bias=model.over_schedule("in_0", at),
+        flux_arm=np.asarray(flux_arm),
+        field_arm=a / ((1.0 - alpha) * turns),
+    )
+
+
+def largest_field(law: Normal, current: tuple[float, float]) -> float:
+    """Largest ``|x|`` to which currents within their limits drive the iron, at any gap."""
+
+    def reach(drive: float, arm: float, field_arm: float) -> float:
+        """Field on the ascending branch, where the iron answers least, if it counts for the air.
+
+        If it counts against it, that on the anhysteretic curve, above which no magnetisation is at
+        the largest field there ever was.
+        """
+        if arm < 0.0:
+            air, x = field_arm + arm * law.air, np.inf
+            for _ in range(DESCENTS):
+                x = (drive - arm * float(langevin(np.array([x]))[0][0])) / air
+            return x
+
+        def missing(x: float) -> float:
+            pinned = float(ascending_branch(law.kappa, np.array([x]))[0])
+            free = float(langevin(np.array([x]))[0][0])
+            m = (1.0 - law.c) * pinned + law.c * free
+            return arm * (m + law.air * x) + field_arm * x - drive
+
+        return float(brentq(missing, -1.0 - law.kappa, drive / field_arm + law.kappa + 1.0))
+
+    reaches = [
+        reach(abs(limit - bias), arm, field_arm)
+        for bias, arm, field_arm in zip(law.bias, law.flux_arm, law.field_arm, strict=True)
+        for limit in current
+    ]
+    return max(*reaches, law.kappa)
+
+
+@dataclass(frozen=True)
+class FullTables:
+    """What a compensator of the full law looks up; fields in units of ``a``.
+
+    Parameters
+    ----------
+    reach : float
+        Largest field.
+    curve : ndarray, shape (2**n + 1,)
+        Anhysteretic curve over fields from 0 to the largest.
+    branch : ndarray, shape (2**(n + 1) + 1,)
+        Ascending branch of a fully pinned iron, over fields of both signs.
+    inverse : ndarray, shape (2**m + 1,)
+        Field over the anhysteretic from 0 to 1.
+    """
+
+    reach: float
+    curve: FloatArray
+    branch: FloatArray
+    inverse: FloatArray
+
+
+def full_tables(law: Normal, limits: Limits, sizes: Sizes) -> FullTables:
+    """Return the tables of a law, as far as currents within their limits lead."""
+    reach = MARGIN * largest_field(law, limits.current)
+    if reach > FURTHEST:
+        raise InputError(
+            f"current: its limits drive the iron to {reach:.0f} times its shape field a, beyond "
+            f"{FURTHEST:.0f} the tables are too steep for 16 bits; narrow the current"
+        )
+    n = sizes.curve_segments
+    field = np.linspace(-reach, reach, 2 ** (n + 1) + 1)
+    rising = field[2**n :]
+    curve = langevin(rising)[0]
+    level = np.linspace(0.0, 1.0, 2**sizes.inverse_segments + 1)
+    inverse = np.interp(level, curve, rising)
+    return FullTables(reach, curve, ascending_branch(law.kappa, field), inverse)
+
+
+def build_full(
+    model: ActuatorModel,
+    scales: Scales,
+    limits: Limits,
+    sizes: Sizes | None = None,
+    conditioning: Conditioning | None = None,
+    model_hash: int = 0,
+) -> Block:
+    """Make the parameter block of the full law.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Of the effective-field law, without eddy currents; gap map none, scaling or reluctance.
+    scales : Scales
+        What 1.0 means.
+    limits : Limits
+        Of demand and current.
+    sizes : Sizes, optional
+        How fine tables and searches are.
+    conditioning : Conditioning, optional
+        Start-up sequence.
+    model_hash : int, optional
+        First 32 bits of the hash of the model, kept in the block.
+
+    Returns
+    -------
+    Block
+        Ready for a controller.
+
+    Raises
+    ------
+    InputError
+        The model cannot be compiled, or a number does not fit.
+    """
+    refuse_uncompilable(model)
+    sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
+    at = nodes(model, scales, sizes)
+    law = normal(model, at)
+    tables = full_tables(law, limits, sizes)
+    reach = tables.reach
+    pack = Packer("full", model_hash)
+    pack_common(pack, model, scales, limits, sizes, conditioning)
+    pack_arms(pack, scales, law.bias, law.flux_arm, law.field_arm * reach)
+    pack.set_single("UNIT_FIELD", reach * model.parameters_at(float(at[0]))["a"])
+
+    pack.table("FULL_CURVE", tables.curve, 32768.0)
+    pack.table("FULL_BRANCH", tables.branch, 32768.0)
+    pack.table("FULL_INVERSE", tables.inverse / reach, 32767.0)
+
+    weight, shift = mantissa(reach / (law.kappa * np.log(2.0)) / 16.0, "k")
+    pack.set("FULL_RATE", weight)
+    pack.set("FULL_RATE_SHIFT", shift)
+    pack.set("FULL_STEEPNESS", min(round(reach / law.kappa * 256.0), 32767))
+    pack.set("FULL_AIR", max(as_word(law.air * reach / 4.0, WEIGHT, "h"), 1))
+    pack.set("FULL_REVERSIBLE", as_word(law.c, 32768.0, "c"))
+    pack.set("FULL_PLAY", as_word(law.play / reach, 32768.0, "r_d"))
+    pack.set("FULL_ITERATIONS", sizes.iterations)
+    pack.set("FULL_CURVE_SEGMENTS", sizes.curve_segments)
+    pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
+    block = pack.close(scales, limits)
+    try:
+        FixedCompensator("full", block.words)
+    except ValueError as error:
+        raise InputError(
+            f"alpha: the output all but jumps at some currents (least slope of the drive "
+            f"{least_slope(model, at).min():.2g} of that without iron), nearer than 16-bit tables "
+            "can follow; compile with --io f32"
+        ) from error
+    return block

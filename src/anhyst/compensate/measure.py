@@ -1,0 +1,281 @@
+"""How far a compensator's output is from the demand: its current, mapped by the exact model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import FixedCompensator
+from anhyst.compensate.block import Block, Limits, Scales, Sizes
+from anhyst.compensate.floating import RealBlock, RealIo, RealTwin
+from anhyst.compensate.full import normal
+from anhyst.compensate.paths import Path
+from anhyst.compensate.scheduled import flux_unit, nodes
+from anhyst.compensate.twin import Twin
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
+
+AnyBlock = Block | RealBlock
+Io = Literal["q15", "q31", "f32", "f64"]
+
+LOSS_EVERY = 4
+"""On the path with losses the amplifier gives what was wanted but for one tick in so many."""
+
+LOSS_SEED = 3
+
+
+@dataclass(frozen=True)
+class Run:
+    """One path under one compensator.
+
+    Parameters
+    ----------
+    path : Path
+        What was demanded.
+    current : ndarray, shape (n,)
+        What was applied, in units of the input.
+    output : ndarray, shape (n,)
+        What the exact model makes of it.
+    judged : ndarray of bool, shape (n,)
+        Samples at which the current was the compensator's own.
+    """
+
+    path: Path
+    current: FloatArray
+    output: FloatArray
+    judged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """Worst and root-mean-square deviation of the output, in its unit, and where the worst was."""
+
+    worst: float
+    rms: float
+    path: str
+
+
+def start(block: AnyBlock, io: Io) -> Twin | RealTwin:
+    """Start the compensator that belongs to a block, demagnetised."""
+    if isinstance(block, RealBlock):
+        return RealTwin(block, cast("RealIo", io))
+    return Twin(block, io)
+
+
+def run_twin(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> Run:
+    """Run a compensator along a path, and the exact model with its currents.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    block : Block or RealBlock
+        Parameters of the compensator.
+    io : str
+        Format of its signals.
+    path : Path
+        The demand.
+
+    Returns
+    -------
+    Run
+    """
+    current = start(block, io).run(path.demand, path.gap)
+    return Run(path, current, exact_output(model, current, path), np.ones(current.size, dtype=bool))
+
+
+def run_with_losses(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> Run:
+    """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
+    size = path.demand.size
+    loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
+    twin = start(block, io)
+    if isinstance(twin, Twin):
+        current = _lossy_codes(twin, path, loss) / twin.one * block.scales.current
+    else:
+        current = _lossy_numbers(twin, path, loss)
+    judged = np.arange(size) % LOSS_EVERY != LOSS_EVERY - 1
+    return Run(path, current, exact_output(model, current, path), judged)
+
+
+def _lossy_codes(twin: Twin, path: Path, loss: FloatArray) -> FloatArray:
+    """Return the applied currents as codes; `loss` is in parts of the range of the current."""
+    core = FixedCompensator(twin.block.kind, twin.block.words)
+    solve, commit = (
+        (core.solve_q15, core.commit_q15) if twin.io == "q15" else (core.solve_q31, core.commit_q31)
+    )
+    low, high = twin.current_codes(twin.block.limits.current).tolist()
+    losses = ((high - low) * loss).round().astype(int).tolist()
+    demands = twin.demand_codes(path.demand).tolist()
+    gaps = twin.gap_codes(path.gap, loss.size).tolist()
+    codes = []
+    for place, (demand, gap) in enumerate(zip(demands, gaps, strict=True)):
+        code = solve(demand, gap)
+        if place % LOSS_EVERY == LOSS_EVERY - 1:
+            code = min(max(code + losses[place], low), high)
+        commit(code, gap)
+        codes.append(code)
+    return np.array(codes, dtype=np.float64)
+
+
+def _lossy_numbers(twin: RealTwin, path: Path, loss: FloatArray) -> FloatArray:
+    """Return the applied currents; `loss` is in parts of their range."""
+    low, high = twin.block.limits.current
+    losses = ((high - low) * loss).tolist()
+    gaps = [None] * loss.size if path.gap is None else path.gap.tolist()
+    currents = []
+    for place, (demand, gap) in enumerate(zip(path.demand.tolist(), gaps, strict=True)):
+        current = twin.solve(demand, gap)
+        if place % LOSS_EVERY == LOSS_EVERY - 1:
+            current = min(max(current + losses[place], low), high)
+        twin.commit(current, gap)
+        currents.append(current)
+    return np.array(currents)
+
+
+def exact_output(model: ActuatorModel, current: FloatArray, path: Path) -> FloatArray:
+    """Return what the model makes of a current along a path."""
+    return model.predict(current, path.gap, history="demagnetised").output
+
+
+def off_demand(run: Run, limits: Limits, resolution: float) -> FloatArray:
+    """Return output minus demand; at a limit of the current only what is on its wrong side.
+
+    Parameters
+    ----------
+    run : Run
+        A path under a compensator.
+    limits : Limits
+        Of the current.
+    resolution : float
+        What counts as being at a limit, in units of the input.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In units of the output; 0 where it is not judged.
+    """
+    error = run.output - run.path.demand
+    low, high = limits.current
+    bottom, top = run.current <= low + resolution, run.current >= high - resolution
+    error[bottom] = np.minimum(error[bottom], 0.0)
+    error[top] = np.maximum(error[top], 0.0)
+    return np.where(run.judged, error, 0.0)
+
+
+def deviation(errors: Iterable[tuple[str, FloatArray]]) -> Deviation:
+    """Sum up errors over several paths, given with their names."""
+    kept = [(name, np.abs(error)) for name, error in errors]
+    worst = max(kept, key=lambda item: float(item[1].max()))
+    squares = np.concatenate([error for _, error in kept]) ** 2
+    return Deviation(float(worst[1].max()), float(np.sqrt(squares.mean())), worst[0])
+
+
+def resolution(scales: Scales) -> float:
+    """Return two steps of the words that hold the limits of the current, in units of the input."""
+    return scales.current * 2.0**-14
+
+
+def against_demand(
+    model: ActuatorModel, block: AnyBlock, io: Io, paths: Sequence[Path]
+) -> tuple[Deviation, list[tuple[Run, FloatArray]]]:
+    """Run a compensator along all paths, the first of the random ones with losses as well.
+
+    Returns
+    -------
+    Deviation
+        Over all of them.
+    list of (Run, ndarray)
+        Each run with its errors.
+    """
+    step = resolution(block.scales)
+    runs = [run_twin(model, block, io, path) for path in paths]
+    lossy = next(path for path in paths if path.name == "reversals")
+    title = "random reversals, the amplifier not following"
+    runs.append(run_with_losses(model, block, io, replace(lossy, name="losses", title=title)))
+    judged = [(run, off_demand(run, block.limits, step)) for run in runs]
+    return deviation((run.path.name, error) for run, error in judged), judged
+
+
+def between(
+    model: ActuatorModel,
+    one: tuple[AnyBlock, Io],
+    other: tuple[AnyBlock, Io],
+    paths: Sequence[Path],
+) -> Deviation:
+    """Compare two compensators: what the exact model makes of their currents."""
+
+    def errors(path: Path) -> FloatArray:
+        first, second = (run_twin(model, *each, path).output for each in (one, other))
+        return first - second
+
+    return deviation((path.name, errors(path)) for path in paths)
+
+
+def snapped(
+    paths: Sequence[Path], model: ActuatorModel, scales: Scales, sizes: Sizes
+) -> list[Path]:
+    """Return the paths with every gap moved to the nearest entry of the tables over it."""
+    if not model.needs_schedule:
+        return list(paths)
+    at = nodes(model, scales, sizes)
+    middles = 0.5 * (at[1:] + at[:-1])
+
+    def moved(path: Path) -> Path:
+        assert path.gap is not None
+        return replace(path, gap=at[np.searchsorted(middles, path.gap)])
+
+    return [moved(path) for path in paths]
+
+
+def interpolation(
+    model: ActuatorModel, scales: Scales, limits: Limits, sizes: Sizes, paths: Sequence[Path]
+) -> Deviation:
+    """Return what straight lines between the entries over the gap cost, everything else exact.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    scales : Scales
+        Range of the gap.
+    limits : Limits
+        Of the current.
+    sizes : Sizes
+        How many entries.
+    paths : sequence of Path
+        Demands that lie above what the smallest current may leave.
+    """
+    if not model.needs_schedule:
+        return Deviation(0.0, 0.0, "")
+    at = nodes(model, scales, sizes)
+    law = normal(model, at)
+    unit, power = flux_unit(model), model.power
+    circuit = model.circuit(at, np.zeros(at.size))
+    iron = model.parameters_at(float(at[0]))
+
+    def error(path: Path) -> FloatArray:
+        gap = path.gap
+        assert gap is not None
+
+        def over(values: FloatArray) -> FloatArray:
+            return np.interp(gap, at, values)
+
+        part = path.demand - over(circuit.out_0)
+        gain = over((1.0 / circuit.c_out) ** (1.0 / power)) / unit
+        flux = gain * (np.sqrt(np.maximum(part, 0.0)) if power == 2 else part)
+        exact = model.circuit(gap, np.zeros(gap.size))
+        reached = model.invert(exact.output(flux * unit), gap, history="demagnetised")
+        x = (
+            (1.0 - iron["alpha"]) * reached.field + iron["alpha"] * reached.flux_density / MU_0
+        ) / (iron["a"])
+        current = over(law.bias) + over(law.flux_arm) * flux + over(law.field_arm) * x
+        current = np.clip(current, *limits.current)
+        run = Run(path, current, exact_output(model, current, path), np.ones(x.size, dtype=bool))
+        return off_demand(run, limits, 1e-9 * scales.current)
+
+    return deviation((path.name, error(path)) for path in paths)

@@ -1,0 +1,235 @@
+"""What is compiled and how: scales of the signals, limits, sizes of tables, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst.compensate.block import Kind, Limits, Scales, Sizes
+from anhyst.compensate.measure import AnyBlock, Io
+from anhyst.compensate.naming import c_name, check_name
+from anhyst.compensate.scheduled import flux_gain, flux_shift, refuse_uncompilable
+from anhyst.compensate.search import Builder, Found, Search
+from anhyst.compensate.start import StartUp, plan_start
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.errors import InputError, NegativeResult
+
+GAPS = 65
+"""Places over the gap at which the model is looked at."""
+
+ROUND = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+"""Full-scale values are one of these times a power of ten."""
+
+ACCURACY = 0.1
+"""Per cent of the largest output that formats and tables may cost where nothing else is asked."""
+
+FINEST, COARSEST = 1e-3, 50.0
+"""Accuracies that make sense, per cent."""
+
+RATES = (1.0, 1e6)
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a user wants compiled.
+
+    Parameters
+    ----------
+    kind : str
+        ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks).
+    io : str
+        Format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``.
+    rate : float
+        Ticks a second, 1 to 10^6.
+    accuracy : float or None
+        Largest deviation from the model, per cent of the largest output. None: :data:`ACCURACY`
+        for formats and tables, whatever the law itself is off.
+    name : str or None
+        What the actuator is called in C. None: after the model.
+
+    Raises
+    ------
+    InputError
+        A number that makes no sense.
+    """
+
+    kind: Kind
+    io: Io
+    rate: float
+    accuracy: float | None = None
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        if not RATES[0] <= self.rate <= RATES[1]:
+            raise InputError(f"--rate: is {self.rate:g} Hz; give 1 to 1000000")
+        if self.accuracy is not None and not FINEST <= self.accuracy <= COARSEST:
+            raise InputError(f"--accuracy: is {self.accuracy:g} %; give {FINEST:g} to {COARSEST:g}")
+        if self.name is not None:
+            check_name(self.name)
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One decision of the plan: what was chosen, and why."""
+
+    name: str
+    value: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a model is compiled.
+
+    Parameters
+    ----------
+    request : Request
+        What was asked for.
+    builder : Builder
+        The model, with scales and limits.
+    sizes : Sizes
+        Of tables and searches.
+    block : Block or RealBlock
+        The parameters.
+    start : StartUp
+        The start-up sequence.
+    found : Found
+        What the search tried.
+    allowance : float
+        What formats and tables may cost, in units of the output.
+    """
+
+    request: Request
+    builder: Builder
+    sizes: Sizes
+    block: AnyBlock
+    start: StartUp
+    found: Found
+    allowance: float
+
+    @property
+    def model(self) -> ActuatorModel:
+        """The model."""
+        return self.builder.model
+
+    @property
+    def name(self) -> str:
+        """What the actuator is called in C: its files and all their names begin with it."""
+        return self.request.name or c_name(self.model.name)
+
+    @property
+    def largest(self) -> float:
+        """Output to which per cent refer: the largest that may be demanded."""
+        return largest_output(self.block.limits)
+
+
+def full_scale(largest: float) -> float:
+    """Return the next round value above the largest magnitude of a signal.
+
+    Examples
+    --------
+    >>> full_scale(291.5), full_scale(3.01), full_scale(0.1)
+    (300.0, 4.0, 0.12)
+    """
+    decade = 10.0 ** np.floor(np.log10(largest))
+    # 1.0 itself has no code.
+    found = next(part for part in ROUND if part * decade > largest * (1.0 + 2.0**-15))
+    return float(f"{found * decade:.6g}")
+
+
+def largest_output(limits: Limits) -> float:
+    """Return the largest magnitude of a demand."""
+    return max(abs(end) for end in limits.demand)
+
+
+def make_plan(model: ActuatorModel, request: Request, model_hash: int, share: float = 1.0) -> Plan:
+    """Decide how a model is compiled.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    request : Request
+        What is wanted.
+    model_hash : int
+        First 32 bits of the hash of the model file.
+    share : float, optional
+        Of the allowance that the plan may use up on its own path.
+
+    Returns
+    -------
+    Plan
+        The smallest found that meets the wanted accuracy, or else the best.
+
+    Raises
+    ------
+    InputError
+        The model cannot be compiled.
+    """
+    refuse_uncompilable(model)
+    limits = find_limits(model)
+    scales = find_scales(model, limits)
+    flux_shift(flux_gain(model, scales, np.linspace(scales.gap_low, scales.gap_high, GAPS)))
+    allowance = ACCURACY / 100.0 * largest_output(limits)
+    if request.accuracy is not None:
+        asked = request.accuracy / 100.0 * largest_output(limits)
+        allowance = asked if request.kind == "full" else min(asked, allowance)
+    try:
+        start = plan_start(model, scales, limits, request.rate, allowance)
+    except InputError as error:
+        raise not_computed(error) from error
+    given = model, request.kind, request.io, scales, limits
+    builder = Builder(*given, start.conditioning, model_hash)
+    found = Search(builder, share * allowance).run()
+    block = builder(found.sizes)
+    return Plan(request, builder, found.sizes, block, start, found, allowance)
+
+
+def not_computed(error: InputError | NegativeResult) -> InputError:
+    """Return the error of a model whose law ends within its own limits; `error` tells where."""
+    return InputError(
+        f"[valid]: the law cannot be computed within these limits ({error}); narrow them, or "
+        "correct the parameters"
+    )
+
+
+def find_limits(model: ActuatorModel) -> Limits:
+    """Return the limits of demand and current: where the model was seen to hold.
+
+    Raises
+    ------
+    InputError
+        The model does not say, or leaves no room between them.
+    """
+    if model.valid is None:
+        raise InputError(
+            "the model does not say where it holds: without [valid] there are no limits of demand "
+            "and current; add it to the model file"
+        )
+    low, high = model.valid.output
+    # A force is the square of the flux: what the sensor read below zero was noise.
+    limits = Limits((max(low, 0.0) if model.power == 2 else low, high), model.valid.input)
+    over = model.valid.schedule
+    ranges = [("output", limits.demand), ("input", limits.current)]
+    if model.needs_schedule:
+        ranges.append(("schedule", over or (0.0, 0.0)))
+    for name, (low, high) in ranges:
+        if not low < high:
+            raise InputError(
+                f"[valid]: the range of the {name}, {low:g} to {high:g}, has no room for a "
+                "compensator; give its ends"
+            )
+    return limits
+
+
+def find_scales(model: ActuatorModel, limits: Limits) -> Scales:
+    """Return what 1.0 of each signal means: round values, the gap's range as it is."""
+    assert model.valid is not None
+    gap_low, gap_high = model.valid.schedule or (0.0, 0.0)
+    return Scales(
+        demand=full_scale(largest_output(limits)),
+        current=full_scale(max(abs(end) for end in limits.current)),
+        gap_low=gap_low,
+        gap_high=gap_high,
+    )

@@ -1,0 +1,120 @@
+"""What every kind of compensator shares: signals, limits, and what runs over the gap."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anhyst.compensate.block import UNITS, Conditioning, Limits, Packer, Scales, Sizes, as_word
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.compilable import obstacle
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import MU_0
+
+WEIGHT = 65536.0
+LARGEST_WEIGHT = 32767 / WEIGHT
+MOST_FLUX_SHIFT = 6
+
+
+def refuse_uncompilable(model: ActuatorModel) -> None:
+    """Raise `InputError` for a model that has no fixed-point form, saying why."""
+    if (reason := obstacle(model)) is not None:
+        raise InputError(reason)
+
+
+def nodes(model: ActuatorModel, scales: Scales, sizes: Sizes) -> FloatArray:
+    """Places over the gap at which a table has its entries, SI."""
+    if not model.needs_schedule:
+        return np.full(2, scales.gap_low)
+    return np.linspace(scales.gap_low, scales.gap_high, 2**sizes.gap_segments + 1)
+
+
+def flux_unit(model: ActuatorModel) -> float:
+    """Flux density of saturated iron without the air around it, T: the unit of the inner flux."""
+    first = model.parameters_at(model.nodes[0] if model.nodes else None)
+    return MU_0 * first["M_s"] * (1.0 - first["alpha"])
+
+
+def unit_codes(model: ActuatorModel) -> int:
+    """Return the units of demand, current and gap as one word."""
+    gap = model.schedule.unit if model.schedule is not None else ""
+    demand, current, gap_code = (
+        UNITS.index(unit) for unit in (model.output.unit, model.input.unit, gap)
+    )
+    return demand + 16 * current + 256 * gap_code
+
+
+def flux_shift(gain: FloatArray) -> int:
+    """Return by how many bits gains of the flux are shifted to fit into their table.
+
+    Raises
+    ------
+    InputError
+        The full-scale demand is so far beyond saturation that no table holds it.
+    """
+    if not gain.max() <= LARGEST_WEIGHT * 2.0**MOST_FLUX_SHIFT:
+        raise InputError(
+            "flux: the full-scale demand is far beyond saturation; narrow the output in the "
+            "model's [valid], or correct its parameters"
+        )
+    return max(0, int(np.ceil(np.log2(gain.max() / LARGEST_WEIGHT))))
+
+
+def flux_gain(model: ActuatorModel, scales: Scales, at: FloatArray) -> FloatArray:
+    """Return the flux of a full-scale output at each node, in units of :func:`flux_unit`."""
+    full = scales.demand / model.over_schedule("c_out", at)
+    return np.asarray((np.sqrt(full) if model.power == 2 else full) / flux_unit(model))
+
+
+def pack_common(
+    pack: Packer,
+    model: ActuatorModel,
+    scales: Scales,
+    limits: Limits,
+    sizes: Sizes,
+    conditioning: Conditioning,
+    offset: FloatArray | None = None,
+) -> None:
+    """Put limits, start-up, and the way from demand to flux; `offset` instead of the model's."""
+    at = nodes(model, scales, sizes)
+    pack.set("POWER", model.power)
+    pack.set("ROOT_KNEE", sizes.root_knee)
+    for name, value, scale in (
+        ("DEMAND_LOW", limits.demand[0], scales.demand),
+        ("DEMAND_HIGH", limits.demand[1], scales.demand),
+        ("CURRENT_LOW", limits.current[0], scales.current),
+        ("CURRENT_HIGH", limits.current[1], scales.current),
+    ):
+        pack.set(name, as_word(value / scale, 32768.0, name.lower()))
+    pack.set_single("SCALE_RATE", conditioning.rate)
+    pack.set("SCALE_UNITS", unit_codes(model))
+    pack.set("CONDITION_CYCLES", conditioning.cycles)
+    pack.set("CONDITION_TICKS", conditioning.ramp_ticks)
+    pack.set("GAP_SEGMENTS", sizes.gap_segments if model.needs_schedule else 0)
+    gain = flux_gain(model, scales, at)
+    shift = flux_shift(gain)
+    pack.set("FLUX_SHIFT", shift)
+    pack.set("FLUX_LIMIT", 16384)
+    pack.table("GAP_GAIN", gain / 2.0**shift, WEIGHT, least=1)
+    offset = model.over_schedule("out_0", at) if offset is None else offset
+    pack.table("GAP_OFFSET", offset / scales.demand, 32768.0)
+
+
+def pack_arms(
+    pack: Packer, scales: Scales, bias: FloatArray, flux_arm: FloatArray, field_arm: FloatArray
+) -> None:
+    """Put how the current is made up, A for each unit of flux and field, one value a node."""
+    arms = bias, flux_arm, field_arm
+    spans = [max(np.abs(part).max(), np.abs(np.diff(part)).max()) for part in arms]
+    largest = max(spans) / scales.current
+    shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT))))
+    if shift > 8:
+        raise InputError(
+            f"current: a unit of flux or field counts for {largest:.0f} times the full-scale "
+            "current, more than 16-bit words can weigh against each other; compile with --io f32"
+        )
+    unit = scales.current * 2.0**shift
+    pack.set("CURRENT_SHIFT", shift)
+    pack.table("GAP_BIAS", bias / unit, WEIGHT)
+    pack.table("GAP_FLUX_ARM", flux_arm / unit, WEIGHT)
+    pack.table("GAP_FIELD_ARM", field_arm / unit, WEIGHT, least=1)

@@ -1,0 +1,279 @@
+"""Sizes of tables and searches: the smallest memory that meets the wanted accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from anhyst.compensate.block import (
+    LEAST_WORDS,
+    MOST_WORDS,
+    Conditioning,
+    Kind,
+    Limits,
+    Scales,
+    Sizes,
+)
+from anhyst.compensate.floating import RealBlock, RealKind, build_real
+from anhyst.compensate.full import build_full
+from anhyst.compensate.measure import AnyBlock, Io, against_demand, between, interpolation, snapped
+from anhyst.compensate.paths import paths
+from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified, fit_closed_form
+from anhyst.model.actuator import ActuatorModel
+
+SPARE = 0.9
+"""Of the wanted accuracy is used up on the path of the plan; the budget measures another one."""
+
+CONVERGED = 1.05
+"""Iterations are enough when more of them gain less than a twentieth."""
+
+LENGTH = 2
+"""Of the path of the plan."""
+
+ITERATION_SEED, ITERATION_LENGTH = 3, 10
+"""Path on which the number of iterations is found; it takes a long one to meet the rare miss."""
+
+LAW_SHARE = 0.1
+"""Straight lines over the gap may move a simplified law by this part of what it is off itself."""
+
+ROOM = 0.998
+"""Of the full-scale output may the root of a demand reach, lowered by its offset."""
+
+KNEE_SHARE = 0.1
+"""Of the wanted accuracy may go into the straight start of the root."""
+
+FINE = Sizes(
+    gap_segments=4,
+    curve_segments=7,
+    inverse_segments=6,
+    iterations=12,
+    octaves=14,
+    octave_segments=5,
+    root_knee=8,
+)
+"""Everything finer than any axis needs while another one is looked at."""
+
+LAW_SEGMENTS = 4
+"""The arms of the simplified law are fitted at 2^this + 1 gaps, and straight between them."""
+
+GAP_RANGE = range(7)
+CURVE_RANGE = range(3, 9)
+INVERSE_RANGE = range(3, 8)
+OCTAVE_RANGE = range(6, 15)
+SEGMENT_RANGE = range(2, 6)
+ITERATION_RANGE = range(2, 12)
+
+
+@dataclass(frozen=True)
+class Builder:
+    """Makes blocks of one model, kind and format that differ in their sizes alone."""
+
+    model: ActuatorModel
+    kind: Kind
+    io: Io
+    scales: Scales
+    limits: Limits
+    conditioning: Conditioning = field(default_factory=Conditioning)
+    model_hash: int = 0
+
+    @cached_property
+    def law(self) -> ClosedForm:
+        """The five numbers of the simplified law, fitted once."""
+        at = np.linspace(self.scales.gap_low, self.scales.gap_high, 2**LAW_SEGMENTS + 1)
+        at = at if self.model.needs_schedule else at[:1]
+        room = ROOM * self.scales.demand - self.limits.demand[1]
+        return fit_closed_form(self.model, self.limits, at, room=room)
+
+    def __call__(self, sizes: Sizes) -> AnyBlock:
+        """Return the block with these sizes."""
+        if self.io == "f32":
+            return self._real(sizes)
+        given = (self.model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
+        if self.kind == "full":
+            return build_full(*given)
+        build = build_simplified if self.kind == "simplified" else build_euler
+        return build(*given, self.law)
+
+    def exact(self, sizes: Sizes) -> RealBlock:
+        """Return the same tables for double precision, with as many iterations as can matter.
+
+        Euler's form has no tables; it is held against the closed form.
+        """
+        return self._real(replace(sizes, iterations=FINE.iterations))
+
+    def _real(self, sizes: Sizes) -> RealBlock:
+        kind: RealKind = "full" if self.kind == "full" else "simplified"
+        law = None if kind == "full" else self.law
+        given = self.model, kind, self.scales, self.limits, sizes, self.conditioning
+        return build_real(*given, law)
+
+
+@dataclass(frozen=True)
+class Found:
+    """Outcome of the search.
+
+    Parameters
+    ----------
+    sizes : Sizes
+        What was chosen.
+    reached : float
+        What they cost on the path of the plan, in units of the output.
+    tried : mapping of str to list
+        For each axis the sizes tried alone, and what each costs.
+    """
+
+    sizes: Sizes
+    reached: float
+    tried: Mapping[str, list[tuple[int, float]]]
+
+
+class Search:
+    """Looks at each axis alone, then takes the smallest block of which the total is good enough.
+
+    Parameters
+    ----------
+    builder : Builder
+        Makes the blocks.
+    wanted : float
+        Accuracy, in units of the output; of a simplified law, what may come on top of the law.
+    """
+
+    def __init__(self, builder: Builder, wanted: float) -> None:
+        self.builder = builder
+        self.wanted = wanted
+        b = builder
+        self.paths = paths(b.model, b.scales, b.limits, length=LENGTH)
+        self.knee = self._knee()
+
+    def _knee(self) -> int:
+        """Flattest start of the root that may be afforded: it costs 2^(-2k)/4 of full scale."""
+        full = self.builder.scales.demand
+        knees = range(2, 9)
+        return next((k for k in knees if full * 4.0 ** -(k + 1) <= KNEE_SHARE * self.wanted), 8)
+
+    def run(self) -> Found:
+        """Search.
+
+        Returns
+        -------
+        Found
+            Of the sizes tried the smallest that are good enough, or else the best.
+        """
+        axes = self._axes()
+        enough = SPARE * self.wanted
+        best: tuple[float, Sizes] | None = None
+        for sizes in self._candidates(axes):
+            cost = self._cost(sizes)
+            if best is None or cost < best[0]:
+                best = cost, sizes
+            if cost <= enough:
+                break
+        assert best is not None
+        reached, sizes = best
+        return Found(replace(sizes, iterations=self._iterations(sizes)), reached, axes)
+
+    def _iterations(self, sizes: Sizes) -> int:
+        """Return one more than the fewest iterations that are as good as many."""
+        b = self.builder
+        ways = paths(b.model, b.scales, b.limits, seed=ITERATION_SEED, length=ITERATION_LENGTH)
+
+        def worst(iterations: int) -> float:
+            block = b(replace(sizes, iterations=iterations))
+            return against_demand(b.model, block, b.io, ways)[0].worst
+
+        enough = CONVERGED * worst(FINE.iterations)
+        return next((n + 1 for n in ITERATION_RANGE if worst(n) <= enough), FINE.iterations)
+
+    def _cost(self, sizes: Sizes) -> float:
+        """Return what sizes cost; a simplified law must not hide its tables behind itself."""
+        cost = self.excess(self.builder(sizes), self.builder.io)
+        return cost if self.builder.kind == "full" else max(cost, self._alone(sizes))
+
+    def excess(self, block: AnyBlock, io: Io) -> float:
+        """Return what sizes and format cost on the worst path, beyond what the law is off."""
+        worst = self._worst(block, io)
+        return max(here - law for here, law in zip(worst, self._law, strict=True))
+
+    def _worst(self, block: AnyBlock, io: Io) -> list[float]:
+        """Worst deviation on each path."""
+        runs = against_demand(self.builder.model, block, io, self.paths)[1]
+        return [float(np.abs(error).max()) for _, error in runs]
+
+    @cached_property
+    def _law(self) -> list[float]:
+        """What the law of this kind itself is off on each path; 0 for the full one."""
+        if self.builder.kind == "full":
+            return [0.0] * (len(self.paths) + 1)
+        return self._worst(self.builder.exact(FINE), "f64")
+
+    def _axes(self) -> dict[str, list[tuple[int, float]]]:
+        """Measure each axis alone, everything else fine."""
+        if self.builder.kind == "full":
+            tables = {"curve_segments": CURVE_RANGE, "inverse_segments": INVERSE_RANGE}
+        else:
+            tables = {"octaves": OCTAVE_RANGE, "octave_segments": SEGMENT_RANGE}
+        axes = {"gap_segments": self._over_gap()}
+        for name, values in tables.items():
+            axes[name] = [(value, self._alone(replace(FINE, **{name: value}))) for value in values]
+        return axes
+
+    def _over_gap(self) -> list[tuple[int, float]]:
+        b = self.builder
+        if not b.model.needs_schedule:
+            return [(0, 0.0)]
+        if b.kind == "full":
+            lifted = paths(b.model, b.scales, b.limits, lifted=True)
+            sizes = [replace(FINE, gap_segments=n) for n in GAP_RANGE]
+            given = b.model, b.scales, b.limits
+            return [(s.gap_segments, interpolation(*given, s, lifted).worst) for s in sizes]
+        finest = b.exact(FINE)
+        free = LAW_SHARE * max(self._law)
+
+        def cost(sizes: Sizes) -> float:
+            block = b.exact(sizes)
+            moved = between(b.model, (block, "f64"), (finest, "f64"), self.paths).worst
+            return max(self.excess(block, "f64"), moved - free, 0.0)
+
+        values = range(LAW_SEGMENTS + 1)
+        return [(n, cost(replace(FINE, gap_segments=n))) for n in values]
+
+    def _alone(self, sizes: Sizes) -> float:
+        """Return what the tables of the law cost, at gaps that stand in the tables over it."""
+        b = self.builder
+        at, block = snapped(self.paths, b.model, b.scales, sizes), b.exact(sizes)
+        if b.kind == "full":
+            return against_demand(b.model, block, "f64", at)[0].worst
+        fine = b.exact(replace(FINE, gap_segments=sizes.gap_segments))
+        return between(b.model, (block, "f64"), (fine, "f64"), at).worst
+
+    def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[Sizes]:
+        """Return sizes that may be good enough, the smallest first; else the most promising."""
+        fine = replace(FINE, root_knee=self.knee)
+        rows = []
+        for choice in product(*axes.values()):
+            sizes = replace(fine, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
+            over_gap, *tables = (cost for _, cost in choice)
+            words = words_of(self.builder.kind, sizes) * (2 if self.builder.io == "f32" else 1)
+            if words <= MOST_WORDS:
+                rows.append((words, over_gap + max(tables), sizes))
+        promising = [row for row in rows if row[1] <= self.wanted]
+        if promising:
+            return [sizes for *_, sizes in sorted(promising, key=lambda row: row[:2])]
+        return [min(rows, key=lambda row: row[1])[2]]
+
+
+def words_of(kind: Kind, sizes: Sizes) -> int:
+    """Return the length of a block, tables over the gap that are alike counted apart."""
+    gap = 5 * (2**sizes.gap_segments + 1)
+    if kind == "full":
+        n = sizes.curve_segments
+        tables = 2**n + 1 + 2 ** (n + 1) + 1 + 2**sizes.inverse_segments + 1
+    elif kind == "simplified":
+        tables = (sizes.octaves + 1) * 2**sizes.octave_segments + 1
+    else:
+        tables = 0
+    return int(LEAST_WORDS + gap + tables)

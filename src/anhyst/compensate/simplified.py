@@ -1,0 +1,416 @@
+"""The parameter block of the simplified law: the paper's straight anhysteretic curve.
+
+With eqs. 19 and 20 the inverse has a closed form with one bounded state ``u`` that follows the
+flux (:mod:`anhyst.laws.linear_anhysteretic` has the derivation)::
+
+    current = bias(gap) + flux_arm(gap)*flux + lag_arm(gap)*u
+
+and only five numbers matter: the three arms, the rate at which ``u`` follows and ``nu``. They are
+fitted to what the full model does, in force, not derived from its parameters: a straight line
+through a bent curve is best where the work is done.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize, minimize_scalar
+from scipy.special import lambertw
+
+from anhyst._core import FixedCompensator
+from anhyst.compensate.block import (
+    Block,
+    Conditioning,
+    Kind,
+    Limits,
+    Packer,
+    Scales,
+    Sizes,
+    as_word,
+    mantissa,
+)
+from anhyst.compensate.scheduled import (
+    flux_unit,
+    nodes,
+    pack_arms,
+    pack_common,
+    refuse_uncompilable,
+)
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+LOOPS = ((0.05, 0.95), (0.3, 0.7), (0.05, 0.5), (0.5, 0.95))
+"""Turning points of the demands to which the arms are fitted, over the largest force at a gap."""
+
+SAMPLES = 160
+"""Of one cycle of a demand; the closed form is exact at any sampling."""
+
+CYCLES = 3
+"""Of each demand from the demagnetised state; the last one is fitted."""
+
+STEEPEST = 2000.0
+"""Slope after a reversal, rate/(1 - nu), that fits the format with a little to spare."""
+
+THRIFT = 0.01
+"""An offset as low as can be must pay by so much of the worst error: where it hardly matters, it
+shall not jump from gap to gap."""
+
+WORST_CASE_ROUNDS = 6
+"""Of reweighting from the least squares towards the least worst error."""
+
+
+@dataclass(frozen=True)
+class ClosedForm:
+    """The five numbers of the simplified law.
+
+    Parameters
+    ----------
+    rate : float
+        Distance ``z`` for each unit of flux (that of saturated iron).
+    nu : float
+        In [0, 1).
+    at : ndarray, shape (g,)
+        Scheduling variable at which the arms hold, SI.
+    bias, flux_arm, lag_arm : ndarray, shape (g,)
+        In units of the input.
+    worst, mean : float
+        What is left against the full model over the fitted demands, in units of the output.
+    offset : ndarray, shape (g,), or None
+        Output at zero flux there; None: that of the model. Below it, the root of the demand bends
+        less, and so straightens what a straight anhysteretic curve cannot follow near saturation.
+    """
+
+    rate: float
+    nu: float
+    at: FloatArray
+    bias: FloatArray
+    flux_arm: FloatArray
+    lag_arm: FloatArray
+    worst: float
+    mean: float
+    offset: FloatArray | None = None
+
+    def over(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return bias, flux arm and lag arm at other places, straight in between."""
+        bias, flux_arm, lag_arm = (
+            np.interp(at, self.at, part) for part in (self.bias, self.flux_arm, self.lag_arm)
+        )
+        return bias, flux_arm, lag_arm
+
+    def offset_over(self, at: FloatArray) -> FloatArray | None:
+        """Return the offset at other places; None: that of the model."""
+        return None if self.offset is None else np.interp(at, self.at, self.offset)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Demands at one gap as flux, the current the full model gives, and newtons for an ampere."""
+
+    demand: FloatArray
+    flux: FloatArray
+    current: FloatArray
+    weight: FloatArray
+    last: slice
+
+
+def _demand(low: float, high: float) -> FloatArray:
+    """Return triangles between two levels, after a rise from zero."""
+    wave = 1.0 - np.abs(np.arange(SAMPLES) / (SAMPLES / 2) - 1.0)
+    return np.tile(low + (high - low) * wave, CYCLES)
+
+
+def _tasks(model: ActuatorModel, at: float, limits: Limits) -> list[_Task]:
+    """Return what the full model does at one gap, one task a demand."""
+    circuit = model.circuit(np.array([at]), np.zeros(1))
+    unit = flux_unit(model)
+    current = np.array([limits.current[0], limits.current[1]])
+    top = float(model.predict(current, np.full(2, at), history="demagnetised").output[-1])
+    top = min(top, limits.demand[1])
+    tasks = []
+    for low, high in LOOPS:
+        demand = _demand(low * top, high * top)
+        answer = model.invert(demand, np.full(demand.size, at), history="demagnetised")
+        flux = (answer.flux_density / unit).astype(np.float64)
+        last = slice(flux.size - SAMPLES, None)
+        # Newtons that an ampere is worth: by the flux, since current and flux run all but parallel.
+        arm = np.ptp(answer.drive[last]) / np.ptp(flux[last])
+        power = model.power
+        weight = power * float(circuit.c_out[0]) * unit**power * flux[last] ** (power - 1) / arm
+        tasks.append(_Task(demand, flux, answer.drive, weight, last))
+    return tasks
+
+
+def _with_offset(model: ActuatorModel, at: float, tasks: list[_Task], offset: float) -> list[_Task]:
+    """Return the same demands with the flux that another offset makes of them."""
+    unit = flux_unit(model)
+    scale = float(model.over_schedule("c_out", np.array([at]))[0]) * unit**2
+    changed = []
+    for task in tasks:
+        flux = np.sqrt(np.maximum(task.demand - offset, 0.0) / scale)
+        arm = np.ptp(task.current[task.last]) / np.ptp(flux[task.last])
+        weight = 2.0 * scale * flux[task.last] / arm
+        changed.append(_Task(task.demand, flux, task.current, weight, task.last))
+    return changed
+
+
+def curve(nu: float, z: FloatArray) -> FloatArray:
+    """Return ``p = 1 - v`` for ``z = -ln v + nu*v - nu``, the closed form of eq. 14."""
+    if nu < 1e-9:
+        return -np.expm1(-z)
+    v = -lambertw(-nu * np.exp(-nu - z)).real / nu
+    return np.asarray(1.0 - np.minimum(v, 1.0))
+
+
+def distances(sizes: Sizes) -> FloatArray:
+    """Return where the table of the closed form has its entries: as many in each octave up to 16.
+
+    Below the first octave, which ends at ``16/2**octaves``, there are as many again.
+    """
+    n = 2**sizes.octave_segments
+    first = 16.0 / 2.0**sizes.octaves
+    ends = [np.arange(n) / n * first]
+    ends += [first * 2.0**k * (1.0 + np.arange(n) / n) for k in range(sizes.octaves)]
+    return np.append(np.concatenate(ends), 16.0)
+
+
+def _pack_law(pack: Packer, rate: float, nu: float, sizes: Sizes) -> None:
+    weight, shift = mantissa(rate / 8.0, "rate of the simplified law")
+    pack.set("SIMPLE_RATE", weight)
+    pack.set("SIMPLE_RATE_SHIFT", shift)
+    weight, shift = mantissa(rate / (1.0 - nu), "slope of the simplified law after a reversal")
+    pack.set("SIMPLE_HOLD", weight)
+    pack.set("SIMPLE_HOLD_SHIFT", shift)
+    pack.set("SIMPLE_REST", max(as_word(1.0 - nu, 32768.0, "1 - nu"), 1))
+    pack.set("SIMPLE_ITERATIONS", sizes.iterations)
+    if pack.kind == "euler":
+        pack.set("EULER_SUBSTEPS", sizes.substeps)
+        return
+    z = distances(sizes)
+    pack.set("SIMPLE_OCTAVES", sizes.octaves)
+    pack.set("SIMPLE_SEGMENTS", sizes.octave_segments)
+    pack.table("SIMPLE_CURVE", np.minimum(curve(nu, z), 32767 / 32768), 32768.0)
+
+
+def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: Sizes) -> list[FloatArray]:
+    """Return the bounded state along each row of fluxes, from the C that will run."""
+    pack = Packer("simplified")
+    pack.set("POWER", 1)
+    pack.set("ROOT_KNEE", sizes.root_knee)
+    for name in ("DEMAND", "CURRENT"):
+        pack.set(f"{name}_LOW", -32767)
+        pack.set(f"{name}_HIGH", 32767)
+    pack.set("FLUX_SHIFT", 2)
+    pack.set("FLUX_LIMIT", 16384)
+    pack.set("CONDITION_TICKS", 2)
+    one = np.ones(2)
+    for name, value in (("GAIN", 0.25), ("OFFSET", 0.0), ("BIAS", 0.0), ("FLUX_ARM", 0.0)):
+        pack.table(f"GAP_{name}", value * one, 65536.0)
+    pack.table("GAP_FIELD_ARM", 0.25 * one, 65536.0)
+    pack.set("CURRENT_SHIFT", 2)
+    _pack_law(pack, rate, nu, sizes)
+    words = pack.close(Scales(1.0, 1.0, 0.0, 1.0), Limits((-1, 1), (-1, 1))).words
+    lags = []
+    for flux in fluxes:
+        codes = np.clip(np.rint(flux * 2.0**31), -(2**31), 2**31 - 1).astype(np.int32)
+        run = FixedCompensator("simplified", words).run(codes, np.zeros_like(codes), False)
+        lags.append(run / 2.0**31)
+    return lags
+
+
+def _arms(tasks: list[_Task], lags: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return bias, flux arm and lag arm with the least worst error in force, and the errors."""
+    rows, wanted = [], []
+    for task, lag in zip(tasks, lags, strict=True):
+        parts = (np.ones(SAMPLES), task.flux[task.last], lag[task.last])
+        rows.append(np.column_stack(parts) * task.weight[:, None])
+        wanted.append(task.current[task.last] * task.weight)
+    design, target = np.concatenate(rows), np.concatenate(wanted)
+    weight = np.ones(target.size)
+    best: FloatArray = np.zeros(3)
+    least = np.inf
+    for _ in range(WORST_CASE_ROUNDS):
+        arms = _least_squares(design * weight[:, None], target * weight)
+        error = np.abs(design @ arms - target)
+        if error.max() < least:
+            best, least = arms, float(error.max())
+        weight *= 0.5 + error / error.max()
+    return best, design @ best - target
+
+
+def _least_squares(design: FloatArray, target: FloatArray) -> FloatArray:
+    """Return bias, flux arm and lag arm; more flux never needs less current.
+
+    Once u has reached its end, nothing would make up for a flux arm below zero.
+    """
+    arms = np.linalg.lstsq(design, target, rcond=None)[0]
+    if arms[1] < 0.0:
+        bias, lag = np.linalg.lstsq(design[:, [0, 2]], target, rcond=None)[0]
+        arms = np.array([bias, 0.0, lag])
+    return np.asarray(arms, dtype=np.float64)
+
+
+def _straighten(
+    model: ActuatorModel,
+    at: float,
+    tasks: list[_Task],
+    law: tuple[float, float],
+    room: float,
+    sizes: Sizes,
+) -> tuple[float, list[_Task]]:
+    """Find the offset at one gap that leaves the least error, and the demands with it."""
+    own = float(model.over_schedule("out_0", np.array([at]))[0])
+
+    def cost(lower: float) -> float:
+        tried = _with_offset(model, at, tasks, own - lower)
+        lags = _lags(*law, [task.flux for task in tried], sizes)
+        error = _arms(tried, lags)[1]
+        return float(np.mean(error**4) ** 0.25 * (1.0 + THRIFT * lower / room))
+
+    found = minimize_scalar(
+        cost, bounds=(0.0, room), method="bounded", options={"xatol": 0.03 * room, "maxiter": 12}
+    )
+    lower = float(found.x) if found.fun < cost(0.0) else 0.0
+    return own - lower, _with_offset(model, at, tasks, own - lower)
+
+
+def fit_closed_form(
+    model: ActuatorModel,
+    limits: Limits,
+    at: FloatArray,
+    sizes: Sizes | None = None,
+    room: float = 0.0,
+) -> ClosedForm:
+    """Fit the simplified law to a model over its working range, in force.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Of the effective-field law.
+    limits : Limits
+        Of demand and current.
+    at : ndarray, shape (g,)
+        Scheduling variable at which arms are wanted, SI.
+    sizes : Sizes, optional
+        How fine the table of the closed form is.
+    room : float, optional
+        So far above its largest demand the format reaches, in units of the output: as far may the
+        offset of a force be lowered. Without room it is that of the model.
+
+    Returns
+    -------
+    ClosedForm
+        The five numbers, the arms at each place.
+
+    Raises
+    ------
+    InputError
+        The model cannot be compiled.
+    """
+    refuse_uncompilable(model)
+    sizes = sizes or Sizes()
+    places = np.unique(at)
+    groups = [_tasks(model, float(place), limits) for place in places]
+    if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
+        raise InputError(
+            "[valid]: demands within these limits do not move the flux, so there is nothing a "
+            "simplified law could be fitted to; correct them, or compile with --kind full"
+        )
+    rate, nu = _search(groups, sizes)
+    offset: FloatArray | None = None
+    if room > 0.0 and model.power == 2:
+        straight = [
+            _straighten(model, float(place), tasks, (rate, nu), room, sizes)
+            for place, tasks in zip(places, groups, strict=True)
+        ]
+        offset = np.array([one for one, _ in straight])
+        groups = [tasks for _, tasks in straight]
+        rate, nu = _search(groups, sizes)
+    results = _fitted(groups, rate, nu, sizes)
+    arms = np.array([arm for arm, _ in results])
+    errors = np.abs(np.concatenate([error for _, error in results]))
+    if np.any(arms[:, 2] <= 0.0):
+        raise InputError(
+            "the model has no hysteresis that a simplified law could follow; compile with "
+            "--kind full"
+        )
+    bias, flux_arm, lag_arm = arms.T
+    worst, mean = float(errors.max()), float(errors.mean())
+    return ClosedForm(rate, nu, places, bias, flux_arm, lag_arm, worst, mean, offset)
+
+
+def _fitted(
+    groups: list[list[_Task]], rate: float, nu: float, sizes: Sizes
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the best arms at each gap, and the errors they leave."""
+    lags = _lags(rate, nu, [task.flux for tasks in groups for task in tasks], sizes)
+    each = len(LOOPS)
+    return [_arms(tasks, lags[i * each : (i + 1) * each]) for i, tasks in enumerate(groups)]
+
+
+def _search(groups: list[list[_Task]], sizes: Sizes) -> tuple[float, float]:
+    """Find the rate and nu that are best for all gaps."""
+
+    def cost(point: FloatArray) -> float:
+        rate, nu = float(np.exp(point[0])), float(1.0 / (1.0 + np.exp(-point[1])))
+        if not (0.2 < rate < 200.0 and nu < 0.98 and rate / (1.0 - nu) < STEEPEST):
+            return 1e9
+        return float(sum(np.sum(e**4) for _, e in _fitted(groups, rate, nu, sizes)) ** 0.25)
+
+    starts = [(np.log(rate), logit) for rate in (2.0, 8.0, 30.0) for logit in (0.0, 2.0)]
+    start = min(starts, key=lambda point: cost(np.array(point)))
+    found = minimize(
+        cost, start, method="Nelder-Mead", options={"xatol": 1e-2, "fatol": 1e-4, "maxfev": 80}
+    )
+    return float(np.exp(found.x[0])), float(1.0 / (1.0 + np.exp(-found.x[1])))
+
+
+def build_simplified(
+    model: ActuatorModel,
+    scales: Scales,
+    limits: Limits,
+    sizes: Sizes | None = None,
+    conditioning: Conditioning | None = None,
+    model_hash: int = 0,
+    law: ClosedForm | None = None,
+) -> Block:
+    """Make the parameter block of the simplified law; parameters as for `build_full`.
+
+    `law` is the outcome of `fit_closed_form`, which is called where it is missing.
+    """
+    return _build("simplified", model, scales, limits, sizes, conditioning, model_hash, law)
+
+
+def build_euler(
+    model: ActuatorModel,
+    scales: Scales,
+    limits: Limits,
+    sizes: Sizes | None = None,
+    conditioning: Conditioning | None = None,
+    model_hash: int = 0,
+    law: ClosedForm | None = None,
+) -> Block:
+    """Make the block of the paper's Euler form: the same five numbers, ``sizes.substeps``."""
+    return _build("euler", model, scales, limits, sizes, conditioning, model_hash, law)
+
+
+def _build(
+    kind: Kind,
+    model: ActuatorModel,
+    scales: Scales,
+    limits: Limits,
+    sizes: Sizes | None,
+    conditioning: Conditioning | None,
+    model_hash: int,
+    law: ClosedForm | None,
+) -> Block:
+    refuse_uncompilable(model)
+    sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
+    at = nodes(model, scales, sizes)
+    law = law or fit_closed_form(model, limits, at, sizes)
+    pack = Packer(kind, model_hash)
+    pack_common(pack, model, scales, limits, sizes, conditioning, law.offset_over(at))
+    pack_arms(pack, scales, *law.over(at))
+    _pack_law(pack, law.rate, law.nu, sizes)
+    return pack.close(scales, limits)

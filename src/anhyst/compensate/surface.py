@@ -1,0 +1,231 @@
+"""What a magnet does without its hysteresis: the current over force and gap, and its slopes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.signal import savgol_filter
+
+from anhyst.compensate.baselines import midway
+from anhyst.data import LoopSet
+from anhyst.data.verdict import monotone_fit
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+COLUMNS = 129
+"""Levels of the force, from zero to its full scale."""
+
+ROWS = 17
+"""Gaps, over the range of the controller."""
+
+WINDOW = 0.25
+"""Half-width, over the largest force and over the range of gaps, of what a slope is fitted to."""
+
+TOP = 0.1
+"""Share of the known levels that tell the slope beyond the last one."""
+
+DEGREE = 5
+SPAN = 11
+"""Of the polynomial below the smoothing, and the levels that one smoothed value is made of."""
+
+FLATTEST = 0.01
+"""A surface rises at least by this share of its mean slope, so that it can be inverted."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Current over force and gap, on equal steps.
+
+    Parameters
+    ----------
+    force : ndarray, shape (f,)
+        From zero on, N.
+    gap : ndarray, shape (g,)
+        m.
+    current : ndarray, shape (g, f)
+        A; rises along the force.
+    """
+
+    force: FloatArray
+    gap: FloatArray
+    current: FloatArray
+
+    def at(self, force: FloatArray, gap: float) -> FloatArray:
+        """Return the current for forces at one gap; straight lines between the steps.
+
+        Parameters
+        ----------
+        force : ndarray, shape (n,)
+            N; beyond the steps as at the nearest one.
+        gap : float
+            m; likewise.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            A.
+        """
+        row = [np.interp(gap, self.gap, column) for column in self.current.T]
+        return np.asarray(np.interp(force, self.force, row))
+
+
+def fit_surface(loops: LoopSet, force_high: float, gap_range: tuple[float, float]) -> Surface:
+    """Fit the best current without memory.
+
+    At every level of force it lies midway between the least and the largest current that the loops
+    of a gap show there. Nothing single-valued has a smaller worst error than that; smoothing it,
+    which takes the noise away, costs a little of it. Beyond what the loops of a gap reach it goes
+    on straight. Over the gap runs a monotone cubic.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Current to force, with gaps.
+    force_high : float
+        Largest force of the surface, N.
+    gap_range : tuple of float
+        m; within the gaps that were measured.
+
+    Raises
+    ------
+    InputError
+        The loops are no loops of force over current, do not span the gaps, or do not reach the
+        forces at all.
+    """
+    names = loops.input.name, loops.output.name, loops.schedule and loops.schedule.name
+    if names != ("current", "force", "gap"):
+        raise InputError("loops: a bearing needs columns I_A, F_N and gap_m")
+    groups = loops.by_schedule()
+    nodes = np.array(list(groups))
+    slack = 1e-9
+    if not (nodes[0] - slack <= gap_range[0] < gap_range[1] <= nodes[-1] + slack):
+        raise InputError(
+            f"loops: measured at gaps of {nodes[0]:g} to {nodes[-1]:g} m, wanted are "
+            f"{gap_range[0]:g} to {gap_range[1]:g} m; measure more gaps or narrow the range"
+        )
+    force = np.linspace(0.0, force_high, COLUMNS)
+    table = np.array([_row(midway(members, force), force, gap) for gap, members in groups.items()])
+    gaps = np.linspace(*gap_range, ROWS)
+    current = PchipInterpolator(nodes, table, axis=0)(np.clip(gaps, nodes[0], nodes[-1]))
+    return Surface(force, gaps, rising(current))
+
+
+def _row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
+    """Fill in and go on beyond what was measured, at one gap."""
+    known = np.flatnonzero(np.isfinite(middle))
+    if known.size < 0.2 * force.size:
+        raise InputError(
+            f"loops: at gap {gap:g} m they show less than a fifth of {force[-1]:g} N; lower the "
+            "largest force or measure larger currents"
+        )
+    filled = _smooth(force, np.interp(force, force[known], middle[known]))
+    row = monotone_fit(filled, np.ones(force.size))
+    top = known[-max(3, int(TOP * known.size)) :]
+    slope = float(np.polyfit(force[top], row[top], 1)[0])
+    beyond = force > force[known[-1]]
+    row[beyond] = row[known[-1]] + slope * (force[beyond] - force[known[-1]])
+    return row
+
+
+def _smooth(force: FloatArray, current: FloatArray) -> FloatArray:
+    """Take off the noise of the sensors, which would make the slope of the curve restless.
+
+    What is smoothed is the distance from a polynomial over the root of the force, along which the
+    current of a magnet is nearly straight.
+    """
+    root = np.sqrt(force / force[-1])
+    smooth = np.polynomial.Polynomial.fit(root, current, DEGREE)(root)
+    return np.asarray(smooth + savgol_filter(current - smooth, SPAN, 2))
+
+
+def rising(table: FloatArray) -> FloatArray:
+    """Return the least table above this one that rises everywhere along its rows."""
+    mean = np.ptp(table, axis=1, keepdims=True) / (table.shape[1] - 1)
+    line = FLATTEST * mean * np.arange(table.shape[1])
+    return np.asarray(np.maximum.accumulate(table - line, axis=1) + line)
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """A plane through the surface at an operating point.
+
+    Parameters
+    ----------
+    current : float
+        At the operating point, A.
+    per_force : float
+        A/N.
+    per_gap : float
+        At constant force, A/m.
+    """
+
+    current: float
+    per_force: float
+    per_gap: float
+
+    @property
+    def k_i(self) -> float:
+        """Force for a current, N/A."""
+        return 1.0 / self.per_force
+
+    @property
+    def k_s(self) -> float:
+        """Force that is lost for an opening gap at constant current, N/m: -dF/dgap."""
+        return self.per_gap / self.per_force
+
+
+def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
+    """Fit a constant force-current ratio around a force at one gap, least squares.
+
+    Parameters
+    ----------
+    surface : Surface
+        Best current without memory.
+    force, gap : float
+        Operating point, N and m.
+    force_max : float
+        Largest force that is wanted, N.
+
+    Returns
+    -------
+    Tangent
+        Flat over the gap.
+    """
+    forces = _around(force, WINDOW * force_max, (0.0, force_max))
+    slope, current = np.polyfit(forces - force, surface.at(forces, gap), 1)
+    return Tangent(float(current), float(slope), 0.0)
+
+
+def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
+    """Fit the two constants of a magnet around an operating point, least squares.
+
+    Parameters
+    ----------
+    surface : Surface
+        Best current without memory.
+    force, gap : float
+        Operating point, N and m.
+    force_max : float
+        Largest force that is wanted, N.
+    """
+    low, high = float(surface.gap[0]), float(surface.gap[-1])
+    forces = _around(force, WINDOW * force_max, (0.0, force_max))
+    gaps = _around(gap, WINDOW * (high - low), (low, high))
+    current = np.concatenate([surface.at(forces, at) for at in gaps.tolist()])
+    over = np.column_stack(
+        [
+            np.ones(current.size),
+            np.tile(forces - force, gaps.size),
+            np.repeat(gaps - gap, forces.size) / (high - low),
+        ]
+    )
+    found = np.linalg.lstsq(over, current, rcond=None)[0]
+    return Tangent(float(found[0]), float(found[1]), float(found[2]) / (high - low))
+
+
+def _around(middle: float, half: float, ends: tuple[float, float]) -> FloatArray:
+    """Return equal steps as far to one side as to the other, within the ends."""
+    half = min(half, middle - ends[0], ends[1] - middle)
+    return np.linspace(middle - half, middle + half, 41)

@@ -1,0 +1,169 @@
+"""The parameters of a floating-point compensator as C: every number with its meaning and unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from textwrap import wrap
+
+import numpy as np
+
+from anhyst.compensate.floating import RealBlock
+from anhyst.compensate.words import Names
+from anhyst.support.units import Quantity
+
+WIDTH = 100
+
+COMMON = {
+    "demand_low": "{output}, lowest demand",
+    "demand_high": "{output}, highest demand",
+    "current_low": "{input}, lowest current",
+    "current_high": "{input}, highest current",
+    "full_scale": "{output}, counts as 1 under the root",
+    "knee": "root below which it is a straight line",
+    "flux_limit": "largest flux solved for",
+    "gap_low": "{gap}, first row over the gap",
+    "gap_rows": "rows for each {gap}",
+    "power": "2: output is a force, flux its root; 1: linear",
+    "condition_cycles": "triangles of the start-up sequence",
+    "condition_ticks": "ticks of one of their ramps",
+}
+"""What the fields of ``anhyst_parameters_f32`` are, in the order of the structure but for power."""
+
+LAWS = {
+    "full": {
+        "air": "flux of the air for a unit of field",
+        "reversible": "reversible fraction c",
+        "play": "half-width of the play, field",
+        "octaves": "halvings of the memory in a unit of field",
+        "reach": "largest field",
+        "iterations": "evaluations of a solve",
+        "curve_segments": "",
+        "inverse_segments": "",
+    },
+    "simplified": {
+        "rate": "distance of a unit of flux",
+        "hold": "change of u of a unit of flux while held",
+        "nu": "",
+        "first": "distance at the end of the first octave",
+        "iterations": "evaluations of a commit",
+        "octaves": "of the table",
+        "segments": "up to the first octave and in each",
+    },
+}
+TABLES = {
+    ("full", "curve"): "Anhysteretic curve over fields of 0 to {reach:.6g}",
+    ("full", "branch"): "Ascending branch over fields of -{reach:.6g} to {reach:.6g}",
+    ("full", "inverse"): "Field over the anhysteretic of 0 to 1",
+    ("simplified", "curve"): "State over distances of 0 to 16, finer towards 0",
+}
+
+
+def c_parameters_f32(name: str, block: RealBlock, names: Names, schedule: Quantity | None) -> str:
+    """Return the definitions of a compensator's parameters in single precision.
+
+    Parameters
+    ----------
+    name : str
+        What the actuator is called in C.
+    block : RealBlock
+        The parameters.
+    names : Names
+        Units of output and input.
+    schedule : Quantity or None
+        What the rows over the gap run over.
+
+    Returns
+    -------
+    str
+        C for behind the include of its header: tables and structures, all static but
+        ``const anhyst_parameters_f32 NAME_parameters``.
+    """
+    parts = [_table(block, table) for table in block.tables]
+    parts += [_gaps(block, names, schedule), _law(block)]
+    parts.append(_parameters(name, block, names, schedule))
+    return "\n\n".join("\n".join(part) for part in parts)
+
+
+def literal(value: float) -> str:
+    """Return the shortest literal that C reads as this number in single precision.
+
+    Examples
+    --------
+    >>> literal(0.1), literal(2.0), literal(1e-7)
+    ('0.1f', '2.0f', '1e-07f')
+    """
+    return f"{np.float32(value)!s}f"
+
+
+def _table(block: RealBlock, name: str) -> Iterator[str]:
+    values = block.tables[name]
+    yield f"/* {TABLES[block.kind, name].format(**block.numbers)}. */"
+    yield f"static const float {name}[{values.size}] = {{"
+    yield from wrap(f"{_listed(values)},", WIDTH, initial_indent="    ", subsequent_indent="    ")
+    yield "};"
+
+
+def _listed(values: Iterable[float]) -> str:
+    return ", ".join(literal(value) for value in values)
+
+
+def _gaps(block: RealBlock, names: Names, schedule: Quantity | None) -> Iterator[str]:
+    arm = "field" if block.kind == "full" else "the bounded state"
+    text = (
+        f"/* Over the gap: flux for a full-scale output; output at zero flux, {names.output}; "
+        f"current at zero flux and field, for a unit of flux, for a unit of {arm}, "
+        f"{names.input}. */"
+    )
+    yield from wrap(text, WIDTH, subsequent_indent="   ")
+    yield f"static const anhyst_at_gap_f32 gaps[{len(block.gaps)}] = {{"
+    rows = [f"    {{{_listed(row)}}}," for row in block.gaps.tolist()]
+    end = max(len(row) for row in rows)
+    at = np.linspace(block.scales.gap_low, block.scales.gap_high, len(rows)).tolist()
+    for row, place in zip(rows, at, strict=True):
+        yield row if schedule is None else f"{row:<{end}} /* {_place(place, schedule)} */"
+    yield "};"
+
+
+def _place(value: float, schedule: Quantity) -> str:
+    scale, unit = (1e3, "mm") if schedule.unit == "m" else (1.0, schedule.unit)
+    return f"{value * scale:.6g} {unit}"
+
+
+def _law(block: RealBlock) -> Iterator[str]:
+    yield "/* Fields in units of the law's own scale, flux in units of that of saturated iron. */"
+    yield f"static const anhyst_{block.kind}_law_f32 law = {{"
+    fields = [(name, _number(block, name), doc) for name, doc in LAWS[block.kind].items()]
+    yield from _fields(fields + [(name, name, "") for name in block.tables])
+    yield "};"
+
+
+def _parameters(
+    actuator: str, block: RealBlock, names: Names, schedule: Quantity | None
+) -> Iterator[str]:
+    units = {
+        "output": names.output,
+        "input": names.input,
+        "gap": "" if schedule is None else schedule.unit,
+    }
+    fields = [
+        ("kernel", f"&anhyst_kernel_{block.kind}_f32", ""),
+        (block.kind, "&law", ""),
+        ("gaps", "gaps", ""),
+        ("gap_segments", str(len(block.gaps) - 1), ""),
+    ]
+    fields += [(name, _number(block, name), doc.format(**units)) for name, doc in COMMON.items()]
+    yield f"const anhyst_parameters_f32 {actuator}_parameters = {{"
+    yield from _fields(fields)
+    yield "};"
+
+
+def _number(block: RealBlock, name: str) -> str:
+    value = block.numbers[name]
+    return str(value) if isinstance(value, int) else literal(value)
+
+
+def _fields(fields: list[tuple[str, str, str]]) -> Iterator[str]:
+    rows = [(f"    .{name} = {value},", doc) for name, value, doc in fields]
+    end = max(len(row) for row, doc in rows if doc) if any(doc for _, doc in rows) else 0
+    for row, doc in rows:
+        yield f"{row:<{end}} /* {doc} */" if doc else row

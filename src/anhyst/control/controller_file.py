@@ -1,0 +1,491 @@
+"""The controller file: gains, limits, compensation, lift-off and landing.
+
+Everything is SI and the unit stands in the key. Every key is described in docs/controller-file.md.
+"""
+
+# ruff: noqa: N815 - keys of the file carry units
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+from anhyst.control.design import Gains, design
+from anhyst.control.pidd2 import Pidd2
+from anhyst.control.position import (
+    Converter,
+    DriveScales,
+    Levitation,
+    Limits,
+    PositionControl,
+)
+from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import (
+    Fault,
+    NotNegative,
+    Number,
+    Positive,
+    Share,
+    Table,
+    faults_error,
+    read_toml,
+)
+from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.toml_text import toml_value
+
+Variant = Literal["ratio", "ratio-chord", "linearised", "static", "simplified", "full", "flux"]
+Format = Literal["f64", "f32", "fixed"]
+Ticks = Annotated[int, Field(ge=0, le=65535)]
+
+RELEASE_S = 0.1
+"""Time in which the largest current goes to zero when nothing is controlled, s."""
+
+FINEST_STEP = 1e-9
+"""Least that a gap may be allowed to change from tick to tick, m."""
+
+CONVERTER_BITS = 16
+"""Of the converter of the current references, where the file does not tell."""
+
+
+class DesignTable(Table):
+    """``[design]``: gains by the design rule."""
+
+    mass_kg: Positive
+    bandwidth_Hz: Positive
+    damping: Positive
+    virtual_mass_kg: Number = 0.0
+
+    @model_validator(mode="after")
+    def _massive(self) -> Self:
+        if not self.mass_kg + self.virtual_mass_kg > 0.0:
+            raise ValueError("virtual_mass_kg takes away all of mass_kg; raise it")
+        return self
+
+
+class GainsTable(Table):
+    """``[gains]``: gains as they are."""
+
+    K_p_N_per_m: Positive
+    K_i_N_per_m_s: NotNegative
+    K_d_N_s_per_m: NotNegative
+    K_dd_N_s2_per_m: Number = 0.0
+
+
+class FilterTable(Table):
+    """``[filter]``: low-passes of the derivatives."""
+
+    cutoff_Hz: Positive
+    cutoff_2_Hz: Positive
+
+
+class LimitsTable(Table):
+    """``[limits]``: what holds whatever the gains are."""
+
+    force_low_N: Number
+    force_high_N: Number
+    current_low_A: Number
+    current_high_A: Number
+    gap_low_m: NotNegative
+    gap_high_m: Positive
+    step_m: Number
+
+    @field_validator("step_m")
+    @classmethod
+    def _above_rounding(cls, step: float) -> float:
+        if step < FINEST_STEP:
+            raise ValueError(
+                f"{step:g} m is below {FINEST_STEP:g} m, less than any position sensor's noise: no "
+                "reading would count; raise it"
+            )
+        return step
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        for low, high in (
+            ("force_low_N", "force_high_N"),
+            ("current_low_A", "current_high_A"),
+            ("gap_low_m", "gap_high_m"),
+        ):
+            if not getattr(self, low) < getattr(self, high):
+                raise ValueError(f"{low} must be below {high}; correct them")
+        return self
+
+
+class CompensationTable(Table):
+    """``[compensation]``: what turns a wanted force into a current."""
+
+    variant: Variant
+    format: Format
+    model: str | None = None
+    applied: Literal["reference", "measured"] = "reference"
+
+
+class ConverterTable(Table):
+    """``[converter]``: of the current references to the amplifiers."""
+
+    low_A: Number
+    high_A: Number
+    bits: Annotated[int, Field(ge=4, le=20)]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.low_A < self.high_A:
+            raise ValueError("low_A must be below high_A; correct them")
+        return self
+
+
+class PairTable(Table):
+    """``[pair]``: a second magnet on the other side of the armature."""
+
+    bias_force_N: Positive
+    gap_total_m: Positive
+
+
+class LiftOffTable(Table):
+    """``[lift_off]``: from the rest position into the air."""
+
+    force_rate_N_per_s: Positive
+    detect_m: Positive
+    speed_m_per_s: Positive
+
+
+class LandingTable(Table):
+    """``[landing]``: back to rest."""
+
+    speed_m_per_s: Positive
+    force_rate_N_per_s: Positive
+
+
+class SafetyTable(Table):
+    """``[safety]``: what is done without a position."""
+
+    patience_ticks: Ticks
+    hold_ticks: Ticks
+
+
+class ControllerTable(Table):
+    """The whole file."""
+
+    format: Literal["anhyst-controller"]
+    version: Literal[1]
+    name: str
+    rate_Hz: Annotated[float, Field(ge=100.0, le=200e3)]
+    set_point_weight: Share
+    design: DesignTable | None = None
+    gains: GainsTable | None = None
+    filter: FilterTable
+    limits: LimitsTable
+    compensation: CompensationTable
+    lift_off: LiftOffTable
+    landing: LandingTable
+    safety: SafetyTable
+    converter: ConverterTable | None = None
+    pair: PairTable | None = None
+
+    def law(self) -> Gains:
+        """Return the gains, designed or as they stand.
+
+        Raises
+        ------
+        InputError
+            If there are none.
+        """
+        if self.gains is not None:
+            gains = self.gains
+            return Gains(
+                K_p=gains.K_p_N_per_m,
+                K_i=gains.K_i_N_per_m_s,
+                K_d=gains.K_d_N_s_per_m,
+                K_dd=gains.K_dd_N_s2_per_m,
+            )
+        rule = self.design
+        if rule is None:
+            raise InputError("neither [design] nor [gains] is there; add one of the two tables")
+        return design(rule.mass_kg, rule.bandwidth_Hz, rule.damping, rule.virtual_mass_kg)
+
+    def pidd2(self) -> Pidd2:
+        """Return the position controller that the file describes."""
+        gains = self.law()
+        return Pidd2(
+            rate=self.rate_Hz,
+            K_p=gains.K_p,
+            K_i=gains.K_i,
+            K_d=gains.K_d,
+            K_dd=gains.K_dd,
+            cutoff=self.filter.cutoff_Hz,
+            cutoff_2=self.filter.cutoff_2_Hz,
+            weight=self.set_point_weight,
+            low=self.limits.force_low_N,
+            high=self.limits.force_high_N,
+        )
+
+    def converter_of_currents(self) -> Converter:
+        """Return the converter of the references; where none is named, one over their limits."""
+        if self.converter is None:
+            limits = self.limits
+            return Converter(limits.current_low_A, limits.current_high_A, CONVERTER_BITS)
+        return Converter(self.converter.low_A, self.converter.high_A, self.converter.bits)
+
+    def force_max(self, pair: PairTable | None) -> float:
+        """Return the largest force of one magnet, N.
+
+        Parameters
+        ----------
+        pair : PairTable or None
+            What is to know of a second magnet.
+        """
+        high = self.limits.force_high_N
+        return high if pair is None else pair.bias_force_N + 0.5 * high
+
+    def working_gaps(
+        self, pair: PairTable | None, measured: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return the gaps of either magnet for which its drive is made.
+
+        Beyond the gaps that were measured a drive goes on as at the last one.
+
+        Parameters
+        ----------
+        pair : PairTable or None
+            What is to know of a second magnet.
+        measured : tuple of float
+            Least and largest gap that was measured, m.
+
+        Returns
+        -------
+        low, high : float
+            m.
+        """
+        low, high = self.limits.gap_low_m, self.limits.gap_high_m
+        if pair is not None:
+            low, high = min(low, pair.gap_total_m - high), max(high, pair.gap_total_m - low)
+        return max(low, measured[0]), min(high, measured[1])
+
+    def position_control(
+        self, scales: DriveScales, converter: Converter, pair: PairTable | None
+    ) -> PositionControl:
+        """Return the controller of the position around its drives.
+
+        Parameters
+        ----------
+        scales : DriveScales
+            Of the drives.
+        converter : Converter
+            Of the current references.
+        pair : PairTable or None
+            What is to know of a second magnet.
+
+        Returns
+        -------
+        PositionControl
+            In SI units.
+
+        Raises
+        ------
+        InputError
+            What the file says does not fit together, or the scales.
+        """
+        limits = self.limits
+        return PositionControl(
+            pidd2=self.pidd2(),
+            levitation=Levitation(
+                detect=self.lift_off.detect_m,
+                rise_speed=self.lift_off.speed_m_per_s,
+                descend_speed=self.landing.speed_m_per_s,
+                lift_rate=self.lift_off.force_rate_N_per_s,
+                set_down_rate=self.landing.force_rate_N_per_s,
+            ),
+            limits=Limits(
+                gap_low=limits.gap_low_m,
+                gap_high=limits.gap_high_m,
+                step=limits.step_m,
+                current_low=limits.current_low_A,
+                current_high=limits.current_high_A,
+                release=limits.current_high_A / RELEASE_S,
+                patience=self.safety.patience_ticks,
+                hold=self.safety.hold_ticks,
+            ),
+            converter=converter,
+            scales=scales,
+            bias=0.0 if pair is None else pair.bias_force_N,
+            gap_total=None if pair is None else pair.gap_total_m,
+            measured=self.compensation.applied == "measured",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerFile:
+    """A controller as its file describes it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    settings : ControllerTable
+        What it says.
+    """
+
+    path: Path
+    settings: ControllerTable
+
+    @property
+    def model(self) -> Path | None:
+        """Model file of the compensator, if one is named."""
+        model = self.settings.compensation.model
+        return None if model is None else self.path.parent / model
+
+
+def read_controller(path: PathLike) -> ControllerFile:
+    """Read a controller file.
+
+    Parameters
+    ----------
+    path : path-like
+        ``controller.toml``; other files are named relative to it.
+
+    Returns
+    -------
+    ControllerFile
+        Its keys fit the schema and each other.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or does not fit; with file, line and key.
+    """
+    place = Path(path)
+    settings = read_toml(place, ControllerTable)
+    faults = _own_faults(settings)
+    if faults:
+        raise faults_error(place, faults)
+    return ControllerFile(place, settings)
+
+
+def _own_faults(settings: ControllerTable) -> list[Fault]:
+    faults: list[Fault] = []
+    if settings.design is not None and settings.gains is not None:
+        faults.append((("gains",), "stands beside [design]; keep one of the two tables"))
+    if settings.design is None and settings.gains is None:
+        faults.append((("design",), "is missing, and so is [gains]; add one of the two tables"))
+    for key in ("cutoff_Hz", "cutoff_2_Hz"):
+        cutoff = getattr(settings.filter, key)
+        if cutoff >= settings.rate_Hz / 2.0:
+            text = f"{cutoff:g} Hz is not below half of rate_Hz, {settings.rate_Hz / 2.0:g} Hz"
+            faults.append((("filter", key), f"{text}; lower it"))
+    limits = settings.limits
+    if limits.current_low_A > 0.0:
+        text = f"{limits.current_low_A:g} A is above 0, but at rest no current flows; lower it"
+        faults.append((("limits", "current_low_A"), text))
+    for key, unit, what in (("force_high_N", "N", "force"), ("current_high_A", "A", "current")):
+        value = getattr(limits, key)
+        if not value > 0.0:
+            text = f"{value:g} {unit} is not above 0, and no other {what} lifts; raise it"
+            faults.append((("limits", key), text))
+    return faults
+
+
+_KEYS: Mapping[str, tuple[str, str]] = {
+    **{name: ("limits", f"{name}_m") for name in ("step", "gap_low", "gap_high")},
+    **{name: ("limits", f"{name}_A") for name in ("current_low", "current_high")},
+    **{name: ("limits", f"force_{name}_N") for name in ("low", "high")},
+    **{name: ("filter", f"{name}_Hz") for name in ("cutoff", "cutoff_2")},
+    "detect": ("lift_off", "detect_m"),
+    "rise_speed": ("lift_off", "speed_m_per_s"),
+    "lift_rate": ("lift_off", "force_rate_N_per_s"),
+    "descend_speed": ("landing", "speed_m_per_s"),
+    "set_down_rate": ("landing", "force_rate_N_per_s"),
+    "bits": ("converter", "bits"),
+    "bias": ("pair", "bias_force_N"),
+    "proportional": ("gains", "K_p_N_per_m"),
+    "integral": ("gains", "K_i_N_per_m_s"),
+    "derivative": ("gains", "K_d_N_s_per_m"),
+    "second": ("gains", "K_dd_N_s2_per_m"),
+    "back": ("gains", "K_i_N_per_m_s"),
+}
+"""Where in the file stands what :mod:`anhyst.control` names."""
+
+
+@contextmanager
+def told_by_key(file: ControllerFile) -> Iterator[None]:
+    """Name file, line and key where a controller cannot be made from a file.
+
+    Parameters
+    ----------
+    file : ControllerFile
+        What the controller is made from.
+
+    Raises
+    ------
+    InputError
+        In place of one that names nothing of the file.
+    """
+    try:
+        yield
+    except InputError as error:
+        name, _, text = str(error).partition(": ")
+        key: KeyPath = _KEYS.get(name, ())
+        if key[:1] == ("gains",) and file.settings.gains is None:
+            key = ("design", "bandwidth_Hz")  # all gains grow with it
+            text = str(error)
+        raise faults_error(file.path, [(key, text if key else str(error))]) from error
+
+
+HEADS = {
+    "design": "gains from what moves, how fast and how well damped",
+    "gains": "of the position controller",
+    "filter": "low-passes of the first and of the second derivative",
+    "limits": "hold whatever the gains are",
+    "compensation": "what turns a wanted force into a current",
+    "lift_off": "ramp of the force until the armature has left its rest, then of the reference",
+    "landing": "ramp of the reference to the rest, then of the force to zero",
+    "safety": "dropped samples that are bridged; how long the last current is held in a fault",
+    "converter": "of the current references to the amplifiers",
+    "pair": "a second magnet on the other side",
+}
+
+
+def write_controller(path: PathLike, settings: ControllerTable, note: str) -> None:
+    """Write a controller file, whole or not at all, for a person to read and edit.
+
+    Parameters
+    ----------
+    path : path-like
+        Where.
+    settings : ControllerTable
+        What it is to say.
+    note : str
+        First comment of the file: where it comes from. Several lines are allowed.
+
+    Raises
+    ------
+    InputError
+        The place cannot be written, or the disk is full.
+    """
+    text = controller_text(settings, note)
+    with atomic_writer(path) as stream:
+        stream.write(text)
+
+
+def controller_text(settings: ControllerTable, note: str) -> str:
+    """Return the text of a controller file; the same for the same settings."""
+    lines = [f"# {line}".rstrip() for line in note.splitlines()]
+    lines.append("# Every key is described in docs/controller-file.md. SI, the unit in the key.")
+    tables: list[str] = []
+    for key in type(settings).model_fields:
+        value = getattr(settings, key)
+        if isinstance(value, BaseModel):
+            tables += ["", f"[{key}]".ljust(20) + f"# {HEADS[key]}", *_keys(value)]
+        elif value is not None:
+            lines.append(f"{key} = {toml_value(value)}")
+    return "\n".join([*lines, *tables]) + "\n"
+
+
+def _keys(table: BaseModel) -> list[str]:
+    values = ((key, getattr(table, key)) for key in type(table).model_fields)
+    return [f"{key} = {toml_value(value)}" for key, value in values if value is not None]

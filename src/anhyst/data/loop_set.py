@@ -1,0 +1,355 @@
+"""Measured loops: immutable, SI inside, each with what happened before its first sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from anhyst.data.files import Column, write_csv
+from anhyst.data.history import SETTLED, History
+from anhyst.data.layout import PathLike
+from anhyst.data.path import reversal_count, time_fault, value_fault
+from anhyst.data.raw_table import Texts
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+from anhyst.support.units import GAP_ADVICE, QUANTITIES, Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_REVERSAL = 0.02
+"""A reversal counts once the input has come back by this share of its range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """One loop: a record of input and output over time, in SI units.
+
+    Parameters
+    ----------
+    label
+        Tells loops apart; unique together with the scheduling value.
+    input, output
+        Shape (n,), n >= 3, finite; kept as read-only float64.
+    schedule
+        The scheduling variable (gap, temperature, ...) at each sample, or ``None``.
+    time
+        Time of each sample in s, never going backwards, or ``None`` if not recorded.
+    history
+        What happened before the first sample.
+    source
+        File it came from, for messages; empty if none.
+
+    Raises
+    ------
+    InputError
+        If the arrays do not fit together, hold what nobody measured, are too short, the input is
+        constant or time goes backwards.
+    """
+
+    label: str
+    input: FloatArray
+    output: FloatArray
+    schedule: FloatArray | None = None
+    time: FloatArray | None = None
+    history: History = SETTLED
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("input", "output", "schedule", "time"):
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, self._checked(name, values))
+        if np.ptp(self.input) == 0.0:
+            raise InputError(
+                f"loop '{self.label}': the input is constant ({self.input[0]:g}); a loop needs an "
+                "input that goes up and down"
+            )
+        if self.time is not None and (back := time_fault(self.time)) is not None:
+            raise InputError(
+                f"loop '{self.label}': time goes backwards at sample {back + 1}; sort the samples "
+                "or tell loops apart by a column 'loop'"
+            )
+        if self.time is not None and self.time[0] == self.time[-1]:
+            raise InputError(
+                f"loop '{self.label}': time stands still at {self.time[0]:g} s; correct it or "
+                'leave the column out, such as --columns "t_s="'
+            )
+
+    def _checked(self, name: str, values: FloatArray) -> FloatArray:
+        array = np.asarray(values, dtype=np.float64)
+        if array.ndim != 1 or array.size != np.size(self.input):
+            raise InputError(f"loop '{self.label}': {name} must have one value a sample")
+        if array.size < 3:
+            raise InputError(
+                f"loop '{self.label}': has {array.size} samples; a loop needs at least 3"
+            )
+        if (odd := value_fault(array)) is not None:
+            raise InputError(
+                f"loop '{self.label}': {name} holds {array[odd]:g} at sample {odd + 1}: no "
+                "measured value; remove the sample"
+            )
+        if array.flags.writeable or not array.flags.c_contiguous:
+            array = array.copy()
+            array.flags.writeable = False
+        return array
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return self.input.size
+
+    @property
+    def schedule_value(self) -> float | None:
+        """The scheduling value if there is one and it is constant, else ``None``."""
+        if self.schedule is None or np.ptp(self.schedule) != 0.0:
+            return None
+        return float(self.schedule[0])
+
+    @property
+    def reversals(self) -> int:
+        """Number of reversals of the input larger than 2 % of its range."""
+        return reversal_count(self.input, _REVERSAL * float(np.ptp(self.input)))
+
+    @property
+    def reverses(self) -> bool:
+        """Whether the input ever comes back: a record that does not shows no hysteresis."""
+        return self.reversals > 0
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where loops came from: file, SHA-256 of its bytes, and how its columns were read."""
+
+    path: str
+    sha256: str
+    columns: Mapping[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopSet:
+    """Loops of one device, in one input and one output quantity.
+
+    ``notes`` tell what was found while reading (comments of the file, columns left out, histories
+    proposed); ``repairs`` what the cleaning steps changed.
+
+    Raises
+    ------
+    InputError
+        If there are no loops, some have a scheduling value and some not, two share label and
+        scheduling value, or a gap is negative.
+    """
+
+    loops: tuple[Loop, ...]
+    input: Quantity
+    output: Quantity
+    schedule: Quantity | None = None
+    sources: tuple[Source, ...] = ()
+    notes: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.loops:
+            raise InputError("no loops: nothing to work with")
+        seen: set[tuple[str, float | None]] = set()
+        for loop in self.loops:
+            if (loop.schedule is None) != (self.schedule is None):
+                what = self.schedule.name if self.schedule else "scheduling value"
+                raise InputError(f"loop '{loop.label}': has a {what} while others do not, or none")
+            is_gap = loop.schedule is not None and self.schedule == QUANTITIES["gap"]
+            if is_gap and (least := float(np.min(loop.schedule))) < 0.0:  # type: ignore[arg-type]
+                raise InputError(f"loop '{loop.label}': negative gap {least:g} m; {GAP_ADVICE}")
+            key = (loop.label, loop.schedule_value)
+            if key in seen and (loop.schedule is None or key[1] is not None):
+                raise InputError(f"two loops are both called '{self.describe(loop)}'; rename one")
+            seen.add(key)
+
+    def __len__(self) -> int:
+        return len(self.loops)
+
+    @classmethod
+    def from_csv(
+        cls,
+        paths: PathLike | Sequence[PathLike],
+        *,
+        columns: Mapping[str, str] | None = None,
+        history: History | str | None = None,
+        schedule: str | None = None,
+        loop: str | None = None,
+        constants: Mapping[str, float | str] | None = None,
+        select: Mapping[str, object] | None = None,
+        file_name: str | None = None,
+        sidecar: PathLike | None = None,
+        progress: Progress | None = None,
+    ) -> LoopSet:
+        """Read loops from text tables; see `anhyst.data.reading.read_loops`."""
+        from anhyst.data.reading import read_loops
+        from anhyst.data.sidecar import Reading
+
+        told = Reading.from_arguments(
+            columns=columns,
+            history=history,
+            schedule=schedule,
+            loop=loop,
+            constants=constants,
+            select=select,
+            file_name=file_name,
+        )
+        return read_loops(paths, told, sidecar=sidecar, progress=progress)
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        frame: Any,
+        *,
+        columns: Mapping[str, str] | None = None,
+        history: History | str | None = None,
+        schedule: str | None = None,
+        loop: str | None = None,
+        constants: Mapping[str, float | str] | None = None,
+    ) -> LoopSet:
+        """Take loops from a data frame, or anything with ``columns`` and ``[name]``.
+
+        Column names follow the same rules as the headers of a file.
+
+        Raises
+        ------
+        InputError
+            As `from_csv`.
+        """
+        from anhyst.data.reading import loops_of_frame
+        from anhyst.data.sidecar import Reading
+
+        told = Reading.from_arguments(
+            columns=columns, history=history, schedule=schedule, loop=loop, constants=constants
+        )
+        return loops_of_frame(frame, told)
+
+    @property
+    def schedule_values(self) -> tuple[float, ...]:
+        """The distinct constant scheduling values, ascending; empty if nothing is scheduled."""
+        values = {loop.schedule_value for loop in self.loops}
+        return tuple(sorted(value for value in values if value is not None))
+
+    def by_schedule(self) -> dict[float, list[Loop]]:
+        """Loops by scheduling value, ascending; all under 0.0 if nothing is scheduled.
+
+        Raises
+        ------
+        InputError
+            If the scheduling variable moves within a loop.
+        """
+        if self.schedule is None:
+            return {0.0: list(self.loops)}
+        for loop in self.loops:
+            if loop.schedule_value is None:
+                raise InputError(
+                    f"loop '{loop.label}': the {self.schedule.name} moves during the loop; loops "
+                    "at constant values are needed here (cleaning step 'steady' settles wobble)"
+                )
+        return {
+            value: [loop for loop in self.loops if loop.schedule_value == value]
+            for value in self.schedule_values
+        }
+
+    def at(self, values: float | Iterable[float]) -> LoopSet:
+        """Loops at the given scheduling values only (found to 1e-9 of the largest).
+
+        Raises
+        ------
+        InputError
+            If a value has no loop.
+        """
+        wanted = [values] if isinstance(values, int | float) else list(values)
+        scale = max((abs(value) for value in self.schedule_values), default=0.0)
+        kept: set[float] = set()
+        for value in wanted:
+            near = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
+            if not near:
+                have = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
+                raise InputError(f"no loop at {value:g}; there are: {have}")
+            kept |= near
+        loops = tuple(loop for loop in self.loops if loop.schedule_value in kept)
+        return replace(self, loops=loops)
+
+    def without(self, value: float) -> LoopSet:
+        """All loops but those at one scheduling value.
+
+        Raises
+        ------
+        InputError
+            If there is no loop at that value, or nothing is left.
+        """
+        out = {id(loop) for loop in self.at(value).loops}
+        return replace(self, loops=tuple(loop for loop in self.loops if id(loop) not in out))
+
+    def with_loops(self, loops: Iterable[Loop], repair: str | None = None) -> LoopSet:
+        """Return the same set with other loops, and the repair that made them so."""
+        repairs = self.repairs if repair is None else (*self.repairs, repair)
+        return replace(self, loops=tuple(loops), repairs=repairs)
+
+    def with_history(self, history: History | str) -> LoopSet:
+        """Return the same set with every loop declaring the given history."""
+        told = History.parse(history) if isinstance(history, str) else history
+        return self.with_loops(replace(loop, history=told) for loop in self.loops)
+
+    def require_reversals(self) -> None:
+        """Refuse loops that never reverse, as identification must.
+
+        Raises
+        ------
+        InputError
+            Naming the first such loop.
+        """
+        for loop in self.loops:
+            if not loop.reverses:
+                raise InputError(
+                    f"{self.describe(loop)}: the {self.input.name} never reverses, so there is no "
+                    "hysteresis to see; record at least one way up and back"
+                )
+
+    def describe(self, loop: Loop) -> str:
+        """Name a loop for a message: its file, its label and its scheduling value."""
+        place = f"{loop.source}: " if loop.source else ""
+        value = loop.schedule_value
+        if self.schedule is None or value is None:
+            return f"{place}loop '{loop.label}'"
+        return f"{place}loop '{loop.label}' at {self.schedule.show(value)}"
+
+    def to_columns(self) -> dict[str, Column]:
+        """All loops one below the other, as columns of SI values by header."""
+        codes = np.concatenate(
+            [np.full(loop.n, place, np.int32) for place, loop in enumerate(self.loops)]
+        )
+        found: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
+        times = [loop.time for loop in self.loops if loop.time is not None]
+        if len(times) == len(self.loops):
+            found[QUANTITIES["time"].column] = np.concatenate(times)
+        found[self.input.column] = np.concatenate([loop.input for loop in self.loops])
+        found[self.output.column] = np.concatenate([loop.output for loop in self.loops])
+        values = [loop.schedule for loop in self.loops if loop.schedule is not None]
+        if self.schedule is not None:
+            found[self.schedule.column] = np.concatenate(values)
+        return found
+
+    def to_csv(self, path: PathLike) -> None:
+        """Write all loops to one CSV file, SI units, full precision, whole or not at all.
+
+        Histories are not written: state them when reading the file back.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        write_csv(path, self.to_columns())
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the loops, one colour a scheduling value; see `anhyst.data.plot.plot_loops`."""
+        from anhyst.data.plot import plot_loops
+
+        return plot_loops(self, ax)

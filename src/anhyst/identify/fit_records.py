@@ -1,0 +1,172 @@
+"""Loops made ready for fitting: arrays, weights, and what came before the first sample."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import Loop, LoopSet
+from anhyst.data.path import turning_points
+from anhyst.data.verdict import largest_output
+from anhyst.identify.rest import Rest
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+WEIGHTINGS = ("loops", "points", "relative")
+"""How loops count: each the same, each sample the same, or each by its own largest output."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """One loop as the objective sees it.
+
+    Parameters
+    ----------
+    label
+        Name of the loop.
+    gap
+        Place of its scheduling value among the gaps of the problem.
+    lead
+        Turning points of the input before the first sample, SI; empty if there are none.
+    input, output
+        Shape (n,), SI.
+    settled
+        Whether the record is a cycle to be repeated until it closes.
+    weight
+        Weight of the deviation of every sample, 1/(unit of the output).
+    """
+
+    label: str
+    gap: int
+    lead: FloatArray
+    input: FloatArray
+    output: FloatArray
+    settled: bool
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Records:
+    """All drives of one identification, and the scales of their quantities.
+
+    ``nodes`` are the scheduling values, ascending, empty if nothing is scheduled. ``input_span``
+    and ``output_span`` are the largest absolute input and output, SI. ``rest`` is what the sensors
+    read at rest: its offsets have been taken from every drive.
+    """
+
+    drives: tuple[Drive, ...]
+    nodes: FloatArray
+    input_span: float
+    output_span: float
+    rest: Rest = field(default_factory=Rest)
+
+    @property
+    def gaps(self) -> int:
+        """Number of parameter sets that differ by the gap; one if nothing is scheduled."""
+        return max(1, self.nodes.size)
+
+    def at(self, gap: int) -> Records:
+        """Only one gap, as a problem of its own with the same scales."""
+        kept = tuple(replace(drive, gap=0) for drive in self.drives if drive.gap == gap)
+        return replace(self, drives=kept, nodes=self.nodes[gap : gap + 1])
+
+    def without(self, left_out: Collection[int]) -> Records:
+        """Take all gaps but these, numbered again from zero."""
+        keep = [gap for gap in range(self.gaps) if gap not in left_out]
+        numbers = {old: new for new, old in enumerate(keep)}
+        drives = tuple(
+            replace(drive, gap=numbers[drive.gap]) for drive in self.drives if drive.gap in numbers
+        )
+        return replace(self, drives=drives, nodes=self.nodes[keep])
+
+    def thinned(self, most: int) -> Records:
+        """Take at most about `most` samples of each loop, weighing the same together.
+
+        The exact step does not care how densely a path is sampled, so a search may.
+        """
+        drives = []
+        for drive in self.drives:
+            kept = thinned(drive.input, most)
+            weight = drive.weight * float(np.sqrt(drive.input.size / kept.size))
+            drives.append(
+                replace(drive, input=drive.input[kept], output=drive.output[kept], weight=weight)
+            )
+        return replace(self, drives=tuple(drives))
+
+
+def thinned(drive: FloatArray, most: int) -> NDArray[np.intp]:
+    """Places of at most about `most` samples spread evenly over the way, and of every reversal."""
+    if drive.size <= most:
+        return np.arange(drive.size)
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+    places = np.searchsorted(way, np.linspace(0.0, way[-1], most))
+    turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
+    return np.union1d(np.clip(places, 0, drive.size - 1), turns)
+
+
+def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
+    """Weights whose sum of squares over all samples is 1 for outputs of the size of the span."""
+    total = sum(loop.n for loop in loops)
+    if weighting == "points":
+        return [1.0 / (span * np.sqrt(total))] * len(loops)
+    each = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
+    if weighting == "loops":
+        return [weight / span for weight in each]
+    sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
+    if min(sizes) == 0.0:
+        raise InputError("a loop has no output at all; weigh by 'loops' or leave it out")
+    return [weight / size for weight, size in zip(each, sizes, strict=True)]
+
+
+def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = None) -> Records:
+    """Make the loops of a set ready for fitting.
+
+    Parameters
+    ----------
+    loopset : LoopSet
+        Loops at constant scheduling values, each with at least one reversal.
+    weighting : str
+        One of :data:`WEIGHTINGS`.
+    rest : Rest or None
+        Offsets to take from every drive.
+
+    Returns
+    -------
+    Records
+
+    Raises
+    ------
+    InputError
+        For an unknown weighting, a loop that never reverses, a scheduling value that moves within
+        a loop, or output that is zero throughout.
+    """
+    if weighting not in WEIGHTINGS:
+        raise InputError(f"weights: '{weighting}' is unknown; use one of {', '.join(WEIGHTINGS)}")
+    loopset.require_reversals()
+    rest = rest or Rest()
+    groups = loopset.by_schedule()
+    loops = [loop for group in groups.values() for loop in group]
+    gaps = [place for place, group in enumerate(groups.values()) for _ in group]
+    output_span = largest_output(loopset)
+    if not any(np.any(loop.output) for loop in loops):
+        raise InputError(f"the {loopset.output.name} is zero throughout; check the columns")
+    drives = tuple(
+        Drive(
+            label=loop.label,
+            gap=gap,
+            lead=np.asarray(loop.history.turning_points, dtype=np.float64) - rest.input.offset,
+            input=np.ascontiguousarray(loop.input - rest.input.offset),
+            output=loop.output - rest.output.offset,
+            settled=loop.history.kind == "settled",
+            weight=weight,
+        )
+        for loop, gap, weight in zip(
+            loops, gaps, _weights(loops, output_span, weighting), strict=True
+        )
+    )
+    nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)
+    input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
+    return Records(drives, nodes, input_span, output_span, rest)

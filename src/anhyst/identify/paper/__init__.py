@@ -1,0 +1,1 @@
+"""The paper's search: free parameters at each gap, then the reduction."""

@@ -1,0 +1,175 @@
+"""The bus on which a virtual plant gives a controller its ticks.
+
+Both wait for each other, so that virtual time stands still while either computes: at every tick the
+plant says what its sensors show, the controller answers with the current it wants from the next
+tick on.
+"""
+
+from __future__ import annotations
+
+import math
+import socket
+import struct
+from typing import NamedTuple, Protocol
+
+from anhyst.control.states import Fault, State
+from anhyst.link.frames import PlantDrive, PlantSample
+from anhyst.support.errors import InputError
+
+Q30 = float(1 << 30)
+Q31 = float(1 << 31)
+_RESERVED = -(1 << 31)
+_LEAST, _MOST = _RESERVED + 1, (1 << 31) - 1
+_DRIVE_BYTES = 20
+
+
+class Reading(NamedTuple):
+    """What the sensors show at the beginning of a tick; NaN: the sensor's error code.
+
+    Parameters
+    ----------
+    gap : float
+        0 at the low end of the model's range of gaps, 1 at the high one.
+    force, current : float
+        As a fraction of full scale.
+    status : int, optional
+        Bits of ``PORT_...`` in ``firmware/port/port.h``; 1: there is no sample at all.
+    position, current_2 : float, optional
+        Of a controller of position, as a fraction of full scale; the current of a second magnet.
+    """
+
+    gap: float
+    force: float
+    current: float
+    status: int = 0
+    position: float = 0.0
+    current_2: float = 0.0
+
+
+class Plant(Protocol):
+    """What stands at the other end of the bus."""
+
+    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+        """Go on by one tick, to the beginning of tick number `tick`.
+
+        Parameters
+        ----------
+        tick : int
+            Counts from 1.
+        currents : tuple of float
+            Driven by the controller in the tick before, as fractions of full scale; the second is
+            that of a second magnet. They begin to flow now, in the tick that this step leads to:
+            what flowed until now are the currents of the step before. That is the one tick of
+            delay of every controller.
+
+        Returns
+        -------
+        Reading
+        """
+        ...  # pragma: no cover
+
+
+class PlantBus:
+    """The plant's end of the bus.
+
+    Parameters
+    ----------
+    plant : Plant
+        Stepped once a tick.
+    connection : socket
+        To the controller.
+    timeout : float, optional
+        How long a controller may take for a tick, s of the clock on the wall.
+
+    Attributes
+    ----------
+    tick : int
+        Number of the last tick; 0 before the first.
+    drives : tuple of float
+        Currents that the controller wants from the next tick on, as fractions of full scale.
+    state : State
+        Of the controller after the last tick.
+    fault : Fault
+        Its latched reason.
+    """
+
+    def __init__(self, plant: Plant, connection: socket.socket, timeout: float = 10.0) -> None:
+        self.plant = plant
+        self.tick = 0
+        self.drives = (0.0, 0.0)
+        self.state = State.INIT
+        self.fault = Fault.NONE
+        self._connection = connection
+        # Waited for inside the system: an emulated board sends byte by byte.
+        connection.settimeout(None)
+        wait = struct.pack("@ll", int(timeout), int(timeout % 1.0 * 1e6))
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, wait)
+
+    def step(self, ticks: int = 1) -> None:
+        """Go on by some ticks, in lock-step with the controller.
+
+        Raises
+        ------
+        InputError
+            The controller hung up or does not answer.
+        """
+        for _ in range(ticks):
+            self._step(self.tick + 1)
+
+    def skip(self, ticks: int) -> None:
+        """Let the plant go on without the controller, which misses these ticks."""
+        for _ in range(ticks):
+            self.tick += 1
+            self.plant.step(self.tick, self.drives)
+
+    def _step(self, tick: int) -> None:
+        sample = _encode(tick, self.plant.step(tick, self.drives))
+        try:
+            self._connection.sendall(sample.pack())
+            drive = PlantDrive.unpack(self._receive())
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"the controller did not finish tick {tick}: {error}; see its output"
+            ) from error
+        if drive.tick != tick:
+            raise InputError(f"the controller answered tick {drive.tick} to tick {tick}")
+        self.tick = tick
+        self.drives = (drive.drive / Q31, drive.drive_2 / Q31)
+        self.state = State(drive.state & 0xFF)
+        self.fault = Fault(drive.state >> 8 & 0xFF)
+
+    def _receive(self) -> bytes:
+        data = self._connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
+        if not data:
+            raise ConnectionError("it hung up")
+        return data
+
+    @property
+    def drive(self) -> float:
+        """The first of the currents that the controller wants."""
+        return self.drives[0]
+
+
+def _encode(tick: int, reading: Reading) -> PlantSample:
+    return PlantSample(
+        tick=tick & 0xFFFFFFFF,
+        gap=_q30(reading.gap),
+        force=_q30(reading.force),
+        position=_code(reading.position, Q31),
+        current=_q30(reading.current),
+        current_2=_q30(reading.current_2),
+        status=reading.status,
+    )
+
+
+def _q30(value: float) -> int:
+    """Give the nearest code; what lies beyond is the nearest end, no number the error code."""
+    return _code(value, Q30)
+
+
+def _code(value: float, one: float) -> int:
+    """Halves go up, as in the simulated loop."""
+    if math.isnan(value):
+        return _RESERVED
+    return math.floor(min(max(value * one + 0.5, _LEAST), _MOST))

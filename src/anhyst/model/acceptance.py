@@ -1,0 +1,306 @@
+"""The acceptance test: the force rises as the gap closes, and as the current rises from rest.
+
+The first is the paper's (II.C), at any fixed current; the second holds at any fixed gap, from the
+demagnetised state and from remanence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError, NegativeResult
+
+if TYPE_CHECKING:
+    from anhyst.model.actuator import ActuatorModel
+
+GAPS_BETWEEN_NODES = 20
+DRIVES_A_BRANCH = 100
+
+TOLERANCE = 1e-4
+"""Fall of the output, in parts of the largest, that still counts as none: a tenth of what the
+best force sensors resolve, and far above rounding where all gaps share one remanence."""
+
+OFFSET = 0.02
+"""Offset, in parts of the range, that a sensor may have; a force that falls beyond it is a fault of
+the model, however it is called."""
+
+
+@dataclass(frozen=True, eq=False)
+class GapCheck:
+    """Outcome of the acceptance test over the gap.
+
+    Parameters
+    ----------
+    gaps : ndarray, shape (g,)
+        The dense grid of gaps, ascending, m.
+    drive : ndarray, shape (n,)
+        Settled cycle: the rising branch, then the falling one, in units of the input.
+    output : ndarray, shape (g, n)
+        Output over that cycle at each gap; NaN where the model could not be computed.
+    fall : float
+        Largest fall of the output towards a smaller gap, in parts of the largest output.
+    gap : float
+        Gap at which the output has fallen most, m.
+    at_drive : float
+        Drive at which it has, in units of the input.
+    branch : str
+        ``"rising"`` or ``"falling"``.
+    towards : float
+        1 where a rise is one upward; -1 where output is negative and rises in magnitude.
+    trouble : str
+        Why a gap could not be computed; empty if all could.
+    """
+
+    gaps: FloatArray
+    drive: FloatArray
+    output: FloatArray
+    fall: float
+    gap: float
+    at_drive: float
+    branch: str
+    towards: float = 1.0
+    trouble: str = ""
+
+    @property
+    def failing(self) -> tuple[float, ...]:
+        """Gaps where the output has fallen, or could not be computed, m."""
+        fallen = np.fmax.reduce(_falls(self.towards * self.output), axis=1, initial=0.0) > TOLERANCE
+        return tuple(self.gaps[fallen | np.isnan(self.output).any(axis=1)].tolist())
+
+    @property
+    def passed(self) -> bool:
+        """Whether the output rises throughout as the gap closes."""
+        return not self.trouble and self.fall <= TOLERANCE
+
+    def text(self, unit: str) -> str:
+        """One sentence for a person; ``unit`` is that of the drive."""
+        span = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
+        if self.trouble:
+            return (
+                f"the model cannot be computed at a gap of {1e3 * self.gap:.4g} mm: {self.trouble}"
+            )
+        if self.passed:
+            return f"at every drive the output rises as the gap closes ({span}, both branches)"
+        return (
+            f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest, at "
+            f"{1e3 * self.gap:.4g} mm and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
+            "no electromagnet with a plain gap does that, do not use the model there"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class DriveCheck:
+    """Outcome of the acceptance test over the drive.
+
+    Parameters
+    ----------
+    fall : float
+        Largest fall of the output as the drive rises from rest, in parts of the largest output.
+    at_drive : float
+        Drive at which it has fallen most, in units of the input.
+    place : str
+        Gap, and state at the start, for a person.
+    trouble : str
+        Why it could not be computed; empty if it could.
+    """
+
+    fall: float
+    at_drive: float
+    place: str
+    trouble: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the output nowhere falls as the drive rises."""
+        return not self.trouble and self.fall <= TOLERANCE
+
+    def text(self, unit: str) -> str:
+        """One sentence for a person; ``unit`` is that of the drive."""
+        if self.trouble:
+            return f"the model cannot be computed {self.place}: {self.trouble}"
+        if self.passed:
+            return "the output nowhere falls as the drive rises from rest"
+        return (
+            f"the output falls as the drive rises: by {100 * self.fall:.2g} % of the largest, at "
+            f"{self.at_drive:.4g} {unit} {self.place}; no electromagnet does that, do not use the "
+            "model there"
+        )
+
+
+def check_over_drive(model: ActuatorModel) -> DriveCheck | None:
+    """Test that at any fixed gap the force never falls as the drive rises from rest.
+
+    From the demagnetised state, and from what remains after the largest drive, at 100 drives up to
+    the largest measured one, at each node and half-way between. Rest is where a sensor whose offset
+    is no larger than sensors have (:data:`OFFSET`) shows that nothing flows.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model. Its largest drive is that of its valid range.
+
+    Returns
+    -------
+    DriveCheck or None
+        None for another output than a force, or without a valid range.
+    """
+    if model.power != 2 or model.valid is None:
+        return None
+    largest = _largest_drive(model)
+    start = _rest(model, OFFSET)
+    rise = np.linspace(start, largest, DRIVES_A_BRANCH)
+    states = {
+        "demagnetised": "from the demagnetised state",
+        f"conditioned:{start!r},{largest!r},{start!r}": "from remanence",
+    }
+    worst = DriveCheck(0.0, start, "")
+    most = max(map(abs, model.valid.output))
+    for gap in _gaps(model):
+        for history, words in states.items():
+            place = words if gap is None else f"at {_shown(model, gap)} {words}"
+            try:
+                output = model.predict(rise, gap, _slow(rise.size), history).output
+            except (InputError, NegativeResult) as error:
+                return DriveCheck(np.inf, start, place, str(error))
+            falls = np.maximum.accumulate(output) - output
+            at = int(np.argmax(falls))
+            fall = float(falls[at]) / max(most, np.finfo(np.float64).tiny)
+            if fall > worst.fall:
+                worst = DriveCheck(fall, float(rise[at]), place)
+    return worst
+
+
+def _gaps(model: ActuatorModel) -> list[float | None]:
+    nodes = np.array(model.nodes)
+    if not model.needs_schedule:
+        return [None]
+    between = 0.5 * (nodes[1:] + nodes[:-1])
+    return [float(gap) for gap in np.sort(np.concatenate([nodes, between]))]
+
+
+def _shown(model: ActuatorModel, gap: float) -> str:
+    assert model.schedule is not None
+    return model.schedule.show(gap)
+
+
+@dataclass(frozen=True, slots=True)
+class Acceptance:
+    """Outcome of both tests; None where one does not apply."""
+
+    over_gap: GapCheck | None
+    over_drive: DriveCheck | None
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether all that apply have passed; None if none applies."""
+        found = [check.passed for check in (self.over_gap, self.over_drive) if check is not None]
+        return all(found) if found else None
+
+    def text(self, unit: str) -> str:
+        """Say what failed, or else what has passed; ``unit`` is that of the drive."""
+        checks = [check for check in (self.over_gap, self.over_drive) if check is not None]
+        failed = [check for check in checks if not check.passed]
+        return "; ".join(check.text(unit) for check in failed or checks)
+
+
+def check_acceptance(model: ActuatorModel) -> Acceptance:
+    """Run both tests."""
+    return Acceptance(check_over_gap(model), check_over_drive(model))
+
+
+def check_over_gap(
+    model: ActuatorModel, at: Callable[[float], ActuatorModel] | None = None
+) -> GapCheck | None:
+    """Test that at any fixed drive the output rises as the gap closes.
+
+    The settled cycle between zero (less the offset of the input: below it, what remains in the iron
+    is demagnetised, most at the smallest gap) and the largest measured drive is computed on a dense
+    grid of gaps over and between all nodes, at 100 drives on each branch.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model. Its largest drive is that of its valid range.
+    at : callable, optional
+        Gives the model of a single gap, for another interpolation than the model's own.
+
+    Returns
+    -------
+    GapCheck or None
+        None where the test does not apply: the scheduling variable is not a gap, there is one
+        node only, nothing varies, or there is no valid range to say how far to drive.
+    """
+    if model.schedule is None or model.schedule.name != "gap" or not model.varying:
+        return None
+    if len(model.nodes) < 2 or model.valid is None:
+        return None
+    nodes = np.array(model.nodes)
+    parts = np.arange(GAPS_BETWEEN_NODES) / GAPS_BETWEEN_NODES
+    gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
+    half = np.linspace(_rest(model), _largest_drive(model), DRIVES_A_BRANCH)
+    drive = np.concatenate([half, half[-2::-1]])
+    towards = -1.0 if model.power == 1 and half[-1] < 0.0 else 1.0  # "rises" means: in magnitude
+    output = np.full((gaps.size, drive.size), np.nan)
+    troubles: list[tuple[float, str]] = []
+    for place, gap in enumerate(gaps.tolist()):
+        try:
+            if at is None:
+                found = model.predict(drive, gap, _slow(drive.size), "settled")
+            else:
+                found = at(gap).predict(drive, None, _slow(drive.size), "settled")
+        except (InputError, NegativeResult) as error:
+            troubles.append((gap, str(error)))
+        else:
+            output[place] = found.output
+    if troubles:
+        gap, trouble = troubles[0]
+        return GapCheck(gaps, drive, output, np.inf, gap, 0.0, "rising", towards, trouble)
+    return _judge(gaps, drive, output, towards)
+
+
+def _largest_drive(model: ActuatorModel) -> float:
+    assert model.valid is not None
+    low, high = model.valid.input
+    return high if abs(high) >= abs(low) else low
+
+
+def _rest(model: ActuatorModel, most: float = 0.5) -> float:
+    """Return the drive from which on none is negative: above zero by a part of the largest."""
+    largest = _largest_drive(model)
+    shares = np.atleast_1d(model.parameters["in_0"]) / largest
+    return largest * float(np.clip(shares.max(), 0.0, most))
+
+
+def _slow(size: int) -> FloatArray:
+    """Return times so far apart that eddy currents do not count."""
+    return 1e9 * np.arange(size, dtype=np.float64)
+
+
+def _falls(output: FloatArray) -> FloatArray:
+    """How far the output lies below that of any wider gap, in parts of the largest output."""
+    closing = output[::-1]
+    best = np.fmax.accumulate(closing, axis=0)
+    largest = max(
+        float(np.fmax.reduce(np.abs(output), axis=None, initial=0.0)), np.finfo(np.float64).tiny
+    )
+    return (best - closing)[::-1] / largest
+
+
+def _judge(gaps: FloatArray, drive: FloatArray, output: FloatArray, towards: float) -> GapCheck:
+    fall = _falls(towards * output)
+    gap, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
+    return GapCheck(
+        gaps=gaps,
+        drive=drive,
+        output=output,
+        fall=float(fall[gap, sample]),
+        gap=float(gaps[gap]),
+        at_drive=float(drive[sample]),
+        branch="rising" if sample < DRIVES_A_BRANCH else "falling",
+        towards=towards,
+    )

@@ -1,0 +1,143 @@
+"""Whether a model can be turned round at every tick of a controller, and if not, why.
+
+What a compensator computes is one equation, ``x + w*M(x) = r`` with ``w = rho/(1+rho) - alpha``
+(docs/theory.md). It has one solution for any past while ``1 + w*S > 0``, where ``S`` is the largest
+slope that the law ever has: that of the ascending branch, after a rise from far below. Beyond, no
+current holds an output inside the jump.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from anhyst._core import Operator, langevin
+from anhyst.support.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from anhyst.model.actuator import ActuatorModel
+
+LEAST_SLOPE = 1e-3
+"""Of the slope without iron: nearer to a jump, no measured loop and no 16-bit word tells the one
+from the other."""
+
+STEEP_UNTIL = 20.0
+"""Field over the shape field up to which the steepest place of a branch is looked for."""
+
+GAPS = 65
+"""Places over the gap at which a model is looked at, beside its nodes."""
+
+
+def obstacle(model: ActuatorModel) -> str | None:
+    """Say why a model cannot be compiled, and what helps.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Any model; its range of gaps is that of its valid range, or of its nodes.
+
+    Returns
+    -------
+    str or None
+        One sentence; None for a model that can be compiled.
+    """
+    if model.law != "effective-field":
+        return (
+            f"law {model.law!r} cannot be compiled: its step has no closed form; "
+            "identify with --law effective-field"
+        )
+    if model.fixed_gap_only:
+        return (
+            "gap map 'free' cannot be compiled: the iron itself would change with the gap; "
+            "identify with --gap-map scaling or reluctance"
+        )
+    if np.any(np.atleast_1d(model.parameters["gamma"]) > 0.0):
+        return "gamma: eddy currents cannot be compiled; identify with gamma = 0"
+    return _jump(model)
+
+
+def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
+    """Return the irreversible part after a rise from far below, in units of the law.
+
+    Parameters
+    ----------
+    kappa : float
+        ``k/a``.
+    x : ndarray, shape (n,)
+        Ascending fields over ``a``.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Over ``M_s``, -1..1.
+    """
+    start = float(x[0]) - 60.0 * kappa - 1.0
+    pinned = Operator(kappa, 0.0)
+    state = np.array([start, langevin(np.array([start]))[0][0], start])
+    _, m, _, status, _ = pinned.run(np.zeros(x.size), np.ascontiguousarray(x), state)
+    assert status == 0
+    return np.asarray(m)
+
+
+def steepest_slope(kappa: float, c: float) -> float:
+    """Return the largest slope that a law ever has, in units of the law; at most 1/3.
+
+    A lag that has forgotten less of its past has risen less, and a play takes the two parts of the
+    slope further apart: no path is steeper than the ascending branch without a play.
+    """
+    x = np.linspace(0.0, STEEP_UNTIL, 401)
+    level, slope = langevin(x)
+    irreversible = (level - ascending_branch(kappa, x)) / kappa
+    return float(((1.0 - c) * irreversible + c * slope).max())
+
+
+def least_slope(model: ActuatorModel, at: FloatArray) -> FloatArray:
+    """Return ``1 + w*S``: the least slope of the drive over the field, of that without iron.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Of the effective-field law; its iron must not change with the gap.
+    at : ndarray, shape (n,)
+        Scheduling variable, SI.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        At 0 and below the law jumps there; above 1 where the gap outweighs the coupling.
+    """
+    iron = model.parameters_at(float(at[0]))
+    steepest = steepest_slope(iron["k"] / iron["a"], iron["c"]) * iron["M_s"] / iron["a"]
+    rho = model.over_schedule("rho", at)
+    return np.asarray(1.0 + (rho / (1.0 + rho) - iron["alpha"]) * steepest)
+
+
+def _jump(model: ActuatorModel) -> str | None:
+    at = _places(model)
+    jumps = least_slope(model, at) < LEAST_SLOPE
+    if not jumps.any():
+        return None
+    text = (
+        "alpha: the output jumps at some currents, and no current holds it in between "
+        "(the coupling of the iron outweighs the gap), so that the model cannot be compiled: "
+    )
+    if jumps.all():
+        other = "scaling" if "rho" in model.varying else "reluctance"
+        switch = f"identify with --gap-map {other}, or " if len(model.nodes) > 1 else ""
+        return f"{text}{switch}measure with a wider gap; predict and invert follow the jumps"
+    name, unit = ("", "") if model.schedule is None else (model.schedule.name, model.schedule.unit)
+    low, high = at[jumps].min(), at[jumps].max()
+    return (
+        f"{text}it jumps at a {name} of {low:.3g} to {high:.3g} {unit}: leave out the loops there, "
+        f"or narrow the {name} in the model's [valid] to what lies beyond"
+    )
+
+
+def _places(model: ActuatorModel) -> FloatArray:
+    """Return where to look: evenly over the range of the gap, and at the nodes inside it."""
+    nodes = np.array(model.nodes)
+    valid = None if model.valid is None else model.valid.schedule
+    low, high = valid or ((nodes[0], nodes[-1]) if nodes.size else (0.0, 0.0))
+    inside = nodes[(nodes > low) & (nodes < high)]
+    return np.unique(np.concatenate([np.linspace(low, high, GAPS), inside]))

@@ -1,0 +1,191 @@
+"""What two models have different, and how far apart that puts what they predict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from anhyst.model.actuator import PARAMETERS, ActuatorModel, Parameter
+from anhyst.support.errors import InputError
+
+if TYPE_CHECKING:
+    from anhyst.model.fit_record import Range
+
+DRIVES_A_BRANCH = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One setting or parameter that differs; SI."""
+
+    name: str
+    first: Parameter | str | None
+    second: Parameter | str | None
+
+
+@dataclass(frozen=True, slots=True)
+class LoopDifference:
+    """How far the settled loops are apart at one value of the scheduling variable.
+
+    Parameters
+    ----------
+    schedule : float or None
+        Scheduling variable, SI.
+    largest_output : float
+        Largest absolute output of the first model there, in units of the output.
+    mean, worst : float
+        Mean and largest absolute difference of the outputs.
+    at_drive : float
+        Drive at which it is largest, in units of the input.
+    """
+
+    schedule: float | None
+    largest_output: float
+    mean: float
+    worst: float
+    at_drive: float
+
+
+@dataclass(frozen=True, slots=True)
+class ModelDiff:
+    """What two models have different.
+
+    Parameters
+    ----------
+    settings : tuple of Change
+        Law, gap map, nodes, history and valid ranges that differ.
+    parameters : tuple of Change
+        Parameters that differ.
+    drive : tuple of two floats or None
+        Range of the settled cycle that was compared, in units of the input: where both models are
+        valid. None if there is no such range.
+    loops : tuple of LoopDifference
+        At every node of either model and half-way between, where both are valid.
+    mean, worst : float or None
+        Over all those loops, in units of the output.
+    note : str
+        Why nothing could be compared, or empty.
+    """
+
+    settings: tuple[Change, ...]
+    parameters: tuple[Change, ...]
+    drive: Range | None
+    loops: tuple[LoopDifference, ...]
+    mean: float | None
+    worst: float | None
+    note: str = ""
+
+    @property
+    def same(self) -> bool:
+        """Whether the models compute the same (names and records of origin aside)."""
+        return not self.settings and not self.parameters
+
+
+def diff(first: ActuatorModel, second: ActuatorModel) -> ModelDiff:
+    """Compare two models of the same kind.
+
+    Parameters
+    ----------
+    first, second : ActuatorModel
+        Same input, output and scheduling variable.
+
+    Returns
+    -------
+    ModelDiff
+        Changes, and differences of the predicted settled loops.
+
+    Raises
+    ------
+    InputError
+        The models are of different quantities.
+    """
+    for role in ("input", "output"):
+        mine, other = getattr(first, role), getattr(second, role)
+        if mine != other:
+            raise InputError(
+                f"the models cannot be compared: the {role} of one is {mine.column}, of the other "
+                f"{other.column}"
+            )
+    settings = tuple(
+        Change(name, one, other) for name, one, other in _settings(first, second) if one != other
+    )
+    parameters = tuple(
+        Change(name, first.parameters[name], second.parameters[name])
+        for name in PARAMETERS
+        if first.parameters[name] != second.parameters[name]
+    )
+    try:
+        drive = _common([m.valid.input for m in (first, second) if m.valid], "input")
+        gaps = _common_schedule(first, second)
+    except InputError as error:
+        return ModelDiff(settings, parameters, None, (), None, None, str(error))
+    loops = tuple(_compare(first, second, drive, gap) for gap in gaps)
+    mean = float(np.mean([loop.mean for loop in loops]))
+    worst = max(loop.worst for loop in loops)
+    return ModelDiff(settings, parameters, drive, loops, mean, worst)
+
+
+def _settings(
+    first: ActuatorModel, second: ActuatorModel
+) -> list[tuple[str, Parameter | str | None, Parameter | str | None]]:
+    def of(model: ActuatorModel) -> dict[str, Parameter | str | None]:
+        schedule, valid = model.schedule, model.valid
+        return {
+            "law": model.law,
+            "gap_map": model.gap_map,
+            "history": str(model.history),
+            "schedule": schedule.column if schedule else None,
+            "nodes": model.nodes,
+            f"valid {model.input.symbol}": valid.input if valid else None,
+            f"valid {model.output.symbol}": valid.output if valid else None,
+            "valid schedule": valid.schedule if valid else None,
+        }
+
+    mine, other = of(first), of(second)
+    return [(name, mine[name], other[name]) for name in mine]
+
+
+def _common(ranges: list[Range], name: str) -> Range:
+    if not ranges:
+        raise InputError(f"neither model has a valid range of the {name}: no loops compared")
+    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+    if not low < high:
+        raise InputError(f"the valid ranges of the {name} do not overlap: no loops compared")
+    return low, high
+
+
+def _common_schedule(first: ActuatorModel, second: ActuatorModel) -> list[float | None]:
+    """Nodes of both models and the places between, where both are valid; [None] without any."""
+    if first.schedule != second.schedule and (first.needs_schedule or second.needs_schedule):
+        raise InputError("the models run over different quantities: no loops compared")
+    nodes = np.unique([*first.nodes, *second.nodes])
+    if not nodes.size:
+        return [None]
+    ranges = [m.valid.schedule for m in (first, second) if m.valid and m.valid.schedule]
+    spans = ranges or [
+        (model.nodes[0], model.nodes[-1]) for model in (first, second) if model.nodes
+    ]
+    low, high = max(low for low, _ in spans), min(high for _, high in spans)
+    within = nodes[(nodes >= low) & (nodes <= high)]
+    if not within.size:
+        raise InputError("the valid ranges of the schedule do not overlap: no loops compared")
+    return sorted([*within.tolist(), *(0.5 * (within[1:] + within[:-1])).tolist()])
+
+
+def _compare(
+    first: ActuatorModel, second: ActuatorModel, drive: Range, gap: float | None
+) -> LoopDifference:
+    half = np.linspace(*drive, DRIVES_A_BRANCH)
+    cycle = np.concatenate([half, half[-2::-1]])
+    slow = 1e9 * np.arange(cycle.size, dtype=np.float64)  # eddy currents do not count
+    one, other = (model.predict(cycle, gap, slow, "settled").output for model in (first, second))
+    apart = np.abs(one - other)
+    return LoopDifference(
+        schedule=gap,
+        largest_output=float(np.abs(one).max()),
+        mean=float(apart.mean()),
+        worst=float(apart.max()),
+        at_drive=float(cycle[int(np.argmax(apart))]),
+    )

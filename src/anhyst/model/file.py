@@ -1,0 +1,332 @@
+"""The model file: a versioned TOML that a person reads, edits and compares.
+
+Everything is SI and the unit stands in the key, so ``k_A_per_m`` is ``k`` in A/m. Numbers are
+written so that every bit comes back, and there is no time stamp: the same model gives the same
+file. What is wrong with a file is told with its line and key, all of it at once.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from anhyst.data.history import History
+from anhyst.data.loop_set import Source
+from anhyst.model.actuator import ActuatorModel, Parameter, find_problems
+from anhyst.model.fit_record import (
+    CrossValidation,
+    FitFigures,
+    LoopFit,
+    Provenance,
+    ReductionStep,
+    Uncertainty,
+    ValidRange,
+)
+from anhyst.model.keys import FORMAT, VERSION, Names, meant, section_names
+from anhyst.model.schema import (
+    FitTable,
+    ModelTable,
+    QuantityTable,
+    UncertaintyTable,
+)
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import FileProblem, TomlFileError, dotted, explain
+from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.toml_text import key_lines
+from anhyst.support.units import QUANTITIES, Quantity, find_unit
+
+
+def read_model(path: PathLike) -> ActuatorModel:
+    """Read and check a model file.
+
+    Parameters
+    ----------
+    path : path-like
+        A file that :func:`write_model` wrote, perhaps edited since.
+
+    Returns
+    -------
+    ActuatorModel
+        Ready for use: the core has accepted its parameters.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or is no TOML.
+    TomlFileError
+        Another format or version, keys that are unknown, missing, without their unit or out of
+        range; with line and key.
+    """
+    try:
+        text = Path(path).read_bytes().decode("utf-8")
+    except OSError as error:
+        reason = "no such file; check the path" if isinstance(error, FileNotFoundError) else (
+            f"cannot be read: {error.strerror}; name a model.toml"
+        )  # fmt: skip
+        raise InputError(f"{path}: {reason}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: is no UTF-8 text, so no model file; name a model.toml"
+        ) from error
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(_damage(path, text, str(error))) from error
+    except (ValueError, RecursionError) as error:  # numbers without end, brackets without end
+        raise InputError(f"{path}: damaged TOML: {error}; is this a model file?") from error
+    return _Reader(path, key_lines(text)).read(content)
+
+
+def _damage(path: PathLike, text: str, message: str) -> str:
+    what, _, place = message.rpartition(" (at ")
+    if place.startswith("line "):
+        line = place.removeprefix("line ").partition(",")[0]
+    else:
+        what, line = (what or message), str(len(text.splitlines()))
+    return f"{path}:{line}: damaged TOML: {what[0].lower()}{what[1:]}; mend this line"
+
+
+class _Reader:
+    """Takes the content of a file to a model, collecting problems on the way."""
+
+    def __init__(self, path: PathLike, lines: Mapping[KeyPath, int]) -> None:
+        self.path = path
+        self.lines = lines
+        self.problems: list[FileProblem] = []
+        self.names: dict[tuple[str, ...], Names] = {}
+
+    def read(self, content: dict[str, Any]) -> ActuatorModel:
+        self._check_version(content)
+        given, answer, schedule = (
+            self._quantity(content, key) for key in ("input", "output", "schedule")
+        )
+        self._stop_if_wrong()
+        assert given is not None
+        assert answer is not None
+        self.names = section_names(given, answer, schedule)
+        self._strip_units(content, ())
+        try:
+            table = ModelTable.model_validate(content)
+        except ValidationError as error:
+            self._collect(error)
+            table = None
+        self._check_ranges(content)
+        self._stop_if_wrong()
+        assert table is not None
+        return self._build(table, given, answer, schedule)
+
+    def _check_version(self, content: dict[str, Any]) -> None:
+        if content.get("format") != FORMAT:
+            self._add(("format",), f'must be "{FORMAT}"; is this a model file?')
+        elif content.get("version") != VERSION:
+            version = content.get("version")
+            self._add(
+                ("version",),
+                f"is missing; a file of this anhyst says version = {VERSION}"
+                if version is None
+                else f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst",
+            )
+        self._stop_if_wrong()
+
+    def _quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
+        written = content.get(key)
+        if written is None and key == "schedule":
+            return None
+        fields = set(QuantityTable.model_fields)
+        known = {k: v for k, v in written.items() if k in fields} if isinstance(
+            written, dict
+        ) else written  # fmt: skip
+        try:
+            if written is None:
+                self._add((key,), "is missing; add this table")
+                return None
+            table = QuantityTable.model_validate(known)
+        except ValidationError as error:
+            self._collect(error, (key,))
+            return None
+        return self._check_unit(key, Quantity(table.quantity, table.symbol, table.unit))
+
+    def _check_unit(self, key: str, quantity: Quantity) -> Quantity:
+        usual = QUANTITIES.get(quantity.name)
+        unit = find_unit(quantity.unit)
+        wanted = usual.unit if usual else unit.si if unit else None
+        if wanted is None:
+            self._add((key, "unit"), f"unknown unit {quantity.unit!r}; write an SI unit")
+        elif quantity.unit != wanted:
+            text = f"is {quantity.unit!r}; model files are in SI, write {wanted!r}"
+            self._add((key, "unit"), text)
+        return quantity
+
+    def _strip_units(self, table: Any, at: KeyPath) -> None:
+        """Rename keys that carry units to fields, in place; complain about those that do not."""
+        if isinstance(table, list):
+            for place, item in enumerate(table):
+                self._strip_units(item, (*at, place))
+        if not isinstance(table, dict):
+            return
+        names = self._names_in(at)
+        fields = {key: field for field, (_, key) in names.items()}
+        for key in list(table):
+            if key in fields:
+                table[fields[key]] = table.pop(key)
+            elif field := meant(key, names):
+                text = f"its unit must stand in the key; write {names[field][1]}"
+                self._add((*at, key), text)
+                table[field] = table.pop(key)
+        for key, value in table.items():
+            self._strip_units(value, (*at, key))
+
+    def _collect(self, error: ValidationError, at: tuple[str, ...] = ()) -> None:
+        seen = {p.key for p in self.problems}
+        for finding in error.errors(include_url=False):
+            path = self._file_path((*at, *finding["loc"]))
+            key = dotted(path)
+            if key not in seen:
+                seen.add(key)
+                self._add(path, self._advice(path, finding))
+
+    def _advice(self, path: KeyPath, finding: Any) -> str:
+        text = explain(finding)
+        if finding["type"] != "extra_forbidden":
+            return text
+        known = [key for _, key in self._names_in(path[:-1]).values()]
+        near = difflib.get_close_matches(str(path[-1]), known, n=1)
+        return f"is unknown; did you mean {near[0]}?" if near else text
+
+    def _names_in(self, table: KeyPath) -> Names:
+        """Keys that carry units in a table; elements of an array of tables are alike."""
+        return self.names.get(tuple(part for part in table if isinstance(part, str)), {})
+
+    def _file_path(self, location: KeyPath) -> KeyPath:
+        """Path in the file of a place in the validated tables."""
+        *table, last = location
+        names = self._names_in(tuple(table))
+        return (*table, names[last][1] if last in names else last)
+
+    def _check_ranges(self, content: dict[str, Any]) -> None:
+        """Check what types cannot say; only where the types were right."""
+        parameters = content.get("parameters")
+        if self.problems or not isinstance(parameters, dict):
+            return
+        values: dict[str, Parameter] = {
+            name: tuple(float(v) for v in value) if isinstance(value, list) else float(value)
+            for name, value in parameters.items()
+        }
+        nodes = content.get("schedule", {}).get("nodes", [])
+        for problem in find_problems(values, nodes, content["gap_map"]):
+            self._add(self._file_path(_place_of(problem.key)), problem.text)
+        for key, pair in content.get("valid", {}).items():
+            if pair[0] > pair[1]:
+                self._add(self._file_path(("valid", key)), "the first must not exceed the second")
+        if "schedule" in content.get("valid", {}) and "schedule" not in content:
+            self._add(("valid",), "has a range of a scheduling variable that there is not")
+        unsure = content.get("uncertainty")
+        if unsure is not None:
+            self._check_lengths(unsure)
+
+    def _check_lengths(self, unsure: dict[str, Any]) -> None:
+        count = len(unsure["names"])
+        matrix = unsure.get("correlation", [])
+        for key, sizes in (
+            ("values", [len(unsure["values"])]),
+            ("std", [len(unsure["std"])]),
+            ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
+        ):
+            if set(sizes) != {count}:
+                self._add(("uncertainty", key), f"must hold one entry for each of {count} names")
+
+    def _build(
+        self, table: ModelTable, given: Quantity, answer: Quantity, schedule: Quantity | None
+    ) -> ActuatorModel:
+        try:
+            history = History.parse(table.history)
+        except InputError as error:
+            self._add(("history",), str(error))
+            self._stop_if_wrong()
+        model = ActuatorModel(
+            name=table.name,
+            input=given,
+            output=answer,
+            parameters={
+                name: tuple(value) if isinstance(value, list) else value
+                for name, value in table.parameters
+            },
+            law=table.law,
+            gap_map=table.gap_map,
+            schedule=schedule,
+            nodes=tuple(table.schedule.nodes) if table.schedule else (),
+            history=history,
+            valid=_valid(table),
+            fit=_fit(table.fit) if table.fit else None,
+            uncertainty=_uncertainty(table.uncertainty) if table.uncertainty else None,
+            reduction=tuple(ReductionStep(**dict(step)) for step in table.reduction),
+            provenance=_provenance(table),
+        )
+        try:
+            for node in model.nodes if model.fixed_gap_only else (None,):
+                model.iron_at(node)
+        except InputError as error:
+            self._add(("parameters",), str(error).removeprefix("model parameters: "))
+            self._stop_if_wrong()
+        return model
+
+    def _add(self, path: KeyPath, text: str) -> None:
+        place = path
+        while place and place not in self.lines:
+            place = place[:-1]
+        problem = FileProblem(self.lines.get(place), dotted(path), text, place == path)
+        self.problems.append(problem)
+
+    def _stop_if_wrong(self) -> None:
+        if self.problems:
+            raise TomlFileError(self.path, self.problems)
+
+
+def _place_of(key: str) -> tuple[str, ...]:
+    if key == "gap_map":
+        return ("gap_map",)
+    return ("schedule", "nodes") if key == "nodes" else ("parameters", key)
+
+
+def _valid(table: ModelTable) -> ValidRange | None:
+    if table.valid is None:
+        return None
+    low_high = [
+        None if pair is None else (pair[0], pair[1])
+        for pair in (table.valid.input, table.valid.output, table.valid.schedule)
+    ]
+    assert low_high[0] is not None
+    assert low_high[1] is not None
+    return ValidRange(low_high[0], low_high[1], low_high[2])
+
+
+def _fit(table: FitTable) -> FitFigures:
+    plain = dict(table)
+    loops = tuple(LoopFit(**dict(loop)) for loop in plain.pop("loop"))
+    found = table.cross_validation
+    if found is not None:
+        low, high = found.interval
+        plain["cross_validation"] = CrossValidation(found.error, low, high, tuple(found.folds))
+    return FitFigures(loops=loops, **plain)
+
+
+def _uncertainty(table: UncertaintyTable) -> Uncertainty:
+    return Uncertainty(
+        names=tuple(table.names),
+        values=tuple(table.values),
+        std=tuple(table.std),
+        correlation=tuple(tuple(row) for row in table.correlation),
+        statements=tuple(table.statements),
+    )
+
+
+def _provenance(table: ModelTable) -> Provenance:
+    origin = table.provenance
+    sources = tuple(Source(s.path, s.sha256, s.columns) for s in origin.source)
+    return Provenance(origin.version, origin.seed, sources, origin.settings)

@@ -1,0 +1,452 @@
+"""A model over a whole record: drive to output, and output to drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from anhyst._core import status_text
+from anhyst.data.history import History
+from anhyst.model.valid_range import Given, flag, warn_if_far
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError, NegativeResult
+
+if TYPE_CHECKING:
+    from anhyst._core import Iron
+    from anhyst.model.actuator import ActuatorModel, Circuit
+BoolArray = NDArray[np.bool_]
+
+OK = 0
+NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
+
+SHORTEST_RUN = 8
+"""A scheduling variable that rests for fewer samples than this is moving, not stepping."""
+
+_Step = Callable[
+    [FloatArray, FloatArray, FloatArray, FloatArray],
+    tuple[FloatArray, FloatArray, FloatArray, int, int],
+]
+
+PIECE = 1 << 16
+"""Samples that go through the core at once."""
+
+MOST_CYCLES = 10_000
+CLOSED = 1e-12
+"""A cycle is closed when the state returns this well (in units of a and M_s)."""
+
+
+class SampleError(InputError):
+    """A sample that the core refuses.
+
+    Parameters
+    ----------
+    name : str
+        Of what the sample is one.
+    sample : int
+        Its place, from 0.
+    what : str
+        Its value and what is wrong with it.
+    """
+
+    def __init__(self, name: str, sample: int, what: str) -> None:
+        super().__init__(f"{name}: sample {sample} {what}")
+        self.sample = sample
+        self.what = what
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a model computed over a record; all arrays of shape (n,).
+
+    Parameters
+    ----------
+    drive : ndarray
+        Input of the actuator, in units of the input.
+    output : ndarray
+        Output of the actuator, in units of the output. After ``invert``, what the drive really
+        gives: the demand, except where the demand has no answer.
+    flux_density : ndarray
+        T.
+    field : ndarray
+        Field in the iron, A/m.
+    valid : ndarray of bool
+        Whether the sample lies inside the valid range of the model.
+    state : ndarray, shape (3,)
+        State of the iron after the last sample (``x/a``, ``M_irr/M_s``, play ``/a``).
+    cycles : int
+        Repetitions it took to settle; 0 for another history.
+    history : History
+        What was assumed to have happened before.
+    reachable : ndarray of bool
+        Whether the demand has an answer at all; all True after ``predict``.
+    flags, notes : tuple of str
+        Sentences about samples outside the valid range, and about what was assumed.
+    """
+
+    drive: FloatArray
+    output: FloatArray
+    flux_density: FloatArray
+    field: FloatArray
+    valid: BoolArray
+    state: FloatArray
+    cycles: int
+    history: History
+    reachable: BoolArray
+    flags: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader has to know, one sentence each."""
+        return self.flags + self.notes
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """A record on its way through the core: what is given, and room for what is found."""
+
+    model: ActuatorModel
+    kind: Given
+    given: FloatArray
+    schedule: FloatArray | None
+    rate: FloatArray | None
+    found: FloatArray
+    flux_density: FloatArray
+    field: FloatArray
+    reachable: BoolArray
+
+    def circuit(self, run: slice) -> Circuit:
+        """Return what surrounds the iron during a run."""
+        size = self.given[run].size
+        rate = np.zeros(size) if self.rate is None else self.rate[run]
+        return self.model.circuit(None if self.schedule is None else self.schedule[run], rate)
+
+    def core(self, run: slice, circuit: Circuit) -> FloatArray:
+        """Return what the core is given in a run: its drive, A/m, or the flux density, T."""
+        if self.kind == "drive":
+            return circuit.magnetomotive(self.given[run])
+        flux_density, self.reachable[run] = circuit.flux_density(self.given[run])
+        return flux_density
+
+
+def predict(
+    model: ActuatorModel,
+    drive: ArrayLike,
+    schedule: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    history: History | str | None = None,
+) -> Prediction:
+    """Compute the output that a drive gives.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    drive : array_like, shape (n,)
+        Input of the actuator, in units of the input (A for a current).
+    schedule : array_like, shape (n,) or a single number, optional
+        Scheduling variable, SI. It may move from sample to sample, except with a ``free`` gap map
+        in which the iron itself varies: there every stretch at rest starts again from the history.
+    time : array_like, shape (n,), optional
+        Ascending, s; needed only by a model with eddy currents.
+    history : History or str, optional
+        What happened before the first sample, instead of what the model says. ``"settled"``
+        repeats the whole record until it closes.
+
+    Returns
+    -------
+    Prediction
+        With every sample outside the valid range flagged.
+
+    Warns
+    -----
+    ImplausibleWarning
+        A drive or a schedule so far outside the valid range that its unit is likely wrong.
+
+    Raises
+    ------
+    InputError
+        Arrays that are empty, differ in length or hold NaN; a missing schedule or time; a path
+        the core refuses, with the sample.
+    NegativeResult
+        A settled cycle was asked for and does not close.
+    """
+    found = run_through(model, "drive", drive, schedule, time, history)
+    warn_if_far(model, model.input, found.drive, schedule)
+    return found
+
+
+def invert(
+    model: ActuatorModel,
+    demand: ArrayLike,
+    schedule: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    history: History | str | None = None,
+) -> Prediction:
+    """Compute the drive that a demanded output needs.
+
+    A force has two answers, a flux density and its negative; the positive one is taken, so the
+    drive is unipolar. A demanded force below ``out_0`` has no answer: the flux density is then
+    zero and the sample flagged.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    demand : array_like, shape (n,)
+        Wanted output, in units of the output (N for a force).
+    schedule, time, history
+        As in :func:`predict`; ``"settled"`` repeats the demand until it closes.
+
+    Returns
+    -------
+    Prediction
+        ``drive`` is the answer.
+
+    Raises
+    ------
+    InputError, NegativeResult
+        As :func:`predict`.
+    """
+    found = run_through(model, "demand", demand, schedule, time, history)
+    warn_if_far(model, model.output, as_samples(demand, "demand"), schedule)
+    return found
+
+
+def run_through(
+    model: ActuatorModel,
+    kind: Given,
+    values: ArrayLike,
+    schedule: ArrayLike | None,
+    time: ArrayLike | None,
+    history: History | str | None,
+) -> Prediction:
+    """Compute as `predict` (``"drive"``) or `invert` (``"demand"``), without a Python warning."""
+    given = as_samples(values, kind)
+    at = None if schedule is None else as_samples(schedule, "schedule", given.size)
+    if at is None:
+        model.schedule_or_default(None)
+    past = as_history(history, model)
+    record = _Record(
+        model=model,
+        kind=kind,
+        given=given,
+        schedule=at,
+        rate=eddy_rate(model, time, given.size),
+        found=np.empty(given.size),
+        flux_density=np.empty(given.size),
+        field=np.empty(given.size),
+        reachable=np.ones(given.size, dtype=np.bool_),
+    )
+    runs = list(_runs(model, at, given.size))
+    ends = [_one_run(record, run, past) for run in runs]
+    drive, output = (given, record.found) if kind == "drive" else (record.found, given)
+    valid, flags = flag(model, kind, drive, output, at, record.reachable)
+    if not record.reachable.all():
+        rest = model.circuit(at, np.zeros(given.size)).output(np.zeros(given.size))
+        output = np.where(record.reachable, given, rest)
+    notes = []
+    if len(runs) > 1:
+        notes.append(
+            f"the schedule changes {len(runs) - 1} times; the iron of this model changes with it, "
+            f"so each stretch starts again ({past})"
+        )
+    if past.kind == "settled" and any(_is_open(given[run]) for run in runs):
+        notes.append(
+            f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
+        )
+    return Prediction(
+        drive=drive,
+        output=output,
+        flux_density=record.flux_density,
+        field=record.field,
+        valid=valid,
+        state=ends[-1][0],
+        cycles=max(cycles for _, cycles in ends),
+        history=past,
+        reachable=record.reachable,
+        flags=flags,
+        notes=tuple(notes),
+    )
+
+
+def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray, int]:
+    """Take one uninterrupted run through the core; return the state after it and the cycles."""
+    start = None if record.schedule is None else float(record.schedule[run.start])
+    iron = record.model.iron_at(start)
+    if record.rate is not None:
+        # A settled cycle comes back to its start at its own pace; before any other first sample
+        # nothing is known, so its flux density is taken to be approached slowly.
+        later = record.rate[run][1:]
+        settled = history.kind == "settled" and later.size
+        record.rate[run.start] = np.median(later) if settled else 0.0
+    state, cycles = initial_state(record.model, iron, history, start), 0
+    if history.kind == "settled":
+        state, cycles = _settle(iron, record, run, state)
+    forward = record.kind == "drive"
+    step = _step(iron, record.kind)
+    # Piece by piece: what surrounds the iron need not be held for a whole long record.
+    for first in range(run.start, run.stop, PIECE):
+        piece = slice(first, min(first + PIECE, run.stop))
+        circuit = record.circuit(piece)
+        core = record.core(piece, circuit)
+        other, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
+        check(status, record.kind, first + index, record.given)
+        record.found[piece] = circuit.output(other) if forward else circuit.drive(other)
+        record.flux_density[piece] = other if forward else core
+        record.field[piece] = field
+    return state, cycles
+
+
+def initial_state(
+    model: ActuatorModel, iron: Iron, history: History, schedule: float | None
+) -> FloatArray:
+    """Return the state of the iron before the first sample.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    iron : Iron
+        Its iron at this value of the scheduling variable.
+    history : History
+        ``settled`` gives the demagnetised state, from which the cycle is then repeated.
+    schedule : float or None
+        Scheduling variable during the conditioning, SI.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        The state.
+    """
+    state = np.zeros(3)
+    if history.kind != "conditioned":
+        return state
+    # The exact step does not care how a path is cut: turning points say all.
+    points = np.array(history.turning_points)
+    at = None if schedule is None else np.full(points.shape, schedule)
+    circuit = model.circuit(at, np.zeros(points.shape))
+    drive = circuit.magnetomotive(points)
+    conditioned: FloatArray
+    _, _, conditioned, status, index = iron.forward(drive, circuit.rho, circuit.eddy, state)
+    check(status, "turning point", index, points)
+    return conditioned
+
+
+def _step(iron: Iron, kind: Given) -> _Step:
+    step: _Step = iron.forward if kind == "drive" else iron.inverse
+    return step
+
+
+def _settle(iron: Iron, record: _Record, run: slice, start: FloatArray) -> tuple[FloatArray, int]:
+    """Repeat a cycle until the state returns."""
+    kind, circuit = record.kind, record.circuit(run)
+    core = record.core(run, circuit)
+    around = (core, circuit.rho, circuit.eddy)
+    state, cycles, status = iron.settle(*around, start, kind == "demand", MOST_CYCLES, CLOSED)
+    if status == NOT_SETTLED:
+        raise NegativeResult(
+            f"the {kind} was repeated {cycles} times and the cycle still does not close: "
+            "it is too small against the pinning of the model; use another history"
+        )
+    if status != OK:  # once more, to see where
+        *_, again, index = _step(iron, kind)(*around, start)
+        check(again or status, kind, run.start + index, record.given)
+    return state, cycles
+
+
+def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatArray:
+    """Return values as a clean array of samples.
+
+    Parameters
+    ----------
+    values : array_like
+        Samples, or a single number if ``size`` is given.
+    name : str
+        For the message.
+    size : int, optional
+        How many there must be.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Contiguous.
+
+    Raises
+    ------
+    InputError
+        Empty, not one-dimensional, of another length, or not finite.
+    """
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if size is not None and np.ndim(values) == 0:
+        array = np.full(size, float(array.reshape(-1)[0]))
+    if array.ndim != 1 or not array.size:
+        raise InputError(f"{name}: has shape {array.shape}; give one row of samples")
+    if size is not None and array.size != size:
+        raise InputError(f"{name}: has {array.size} samples for {size}; give one for each")
+    finite = np.isfinite(array)
+    if not finite.all():
+        raise InputError(f"{name}: sample {int(np.argmin(finite))} is not a finite number; mend it")
+    return array
+
+
+def as_history(history: History | str | None, model: ActuatorModel) -> History:
+    """Return the history that a call asks for, or that of the model."""
+    if history is None:
+        return model.history
+    return History.parse(history) if isinstance(history, str) else history
+
+
+def eddy_rate(model: ActuatorModel, time: ArrayLike | None, size: int) -> FloatArray | None:
+    """Return 1/dt of each sample, 1/s (0 for the first); None for a model without eddy currents.
+
+    Raises
+    ------
+    InputError
+        The model has eddy currents and there is no time, or it does not ascend.
+    """
+    if not np.any(model.parameters["gamma"]):
+        return None
+    if time is None:
+        raise InputError(
+            "the model has eddy currents (gamma): give the time, in a file as column t_s"
+        )
+    steps = np.diff(as_samples(time, "time", size))
+    if (steps <= 0.0).any():
+        raise InputError(f"time: does not ascend at sample {int(np.argmax(steps <= 0.0)) + 1}")
+    return np.concatenate([[0.0], 1.0 / steps])
+
+
+def check(status: int, name: str, index: int, given: FloatArray) -> None:
+    """Turn a return code of the core into an error that names the sample."""
+    if status == OK:
+        return
+    error = SampleError(name, index, f"({given[index]:g}) {status_text(status)}")
+    raise NegativeResult(str(error)) if status in {NOT_CONVERGED, NOT_SETTLED} else error
+
+
+def _runs(model: ActuatorModel, schedule: FloatArray | None, size: int) -> Iterator[slice]:
+    """Cut a record where it cannot be run through: only where the iron itself would change."""
+    if schedule is None or not model.fixed_gap_only:
+        yield slice(0, size)
+        return
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(schedule)) + 1, [size]])
+    lengths = np.diff(edges)
+    if len(lengths) > 1 and lengths.min() < SHORTEST_RUN:
+        raise InputError(
+            f"the schedule moves at sample {int(edges[1])}, but in this model (gap map 'free') the "
+            f"iron itself varies with it ({', '.join(model.varying)}): run each value by itself, "
+            "or identify with the gap map scaling or reluctance"
+        )
+    for start, stop in pairwise(edges):
+        yield slice(int(start), int(stop))
+
+
+def _is_open(given: FloatArray) -> bool:
+    """Whether a record ends farther from its start than from sample to sample."""
+    return given.size > 2 and bool(abs(given[-1] - given[0]) > 2.0 * np.abs(np.diff(given)).max())

@@ -1,0 +1,244 @@
+"""A model over a file: read a drive or a demand, compute, write the answer beside it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.files import write_csv
+from anhyst.data.raw_table import Texts, row_line
+from anhyst.data.table import Table, read_columns
+from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
+from anhyst.model.valid_range import Given, flag
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.progress import Progress
+
+if TYPE_CHECKING:
+    from anhyst.model.actuator import ActuatorModel
+    from anhyst.support.units import Quantity
+Rows = NDArray[np.intp]
+Direction = Literal["predict", "invert"]
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """How far the computed quantity is from one that the file held already, in its own unit."""
+
+    mean_abs: float
+    rms: float
+    worst: float
+    largest: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunSummary:
+    """What was computed over a file.
+
+    Parameters
+    ----------
+    out : str
+        The file written.
+    column, unit : str
+        Header of the computed column and its unit.
+    rows, runs : int
+        Samples, and runs that each start from the history.
+    history : str
+        What was assumed to have happened before each run.
+    low, high : float
+        Range of the computed quantity.
+    outside : int
+        Samples outside the valid range of the model (``valid`` is 0).
+    deviation : Deviation or None
+        Against a column of the same quantity in the file, if it holds one.
+    warnings : tuple of str
+        One sentence each.
+    """
+
+    out: str
+    column: str
+    unit: str
+    rows: int
+    runs: int
+    history: str
+    low: float
+    high: float
+    outside: int
+    deviation: Deviation | None
+    warnings: tuple[str, ...]
+
+
+def run_file(
+    model: ActuatorModel,
+    direction: Direction,
+    path: PathLike,
+    out: PathLike,
+    *,
+    columns: Mapping[str, str] | None = None,
+    history: str | None = None,
+    progress: Progress | None = None,
+) -> RunSummary:
+    """Predict or invert a whole file.
+
+    The columns of the file are repeated as they stood; the computed quantity and ``valid`` (1
+    inside the valid range of the model, 0 outside) are added. Each loop that the column ``loop``
+    names is a run of its own, at each value of the scheduling variable. A file without that column
+    is one run; only where the history is ``settled``, each stretch at one value is a cycle.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    direction : str
+        ``"predict"`` (input to output) or ``"invert"`` (output to input).
+    path, out : path-like
+        The file to read and the CSV file to write.
+    columns : mapping of str to str, optional
+        What columns of the file are, where their headers do not say.
+    history : str, optional
+        What happened before each run, instead of what the model says.
+    progress : callable, optional
+        Called with bytes read and file size.
+
+    Returns
+    -------
+    RunSummary
+        For the screen.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a column is missing, ``out`` cannot be written, or a sample is
+        refused; names file, column or sample.
+    """
+    check_writable(out)
+    table = read_columns(path, columns, progress)
+    past = history if history is not None else str(model.history)
+    found, valid, runs, warnings = _compute(model, direction, table, past)
+    wanted = model.output if direction == "predict" else model.input
+    return RunSummary(
+        out=str(out),
+        column=_write(table, out, wanted, found, valid),
+        unit=wanted.unit,
+        rows=len(table),
+        runs=runs,
+        history=past,
+        low=float(found.min()),
+        high=float(found.max()),
+        outside=int((~valid).sum()),
+        deviation=_deviation(table, wanted, found),
+        warnings=warnings,
+    )
+
+
+def _compute(
+    model: ActuatorModel, direction: Direction, table: Table, history: str
+) -> tuple[FloatArray, NDArray[np.bool_], int, tuple[str, ...]]:
+    """Compute all runs of a table: what was wanted, where it is valid, how many, what to say."""
+    forward = direction == "predict"
+    given = model.input if forward else model.output
+    values = table.need(given.name, given.column)
+    schedule = None if model.schedule is None else table.get(model.schedule.name)
+    if schedule is None and model.schedule is not None:
+        try:
+            model.schedule_or_default(None)
+        except InputError as error:
+            raise InputError(f"{table.path}: {error}{table.hint(model.schedule.name)}") from None
+    # A column of time that nothing needs may be as it likes.
+    time = table.get("time") if np.any(model.parameters["gamma"]) else None
+    runs = _find_runs(table, schedule, settled=history.startswith("settled"))
+    found, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
+    notes: Counter[str] = Counter()
+    for rows in runs:
+        at, clock = (None if c is None else _part(c, rows) for c in (schedule, time))
+        try:
+            kind: Given = "drive" if forward else "demand"
+            result = run_through(model, kind, _part(values, rows), at, clock, history)
+        except SampleError as error:
+            line = row_line(table.layout, int(rows[error.sample]))
+            raise InputError(
+                f"{table.path}: line {line}: {given.name.replace('_', ' ')} {error.what}; stay "
+                "nearer to the valid range of the model"
+            ) from error
+        except (InputError, NegativeResult) as error:
+            where = "" if rows.size == values.size else f"rows from {rows[0] + 1}: "
+            raise type(error)(f"{table.path}: {where}{error}") from error
+        found[rows] = result.output if forward else result.drive
+        reachable[rows] = result.reachable
+        notes.update(result.notes)
+    if forward:
+        valid, flags = flag(model, "drive", values, found, schedule, reachable, rows=True)
+    else:
+        valid, flags = flag(model, "demand", found, values, schedule, reachable, rows=True)
+    count = len(runs)
+    told = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
+    return found, valid, count, (*flags, *told)
+
+
+def _part(column: FloatArray, rows: Rows) -> FloatArray:
+    return column if rows.size == column.size else column[rows]
+
+
+def _find_runs(table: Table, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
+    """Rows of each run, in their order."""
+    labels = next(
+        (
+            column
+            for header, column in zip(table.headers, table.columns, strict=True)
+            if header.is_label and isinstance(column, Texts)
+        ),
+        None,
+    )
+    everything = np.arange(len(table))
+    if labels is None:
+        return _by_value(schedule, everything) if settled else [everything]
+    return [run for rows in labels.groups() for run in _by_value(schedule, rows)]
+
+
+def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
+    """Cut rows where the scheduling variable steps; one that moves stays whole."""
+    if schedule is None:
+        return [rows]
+    steps = np.flatnonzero(np.diff(schedule[rows])) + 1
+    if not steps.size or rows.size < SHORTEST_RUN * (steps.size + 1):
+        return [rows]
+    return np.split(rows, steps)
+
+
+def _write(
+    table: Table, out: PathLike, wanted: Quantity, found: FloatArray, valid: NDArray[np.bool_]
+) -> str:
+    """Write the columns of the file and those computed; return the header of the computed one."""
+    columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
+    name, flag = wanted.column, "valid"
+    if name in columns:  # a measurement: keep it, so that the two can be compared
+        name = f"{wanted.symbol}_model{wanted.column.removeprefix(wanted.symbol)}"
+    if flag in columns:
+        flag = "valid_model"
+    if name in columns or flag in columns:
+        taken = name if name in columns else flag
+        raise InputError(f"{table.path}: has a column '{taken}' already; rename it in the file")
+    write_csv(out, columns | {name: found, flag: valid})
+    return name
+
+
+def _deviation(table: Table, wanted: Quantity, found: FloatArray) -> Deviation | None:
+    try:
+        measured = table.get(wanted.name)
+    except InputError:  # a column that nobody asked for may be as it likes
+        return None
+    if measured is None:
+        return None
+    apart = np.abs(found - measured)
+    return Deviation(
+        mean_abs=float(apart.mean()),
+        rms=float(np.sqrt(np.square(apart).mean())),
+        worst=float(apart.max()),
+        largest=float(np.abs(measured).max()),
+    )

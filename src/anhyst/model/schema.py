@@ -1,0 +1,167 @@
+"""What a model file may hold: its tables, their types, and keys that carry units."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PlainValidator
+from pydantic_core import PydanticCustomError
+
+
+def _is_number(value: object) -> bool:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max  # comparing, an integer may be of any size
+
+
+def _number(value: Any) -> Any:
+    """Accept a number or a list of numbers; one finding, whatever is wrong."""
+    if _is_number(value) or (isinstance(value, list) and value and all(map(_is_number, value))):
+        return value
+    raise PydanticCustomError("number", "must be a finite number, or one for each node")
+
+
+def _setting(value: Any) -> Any:
+    if isinstance(value, str | bool) or _is_number(value):
+        return value
+    raise PydanticCustomError("setting", "must be a text, a truth value or a finite number")
+
+
+Number = Annotated[float | list[float], PlainValidator(_number)]
+Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
+Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
+
+
+class Table(BaseModel):
+    """A table of the file: nothing unknown, nothing converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class QuantityTable(Table):
+    """``[input]``, ``[output]``: what is measured, its symbol and its SI unit."""
+
+    quantity: str
+    symbol: str
+    unit: str
+
+
+class ScheduleTable(QuantityTable):
+    """``[schedule]``: the scheduling variable and its nodes."""
+
+    nodes: list[FiniteFloat] = []
+
+
+class ParameterTable(Table):
+    """``[parameters]``: one number, or one for each node."""
+
+    M_s: Number
+    a: Number
+    k: Number
+    c: Number
+    alpha: Number = 0.0
+    r_d: Number = 0.0
+    c_H: Number  # noqa: N815
+    rho: Number = 0.0
+    gamma: Number = 0.0
+    c_out: Number
+    in_0: Number = 0.0
+    out_0: Number = 0.0
+
+
+class ValidTable(Table):
+    """``[valid]``: smallest and largest measured values."""
+
+    input: Pair
+    output: Pair
+    schedule: Pair | None = None
+
+
+class LoopTable(Table):
+    """``[[fit.loop]]``: deviation on one loop."""
+
+    label: str
+    schedule: FiniteFloat | None = None
+    samples: int
+    largest_output: FiniteFloat
+    mean_abs: FiniteFloat
+    rms: FiniteFloat
+    worst: FiniteFloat
+
+
+class CrossValidationTable(Table):
+    """``[fit.cross_validation]``: what to expect between the nodes."""
+
+    error: FiniteFloat
+    interval: Pair
+    folds: list[FiniteFloat] = []
+
+
+class FitTable(Table):
+    """``[fit]``: deviation over all loops."""
+
+    largest_output: FiniteFloat
+    mean_abs: FiniteFloat
+    rms: FiniteFloat
+    worst: FiniteFloat
+    left_out: dict[str, FiniteFloat] = {}
+    monotone: bool | None = None
+    cross_validation: CrossValidationTable | None = None
+    loop: list[LoopTable] = []
+
+
+class UncertaintyTable(Table):
+    """``[uncertainty]``: infinite where the data say nothing."""
+
+    names: list[str]
+    values: list[float]
+    std: list[float]
+    correlation: list[list[float]] = []
+    statements: list[str] = []
+
+
+class ReductionTable(Table):
+    """``[[reduction]]``: one parameter frozen."""
+
+    frozen: str
+    cost_before: FiniteFloat
+    cost_after: FiniteFloat
+    candidates: dict[str, FiniteFloat] = {}
+
+
+class SourceTable(Table):
+    """``[[provenance.source]]``: one measurement file."""
+
+    path: str
+    sha256: str
+    columns: dict[str, str] = {}
+
+
+class ProvenanceTable(Table):
+    """``[provenance]``: where the model came from."""
+
+    version: str = ""
+    seed: int | None = None
+    settings: dict[str, Setting] = {}
+    source: list[SourceTable] = []
+
+
+class ModelTable(Table):
+    """The whole file, its keys without units."""
+
+    format: Literal["anhyst-model"]
+    version: Literal[1]
+    name: str
+    law: Literal["effective-field", "jiles-atherton-1986"]
+    gap_map: Literal["none", "scaling", "reluctance", "circuit", "free"]
+    history: str
+    input: QuantityTable
+    output: QuantityTable
+    schedule: ScheduleTable | None = None
+    parameters: ParameterTable
+    valid: ValidTable | None = None
+    fit: FitTable | None = None
+    uncertainty: UncertaintyTable | None = None
+    reduction: list[ReductionTable] = []
+    provenance: ProvenanceTable = ProvenanceTable()

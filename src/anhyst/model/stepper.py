@@ -1,0 +1,207 @@
+"""A model sample by sample: solve, then commit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from anhyst.data.history import History
+from anhyst.model.predict import as_history, as_samples, check, initial_state, run_through
+from anhyst.model.valid_range import flag, warn_if_far
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+if TYPE_CHECKING:
+    from anhyst.model.actuator import ActuatorModel, Circuit
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """An answer that has not been committed.
+
+    Parameters
+    ----------
+    drive : float
+        Drive that gives the demanded output now, in units of the input.
+    output : float
+        What that drive gives: the demand, unless the demand has no answer.
+    flux_density : float
+        T.
+    valid : bool
+        Whether demand, drive and schedule lie inside the valid range of the model.
+    """
+
+    drive: float
+    output: float
+    flux_density: float
+    valid: bool
+
+
+class Stepper:
+    """A model in use: the drive a demand needs now, the drive that was applied.
+
+    ``solve`` answers without touching the state, as often as one likes; ``commit`` advances the
+    state with the drive that was really applied, after limits and the amplifier.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    schedule : float, optional
+        Scheduling variable at the start, SI; needed where parameters run over it.
+    history : History or str, optional
+        What happened before, instead of what the model says. ``"settled"`` here means: driven to
+        and fro over the valid range of the input until that closes, then left at its lower end.
+
+    Raises
+    ------
+    InputError
+        The schedule is missing, or a settled start is asked of a model without a valid range.
+
+    Examples
+    --------
+    >>> from anhyst.support.units import QUANTITIES
+    >>> from anhyst.model.actuator import ActuatorModel
+    >>> iron = dict(M_s=4e5, a=30.0, k=20.0, c=0.2, c_H=1.0, c_out=1.0)
+    >>> model = ActuatorModel("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
+    >>> stepper = model.stepper()
+    >>> wanted = stepper.solve(0.3).drive
+    >>> round(stepper.commit(min(wanted, 50.0)), 3) < 0.3  # the amplifier gave less
+    True
+    """
+
+    def __init__(
+        self,
+        model: ActuatorModel,
+        schedule: float | None = None,
+        history: History | str | None = None,
+    ) -> None:
+        self.model = model
+        self._schedule = model.schedule_or_default(schedule)
+        warn_if_far(model, model.input, np.zeros(1), self._schedule)
+        self._iron = model.iron_at(self._schedule)
+        past = as_history(history, model)
+        self._state = self._cycled() if past.kind == "settled" else self._conditioned(past)
+        self._output: float | None = None
+
+    def _conditioned(self, history: History) -> FloatArray:
+        return initial_state(self.model, self._iron, history, self._schedule)
+
+    def _cycled(self) -> FloatArray:
+        if self.model.valid is None:
+            raise InputError(
+                "a stepper cannot start settled: the model has no valid range of the input to "
+                "cycle over; pass history='demagnetised' or 'conditioned:...'"
+            )
+        low, high = self.model.valid.input
+        slow = [0.0, 1e9, 2e9]  # eddy currents do not count
+        cycle = [low, high, low]
+        return run_through(self.model, "drive", cycle, self._schedule, slow, "settled").state
+
+    @property
+    def state(self) -> FloatArray:
+        """State of the iron (``x/a``, ``M_irr/M_s``, play ``/a``), a copy of shape (3,)."""
+        return self._state.copy()
+
+    @property
+    def schedule(self) -> float:
+        """Scheduling variable at the last commit, SI."""
+        return self._schedule
+
+    @property
+    def output(self) -> float | None:
+        """Output after the last commit, in units of the output; None before the first."""
+        return self._output
+
+    def solve(
+        self, demand: float, schedule: float | None = None, dt: float | None = None
+    ) -> Candidate:
+        """Find the drive that gives a demanded output now. The state is not touched.
+
+        Parameters
+        ----------
+        demand : float
+            In units of the output.
+        schedule : float, optional
+            Scheduling variable, SI; that of the last commit if left out.
+        dt : float, optional
+            Time since the last commit, s; for a model with eddy currents, otherwise not used.
+
+        Returns
+        -------
+        Candidate
+            The answer, flagged if it lies outside the valid range.
+
+        Raises
+        ------
+        InputError
+            A demand that is not finite or that the core refuses.
+        """
+        wanted = as_samples([demand], "demand")
+        at = self._at(schedule)
+        circuit = self._circuit(at, dt)
+        flux, reachable = circuit.flux_density(wanted)
+        drive, _, _, status, _ = self._iron.inverse(flux, circuit.rho, circuit.eddy, self._state)
+        check(status, "demand", 0, wanted)
+        applied = circuit.drive(drive)
+        valid, _ = flag(self.model, "demand", applied, wanted, np.array([at]), reachable)
+        return Candidate(
+            drive=float(applied[0]),
+            output=float(demand if reachable[0] else circuit.output(flux)[0]),
+            flux_density=float(flux[0]),
+            valid=bool(valid[0]),
+        )
+
+    def commit(
+        self, applied: float, schedule: float | None = None, dt: float | None = None
+    ) -> float:
+        """Advance the state with the drive that was really applied.
+
+        Parameters
+        ----------
+        applied : float
+            In units of the input.
+        schedule, dt : float, optional
+            As in :meth:`solve`.
+
+        Returns
+        -------
+        float
+            Output that this drive gives, in units of the output.
+
+        Raises
+        ------
+        InputError
+            A drive that is not finite or that the core refuses; the state is then unchanged.
+        """
+        given = as_samples([applied], "applied drive")
+        at = self._at(schedule)
+        circuit = self._circuit(at, dt)
+        core = circuit.magnetomotive(given)
+        flux, _, state, status, _ = self._iron.forward(core, circuit.rho, circuit.eddy, self._state)
+        check(status, "applied drive", 0, given)
+        self._state, self._schedule = state, at
+        self._output = float(circuit.output(flux)[0])
+        return self._output
+
+    def _at(self, schedule: float | None) -> float:
+        if schedule is None:
+            return self._schedule
+        at = float(as_samples([schedule], "schedule")[0])
+        if self.model.fixed_gap_only and at != self._schedule:
+            raise InputError(
+                "the schedule moved, but in this model (gap map 'free') the iron itself varies "
+                "with it; start another stepper, or identify with the gap map scaling or reluctance"
+            )
+        return at
+
+    def _circuit(self, at: float, dt: float | None) -> Circuit:
+        if dt is not None and not dt > 0.0:
+            raise InputError(f"dt: is {dt:g} s; give a time above 0")
+        begun = self._output is not None  # the first commit has nothing before it to be timed from
+        if dt is None and begun and np.any(self.model.over_schedule("gamma", [at]) > 0.0):
+            raise InputError("dt: the model has eddy currents (gamma); give the time of the step")
+        rate = 0.0 if dt is None else 1.0 / dt
+        return self.model.circuit(np.array([at]), np.array([rate]))

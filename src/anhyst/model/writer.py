@@ -1,0 +1,246 @@
+"""Writing the model file; see :mod:`anhyst.model.file` for what it is and for reading it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from anhyst.model.actuator import PARAMETERS, ActuatorModel
+from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
+from anhyst.model.keys import FORMAT, VERSION, column, parameter_names
+from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.toml_text import toml_key, toml_value
+from anhyst.support.units import Quantity
+
+HEAD = """\
+# Model of an actuator. Written by anhyst to be read, edited and compared by people: all values are
+# SI, the unit stands in the key (k_A_per_m is k in A/m), and every key is checked on reading.
+"""
+LAW = """
+# The hysteresis law, "effective-field" or "jiles-atherton-1986". The parameters mean nothing under
+# the other one.
+"""
+GAP_MAP = """
+# How the scheduling variable enters. "none": not at all; "scaling": it scales the field, c_H runs
+# over it; "reluctance": a gap in series with the iron, rho runs over it; "circuit": the output and
+# the offsets besides; "free": anything may.
+"""
+HISTORY = """
+# What happened before the first sample, unless told otherwise: "demagnetised"; "settled" (the drive
+# is a cycle that has been repeated until it closes); or "conditioned:0,2,0" (turning points of the
+# input, from the demagnetised state).
+"""
+PARAMETERS_HEAD = """
+#     c_H * (input - offset) = H + rho * B / mu0 + gamma * dB/dt
+#     output                 = c_out * B^power + offset        (power 2 for a force, otherwise 1)
+# One number, or one for each node; between nodes a curve that cannot overshoot, outside a straight
+# line.
+"""
+FIT = """
+# How far the model is from the measurement it was found from: mean absolute, root mean square and
+# largest deviation. left_out: mean deviation on schedule values that were left out of the fit, in
+# parts of the largest output, for each gap map that was tried. monotone: whether the output rises
+# as the gap closes and as the drive rises.
+"""
+CROSS_VALIDATION = """
+# What to expect at schedule values between those measured: mean deviation in parts of the largest
+# output, the interval that holds it in about nine of ten cases, and what was found at each value
+# left out of the fit, of the choice of the map and of the decision about offsets.
+"""
+UNCERTAINTY = """
+# Estimates and standard deviations of what was fitted; inf where the data say nothing.
+"""
+MEANING = {
+    "M_s": "saturation magnetisation",
+    "a": "shape of the anhysteretic curve",
+    "k": "pinning, about the half-width of the loop of the iron",
+    "c": "reversible fraction, 0 to 1",
+    "alpha": "interaction, below 1",
+    "r_d": "half-width of the dead band against creep, 0 for none",
+    "c_H": "drive of the iron for a unit of input",
+    "rho": "reluctance of the gap over that of an air-filled iron path",
+    "gamma": "eddy currents, 0 for none",
+    "c_out": "output for a unit of flux density (squared for a force)",
+    "in_0": "offset of the input",
+    "out_0": "offset of the output",
+}
+
+
+def write_model(model: ActuatorModel, path: PathLike) -> None:
+    """Write a model to a file, whole or not at all.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+    path : path-like
+        Where; a file that stands there is replaced once the new one is complete.
+
+    Raises
+    ------
+    InputError
+        The place cannot be written, or the disk is full.
+    """
+    text = model_text(model)
+    with atomic_writer(path) as stream:
+        stream.write(text)
+
+
+def model_text(model: ActuatorModel) -> str:
+    """Return the text of the model file.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model.
+
+    Returns
+    -------
+    str
+        TOML; the same for the same model, on any machine.
+    """
+    sections = [
+        HEAD + _keys({"format": FORMAT, "version": VERSION, "name": model.name}),
+        LAW + _keys({"law": model.law}),
+        GAP_MAP + _keys({"gap_map": model.gap_map}),
+        HISTORY + _keys({"history": str(model.history)}),
+        "\n[input]\n" + _quantity(model.input),
+        "\n[output]\n" + _quantity(model.output),
+        _schedule(model),
+        "\n[parameters]" + PARAMETERS_HEAD + _parameters(model),
+        _valid(model),
+    ]
+    if model.fit:
+        sections.append(_fit(model.fit, model))
+    if model.uncertainty:
+        sections.append(_uncertainty(model.uncertainty))
+    if model.reduction:
+        sections.append("\n# Reduction: in each round the parameter whose freezing cost least.\n")
+    for step in model.reduction:
+        table = {
+            "frozen": step.frozen,
+            "cost_before": float(step.cost_before),
+            "cost_after": float(step.cost_after),
+            "candidates": _floats(step.candidates) or None,
+        }
+        sections.append("\n[[reduction]]\n" + _keys(table))
+    if model.provenance != Provenance():
+        sections.append(_provenance(model.provenance))
+    return "".join(sections)
+
+
+def _keys(table: Mapping[str, object]) -> str:
+    """Write keys and values, leaving out those without a value."""
+    return "".join(
+        f"{toml_key(key)} = {toml_value(value)}\n"
+        for key, value in table.items()
+        if value is not None
+    )
+
+
+def _quantity(quantity: Quantity) -> str:
+    return _keys({"quantity": quantity.name, "symbol": quantity.symbol, "unit": quantity.unit})
+
+
+def _schedule(model: ActuatorModel) -> str:
+    if model.schedule is None:
+        return ""
+    nodes = {column("nodes", model.schedule.unit): list(model.nodes)} if model.nodes else {}
+    return "\n[schedule]\n" + _quantity(model.schedule) + _keys(nodes)
+
+
+def _parameters(model: ActuatorModel) -> str:
+    names = parameter_names(model.input, model.output)
+    lines = []
+    for name in PARAMETERS:
+        value = model.parameters[name]
+        written = toml_value(list(value) if isinstance(value, tuple) else value)
+        lines.append((f"{names[name][1]} = {written}", MEANING[name]))
+    width = min(max(len(line) for line, _ in lines), 48)
+    return "".join(f"{line:<{width}}  # {meaning}\n" for line, meaning in lines)
+
+
+def _valid(model: ActuatorModel) -> str:
+    if model.valid is None:
+        return ""
+    table = {
+        model.input.column: list(map(float, model.valid.input)),
+        model.output.column: list(map(float, model.valid.output)),
+    }
+    if model.schedule is not None and model.valid.schedule is not None:
+        table[model.schedule.column] = list(map(float, model.valid.schedule))
+    head = "\n# Smallest and largest measured values. Outside, results are computed and flagged.\n"
+    return f"{head}[valid]\n{_keys(table)}"
+
+
+def _fit(fit: FitFigures, model: ActuatorModel) -> str:
+    rest = {
+        "left_out": _floats(fit.left_out) or None,
+        "monotone": None if fit.monotone is None else bool(fit.monotone),
+    }
+    text = f"{FIT}[fit]\n{_deviation(fit, model.output)}{_keys(rest)}"
+    if expected := fit.cross_validation:
+        table = {
+            "error": float(expected.error),
+            "interval": [float(expected.low), float(expected.high)],
+            "folds": list(map(float, expected.folds)),
+        }
+        text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_keys(table)}"
+    for loop in fit.loops:
+        at = None if model.schedule is None or loop.schedule is None else float(loop.schedule)
+        table = {
+            "label": loop.label,
+            (model.schedule.column if model.schedule else ""): at,
+            "samples": int(loop.samples),
+        }
+        text += f"\n[[fit.loop]]\n{_keys(table)}{_deviation(loop, model.output)}"
+    return text
+
+
+def _deviation(record: FitFigures | LoopFit, output: Quantity) -> str:
+    """Write deviations, each with what it is of the largest output."""
+    text = _keys({column("largest_output", output.unit): float(record.largest_output)})
+    for name in ("mean_abs", "rms", "worst"):
+        value = float(getattr(record, name))
+        share = (
+            f"  # {100.0 * value / record.largest_output:.3g} %" if record.largest_output else ""
+        )
+        text += f"{column(name, output.unit)} = {toml_value(value)}{share}\n"
+    return text
+
+
+def _uncertainty(unsure: Uncertainty) -> str:
+    table = {
+        "names": list(unsure.names),
+        "values": list(map(float, unsure.values)),
+        "std": list(map(float, unsure.std)),
+    }
+    text = f"{UNCERTAINTY}[uncertainty]\n{_keys(table)}"
+    if unsure.correlation:
+        text += f"correlation = {_rows(list(map(float, row)) for row in unsure.correlation)}\n"
+    if unsure.statements:
+        text += f"statements = {_rows(unsure.statements)}\n"
+    return text
+
+
+def _rows(rows: Iterable[Sequence[float] | str]) -> str:
+    inside = "".join(f"    {toml_value(row)},\n" for row in rows)
+    return f"[\n{inside}]"
+
+
+def _provenance(origin: Provenance) -> str:
+    table: dict[str, object] = {"version": origin.version, "seed": origin.seed}
+    text = "\n# Where the model came from.\n[provenance]\n" + _keys(table)
+    if origin.settings:
+        text += "\n[provenance.settings]\n" + _keys(origin.settings)
+    for source in origin.sources:
+        table = {
+            "path": source.path,
+            "sha256": source.sha256,
+            "columns": dict(source.columns) or None,
+        }
+        text += "\n[[provenance.source]]\n" + _keys(table)
+    return text
+
+
+def _floats(mapping: Mapping[str, float]) -> dict[str, float]:
+    return {key: float(value) for key, value in mapping.items()}

@@ -1,0 +1,144 @@
+"""What a report can lean on: the measurements, read again, and how far the model is from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from anhyst.data.clean import DEFAULT_STEPS, clean
+from anhyst.data.inspection import Inspection, inspect
+from anhyst.data.loop_set import LoopSet
+from anhyst.data.verdict import Verdict, judge, single_valued
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import FitFigures, fit_figures
+from anhyst.model.sources import PREFIX, read_sources
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+
+STALE = 0.02
+"""Relative difference of the mean deviation above which the figures of a file are not its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Measurements of a model and what they say about it.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        As they were fitted.
+    fitted : tuple of ndarray or None
+        Modelled output of each loop; None where the model cannot be computed.
+    inspection : Inspection or None
+        Of the record before thinning; None if it cannot be what its headers say.
+    verdict : Verdict
+        The rival: the best single-valued curve, on the loops as they were fitted.
+    rival : tuple of ndarray
+        What the best single-valued curve leaves over, loop by loop, in units of the output.
+    warnings : tuple of str
+        What a reader has to know.
+    """
+
+    loops: LoopSet
+    fitted: tuple[FloatArray | None, ...]
+    inspection: Inspection | None
+    verdict: Verdict
+    rival: tuple[FloatArray, ...]
+    warnings: tuple[str, ...]
+
+
+def gather(model: ActuatorModel, folder: PathLike) -> Evidence:
+    """Read the measurements of a model again and run the model over them.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model; its provenance names the files.
+    folder : path-like
+        Where else to look for them: that of the model file.
+
+    Returns
+    -------
+    Evidence
+        All there is.
+
+    Raises
+    ------
+    InputError
+        The files are missing, have changed, or cannot be read.
+    """
+    whole, loops = _read(model, folder)
+    warnings = []
+    try:
+        inspection = inspect(whole)
+    except InputError as error:
+        inspection = None
+        warnings.append(f"the measurements look odd: {error}")
+    fitted: list[FloatArray | None] = []
+    for loop in loops.loops:
+        try:
+            run = model.predict(loop.input, loop.schedule, loop.time, loop.history)
+            fitted.append(run.output)
+        except (InputError, NegativeResult) as error:
+            fitted.append(None)
+            warnings.append(f"the model cannot be computed on {loops.describe(loop)}: {error}")
+    rival = {id(loop): over for loop, over in single_valued(loops)}
+    return Evidence(
+        loops=loops,
+        fitted=tuple(fitted),
+        inspection=inspection,
+        verdict=judge(loops),
+        rival=tuple(rival[id(loop)] for loop in loops.loops),
+        warnings=tuple(warnings),
+    )
+
+
+def _read(model: ActuatorModel, folder: PathLike) -> tuple[LoopSet, LoopSet]:
+    """Read the loops before thinning, which hides noise and skew, and as they were fitted."""
+    origin = model.provenance
+    told = origin.settings.get(f"{PREFIX}clean", ",".join(DEFAULT_STEPS))
+    steps = [step.strip() for step in str(told).split(",")]
+    if steps[-1] != "thin":
+        loops = read_sources(model, folder)
+        return loops, loops
+    settings = dict(origin.settings) | {f"{PREFIX}clean": ",".join(steps[:-1]) or "none"}
+    unthinned = replace(model, provenance=replace(origin, settings=settings))
+    whole = read_sources(unthinned, folder)
+    return whole, clean(whole, ("thin",))
+
+
+def own_figures(model: ActuatorModel, evidence: Evidence) -> tuple[FitFigures | None, str]:
+    """Return the fit figures that belong to these parameters, and what is wrong with the file's.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        The model with the figures of its file, if any.
+    evidence : Evidence
+        Its measurements.
+
+    Returns
+    -------
+    figures : FitFigures or None
+        From the measurements; those of the file where the model cannot be run over all of them.
+    warning : str
+        Empty, unless the file was edited after the identification.
+    """
+    fitted = [output for output in evidence.fitted if output is not None]
+    if len(fitted) < len(evidence.fitted):
+        return model.fit, ""
+    fresh = fit_figures(evidence.loops, fitted)
+    if model.fit is None:
+        return fresh, ""
+    kept = replace(
+        fresh,
+        left_out=model.fit.left_out,
+        monotone=model.fit.monotone,
+        cross_validation=model.fit.cross_validation,
+    )
+    if abs(fresh.mean_abs - model.fit.mean_abs) <= STALE * max(fresh.mean_abs, model.fit.mean_abs):
+        return kept, ""
+    return kept, (
+        "the fit figures in the model file do not belong to its parameters, which were changed "
+        "after the identification; the figures of this report were computed anew"
+    )

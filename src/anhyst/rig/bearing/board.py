@@ -1,0 +1,232 @@
+"""The firmware itself flies the bearing: built for a board, in lock-step over the plant bus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from anhyst._core import Bearing
+from anhyst.control.states import Command, Fault, State
+from anhyst.link.client import ForceController
+from anhyst.link.frames import StatusAnswer, TargetRequest
+from anhyst.link.plant_bus import Q31, PlantBus, Reading
+from anhyst.link.process import run_host, run_qemu
+from anhyst.rig.bearing.plant import current_loop, make_bearing
+from anhyst.rig.bearing.position import position_control
+from anhyst.rig.bearing.scenario import DROP, Scenario
+from anhyst.rig.bearing.setup import Setup
+from anhyst.support.arrays import FloatArray
+from anhyst.support.progress import Progress
+
+BOARDS = ("host", "qemu-mps2")
+"""Boards without hardware, on which a firmware can run here."""
+
+COLUMNS = ("t_s", "gap_m", "velocity_m_per_s", "command_A", "command_2_A", "state", "fault")
+"""Of the record of a flight: a row a tick, all at its beginning but for the commands, the state and
+the fault, which follow from it."""
+
+_BEAT = 0.04
+"""Between two requests while nothing is commanded, s; well below the controller's patience."""
+
+
+class BearingPlant:
+    """A bearing as the plant bus knows it: signals as fractions of full scale.
+
+    Parameters
+    ----------
+    setup : Setup
+        What flies, in fixed point.
+    seed : int, optional
+        Of the sensors' noise; the seed of the rig file is added.
+    bearing : Bearing, optional
+        The plant, at rest, where it is not the one that the controller was made for.
+
+    Attributes
+    ----------
+    bearing : Bearing
+        The plant.
+    rest_load, force_high, supply : float
+        Of the load drive, N; the largest force that may be asked for, N; of the amplifiers, V.
+    load, inject : float
+        Commanded to the load drive at the next tick, N; added to the gap that is shown, m.
+    dropped : bool
+        Whether the next sample of the position is lost.
+    shown : callable or None
+        Makes of what the sensors show what arrives, for faults of sensors and wires.
+    """
+
+    def __init__(self, setup: Setup, seed: int = 0, bearing: Bearing | None = None) -> None:
+        rig = setup.rig
+        self.bearing = bearing or make_bearing(rig, seed)
+        self.rest_load = rig.settings.load.force_N
+        self.force_high = setup.controller.limits.force_high_N
+        self.supply = rig.settings.amplifier.supply_V
+        self.load = self.rest_load
+        self.inject = 0.0
+        self.dropped = False
+        self.shown: Callable[[Reading], Reading] | None = None
+        self._scales = position_control(setup).settings("fixed")
+        self._loop = current_loop(rig)
+        self._integral = [0.0, 0.0]
+        self._read = (0.0, 0.0)
+        self._last: float | None = None
+        self._pair = rig.settings.magnet.arrangement == "pair"
+
+    def amperes(self, drives: tuple[float, float]) -> tuple[float, float]:
+        """Return what fractions of full scale are, A."""
+        full = self._scales["current_full"]
+        return drives[0] * full, drives[1] * full
+
+    def position_code(self, gap: float) -> int:
+        """Return the code of a gap, as the controller counts positions."""
+        part = (self._scales["gap_middle"] - gap) / self._scales["position_full"]
+        return max(-(1 << 31), min((1 << 31) - 1, math.floor(part * Q31 + 0.5)))
+
+    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+        """Go on with the currents of the tick before, and read the sensors."""
+        del tick  # the bearing counts for itself
+        if self._last is not None:
+            first, second = self._amplifiers(self.amperes(currents))
+            self.bearing.advance(first, second, self._last)
+        self._last = self.load
+        gap, current, second, *_ = self.bearing.read()
+        self._read = (current, second)
+        scales = self._scales
+        position = (scales["gap_middle"] - (gap + self.inject)) / scales["position_full"]
+        full = scales["current_full"]
+        reading = Reading(
+            gap=0.0,
+            force=0.0,
+            current=current / full,
+            current_2=second / full,
+            position=math.nan if self.dropped else position,
+        )
+        return reading if self.shown is None else self.shown(reading)
+
+    def _amplifiers(self, reference: tuple[float, float]) -> tuple[float, float]:
+        """Return the references, or voltages that bring them about, as the amplifiers need."""
+        loop = self._loop
+        if loop["gain"] == 0.0:
+            return reference
+        volts = [0.0, 0.0]
+        for i in range(2 if self._pair else 1):
+            error = reference[i] - self._read[i]
+            wanted = loop["resistance"] * reference[i] + loop["gain"] * error + self._integral[i]
+            volts[i] = min(max(wanted, -loop["limit"]), loop["limit"])
+            if abs(wanted) < loop["limit"]:
+                self._integral[i] += loop["reset"] * error
+        return volts[0], volts[1]
+
+
+@dataclass
+class BoardFlight:
+    """A firmware in the air: what is done to it, tick by tick, and what it did.
+
+    Parameters
+    ----------
+    plant : BearingPlant
+    bus : PlantBus
+    link : ForceController
+        Its session; everything it is told goes over it.
+    """
+
+    plant: BearingPlant
+    bus: PlantBus
+    link: ForceController
+
+    def __post_init__(self) -> None:
+        self._beat = max(1, int(_BEAT * self.link.info.rate))
+        self._since = 0
+        self._target: int | None = None
+        self._tick = 1.0 / self.link.info.rate
+
+    def fly(self, scenario: Scenario, progress: Progress | None = None) -> FloatArray:
+        """Go on with a scenario.
+
+        Parameters
+        ----------
+        scenario : Scenario
+            As the simulation flies it; nothing may be fed forward.
+        progress : callable, optional
+            Called with ticks flown and all of them.
+
+        Returns
+        -------
+        ndarray, shape (n, 7)
+            See :data:`COLUMNS`; shorter where the simulation lost all bounds.
+        """
+        rows = np.empty((scenario.ticks, len(COLUMNS)))
+        for n in range(scenario.ticks):
+            self.command(Command(int(scenario.command[n]) & 0xFF))
+            self.aim(float(scenario.target[n]))
+            self.plant.load = float(scenario.load[n])
+            self.plant.inject = float(scenario.inject[n])
+            self.plant.dropped = bool(int(scenario.command[n]) & DROP)
+            rows[n] = self.tick()
+            if not math.isfinite(rows[n, 1]):
+                return rows[: n + 1]
+            if progress is not None and n % 1000 == 0:
+                progress(n, scenario.ticks)
+        return rows
+
+    def command(self, command: Command) -> None:
+        """Give a command over the link; ``NONE`` is nothing."""
+        if command is not Command.NONE:
+            self.link.command(command)
+            self._since = 0
+
+    def aim(self, gap: float) -> None:
+        """Tell the controller where to go, if it is another place than before."""
+        code = self.plant.position_code(gap)
+        if code != self._target:
+            self.link.request(TargetRequest(code), StatusAnswer)
+            self._target, self._since = code, 0
+
+    def tick(self, beats: bool = True) -> tuple[float, ...]:
+        """Go on by one tick; without beats the link stays silent."""
+        self._since += 1
+        if beats and self._since >= self._beat:
+            self.link.status()
+            self._since = 0
+        time = self.bus.tick * self._tick
+        self.bus.step()
+        bearing, bus = self.plant.bearing, self.bus
+        first, second = self.plant.amperes(bus.drives)
+        return time, bearing.gap, bearing.velocity, first, second, bus.state, bus.fault
+
+    @property
+    def state(self) -> State:
+        """Of the controller after the last tick."""
+        return self.bus.state
+
+    @property
+    def fault(self) -> Fault:
+        """Its reason."""
+        return self.bus.fault
+
+
+@contextmanager
+def board_flight(firmware: Path, plant: BearingPlant, board: str) -> Iterator[BoardFlight]:
+    """Start the firmware of a bearing and open its link.
+
+    Parameters
+    ----------
+    firmware : Path
+        From :func:`anhyst.link.firmware.build`, for this board.
+    plant : BearingPlant
+        What it flies.
+    board : str
+        One of :data:`BOARDS`.
+
+    Yields
+    ------
+    BoardFlight
+    """
+    run = run_host if board == "host" else run_qemu
+    with run(firmware, plant) as running, ForceController(running.url) as link:
+        yield BoardFlight(plant, running.bus, link)

@@ -1,0 +1,134 @@
+"""Whether a controller file belongs to the rig that it is to control."""
+
+from __future__ import annotations
+
+from anhyst.control.controller_file import (
+    ControllerFile,
+    ControllerTable,
+    PairTable,
+)
+from anhyst.rig.bearing.file import BearingRig, step_ends
+from anhyst.rig.bearing.scenario import land_time, lift_time
+from anhyst.support.toml_file import Fault, faults_error
+
+LONGEST_RAMP_S = 60.0
+"""Longest time that lifting off or landing may take, s."""
+
+
+def pair_of(rig: BearingRig) -> PairTable | None:
+    """Return what a controller has to know of a second magnet, or None where there is none."""
+    magnet = rig.settings.magnet
+    if magnet.bias_force_N is None or magnet.gap_total_m is None:
+        return None
+    return PairTable(bias_force_N=magnet.bias_force_N, gap_total_m=magnet.gap_total_m)
+
+
+def check_controller(controller: ControllerFile, rig: BearingRig) -> None:
+    """Refuse a controller that does not belong to the rig.
+
+    Parameters
+    ----------
+    controller : ControllerFile
+        Named in the error.
+    rig : BearingRig
+        What it is to control.
+
+    Raises
+    ------
+    InputError
+        Another rate, limits beyond the amplifier, a reference or the rest outside the limits,
+        force limits of the wrong arrangement or below the load, measured flux without a probe.
+    """
+    faults = _rig_faults(controller.settings, rig)
+    if faults:
+        raise faults_error(controller.path, faults)
+
+
+def _rig_faults(settings: ControllerTable, rig: BearingRig) -> list[Fault]:
+    faults: list[Fault] = []
+    rate, plant = rig.settings.timing.rate_Hz, rig.settings
+    if settings.rate_Hz != rate:
+        text = f"is {settings.rate_Hz:g} Hz here and {rate:g} Hz in {rig.path}; make them equal"
+        faults.append((("rate_Hz",), text))
+    limits, amplifier = settings.limits, plant.amplifier
+    if limits.current_low_A < amplifier.current_low_A:
+        text = f"the amplifier of {rig.path} begins at {amplifier.current_low_A:g} A; raise it"
+        faults.append((("limits", "current_low_A"), text))
+    if limits.current_high_A > amplifier.current_high_A:
+        text = f"the amplifier of {rig.path} ends at {amplifier.current_high_A:g} A; lower it"
+        faults.append((("limits", "current_high_A"), text))
+    if plant.magnet.arrangement == "single" and limits.force_low_N < 0.0:
+        text = "a single magnet cannot push; raise it to 0 or more"
+        faults.append((("limits", "force_low_N"), text))
+    if plant.magnet.arrangement == "single" and not rig.load < limits.force_high_N:
+        text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.load:g} N"
+        faults.append((("limits", "force_high_N"), f"{text}; raise it"))
+    if settings.compensation.variant == "flux" and plant.hall_probe is None:
+        text = f'"flux" needs the table [hall_probe], {rig.path} has none; add it'
+        faults.append((("compensation", "variant"), text))
+    faults += _amplifier_faults(settings, rig)
+    lowest, highest = _visited(rig)
+    if not limits.gap_low_m < lowest:
+        text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
+        faults.append((("limits", "gap_low_m"), text))
+    step = plant.position_sensor.sensor().step
+    if limits.step_m < step:
+        text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
+        faults.append((("limits", "step_m"), text))
+    if not limits.gap_high_m > highest:
+        text = f"{rig.path} rests at a gap of {highest:.5g} m; raise it"
+        faults.append((("limits", "gap_high_m"), text))
+    return [*faults, *_ramp_faults(settings, rig, lowest)]
+
+
+def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> list[Fault]:
+    """Find ramps so slow that nobody waits for them."""
+    way = rig.settings.mechanics.stop_high_m - lowest
+    faults: list[Fault] = []
+    for table, what, ramp, seconds in (
+        ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
+        ("landing", "landing", settings.landing, land_time(rig, settings)),
+    ):
+        if seconds > LONGEST_RAMP_S:
+            forces = settings.limits.force_high_N / ramp.force_rate_N_per_s
+            longer = forces > way / ramp.speed_m_per_s
+            key = "force_rate_N_per_s" if longer else "speed_m_per_s"
+            text = f"{what} takes {seconds:.4g} s, at most {LONGEST_RAMP_S:g} s are simulated"
+            faults.append(((table, key), f"{text}; raise it"))
+    return faults
+
+
+def _visited(rig: BearingRig) -> tuple[float, float]:
+    """Return the smallest gap that is referred to, and that of the armature at rest, m."""
+    tried = rig.settings.simulate
+    gaps = [tried.gap_m, *tried.also_gaps_m]
+    lowest = min(step_ends(gap, height)[1] for gap in gaps for height in tried.steps_m)
+    for trajectory in tried.trajectories:
+        lowest = min(lowest, tried.gap_m - trajectory.amplitude_m)
+    return lowest, rig.settings.mechanics.stop_high_m
+
+
+def _amplifier_faults(settings: ControllerTable, rig: BearingRig) -> list[Fault]:
+    """Say where the file tells of amplifiers or of a second magnet what the rig does not."""
+    faults: list[Fault] = []
+    told, amplifier = settings.converter, rig.settings.amplifier
+    if told is not None:
+        ends = {
+            "low_A": amplifier.current_low_A,
+            "high_A": amplifier.current_high_A,
+            "bits": amplifier.dac_bits,
+        }
+        for key, value in ends.items():
+            if getattr(told, key) != value:
+                text = f"the amplifier of {rig.path} has {value:g}; make them equal"
+                faults.append((("converter", key), text))
+    pair = pair_of(rig)
+    if settings.pair is not None and pair is None:
+        faults.append((("pair",), f"the magnet of {rig.path} is a single one; take it out"))
+    elif settings.pair is not None and pair is not None:
+        for key in type(pair).model_fields:
+            value = getattr(pair, key)
+            if getattr(settings.pair, key) != value:
+                text = f"is {value:g} in {rig.path}; make them equal"
+                faults.append((("pair", key), text))
+    return faults

@@ -1,0 +1,289 @@
+"""The rig file of a magnetic bearing: plant, instruments, and what is tried on them.
+
+Everything is SI and the unit stands in the key. Every key is described in docs/rig-file.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from anhyst.data import LoopSet
+from anhyst.rig.bearing.tables import BearingTable
+from anhyst.rig.from_loops import Fitted, fit_magnet
+from anhyst.rig.loop_files import Measured, identify_faults
+from anhyst.support.atomic import PathLike
+from anhyst.support.toml_file import Fault, faults_error, read_toml
+from anhyst.support.toml_text import Path as KeyPath
+
+TICKS_PER_POLE = 20.0
+"""Least sample rate in multiples of the unstable pole of the plant without controller."""
+LEAST_HOLD = 8
+"""Ticks for which a step is held, to judge it by."""
+LONGEST_PERIOD_S = 60.0
+"""Of a trajectory, s."""
+TICKS_PER_PERIOD = 10.0
+"""More than so many ticks make a period of a trajectory."""
+MOST_DELAY = 128
+"""Sub-steps between sample and output, or by which a sensor may be late."""
+
+
+@dataclass(frozen=True, slots=True)
+class BearingRig:
+    """A bearing as its file describes it.
+
+    Parameters
+    ----------
+    path : Path
+        The rig file.
+    settings : BearingTable
+        What it says.
+    fitted : Fitted or None
+        Magnet that was fitted to the loops; `settings` holds its numbers then.
+    """
+
+    path: Path
+    settings: BearingTable
+    fitted: Fitted | None = None
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks, s."""
+        return 1.0 / self.settings.timing.rate_Hz
+
+    @property
+    def step(self) -> float:
+        """Time between sub-steps, s."""
+        return self.dt / self.settings.timing.substeps
+
+    @property
+    def measured(self) -> Measured:
+        """The loops that its file names."""
+        settings = self.settings
+        return Measured(self.path, ("loops",), tuple(settings.loops), settings.identify)
+
+    @property
+    def model(self) -> Path | None:
+        """Model file of a magnet whose force an identified law makes."""
+        model = self.settings.magnet.model
+        return None if model is None else self.path.parent / model.file
+
+    @property
+    def flux_table(self) -> Path | None:
+        """Flux table of such a magnet, if it has one."""
+        model = self.settings.magnet.model
+        if model is None or model.flux_table is None:
+            return None
+        return self.path.parent / model.flux_table
+
+    @property
+    def load(self) -> float:
+        """Force that pulls the gap open all the time, N: load drive and weight."""
+        mechanics = self.settings.mechanics
+        return self.settings.load.force_N + mechanics.mass_kg * mechanics.gravity_m_per_s2
+
+
+def step_ends(gap: float, height: float) -> tuple[float, float]:
+    """Return the gaps between which a step goes: half its height to either side.
+
+    High steps have room between the end stops then, up and down steps see the same magnet, and
+    the plant linearised at the gap is that of the middle of every step.
+
+    Parameters
+    ----------
+    gap : float
+        Around which the step goes, m.
+    height : float
+        m.
+
+    Returns
+    -------
+    lower, upper : float
+        Gap with the armature down and with the armature up, m.
+    """
+    return gap + height / 2.0, gap - height / 2.0
+
+
+def read_bearing(path: PathLike) -> BearingRig:
+    """Read the rig file of a bearing.
+
+    Parameters
+    ----------
+    path : path-like
+        ``rig.toml``; other files are named relative to it.
+
+    Returns
+    -------
+    BearingRig
+        Its keys fit the schema and each other.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or does not fit; with file, line and key.
+    """
+    place = Path(path)
+    settings = read_toml(place, BearingTable)
+    faults = [*_delay_faults(settings), *_plant_faults(settings), *_simulate_faults(settings)]
+    faults += identify_faults(settings.identify)
+    if faults:
+        raise faults_error(place, faults)
+    return BearingRig(place, settings)
+
+
+def complete_rig(rig: BearingRig, loops: LoopSet) -> BearingRig:
+    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    loops : LoopSet
+        Those that its file names.
+    """
+    magnet = rig.settings.magnet
+    if not magnet.from_loops:
+        return rig
+    found = fit_magnet(loops, magnet)
+    settings = rig.settings.model_copy(update={"magnet": magnet.model_copy(update=found.keys)})
+    return replace(rig, settings=settings, fitted=found)
+
+
+def check_load(rig: BearingRig, force_max: float) -> None:
+    """Refuse a load that no current can carry.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        Whose load and load steps are looked at.
+    force_max : float
+        Largest net force at the operating gap, N, as measured or computed.
+
+    Raises
+    ------
+    InputError
+        The load, alone or with a step of it, is not below that force.
+    """
+    load = rig.load
+    steps = rig.settings.simulate.load_steps_N
+    faults: list[Fault] = []
+    if not load < force_max:
+        text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
+        faults.append((("load", "force_N"), f"{text}; lower it or raise current_high_A"))
+    for place, step in enumerate(steps):
+        if load < force_max <= load + step:
+            text = f"{load:.4g} N and this step are {load + step:.4g} N"
+            text += f", the magnet reaches {force_max:.4g} N; lower it"
+            faults.append((("simulate", "load_steps_N", place), text))
+    if faults:
+        raise faults_error(rig.path, faults)
+
+
+def check_rate(rig: BearingRig, pole_Hz: float) -> None:
+    """Refuse a sample rate that is too slow for the plant.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        Whose rate is looked at.
+    pole_Hz : float
+        Unstable pole of the plant without controller, Hz.
+
+    Raises
+    ------
+    InputError
+        The rate is below 20 times that pole.
+    """
+    rate, least = rig.settings.timing.rate_Hz, TICKS_PER_POLE * pole_Hz
+    if rate < least:
+        text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
+        text += f"; use at least {TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
+        raise faults_error(rig.path, [(("timing", "rate_Hz"), text)])
+
+
+def _delay_faults(settings: BearingTable) -> list[Fault]:
+    """Find delays that the plant has no memory for."""
+    timing = settings.timing
+    per_second = timing.rate_Hz * timing.substeps
+    output = timing.delay_ticks * timing.substeps + settings.amplifier.delay_s * per_second
+    faults: list[Fault] = []
+    for key, steps in (
+        (("amplifier", "delay_s"), output),
+        (("position_sensor", "delay_s"), settings.position_sensor.sensor().delay * per_second),
+    ):
+        if steps > MOST_DELAY:
+            text = f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}"
+            faults.append((key, f"{text}; shorten it or lower substeps"))
+    return faults
+
+
+def _plant_faults(settings: BearingTable) -> list[Fault]:
+    """Find what does not fit together in the plant and its instruments."""
+    faults: list[Fault] = []
+    mechanics, magnet = settings.mechanics, settings.magnet
+    low, high = mechanics.stop_low_m, mechanics.stop_high_m
+    if magnet.gap_total_m is not None and not high < magnet.gap_total_m:
+        text = f"must be above stop_high_m, {high:g} m, or the second magnet is touched; raise it"
+        faults.append((("magnet", "gap_total_m"), text))
+    sensor = settings.position_sensor
+    if not (sensor.low_m <= low and high <= sensor.high_m):
+        text = f"its range must hold the travel, {low:g} to {high:g} m; widen low_m or high_m"
+        faults.append((("position_sensor",), text))
+    amplifier, shunt = settings.amplifier, settings.current_sensor
+    if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
+        text = "its range must hold that of the amplifier; widen low_A or high_A"
+        faults.append((("current_sensor",), text))
+    if settings.measurement.current_max_A > amplifier.current_high_A:
+        text = f"the amplifier ends at {amplifier.current_high_A:g} A; lower it"
+        faults.append((("measurement", "current_max_A"), text))
+    return faults
+
+
+def _simulate_faults(settings: BearingTable) -> list[Fault]:
+    """Find references outside the travel."""
+    faults: list[Fault] = []
+    low, high = settings.mechanics.stop_low_m, settings.mechanics.stop_high_m
+    tried = settings.simulate
+
+    def check(key: KeyPath, what: str, lowest: float, highest: float) -> bool:
+        if low < lowest and highest < high:
+            return True
+        goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
+        text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
+        faults.append((("simulate", *key), f"{text}; lower it or move the stops"))
+        return False
+
+    check(("gap_m",), "the reference", tried.gap_m, tried.gap_m)
+    for place, gap in enumerate(tried.also_gaps_m):
+        check(("also_gaps_m", place), "the reference", gap, gap)
+    for place, height in enumerate(tried.steps_m):
+        for gap in (tried.gap_m, *tried.also_gaps_m):
+            lower, upper = step_ends(gap, height)
+            if not check(("steps_m", place), f"the step around {gap:g} m", upper, lower):
+                break
+    for place, trajectory in enumerate(tried.trajectories):
+        away = trajectory.amplitude_m
+        ends = tried.gap_m - away, tried.gap_m + away
+        check(("trajectories", place, "amplitude_m"), "the reference", *ends)
+    return [*faults, *_time_faults(settings)]
+
+
+def _time_faults(settings: BearingTable) -> list[Fault]:
+    """Find what is too short or too long for the rate."""
+    faults: list[Fault] = []
+    tried, rate = settings.simulate, settings.timing.rate_Hz
+    if round(tried.hold_s * rate) < LEAST_HOLD:
+        text = f"holds a step for {tried.hold_s * rate:.3g} ticks of 1/{rate:g} s"
+        text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
+        faults.append((("simulate", "hold_s"), text))
+    most, least = rate / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
+    for place, trajectory in enumerate(tried.trajectories):
+        frequency, text = trajectory.frequency_Hz, ""
+        if frequency >= most:
+            text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {most:g} Hz; lower it"
+        elif frequency < least:
+            text = f"a period of {1.0 / frequency:.4g} s is longer than {LONGEST_PERIOD_S:g} s"
+            text += "; raise it"
+        if text:
+            faults.append((("simulate", "trajectories", place, "frequency_Hz"), text))
+    return faults

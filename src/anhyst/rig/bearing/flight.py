@@ -1,0 +1,173 @@
+"""What became of a flight: held, or lost, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from anhyst.control.states import Command, Flag
+from anhyst.rig.bearing.loop import lost_at
+from anhyst.rig.bearing.recording import BREAKAWAY, FAULT, HOVER, RISE, RUN, Recording
+from anhyst.rig.bearing.scenario import Scenario, Script, land_time, steps_up_and_down
+from anhyst.rig.bearing.setup import Setup
+
+READY = 16 * 3
+"""On the ground, ready to lift again."""
+
+_RESTLESS = 0.01
+"""Part of the travel: an armature that moves by more in its hover, rms, is not held."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A run from power on until the armature lies again.
+
+    Parameters
+    ----------
+    setup : Setup
+    recording : Recording
+        Lift-off, steps, load steps, landing.
+    steps : Scenario
+        The first part of it: lift-off and steps.
+    landing : int
+        Tick of the command to land.
+    """
+
+    setup: Setup
+    recording: Recording
+    steps: Scenario
+    landing: int
+
+    def fault(self) -> str | None:
+        """Say why the armature was not held until the end of the steps, or None if it was."""
+        rig, lifted = self.setup.rig, self.steps.lifted
+        steps = self.recording.part(0, self.steps.ticks)
+        lost = lost_at(rig, steps, lifted)
+        late = self._late(steps)
+        if late is not None:
+            return late
+        if lost is None and len(steps) < self.steps.ticks:
+            lost = float(steps["t_s"][-1])
+        if lost is not None:
+            return f"levitation was lost at {lost:.4f} s: the gains do not hold this bearing"
+        mechanics = rig.settings.mechanics
+        hover = steps["gap_m"][lifted - lifted // 8 : lifted]
+        if float(np.std(hover)) > _RESTLESS * (mechanics.stop_high_m - mechanics.stop_low_m):
+            return (
+                f"the armature oscillates by {1e6 * float(np.std(hover)):.3g} um rms at "
+                f"{lifted * rig.dt:.2f} s: the gains do not hold this bearing"
+            )
+        return None
+
+    def _late(self, steps: Recording) -> str | None:
+        """Say what kept it from hanging in the air, if it was anything but the gains."""
+        state, time = steps["state"], steps["t_s"]
+        rejected = self._rejected(steps)
+        if rejected is not None:
+            return rejected
+        controlled = (state >= RISE) & (state <= HOVER)
+        if not controlled.any():
+            faults = state >= 16 * FAULT
+            if faults.any():
+                force = self.setup.controller.limits.force_high_N
+                return (
+                    "the armature did not lift: it lay on its rest at "
+                    f"{time[np.argmax(faults)]:.4f} s, when {force:g} N were demanded; raise "
+                    "force_high_N or lower the load"
+                )
+            if (state >= 16 * RUN).any():
+                return f"the armature had not left its rest at {time[-1]:.4f} s"
+            return f"the command to lift was refused, the state is {state[-1]:.0f}"
+        if len(steps) > self.steps.lifted and state[self.steps.lifted] in (BREAKAWAY, RISE):
+            text = f"the armature was still rising at {time[self.steps.lifted]:.4f} s"
+            return f"{text}; raise speed_m_per_s or force_rate_N_per_s of [lift_off]"
+        return None
+
+    def _rejected(self, steps: Recording) -> str | None:
+        """Tell samples that the controller did not believe from an armature out of control."""
+        doubtful = (steps["flags"].astype(int) & int(Flag.SAMPLE_DOUBTFUL)) != 0
+        patience = self.setup.controller.safety.patience_ticks
+        # Whether every one of the last samples, and this one, was doubted: the position is lost.
+        row = np.convolve(doubtful, np.ones(patience + 1), "valid") > patience + 0.5
+        if (steps["state"] >= 16 * RUN).any():
+            row &= steps["state"][patience:] >= 16 * FAULT
+        if not row.any():
+            return None
+        end = int(np.argmax(row)) + patience
+        gap, mechanics = steps["gap_m"][: end + 1], self.setup.rig.settings.mechanics
+        flown = gap[int(np.argmax(gap < mechanics.stop_high_m)) :]
+        touched = (flown <= mechanics.stop_low_m) | (flown >= mechanics.stop_high_m)
+        if (gap < mechanics.stop_high_m).any() and touched.any():
+            return None
+        return (
+            f"samples of the gap were rejected at {steps['t_s'][end]:.4f} s, {patience + 1} in a "
+            "row: see step_m, gap_low_m and gap_high_m of [limits], and the noise of the sensor"
+        )
+
+    def lost_later(self) -> list[str]:
+        """Say whether the armature was lost in the load steps or the landing of the recording."""
+        after = self.recording.part(self.steps.ticks, self.landing)
+        if len(after) and lost_at(self.setup.rig, after) is not None:
+            return ["load steps of the recording"]
+        landing = self.recording.part(self.landing, len(self.recording))
+        state, gap = landing["state"], landing["gap_m"]
+        hit = gap <= self.setup.rig.settings.mechanics.stop_low_m
+        if not len(landing) or state[-1] != READY or hit.any():
+            return ["landing of the recording"]
+        return []
+
+
+def parts_of_flight(setup: Setup) -> tuple[Scenario, Scenario, int]:
+    """Return the flight that a simulation records: lift-off and steps; then loads and a landing.
+
+    Parameters
+    ----------
+    setup : Setup
+        For its rig and its controller.
+
+    Returns
+    -------
+    steps, after : Scenario
+        One after the other.
+    landing : int
+        Tick of the command to land, counted over both.
+    """
+    rig = setup.rig
+    tried, load = rig.settings.simulate, rig.settings.load.force_N
+    steps = steps_up_and_down(rig, setup.controller, tried.gap_m, tried.steps_m)
+    script = Script(rig, float(steps.target[-1]))
+    for step in tried.load_steps_N:
+        script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
+    landing = steps.ticks + script.ticks
+    script.command(Command.LAND).hold(land_time(rig, setup.controller))
+    return steps, script.build(), landing
+
+
+def lost_blocks(figures: Mapping[str, Any]) -> list[str]:
+    """Name every block of ``figures.json`` in which its own variant lost levitation."""
+    own = figures["variant"]
+    found = {}
+    for row in figures["steps"]:
+        if row["variant"] == own and row["lost"]:
+            found[f"steps at {1e3 * row['gap_m']:g} mm"] = row["lost"]
+    for title, variants in _blocks(figures):
+        if variants[own]["lost"]:
+            found[title] = variants[own]["lost"]
+    blocks = [f"{title} ({_runs(count)})" for title, count in found.items()]
+    return blocks + (["sensitivity"] if figures["sensitivity"][own] is None else [])
+
+
+def _blocks(figures: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    yield "standstill", figures["standstill"]
+    for one in figures["trajectories"]:
+        yield f"{one['kind']} of {1e6 * one['amplitude_m']:g} um", one["variants"]
+    for one in figures["load_steps"]:
+        yield f"load step of {one['force_N']:g} N", one["variants"]
+    yield from figures["events"].items()
+
+
+def _runs(count: int) -> str:
+    return "1 run" if count == 1 else f"{count} runs"

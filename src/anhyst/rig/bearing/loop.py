@@ -1,0 +1,100 @@
+"""A bearing and its controller in lock-step: runs scenarios."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anhyst._core import Bearing, BearingLoop
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.plant import current_loop, make_bearing
+from anhyst.rig.bearing.position import make_position
+from anhyst.rig.bearing.recording import FAULT, HOVER, RUN, Recording
+from anhyst.rig.bearing.scenario import Scenario
+from anhyst.rig.bearing.setup import Setup
+
+
+class Loop:
+    """One run of a setup, from power on; scenarios follow each other.
+
+    Parameters
+    ----------
+    setup : Setup
+    seed : int
+        Of the sensors' noise; the seed of the rig file is added.
+    largest_first : bool, optional
+        Whether the iron has seen the largest current before, of which the controller knows nothing.
+    bearing : Bearing, optional
+        The plant, at rest, where it is not the one that the controller was made for.
+    """
+
+    def __init__(
+        self,
+        setup: Setup,
+        seed: int = 0,
+        largest_first: bool = False,
+        bearing: Bearing | None = None,
+    ) -> None:
+        self.setup = setup
+        rig = setup.rig
+        bearing = bearing or make_bearing(rig, seed)
+        if largest_first:
+            pair = rig.settings.magnet.arrangement == "pair"
+            for magnet in range(2 if pair else 1):
+                for current in (rig.settings.amplifier.current_high_A, 0.0):
+                    bearing.hold(current, magnet)
+        self._loop = BearingLoop(
+            bearing,
+            make_position(setup),
+            current_loop(rig),
+            rig.settings.hall_probe is not None,
+        )
+
+    def run(self, scenario: Scenario) -> Recording:
+        """Go on with a scenario.
+
+        Returns
+        -------
+        Recording
+            A row a tick; shorter than the scenario where the simulation lost all bounds.
+        """
+        return Recording(
+            self._loop.run(
+                scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command
+            )
+        )
+
+
+def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:
+    """Tell when levitation was lost: a stop was touched, or the controller gave up.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        For its stops.
+    recording : Recording
+        From power on, or from any time in the air.
+    since : int, optional
+        Tick from which on the armature should hang in the air.
+
+    Returns
+    -------
+    float or None
+        Time, s.
+    """
+    mechanics = rig.settings.mechanics
+    fault = recording["state"] >= 16 * FAULT
+    if fault.any():
+        since = min(since, int(np.argmax(fault)))
+    gap, state = recording["gap_m"][since:], recording["state"][since:]
+    flying = (state >= 16 * RUN + 2) & (state <= 16 * RUN + 4)
+    touched = (gap <= mechanics.stop_low_m) | (gap >= mechanics.stop_high_m)
+    bad = ~flying | touched | ~np.isfinite(gap)
+    if not bad.any():
+        return None
+    return float(recording["t_s"][since + int(np.argmax(bad))])
+
+
+def hovers_from(recording: Recording) -> int | None:
+    """Return the first tick at which the reference was reached, or None."""
+    hovering = recording["state"] == HOVER
+    return int(np.argmax(hovering)) if hovering.any() else None

@@ -1,0 +1,202 @@
+"""From what is known of a magnet to loops that are ready to run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst.compensate.flux import FluxCalibration
+from anhyst.compensate.variants import Operating, fit_drive
+from anhyst.control.controller_file import (
+    ControllerFile,
+    ControllerTable,
+    Format,
+    Variant,
+    told_by_key,
+)
+from anhyst.data import LoopSet
+from anhyst.identify.options import IdentifyTable
+from anhyst.model.actuator import ActuatorModel
+from anhyst.rig.bearing.controller_check import check_controller, pair_of
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.plant import static_map
+from anhyst.rig.bearing.position import check_position
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.loop_files import identify_loops
+from anhyst.support.errors import InputError
+
+
+@dataclass(frozen=True)
+class IdentifiedMagnet:
+    """What a controller knows of its magnet: measured loops, and the model identified from them.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Force over current at several gaps.
+    model : ActuatorModel
+        Identified from them.
+    """
+
+    loops: LoopSet
+    model: ActuatorModel
+
+
+def identify_magnet(loops: LoopSet, options: IdentifyTable | None = None) -> IdentifiedMagnet:
+    """Identify the model of a bearing's magnet from its loops; the armature may move under it.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Force over current at several gaps.
+    options : IdentifyTable, optional
+        How, as the rig file says; the gap map is ``circuit`` where it says nothing.
+
+    Returns
+    -------
+    IdentifiedMagnet
+        The model has a dead band, unless the options forbid it: noise of the position reaches it.
+    """
+    return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
+
+
+def make_setup(
+    rig: BearingRig,
+    controller: ControllerTable,
+    magnet: IdentifiedMagnet,
+    variant: Variant,
+    number_format: Format,
+) -> Setup:
+    """Fit one variant to what is known and put it behind the controller.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    controller : ControllerTable
+        Its own variant and format do not count.
+    magnet : IdentifiedMagnet
+    variant, number_format : str
+
+    Returns
+    -------
+    Setup
+
+    Raises
+    ------
+    InputError
+        What is known does not make a drive of this variant.
+    """
+    drive = fit_drive(
+        variant,
+        magnet.loops,
+        magnet.model,
+        operating_point(rig, controller, magnet.loops),
+        number_format,
+        calibrate_probe(rig) if variant == "flux" else None,
+    )
+    chosen = controller.compensation.model_copy(
+        update={"variant": variant, "format": number_format}
+    )
+    return Setup(rig, controller.model_copy(update={"compensation": chosen}), drive)
+
+
+def make_setups(
+    rig: BearingRig,
+    controller: ControllerFile,
+    magnet: IdentifiedMagnet,
+    variants: tuple[Variant, ...],
+) -> Mapping[Variant, Setup]:
+    """Fit several variants in the number format of a controller file.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    controller : ControllerFile
+        Its own variant does not count.
+    magnet : IdentifiedMagnet
+    variants : tuple of str
+
+    Returns
+    -------
+    mapping of str to Setup
+        By variant.
+
+    Raises
+    ------
+    InputError
+        The controller does not fit the rig, or what is known does not make a drive; names the file
+        that it comes from.
+    """
+    check_controller(controller, rig)
+    table = controller.settings
+    found = {}
+    for variant in variants:
+        modelled = variant in ("simplified", "full") and controller.model is not None
+        try:
+            found[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
+        except InputError as error:
+            raise InputError(
+                f"{controller.model if modelled else rig.measured.text}: {error}"
+            ) from error
+        with told_by_key(controller):
+            check_position(found[variant])
+    return found
+
+
+def operating_point(rig: BearingRig, controller: ControllerTable, loops: LoopSet) -> Operating:
+    """Return where a bearing works: each magnet of a pair around its bias.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        Operating gap and load, or the bias of a pair.
+    controller : ControllerTable
+        Rate and limits.
+    loops : LoopSet
+        For the gaps that were measured.
+
+    Returns
+    -------
+    Operating
+    """
+    pair = pair_of(rig)
+    measured = [gap for gap in loops.by_schedule() if gap is not None]
+    return Operating(
+        gap=rig.settings.simulate.gap_m,
+        force=rig.load if pair is None else pair.bias_force_N,
+        rate=controller.rate_Hz,
+        gap_range=controller.working_gaps(pair, (min(measured), max(measured))),
+        force_max=controller.force_max(pair),
+        current_max=controller.limits.current_high_A,
+    )
+
+
+def calibrate_probe(rig: BearingRig) -> FluxCalibration | None:
+    """Measure flux density over force at several gaps, as a user would with a weight.
+
+    The series is taken on the way up from a demagnetised iron; force and flux density belong to one
+    gap flux, so that the direction does not matter.
+    """
+    hall = rig.settings.hall_probe
+    if hall is None:
+        return None
+    current = np.linspace(0.0, rig.settings.measurement.current_max_A, 60)
+    gaps = np.asarray(rig.settings.measurement.gaps_m)
+    forces, densities = [], []
+    for gap in gaps:
+        force, _, density = static_map(rig, current, np.full(current.size, gap))
+        forces.append(force)
+        densities.append((1.0 + hall.gain_error) * density)
+    timing, amplifier = rig.settings.timing, rig.settings.amplifier
+    corners = (amplifier.bandwidth_Hz, hall.bandwidth_Hz)
+    return FluxCalibration(
+        gap=np.repeat(gaps, current.size),
+        force=np.concatenate(forces),
+        flux_density=np.concatenate(densities),
+        delay=timing.delay_ticks * rig.dt + amplifier.delay_s,
+        lag=sum(1.0 / (2.0 * math.pi * corner) for corner in corners)
+        + rig.settings.magnet.eddy_time_s,
+    )

@@ -1,0 +1,269 @@
+"""From the rig file to the plant: what :mod:`anhyst._core` steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from anhyst._core import Bearing, Coil, Magnet
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.flux_file import check_flux_range, read_flux_table
+from anhyst.rig.bearing.tables import PositionSensor
+from anhyst.rig.parts.magnet import (
+    FluxTable,
+    cell_magnet,
+    flux_table_of,
+    law_magnet,
+)
+from anhyst.support.arrays import FloatArray
+from anhyst.support.elementary import passed
+from anhyst.support.errors import InputError
+
+STOP_RESONANCE = 1600.0
+"""Of the mass on an end stop, Hz; half of critical damping while it touches."""
+
+CURRENT_RESET = 0.1
+"""Corner of the integral of a current controller, as a part of its bandwidth."""
+
+DIGITAL_CROSSOVER = 0.4
+"""Of a current controller that computes, times its delay, rad."""
+
+ROWS = 129
+"""Places over the gap at which a law's gap map is looked at."""
+
+
+def make_magnet(rig: BearingRig, law: ActuatorModel | None = None) -> Magnet:
+    """Return the magnet of a rig.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    law : ActuatorModel, optional
+        What makes the force instead of the rig's own model file; not for cells.
+
+    Raises
+    ------
+    InputError
+        A model that cannot be read or makes no force of current and gap.
+    """
+    settings = rig.settings.magnet
+    middle = rig.settings.simulate.gap_m
+    if settings.force == "cells":
+        return cell_magnet(settings.poles, settings.steel.steel(), settings.eddy_time_s, middle)
+    table = flux_table(rig)
+    model = law or law_of(rig)
+    at = np.linspace(float(table.gap[0]), float(table.gap[-1]), ROWS)
+    names = ("c_H", "rho", "c_out", "out_0", "in_0")
+    rows = np.column_stack([model.over_schedule(name, at) for name in names])
+    eddy = float(model.over_schedule("gamma", np.array([middle]))[0])
+    return law_magnet(settings.poles, model.iron_at(middle), rows, eddy, table)
+
+
+def law_of(rig: BearingRig) -> ActuatorModel:
+    """Return the identified law that makes a rig's force.
+
+    Raises
+    ------
+    InputError
+        A model that cannot be read or makes no force of current and gap.
+    """
+    assert rig.model is not None
+    model = read_model(rig.model)
+    if model.fixed_gap_only or not model.needs_schedule or model.power != 2:
+        raise InputError(
+            f"{rig.model}: a bearing needs a model of force over current whose gap may move; "
+            "identify one from loops at several gaps"
+        )
+    return model
+
+
+def flux_table(rig: BearingRig) -> FluxTable:
+    """Return the flux table of a rig, as measured or made from its magnet.
+
+    Raises
+    ------
+    InputError
+        The table has holes, is not monotone, or ends within the travel or the range of current.
+    """
+    if rig.flux_table is not None:
+        table = read_flux_table(rig.flux_table)
+        mechanics, high = rig.settings.mechanics, rig.settings.amplifier.current_high_A
+        check_flux_range(rig.flux_table, table, mechanics.stop_low_m, mechanics.stop_high_m, high)
+        return table
+    settings = rig.settings
+    ends = (0.8 * settings.mechanics.stop_low_m, 1.2 * settings.mechanics.stop_high_m)
+    high = 1.5 * settings.amplifier.current_high_A
+    return flux_table_of(settings.magnet.poles, settings.magnet.steel.steel(), high, ends)
+
+
+def static_map(
+    rig: BearingRig, current: FloatArray, gap: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return force, flux linkage and flux density of a path so slow that nothing is induced.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    current, gap : ndarray, shape (n,)
+        A, m; the path begins demagnetised.
+
+    Returns
+    -------
+    force, linkage, density : ndarray, shape (n,)
+        N, Wb, T.
+    """
+    found = Coil(make_magnet(rig)).run(np.ascontiguousarray(current), np.ascontiguousarray(gap))
+    return found[:, 0].copy(), found[:, 1].copy(), found[:, 2].copy()
+
+
+def make_bearing(rig: BearingRig, seed: int, magnet: Magnet | None = None) -> Bearing:
+    """Return the plant of a rig, at rest on the stop of the largest gap.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    seed : int
+        Of the noise of its sensors; the seed of the file is added.
+    magnet : Magnet, optional
+        Its magnet, where it has been made before.
+    """
+    own = magnet or make_magnet(rig)
+    pair = rig.settings.magnet.arrangement == "pair"
+    return Bearing(
+        _mechanics(rig),
+        _amplifier(rig),
+        _load(rig),
+        _sensors(rig),
+        own,
+        own if pair else None,
+        (rig.settings.seed << 32) + seed,
+    )
+
+
+def current_loop(rig: BearingRig) -> dict[str, float]:
+    """Return the digital current controller that stands before amplifiers of voltage."""
+    gain, reset = current_gains(rig)
+    needed = rig.settings.amplifier.mode == "voltage"
+    return {
+        "resistance": rig.settings.magnet.poles.resistance,
+        "gain": gain if needed else 0.0,
+        "reset": reset * rig.dt,
+        "limit": rig.settings.amplifier.supply_V,
+    }
+
+
+def current_gains(rig: BearingRig) -> tuple[float, float]:
+    """Return gain, V/A, and integral, V/(A s), of the current controller.
+
+    An analogue one has the bandwidth of the amplifier. A digital one, before an amplifier of
+    voltage, is no faster than its delay allows.
+    """
+    settings = rig.settings
+    omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
+    if settings.amplifier.mode == "voltage":
+        late = (settings.timing.delay_ticks + 0.5) * rig.dt + settings.amplifier.delay_s
+        omega = min(omega, DIGITAL_CROSSOVER / late)
+    gain = omega * settings.magnet.poles.inductance(settings.simulate.gap_m)
+    return gain, CURRENT_RESET * omega * gain
+
+
+def _mechanics(rig: BearingRig) -> dict[str, float]:
+    mechanics, timing = rig.settings.mechanics, rig.settings.timing
+    omega = 2.0 * math.pi * STOP_RESONANCE
+    late = timing.delay_ticks * timing.substeps + rig.settings.amplifier.delay_s / rig.step
+    return {
+        "gap_total": rig.settings.magnet.gap_total_m or 0.0,
+        "mass": mechanics.mass_kg,
+        "damping": mechanics.damping_N_s_per_m,
+        "gravity": mechanics.gravity_m_per_s2,
+        "stop_low": mechanics.stop_low_m,
+        "stop_high": mechanics.stop_high_m,
+        "stop_stiffness": mechanics.mass_kg * (omega * omega),
+        "stop_damping": mechanics.mass_kg * omega,
+        "tick": rig.dt,
+        "substeps": timing.substeps,
+        "delay": round(late),
+    }
+
+
+def _amplifier(rig: BearingRig) -> dict[str, float]:
+    amplifier = rig.settings.amplifier
+    gain, reset = current_gains(rig)
+    by_current = amplifier.mode == "current"
+    low = amplifier.current_low_A if by_current else -amplifier.supply_V
+    high = amplifier.current_high_A if by_current else amplifier.supply_V
+    return {
+        "limit": amplifier.supply_V,
+        "gain": gain if by_current else 0.0,
+        "reset": reset if by_current else 0.0,
+        "low": low,
+        "high": high,
+        "step": (high - low) / ((1 << amplifier.dac_bits) - 1),
+    }
+
+
+def _load(rig: BearingRig) -> dict[str, float]:
+    load = rig.settings.load
+    return {
+        "share": _share(load.bandwidth_Hz, rig.step),
+        "damping": load.damping_N_s_per_m,
+        "stiffness": load.stiffness_N_per_m,
+        "rest": rig.settings.simulate.gap_m,
+        "encoder_step": load.encoder_step_m,
+        "velocity_share": _share(load.velocity_bandwidth_Hz, rig.dt),
+    }
+
+
+def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
+    settings, step = rig.settings, rig.step
+    position: PositionSensor = settings.position_sensor.sensor()
+    current, force, hall = settings.current_sensor, settings.force_sensor, settings.hall_probe
+    return {
+        "gap": _sensor((position.low, position.high), position.step, position.noise)
+        | _lag(step, position.bandwidth, position.delay)
+        | {
+            "gain": 1.0 + settings.position_sensor.gain_error,
+            "offset": settings.position_sensor.offset_m,
+        },
+        "current": _converted((current.low_A, current.high_A), current.adc_bits, current.noise_A)
+        | _lag(step, current.bandwidth_Hz)
+        | {"gain": 1.0 + current.gain_error},
+        "force": _converted((force.low_N, force.high_N), force.adc_bits, force.noise_N)
+        | _lag(step, force.bandwidth_Hz),
+        "hall": _sensor((0.0, 0.0), 0.0, 0.0) | _lag(step, math.inf)
+        if hall is None
+        else _converted((-hall.range_T, hall.range_T), hall.adc_bits, hall.noise_T)
+        | _lag(step, hall.bandwidth_Hz)
+        | {"gain": 1.0 + hall.gain_error},
+    }
+
+
+def _sensor(ends: tuple[float, float], step: float, noise: float) -> dict[str, float]:
+    """Sensor without an error of gain or zero."""
+    return {
+        "low": ends[0],
+        "high": ends[1],
+        "step": step,
+        "noise": noise,
+        "gain": 1.0,
+        "offset": 0.0,
+    }
+
+
+def _converted(ends: tuple[float, float], bits: int, noise: float) -> dict[str, float]:
+    """Sensor with the steps of a converter over its range."""
+    return _sensor(ends, (ends[1] - ends[0]) / ((1 << bits) - 1), noise)
+
+
+def _lag(step: float, bandwidth: float, delay: float = 0.0) -> dict[str, float]:
+    """Low-pass and delay of a sensor, in steps of the plant of so many seconds."""
+    return {"share": _share(bandwidth, step), "delay": round(delay / step)}
+
+
+def _share(bandwidth: float, seconds: float) -> float:
+    """Share of a step that a low-pass of first order passes in so many seconds."""
+    return passed(2.0 * math.pi * bandwidth * seconds)

@@ -1,0 +1,76 @@
+"""From the controller file to the controller: what :mod:`anhyst._core` runs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from anhyst._core import FixedPosition, LoopController, Position, SinglePosition
+from anhyst.control.position import Converter, DriveScales, PositionControl
+from anhyst.rig.bearing.controller_check import pair_of
+
+if TYPE_CHECKING:
+    from anhyst.rig.bearing.setup import Setup
+
+_CLASSES = {"f64": Position, "f32": SinglePosition, "fixed": FixedPosition}
+
+
+def make_position(setup: Setup) -> LoopController:
+    """Return the controller of a setup, just switched on, with drives that remember nothing."""
+    magnet = setup.rig.settings.magnet
+    pair = magnet.arrangement == "pair"
+    number_format = setup.drive.format
+    control = position_control(setup)
+    drives = [setup.drive.fresh().native for _ in range(2 if pair else 1)]
+    controller: LoopController = _CLASSES[number_format](
+        control.gains(number_format), drives, dict(control.settings(number_format))
+    )
+    return controller
+
+
+def check_position(setup: Setup) -> None:
+    """Refuse a controller that does not fit its drive or its number format.
+
+    Parameters
+    ----------
+    setup : Setup
+        What is to run.
+
+    Raises
+    ------
+    InputError
+        It cannot be made.
+    """
+    control = position_control(setup)
+    control.gains(setup.drive.format)
+    control.settings(setup.drive.format)
+
+
+def position_control(setup: Setup) -> PositionControl:
+    """Return the controller of a setup in SI units.
+
+    Parameters
+    ----------
+    setup : Setup
+        Gains and limits, drive and rig.
+
+    Returns
+    -------
+    PositionControl
+
+    Raises
+    ------
+    InputError
+        The gains do not fit the scales of the drive.
+    """
+    amplifier, scales = setup.rig.settings.amplifier, setup.drive.scales
+    return setup.controller.position_control(
+        DriveScales(
+            demand=scales.demand,
+            current=scales.current,
+            gap_low=scales.gap_low,
+            gap_high=scales.gap_high,
+            flux=setup.drive.flux_full_scale,
+        ),
+        Converter(amplifier.current_low_A, amplifier.current_high_A, amplifier.dac_bits),
+        pair_of(setup.rig),
+    )

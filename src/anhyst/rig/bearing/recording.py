@@ -1,0 +1,89 @@
+"""What was recorded of a simulated loop, and its files."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from anhyst._core import LOOP_COLUMNS
+from anhyst.data.files import write_csv
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike, write_bytes
+from anhyst.support.errors import InputError
+
+COLUMNS: tuple[str, ...] = tuple(LOOP_COLUMNS.split())
+"""Of every recording, the unit in the name; described in docs/simulate.md."""
+
+RUN, FAULT = 4, 5
+"""States of the controller, times 16 in the column ``state``; the phase is the rest."""
+
+BREAKAWAY, RISE = 16 * RUN + 1, 16 * RUN + 2
+"""On its rest while the force rises; on its way, under control."""
+
+HOVER = 16 * RUN + 3
+"""In the air and under control, the reference reached."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One row a tick.
+
+    Parameters
+    ----------
+    table : ndarray, shape (n, len(COLUMNS))
+        As :data:`COLUMNS` names them.
+    """
+
+    table: FloatArray
+
+    def __getitem__(self, name: str) -> FloatArray:
+        column: FloatArray = self.table[:, COLUMNS.index(name)]
+        return column
+
+    def __len__(self) -> int:
+        return int(self.table.shape[0])
+
+    def part(self, begin: int, end: int) -> Recording:
+        """Return the rows from one tick up to another."""
+        return Recording(self.table[begin:end])
+
+    @property
+    def columns(self) -> Mapping[str, FloatArray]:
+        """All of it by name."""
+        return {name: self[name] for name in COLUMNS}
+
+
+ENDINGS = (".csv", ".mat")
+
+
+def check_ending(path: PathLike) -> None:
+    """Refuse a file that :func:`write_recording` would not know how to write."""
+    if Path(path).suffix.lower() not in ENDINGS:
+        raise InputError(f"{path}: a recording is written as .csv or .mat; name it so")
+
+
+def write_recording(path: PathLike, recording: Recording) -> None:
+    """Write a recording as CSV or, by its ending, as MAT (version 5).
+
+    Parameters
+    ----------
+    path : path-like
+        Ends in ``.csv`` or ``.mat``.
+    recording : Recording
+
+    Raises
+    ------
+    InputError
+        Another ending, or the place cannot be written.
+    """
+    check_ending(path)
+    if Path(path).suffix.lower() == ".csv":
+        write_csv(path, recording.columns)
+        return
+    from scipy.io import savemat
+
+    content = io.BytesIO()
+    savemat(content, dict(recording.columns), do_compression=True, oned_as="column")
+    write_bytes(path, content.getvalue())

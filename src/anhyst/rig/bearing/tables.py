@@ -1,0 +1,328 @@
+"""The tables of a bearing's rig file: what each may hold.
+
+Everything is SI and the unit stands in the key. Every key is described in docs/rig-file.md.
+"""
+
+# ruff: noqa: N815 - keys of the file carry units
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from anhyst.identify.options import IdentifyTable
+from anhyst.rig.loop_files import FileList
+from anhyst.rig.magnet_table import ElectromagnetTable
+from anhyst.support.toml_file import Bits, NotNegative, Number, Positive, Share, Table
+
+MOST_SEED = 1 << 31
+"""Seeds are below it."""
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
+Spread = Annotated[float, Field(ge=0.0, le=30.0)]
+
+
+class TimingTable(Table):
+    """``[timing]``: when what happens."""
+
+    rate_Hz: Annotated[float, Field(ge=100.0, le=200e3)]
+    substeps: Annotated[int, Field(ge=1, le=64)] = 4
+    delay_ticks: Annotated[float, Field(ge=0.0, le=8.0)] = 1.0
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        steps = self.delay_ticks * self.substeps
+        if abs(steps - round(steps)) > 1e-9:
+            raise ValueError(
+                f"delay_ticks of {self.delay_ticks} is no whole number of sub-steps of "
+                f"1/{self.substeps} tick; correct one of them"
+            )
+        return self
+
+
+class ModelTable(Table):
+    """``[magnet.model]``: the identified law that makes the force."""
+
+    file: str
+    flux_table: str | None = None
+
+
+class MagnetTable(ElectromagnetTable):
+    """``[magnet]``: winding, poles, and what the iron does."""
+
+    arrangement: Literal["single", "pair"] = "single"
+    force: Literal["cells", "model"] = "cells"
+    eddy_time_s: NotNegative = 0.0
+    gap_total_m: Positive | None = None
+    bias_force_N: Positive | None = None
+    model: ModelTable | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        for key, value in (("gap_total_m", self.gap_total_m), ("bias_force_N", self.bias_force_N)):
+            if self.arrangement == "pair" and value is None:
+                raise ValueError(f"a pair needs {key}; add it")
+            if self.arrangement == "single" and value is not None:
+                raise ValueError(f'{key} belongs to a pair; remove it or write arrangement "pair"')
+        if self.force == "cells" and self.iron is None:
+            raise ValueError('force "cells" needs the table [magnet.iron]; add it')
+        if self.force == "model" and self.model is None:
+            raise ValueError('force "model" needs the table [magnet.model]; add it')
+        if self.model is not None and self.model.flux_table is None and self.iron is None:
+            raise ValueError("a model without flux_table needs the table [magnet.iron]; add one")
+        return self
+
+
+class AmplifierTable(Table):
+    """``[amplifier]``: the power stage, one for each coil."""
+
+    mode: Literal["current", "voltage"] = "current"
+    supply_V: Positive
+    bandwidth_Hz: Positive
+    current_low_A: Number = 0.0
+    current_high_A: Positive
+    dac_bits: Bits
+    delay_s: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        _ordered("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
+        return self
+
+
+class MechanicsTable(Table):
+    """``[mechanics]``: the armature and its guide."""
+
+    mass_kg: Positive
+    stop_low_m: Positive
+    stop_high_m: Positive
+    damping_N_s_per_m: NotNegative = 0.0
+    gravity_m_per_s2: Number = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        _ordered("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
+        return self
+
+
+class DisturbanceTable(Table):
+    """``[[load.disturbance]]``: a force beside the commanded one."""
+
+    kind: Literal["step", "sine", "noise"]
+    force_N: Number
+    frequency_Hz: Positive | None = None
+    start_s: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.kind == "step" and self.frequency_Hz is not None:
+            raise ValueError("a step has no frequency_Hz; remove it")
+        if self.kind != "step" and self.frequency_Hz is None:
+            raise ValueError(f"a {self.kind} needs frequency_Hz; add it")
+        return self
+
+
+class LoadTable(Table):
+    """``[load]``: the load drive, which pulls the gap open."""
+
+    force_N: Number
+    bandwidth_Hz: Positive
+    damping_N_s_per_m: Number = 0.0
+    stiffness_N_per_m: Number = 0.0
+    encoder_step_m: NotNegative
+    velocity_bandwidth_Hz: Positive
+    disturbance: list[DisturbanceTable] = Field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class PositionSensor:
+    """A sensor of the gap with nothing left open.
+
+    Parameters
+    ----------
+    low, high : float
+        Range, m.
+    step : float
+        Resolution, m.
+    noise : float
+        Standard deviation before that, m.
+    bandwidth : float
+        Of -3 dB, Hz.
+    delay : float
+        s.
+    """
+
+    low: float
+    high: float
+    step: float
+    noise: float
+    bandwidth: float
+    delay: float
+
+
+class PositionTable(Table):
+    """``[position_sensor]``: what is left out, the kind of sensor says."""
+
+    kind: Literal["encoder", "capacitive", "laser", "lvdt"]
+    low_m: NotNegative
+    high_m: Positive
+    step_m: Positive | None = None
+    adc_bits: Bits | None = None
+    noise_m: NotNegative | None = None
+    bandwidth_Hz: Positive | None = None
+    delay_s: NotNegative | None = None
+    gain_error: GainError = 0.0
+    offset_m: Number = 0.0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        _ordered("low_m", self.low_m, "high_m", self.high_m)
+        if self.step_m is not None and self.adc_bits is not None:
+            raise ValueError("step_m and adc_bits both say the resolution; keep one")
+        return self
+
+    def sensor(self) -> PositionSensor:
+        """Return it with the values that its kind has where none are given."""
+        usual = POSITION_SENSORS[self.kind]
+        step = self.step_m or (0.0 if self.adc_bits else usual.step)
+        bits = self.adc_bits or LVDT_BITS
+        return PositionSensor(
+            low=self.low_m,
+            high=self.high_m,
+            step=step or (self.high_m - self.low_m) / ((1 << bits) - 1),
+            noise=usual.noise if self.noise_m is None else self.noise_m,
+            bandwidth=self.bandwidth_Hz or usual.bandwidth,
+            delay=usual.delay if self.delay_s is None else self.delay_s,
+        )
+
+
+LVDT_BITS = 16
+"""Converter behind an LVDT, which unlike the others has no step of its own."""
+POSITION_SENSORS = {
+    "encoder": PositionSensor(0.0, 0.0, 50e-9, 5e-9, 20e3, 0.0),
+    "capacitive": PositionSensor(0.0, 0.0, 1e-9, 5e-9, 5e3, 0.0),
+    "laser": PositionSensor(0.0, 0.0, 1.25e-9, 1e-9, 50e3, 12.5e-6),
+    "lvdt": PositionSensor(0.0, 0.0, 0.0, 50e-9, 500.0, 0.0),
+}
+"""What each kind of sensor has where the file says nothing; the range never comes from here."""
+
+
+class CurrentSensorTable(Table):
+    """``[current_sensor]``: the shunts, one for each coil, as the controller reads them."""
+
+    low_A: Number
+    high_A: Number
+    adc_bits: Bits
+    noise_A: NotNegative
+    bandwidth_Hz: Positive
+    gain_error: GainError = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        _ordered("low_A", self.low_A, "high_A", self.high_A)
+        return self
+
+
+class ForceSensorTable(Table):
+    """``[force_sensor]``: measures the loops; the position controller does not see it."""
+
+    low_N: Number
+    high_N: Number
+    adc_bits: Bits
+    noise_N: NotNegative
+    bandwidth_Hz: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        _ordered("low_N", self.low_N, "high_N", self.high_N)
+        return self
+
+
+class HallTable(Table):
+    """``[hall_probe]``: measures the flux density in the gap."""
+
+    range_T: Positive
+    adc_bits: Bits
+    noise_T: NotNegative
+    bandwidth_Hz: Positive
+    gain_error: GainError = 0.0
+
+
+class RecordTable(Table):
+    """One of ``measurement.records``: straight from turning point to turning point."""
+
+    name: Name
+    turns: Annotated[list[Share], Field(min_length=2)]
+
+
+class MeasurementTable(Table):
+    """``[measurement]``: how the loops are measured, with armature held."""
+
+    gaps_m: Annotated[list[Positive], Field(min_length=1)]
+    current_max_A: Positive
+    sweep_A_per_s: Positive
+    sample_s: Positive
+    conditioning_cycles: Annotated[int, Field(ge=1, le=20)]
+    records: Annotated[list[RecordTable], Field(min_length=1)]
+
+
+class TrajectoryTable(Table):
+    """One of ``simulate.trajectories``: a reference that moves all the time."""
+
+    kind: Literal["triangle", "sine"]
+    amplitude_m: Positive
+    frequency_Hz: Positive
+
+
+class SimulateTable(Table):
+    """``[simulate]``: what is tried."""
+
+    gap_m: Positive
+    also_gaps_m: list[Positive] = Field(default_factory=list)
+    steps_m: Annotated[list[Positive], Field(min_length=1)]
+    hold_s: Positive
+    load_steps_N: list[Number] = Field(default_factory=list)
+    trajectories: list[TrajectoryTable] = Field(default_factory=list)
+    noise_seeds: Annotated[int, Field(ge=2, le=10_000)] = 20
+
+
+class DriftTable(Table):
+    """``[drift]``: standard deviations of what changes after the controller was made."""
+
+    pinning_percent: Spread = 10.0
+    reversible_percent: Spread = 20.0
+    saturation_percent: Spread = 2.0
+    mass_percent: Spread = 2.0
+    resistance_percent: Spread = 10.0
+    sensor_gain_percent: Spread = 0.5
+    gap_offset_m: NotNegative = 2e-6
+
+
+class BearingTable(Table):
+    """The whole file."""
+
+    format: Literal["anhyst-bearing"]
+    version: Literal[1]
+    name: str
+    seed: Annotated[int, Field(ge=0, lt=MOST_SEED)]
+    loops: FileList
+    identify: IdentifyTable = Field(default_factory=IdentifyTable)
+    timing: TimingTable
+    magnet: MagnetTable
+    amplifier: AmplifierTable
+    mechanics: MechanicsTable
+    load: LoadTable
+    position_sensor: PositionTable
+    current_sensor: CurrentSensorTable
+    force_sensor: ForceSensorTable
+    hall_probe: HallTable | None = None
+    measurement: MeasurementTable
+    simulate: SimulateTable
+    drift: DriftTable = Field(default_factory=DriftTable)
+
+
+def _ordered(low_key: str, low: float, high_key: str, high: float) -> None:
+    if not low < high:
+        raise ValueError(f"{low_key} must be below {high_key}; correct them")

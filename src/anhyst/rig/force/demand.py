@@ -1,0 +1,65 @@
+"""Demands: triangles of force, or what a file says; and where the armature is meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst.rig.force.file import MovingTable, TriangleTable
+from anhyst.support.arrays import FloatArray
+
+LEAD_IN = 0.2
+"""Time in which a demand rises from zero to its first value, s; errors there do not count."""
+
+
+@dataclass(frozen=True)
+class Demand:
+    """Force wanted at every tick.
+
+    Parameters
+    ----------
+    name : str
+        For files and figures.
+    force : ndarray, shape (n,)
+        N.
+    lead_in : int
+        Ticks before the demand proper.
+    """
+
+    name: str
+    force: FloatArray
+    lead_in: int
+
+
+def with_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
+    """Put a straight rise from zero before a demand."""
+    ticks = round(LEAD_IN * rate)
+    rise = force[0] * np.arange(ticks) / ticks
+    return Demand(name, np.concatenate([rise, force]), ticks)
+
+
+def triangle(shape: TriangleTable, force_max: float, rate: float) -> Demand:
+    """Return a triangle, beginning and ending at its low turning point.
+
+    Parameters
+    ----------
+    shape : TriangleTable
+        Turning points as shares of the largest force, period and cycles.
+    force_max : float
+        N.
+    rate : float
+        Ticks a second.
+    """
+    half = max(1, round(0.5 * shape.period_s * rate))
+    phase = np.arange(2 * half * shape.cycles + 1) / half
+    height = 1.0 - np.abs(phase % 2.0 - 1.0)
+    force = force_max * (shape.low + (shape.high - shape.low) * height)
+    return with_lead_in(shape.name, force, rate)
+
+
+def moving_gap(shape: MovingTable, ticks: int, rate: float) -> FloatArray:
+    """Return a sinusoidal motion that begins at rest at its low end, m, shape (ticks,)."""
+    phase = 2.0 * np.pi * np.arange(ticks) / (rate * shape.period_s)
+    share: FloatArray = 0.5 - 0.5 * np.cos(phase)
+    return shape.low_m + (shape.high_m - shape.low_m) * share

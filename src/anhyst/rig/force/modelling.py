@@ -1,0 +1,113 @@
+"""The models of force control: identified from a rig's loops, and fit for its sensors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from anhyst.data import LoopSet
+from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.rig.force.file import Rig
+from anhyst.rig.loop_files import identify_loops
+from anhyst.support.errors import InputError
+
+SAFE = 5.0
+"""The dead band is at least so many standard deviations of the noise of the field."""
+
+PLAUSIBLE = 0.82
+"""The start-up sequence pulls with the largest measured force; boards take a quarter above full
+scale for plausible."""
+
+
+def read_loops(rig: Rig) -> LoopSet:
+    """Read the loops of a rig.
+
+    Raises
+    ------
+    InputError
+        As the reader; also if there are none at the stroke's end, or they are no loops of force
+        over current.
+    """
+    loops = rig.measured.read()
+    end = rig.settings.force_control.end_m
+    if not _at(loops, end):
+        gaps = ", ".join(f"{float(gap or 0.0):g}" for gap in loops.by_schedule())
+        raise InputError(
+            f"{rig.path}: force_control.end_m: no loops at {end:g} m; there are some at {gaps} m"
+        )
+    return loops
+
+
+def _at(loops: LoopSet, gap: float) -> list[object]:
+    return [loop for loop in loops.loops if _near(loop.schedule_value, gap)]
+
+
+def _near(value: float | None, gap: float) -> bool:
+    return value is not None and math.isclose(value, gap, rel_tol=1e-6)
+
+
+def loops_at(loops: LoopSet, gap: float) -> LoopSet:
+    """Return the loops of one position."""
+    return loops.with_loops(loop for loop in loops.loops if _near(loop.schedule_value, gap))
+
+
+def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
+    """Identify a model of these loops and make it ready for force control.
+
+    One position gives a model of this gap alone; several give one of the map ``circuit``, under
+    which the armature may move. Noise of the position sensor must not wear the memory away: where
+    it does not stay within the dead band that the loops allow, that is widened to span it. The
+    valid range ends at the largest force of the rig, so that a program is compiled for what is
+    used, or at :data:`PLAUSIBLE` of the largest measured one.
+
+    Parameters
+    ----------
+    rig : Rig
+        For the noise and the largest force.
+    loops : LoopSet
+        Current to force, with their history.
+
+    Returns
+    -------
+    ActuatorModel
+    """
+    several = len(loops.by_schedule()) > 1
+    options = rig.settings.identify
+    found = identify_loops(loops, options, "circuit" if several else "auto")
+    if options.dead_band:
+        found = _spanning(found, _least_dead_band(found, rig))
+    valid = found.valid
+    assert valid is not None
+    most = max(rig.settings.force_control.force_max_N, PLAUSIBLE * valid.output[1])
+    return replace(found, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
+
+
+def _spanning(model: ActuatorModel, least: float) -> ActuatorModel:
+    """Return a model whose dead band is at least so wide, A/m."""
+    given = model.parameters["r_d"]
+    wide: Parameter = (
+        tuple(max(one, least) for one in given) if isinstance(given, tuple) else max(given, least)
+    )
+    if wide == given:
+        return model
+    return replace(model, parameters={**model.parameters, "r_d": wide})
+
+
+def _least_dead_band(model: ActuatorModel, rig: Rig) -> float:
+    """Half-width of the dead band, A/m, that the noise of the position sensor stays within."""
+    if not model.needs_schedule:
+        return 0.0
+    lvdt = rig.settings.lvdt
+    step = (lvdt.high_m - lvdt.low_m) / ((1 << lvdt.adc_bits) - 1)
+    noise = math.hypot(lvdt.noise_m, step / math.sqrt(12.0))
+    force_max = rig.settings.force_control.force_max_N
+    largest = 0.0
+    for gap in model.nodes:
+        for share in (0.25, 0.5, 0.75, 1.0):
+            demand = np.full(2, share * force_max)
+            gaps = np.array([gap, gap + noise])
+            field = model.invert(demand, gaps, history="demagnetised").field
+            largest = max(largest, abs(float(field[1] - field[0])))
+    return SAFE * largest

@@ -1,0 +1,160 @@
+"""Controller programs: models compiled to fixed point and built into a firmware."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import FixedCompensator
+from anhyst.compensate.block import Block, Kind, Scales
+from anhyst.compensate.plan import Request
+from anhyst.compile.output import compile_model
+from anhyst.link.firmware import build
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.writer import write_model
+from anhyst.support.arrays import FloatArray
+
+Codes = NDArray[np.int64]
+
+ONE = 1 << 31
+
+
+@dataclass(frozen=True)
+class Program:
+    """A controller program, as it is flashed.
+
+    Parameters
+    ----------
+    kind : str
+        ``"full"`` or ``"simplified"``.
+    model : ActuatorModel
+        What it was compiled from.
+    words : ndarray
+        Parameter block.
+    scales : Scales
+        What 1.0 of each signal means.
+    current : tuple of float
+        Limits of the current, A, between which the start-up sequence goes too.
+    cycles : int
+        Of the start-up sequence.
+    firmware : Path
+        Built for the board it runs on.
+    """
+
+    kind: Kind
+    model: ActuatorModel
+    words: NDArray[np.int16]
+    scales: Scales
+    current: tuple[float, float]
+    cycles: int
+    firmware: Path
+
+    @property
+    def conditioning(self) -> list[float]:
+        """Turning points of the start-up sequence, A."""
+        low, high = self.current
+        return [high, low] * self.cycles
+
+    def demand_codes(self, force: FloatArray) -> Codes:
+        """Force, N, as the link carries it: q31 of full scale."""
+        codes: Codes = np.rint(force / self.scales.demand * ONE).astype(np.int64)
+        return np.clip(codes, -ONE, ONE - 1)
+
+
+@dataclass(frozen=True)
+class Session:
+    """What passed between a firmware and the bench, tick by tick from power on, as codes.
+
+    Parameters
+    ----------
+    gap : ndarray
+        Gap that the controller used, q31.
+    drive : ndarray
+        Current it drove, q31 of full scale.
+    demand : ndarray
+        Demand in force at the ticks of the run, q31.
+    first : int
+        First tick of the run.
+    demagnetised : bool
+        Whether the controller was told so just before: what was before does not count.
+    """
+
+    gap: Codes
+    drive: Codes
+    demand: Codes
+    first: int
+    demagnetised: bool
+
+
+def prepare(kind: Kind, model: ActuatorModel, rate: float, board: str, folder: Path) -> Program:
+    """Compile a model and build the firmware around it.
+
+    Parameters
+    ----------
+    kind : str
+        ``"full"`` or ``"simplified"``.
+    model : ActuatorModel
+        What is compiled.
+    rate : float
+        Ticks a second.
+    board : str
+        Where it runs, as :func:`anhyst.link.firmware.build` knows it.
+    folder : Path
+        There; it gets ``model.toml``, ``controller/`` and ``firmware``.
+
+    Raises
+    ------
+    InputError, NegativeResult
+        The model cannot be compiled, or a compiler is missing or refuses.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_model(model, folder / "model.toml")
+    compiled = compile_model(
+        folder / "model.toml", folder / "controller", Request(kind, "q31", rate)
+    )
+    block = compiled.plan.block
+    assert isinstance(block, Block)
+    return Program(
+        kind=kind,
+        model=model,
+        words=block.words,
+        scales=block.scales,
+        current=block.limits.current,
+        cycles=compiled.plan.builder.conditioning.cycles,
+        firmware=build(board, folder / "controller", folder / "firmware"),
+    )
+
+
+def ticks_that_differ(program: Program, session: Session) -> int:
+    """Compute a session again in this process, and count where the firmware did otherwise.
+
+    Every tick is repeated with the gap and the demand that the firmware had: what comes out is
+    what the simulated program gives, and it must be the same to the last bit.
+
+    Parameters
+    ----------
+    program : Program
+        What ran.
+    session : Session
+        What passed.
+
+    Returns
+    -------
+    int
+        Ticks of the run with another current; 0 if all is well.
+    """
+    core = FixedCompensator(program.kind, program.words)
+    gaps, drives = session.gap.tolist(), session.drive.tolist()
+    if not session.demagnetised:
+        for gap, drive in zip(gaps[: session.first], drives[: session.first], strict=True):
+            core.commit_q31(drive, gap)
+    differing = 0
+    run = zip(session.demand.tolist(), gaps[session.first :], drives[session.first :], strict=True)
+    for demand, gap, drive in run:
+        found = core.solve_q31(demand, gap)
+        core.commit_q31(found, gap)
+        differing += found != drive
+    return differing

@@ -1,0 +1,135 @@
+"""A controller at work on the bench: its firmware over the serial link, in lock-step."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+
+import numpy as np
+
+from anhyst.control.states import Command, Fault, State
+from anhyst.link.client import ForceController
+from anhyst.link.plant_bus import PlantBus, Reading
+from anhyst.link.process import Running, run_host, run_qemu
+from anhyst.rig.force.bench import Bench, Recording
+from anhyst.rig.force.demand import Demand
+from anhyst.rig.force.programs import ONE, Program, Session
+from anhyst.support.errors import NegativeResult
+
+BOARDS = ("host", "qemu-mps2")
+"""Boards without hardware, on which a firmware can run here."""
+
+_UP = 40
+"""Ticks after power on until the self-test must have passed."""
+
+_BETWEEN = 40
+"""Ticks between two heartbeats while nothing is demanded; well below the controller's patience."""
+
+_LONGEST = 200_000
+"""Ticks of a start-up sequence after which something is wrong."""
+
+_Q30 = 1 << 30
+
+
+class _Plant:
+    """The bench as the plant bus knows it: signals as fractions of full scale."""
+
+    def __init__(self, bench: Bench, program: Program) -> None:
+        self.bench = bench
+        self.gaps: list[int] = []
+        self.drives: list[int] = []
+        self._scales = program.scales
+        self._span = program.scales.gap_high - program.scales.gap_low or 1.0
+
+    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+        del tick  # the bench counts for itself
+        current = currents[0]
+        if self.gaps:
+            self.drives.append(round(current * ONE))
+        reading = self.bench.step(current * self._scales.current)
+        gap = (reading.gap - self._scales.gap_low) / self._span
+        code = min(max(round(gap * _Q30), 0), _Q30)
+        self.gaps.append(min(2 * code, ONE - 1))  # as the firmware takes it
+        return Reading(
+            gap, reading.force / self._scales.demand, reading.current / self._scales.current
+        )
+
+
+def run_firmware(
+    program: Program, bench: Bench, demand: Demand, board: str, demagnetised: bool
+) -> tuple[Recording, Session]:
+    """Run a demand through a firmware: one command over the link at every tick.
+
+    Parameters
+    ----------
+    program : Program
+        What runs.
+    bench : Bench
+        What it drives, at its beginning.
+    demand : Demand
+        What is demanded.
+    board : str
+        One of :data:`BOARDS`.
+    demagnetised : bool
+        Whether the controller is told that the iron is demagnetised; otherwise it goes through
+        its start-up sequence.
+
+    Returns
+    -------
+    Recording, Session
+        What happened on the bench while it ran, and all that passed between the two.
+
+    Raises
+    ------
+    InputError
+        The controller is silent or in fault.
+    NegativeResult
+        It does not do what it is told, or left its run.
+    """
+    plant = _Plant(bench, program)
+    codes = program.demand_codes(demand.force)
+    with _started(program, plant, board) as running, ForceController(running.url) as controller:
+        bus = running.bus
+        _get_ready(controller, bus, demagnetised)
+        controller.command(Command.RUN)
+        first = len(plant.gaps)
+        bench.begin()
+        for code in codes.tolist():
+            controller.demand(code)
+            bus.step()
+        if controller.status().state is not State.RUN:
+            raise NegativeResult(f"the controller left its run for {_state(bus)}")
+        last = bus.drive
+    plant.drives.append(round(last * ONE))
+    session = Session(
+        np.array(plant.gaps, dtype=np.int64),
+        np.array(plant.drives, dtype=np.int64),
+        codes,
+        first,
+        demagnetised,
+    )
+    return bench.recording(last * program.scales.current), session
+
+
+def _started(program: Program, plant: _Plant, board: str) -> AbstractContextManager[Running]:
+    run = run_host if board == "host" else run_qemu
+    return run(program.firmware, plant)
+
+
+def _get_ready(controller: ForceController, bus: PlantBus, demagnetised: bool) -> None:
+    """Take a controller from power on to ready."""
+    bus.step(_UP)
+    if demagnetised:
+        controller.command(Command.DEMAGNETISED)
+        return
+    controller.command(Command.CONDITION)
+    end = bus.tick + _LONGEST
+    while bus.state is not State.READY:
+        if bus.state is State.FAULT or bus.tick > end:
+            raise NegativeResult(f"the controller did not get ready: it is in {_state(bus)}")
+        bus.step(_BETWEEN)
+        controller.status()
+
+
+def _state(bus: PlantBus) -> str:
+    reason = "" if bus.fault is Fault.NONE else f", reason {bus.fault.name.lower()}"
+    return f"state {bus.state.name.lower()}{reason}"

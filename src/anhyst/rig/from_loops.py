@@ -1,0 +1,264 @@
+"""The plant's iron, winding and poles, fitted to the loops that somebody measured.
+
+Cells that are pinned (:class:`anhyst.rig.parts.iron.CellSteel`) in the circuit of a two-pole magnet:
+never the law that a compensator is made of. What a rig file says is held. Loops of force over
+current leave two things open: where the iron does not saturate, what belongs to the turns and what
+to the size of a pole; and always what belongs to the length of the iron and what to its fields.
+Expectations of ordinary magnets, wide ones, decide there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from anhyst._core import Magnet
+from anhyst.data import LoopSet
+from anhyst.rig.distance import along, follower, thinned
+from anhyst.rig.magnet_table import ElectromagnetTable, steel_table
+from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.parts.magnet import Poles, cell_magnet
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
+
+CELLS = 24
+"""Pinned cells."""
+
+SIDES = 11.0
+"""Length of the flux path in the iron, in sides of a pole."""
+
+COPPER = 1.75e-8 / 0.5
+"""Ohm metres, of a window that is half filled and as large as a pole."""
+
+MEAN_TURN = 5.0
+"""Of the winding, in sides of a pole."""
+
+FLUX_DENSITY = 1.2
+"""That the largest force stands for at first, T."""
+
+WEIGHT = 0.003 * 0.1
+"""Deviation of all samples, over the largest force, that counts like one expectation missed."""
+
+COARSE, FINE = 600, 2400
+"""Samples on which starts are tried, and on which the fit runs."""
+
+STARTS = (-1.0, 0.5, 1.5)
+"""Of the pinning, in spreads of its expectation."""
+
+TRIES = 60
+"""Steps of a fit at most."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A magnet that makes the loops.
+
+    Parameters
+    ----------
+    poles : Poles
+    steel : CellSteel
+    zero_current, zero_force : float
+        What the sensors of the loops read where there is nothing, A and N.
+    guessed : tuple of str
+        Keys of the rig file that nothing in the loops tells and nobody said.
+    """
+
+    poles: Poles
+    steel: CellSteel
+    zero_current: float
+    zero_force: float
+    guessed: tuple[str, ...]
+
+    @property
+    def magnet(self) -> Magnet:
+        """What the core steps."""
+        return cell_magnet(self.poles, self.steel)
+
+    @property
+    def keys(self) -> Mapping[str, Any]:
+        """What ``[magnet]`` of a rig file would say."""
+        poles = self.poles
+        return {
+            "turns": poles.turns,
+            "resistance_ohm": poles.resistance,
+            "pole_width_m": poles.width,
+            "pole_depth_m": poles.depth,
+            "leakage_H": poles.leakage,
+            "iron_length_m": poles.iron_length,
+            "joints_m": poles.joints,
+            "iron": steel_table(self.steel),
+        }
+
+
+def fit_magnet(loops: LoopSet, table: ElectromagnetTable) -> Fitted:
+    """Fit what a rig file leaves out of its magnet.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Force over current at several gaps, with their history.
+    table : ElectromagnetTable
+        What it says is held.
+
+    Returns
+    -------
+    Fitted
+    """
+    coarse = thinned(loops, COARSE)
+    fit = _Fit(coarse, table)
+    found = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda one: one[0])
+    fit = _Fit(thinned(loops, FINE), table)
+    _, at = fit.run(found[1])
+    turns = round(fit.turns(at))
+    if table.turns is None:
+        fit = _Fit(fit.loops, table.model_copy(update={"turns": turns}))
+        _, at = fit.run(fit.start(0.0))
+    return fit.fitted(at, table)
+
+
+class _Fit:
+    """Least squares of the force, with expectations of what the loops do not tell."""
+
+    def __init__(self, loops: LoopSet, table: ElectromagnetTable) -> None:
+        self.loops = loops
+        self._table = table
+        self._top = max(float(np.max(loop.output)) for loop in loops.loops)
+        self._high = max(float(np.max(np.abs(loop.input))) for loop in loops.loops)
+        expected = _expected(loops, table, self._top)
+        self._names = tuple(expected)
+        self._middle = np.array([middle for middle, _ in expected.values()])
+        self._spread = np.array([spread for _, spread in expected.values()])
+        samples = sum(loop.n for loop in loops.loops)
+        self._weight = 1.0 / (WEIGHT * self._top * math.sqrt(samples))
+
+    def start(self, pinning: float) -> FloatArray:
+        """Return a place to begin, in spreads from what is expected."""
+        at = np.zeros(len(self._names))
+        at[self._names.index("pinning")] = pinning
+        return at
+
+    def run(self, start: FloatArray) -> tuple[float, FloatArray]:
+        """Return the least cost that is reached from a place, and where."""
+        best = least_squares(self._misses, start, max_nfev=TRIES, diff_step=1e-4)
+        return float(best.cost), best.x
+
+    def turns(self, at: FloatArray) -> float:
+        """Return the turns there, not rounded yet."""
+        return self._poles(self._values(at))[0].turns
+
+    def fitted(self, at: FloatArray, given: ElectromagnetTable) -> Fitted:
+        """Return the magnet there."""
+        values = self._values(at)
+        poles, steel = self._poles(values)
+        area = poles.width * poles.depth
+        resistance = COPPER * MEAN_TURN * poles.turns**2 / math.sqrt(area)
+        guessed = [
+            key for key in ("resistance_ohm", "iron_length_m") if getattr(given, key) is None
+        ]
+        return Fitted(
+            replace(poles, resistance=given.resistance_ohm or resistance),
+            steel,
+            values["zero_current"] * self._high,
+            values["zero_force"] * self._top,
+            tuple(guessed),
+        )
+
+    def _values(self, at: FloatArray) -> dict[str, float]:
+        return dict(zip(self._names, (self._middle + self._spread * at).tolist(), strict=True))
+
+    def _poles(self, values: Mapping[str, float]) -> tuple[Poles, CellSteel]:
+        table = self._table
+        width, depth = table.pole_width_m, table.pole_depth_m
+        side = (
+            math.exp(values["side"]) if "side" in values else math.sqrt((width or 0) * (depth or 0))
+        )
+        width = width or (side * side / depth if depth else side)
+        depth = depth or side * side / width
+        poles = Poles(
+            turns=table.turns or math.exp(values["turns"]),  # type: ignore[arg-type]
+            resistance=1.0,
+            width=width,
+            depth=depth,
+            leakage=math.exp(values["leakage"]) if table.leakage_H is None else table.leakage_H,
+            iron_length=table.iron_length_m or SIDES * side,
+            joints=math.exp(values["joints"]) if table.joints_m is None else table.joints_m,
+        )
+        saturation, knee = math.exp(values["saturation"]), math.exp(values["knee"])
+        sharp = _share(values["sharp"])
+        steel = CellSteel(
+            cells=CELLS,
+            reversible_fraction=_share(values["reversible"]),
+            pinning_scale=math.exp(values["pinning"]),
+            pinning_shape=math.exp(values["shape"]),
+            saturation_sharp=saturation * sharp,
+            knee_sharp=knee,
+            saturation_slow=saturation * (1.0 - sharp),
+            knee_slow=knee * math.exp(values["knee_ratio"]),
+        )
+        return poles, steel
+
+    def _misses(self, at: FloatArray) -> FloatArray:
+        values = self._values(at)
+        poles, steel = self._poles(values)
+        magnet = cell_magnet(poles, steel)
+        zero_current = values["zero_current"] * self._high
+        zero_force = values["zero_force"] * self._top
+        misses = [
+            along(follower(magnet), loop, zero_current) + zero_force - loop.output
+            for loop in self.loops.loops
+        ]
+        return np.concatenate([self._weight * np.concatenate(misses), at])
+
+
+def _expected(
+    loops: LoopSet, table: ElectromagnetTable, top: float
+) -> dict[str, tuple[float, float]]:
+    """Return middle and spread of everything that is sought; logarithms, and odds of shares."""
+    area, turns = MU_0 * top / FLUX_DENSITY**2, 0.0
+    width, depth = table.pole_width_m, table.pole_depth_m
+    if width and depth:
+        area = width * depth
+    turns = table.turns or math.sqrt(_turns_squared_by_area(loops) / area)
+    side = math.sqrt(area)
+    expected = {
+        "side": (math.log(side), 1.0),
+        "turns": (math.log(turns), 2.0),
+        "leakage": (math.log(MU_0 * side), 1.0),
+        "joints": (math.log(1e-3 * side), 1.0),
+        "knee": (math.log(250.0), 1.0),
+        "pinning": (math.log(150.0), 1.5),
+        "saturation": (math.log(1.9), 0.15),
+        "sharp": (0.6, 0.5),
+        "knee_ratio": (math.log(20.0), 0.7),
+        "shape": (math.log(2.0), 0.5),
+        "reversible": (math.log(0.2 / 0.8), 0.7),
+        "zero_current": (0.0, 0.02),
+        "zero_force": (0.0, 0.02),
+    }
+    held = {
+        "side": bool(width and depth),
+        "turns": table.turns is not None,
+        "leakage": table.leakage_H is not None,
+        "joints": table.joints_m is not None,
+    }
+    return {name: one for name, one in expected.items() if not held.get(name, False)}
+
+
+def _turns_squared_by_area(loops: LoopSet) -> float:
+    """Return turns^2 times the area of a pole, m^2, as if the iron needed nothing."""
+    found = []
+    for loop in loops.loops:
+        assert loop.schedule is not None
+        high = float(np.max(loop.output))
+        some = (loop.output > 0.05 * high) & (loop.output < 0.4 * high) & (loop.input != 0.0)
+        found += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[some].tolist()
+    return float(np.median(found)) if found else 1.0
+
+
+def _share(odds: float) -> float:
+    return 1.0 / (1.0 + math.exp(-odds))

@@ -1,0 +1,131 @@
+"""The loops that a rig file names, and how they are read and identified."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+
+from anhyst.data import LoopSet
+from anhyst.data.reading import files_read
+from anhyst.identify import identify
+from anhyst.identify.identify import check_wanted
+from anhyst.identify.options import IdentifyTable
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import Fault, faults_error
+from anhyst.support.toml_text import Path as KeyPath
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, str):
+        return [value]
+    if isinstance(value, list) and value and all(isinstance(one, str) for one in value):
+        return value
+    raise ValueError("must be a file, a folder, or a list of them")
+
+
+FileList = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
+"""A file or folder, or several of them, as the command line takes them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Measured loops as a rig file names them.
+
+    Parameters
+    ----------
+    rig : Path
+        The rig file.
+    key : path of a key
+        Where they stand in it.
+    names : tuple of str
+        Files and folders, relative to the rig file.
+    options : IdentifyTable
+        How they are read and identified.
+    """
+
+    rig: Path
+    key: KeyPath
+    names: tuple[str, ...]
+    options: IdentifyTable
+
+    @property
+    def places(self) -> tuple[Path, ...]:
+        """Files and folders."""
+        return tuple(self.rig.parent / name for name in self.names)
+
+    @property
+    def text(self) -> str:
+        """For messages: the first one, and how many more there are."""
+        more = f" and {len(self.names) - 1} more" if len(self.names) > 1 else ""
+        return f"{self.places[0]}{more}"
+
+    @property
+    def files(self) -> list[Path]:
+        """All that is read for them: tables in folders, and what describes them.
+
+        Raises
+        ------
+        InputError
+            One of them is not there, or a folder holds no table; with the key of the rig file.
+        """
+        for number, place in enumerate(self.places):
+            if not place.exists():
+                key = (*self.key, number) if len(self.names) > 1 else self.key
+                text = f"{place}: no such file or folder; check the path"
+                raise faults_error(self.rig, [(key, text)])
+        try:
+            return files_read(self.places, self.options.reading(self.rig.parent).sidecar)
+        except InputError as error:
+            raise faults_error(self.rig, [(self.key, str(error))]) from error
+
+    def read(self) -> LoopSet:
+        """Read and clean them.
+
+        Raises
+        ------
+        InputError
+            As :attr:`files`, as the reader, or they are no loops of force over current and gap.
+        """
+        if not self.files:
+            raise InputError(f"{self.text}: no loops")
+        loops = self.options.reading(self.rig.parent).read(self.places)
+        if (loops.input.name, loops.output.name) != ("current", "force") or loops.schedule is None:
+            raise InputError(f"{self.text}: a rig needs columns I_A, F_N and gap_m")
+        return loops
+
+
+def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fault]:
+    """Find what a rig file wants of its identification and cannot have.
+
+    Parameters
+    ----------
+    options : IdentifyTable
+    gap_map : str, optional
+        Which one, where the file does not say.
+    """
+    if options.gap_map == "free":
+        text = "'free' holds at the measured gaps alone, and the armature moves; choose another"
+        return [(("identify", "gap_map"), text)]
+    try:
+        check_wanted(options.law, options.gap_map or gap_map, options.search)
+    except InputError as error:
+        return [(("identify",), str(error))]
+    return []
+
+
+def identify_loops(loops: LoopSet, options: IdentifyTable, gap_map: str) -> ActuatorModel:
+    """Identify a model as a rig file wants it.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Those it names, or some of them.
+    options : IdentifyTable
+    gap_map : str
+        Which one, where the file does not say.
+    """
+    return identify(loops, **options.searching(gap_map)).model

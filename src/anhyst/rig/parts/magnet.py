@@ -1,0 +1,205 @@
+"""Electromagnets of the virtual bearing: iron of pinned cells in a circuit, or an identified law.
+
+The equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from anhyst._core import Coil, Iron, Magnet
+from anhyst.rig.parts.iron import CellSteel
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import MU_0
+
+MOST_CELLS = 64
+"""Of an iron, the unpinned one included."""
+
+_CURRENTS, _GAPS = 257, 129
+
+
+@dataclass(frozen=True, slots=True)
+class Poles:
+    """A two-pole magnet in front of a flat armature.
+
+    Parameters
+    ----------
+    turns : int
+        Of the winding.
+    resistance : float
+        Of the winding, ohm.
+    width, depth : float
+        Of a pole face, m.
+    leakage : float
+        Permeance between the legs, parallel to the gaps, H.
+    iron_length : float
+        Mean length of the flux path in the iron, m.
+    joints : float, optional
+        Air in the joints of the core, all of them together, m.
+    """
+
+    turns: int
+    resistance: float
+    width: float
+    depth: float
+    leakage: float
+    iron_length: float
+    joints: float = 0.0
+
+    @property
+    def area(self) -> float:
+        """Cross-section of the core, m^2."""
+        return self.width * self.depth
+
+    def reluctance(self, gap: float) -> float:
+        """Return what the flux of the iron passes outside it, leakage and joints included, 1/H.
+
+        Fringing widens the pole by half a gap on each side.
+        """
+        gaps = 2.0 * gap / (MU_0 * (self.width + gap) * (self.depth + gap))
+        return 1.0 / (1.0 / gaps + self.leakage) + self.joints / (MU_0 * self.area)
+
+    def inductance(self, gap: float) -> float:
+        """Return that of the winding with an iron that needs no ampere-turns, H."""
+        return self.turns**2 / self.reluctance(gap)
+
+
+def cell_magnet(
+    poles: Poles, steel: CellSteel, eddy_time: float = 0.0, gap: float = 1e-3
+) -> Magnet:
+    """Return a magnet whose iron is not a Jiles-Atherton material.
+
+    Parameters
+    ----------
+    poles : Poles
+    steel : CellSteel
+    eddy_time : float, optional
+        Time by which the flux lags behind the current at this gap, s.
+    gap : float, optional
+        m; counts with eddy currents alone.
+
+    Raises
+    ------
+    InputError
+        Too many cells.
+    """
+    if steel.cells + 1 > MOST_CELLS:
+        raise InputError(f"cells: {steel.cells} are too many; use up to {MOST_CELLS - 1}")
+    numbers = {
+        "sharp": steel.saturation_sharp,
+        "knee_sharp": steel.knee_sharp,
+        "slow": steel.saturation_slow,
+        "knee_slow": steel.knee_slow,
+        "iron_length": poles.iron_length,
+        "iron_area": poles.area,
+        "pole_width": poles.width,
+        "pole_depth": poles.depth,
+        "leakage": poles.leakage,
+        "joints": poles.joints / (MU_0 * poles.area),
+        "eddy": eddy_time * poles.reluctance(gap) * poles.area / poles.iron_length,
+        "turns": float(poles.turns),
+        "resistance": poles.resistance,
+    }
+    return Magnet(numbers, steel.thresholds, steel.weights)
+
+
+class Electromagnet:
+    """A magnet with the memory of its iron, moved so slowly that nothing is induced.
+
+    Parameters
+    ----------
+    magnet : Magnet
+        What it is made of; it starts demagnetised.
+    """
+
+    def __init__(self, magnet: Magnet) -> None:
+        self._coil = Coil(magnet)
+
+    def step(self, current: float, gap: float) -> float:
+        """Move to a current, A, at a gap, m, and return the pull, N."""
+        self._coil.hold(current, gap)
+        return self._coil.force
+
+
+@dataclass(frozen=True, slots=True)
+class FluxTable:
+    """Flux linkage of a winding over current and gap.
+
+    Parameters
+    ----------
+    current : ndarray, shape (i,)
+        A, rising from 0.
+    gap : ndarray, shape (g,)
+        m, rising.
+    psi : ndarray, shape (g, i)
+        Wb; rises with the current, falls as the gap opens.
+    """
+
+    current: FloatArray
+    gap: FloatArray
+    psi: FloatArray
+
+
+def flux_table_of(
+    poles: Poles, steel: CellSteel, current_high: float, gaps: tuple[float, float]
+) -> FluxTable:
+    """Make a flux table from a magnet's poles and the anhysteretic curve of its iron.
+
+    Parameters
+    ----------
+    poles : Poles
+    steel : CellSteel
+        Its pinning is left out.
+    current_high : float
+        A.
+    gaps : tuple of float
+        Ends of the range, m.
+    """
+    current = np.linspace(0.0, current_high, _CURRENTS)
+    gap = np.linspace(*gaps, _GAPS)
+    soft = replace(steel, cells=1, reversible_fraction=1.0)
+    magnet = cell_magnet(poles, soft, 0.0, float(gap[0]))
+    psi = [Coil(magnet).run(current, np.full(current.size, place))[:, 1] for place in gap]
+    return FluxTable(current, gap, np.array(psi))
+
+
+def law_magnet(poles: Poles, iron: Iron, rows: FloatArray, eddy: float, table: FluxTable) -> Magnet:
+    """Return a magnet whose pull an identified law makes and whose flux linkage a table.
+
+    Parameters
+    ----------
+    poles : Poles
+        Turns and resistance count.
+    iron : Iron
+        The law.
+    rows : ndarray, shape (n, 5)
+        In equal steps over the gaps of the table: c_H, rho, c_out, output at no flux, current at
+        no drive.
+    eddy : float
+        gamma of the law, A s/(m T).
+    table : FluxTable
+    """
+    numbers = {
+        "eddy": eddy,
+        "current_high": float(table.current[-1]),
+        "gap_low": float(table.gap[0]),
+        "gap_high": float(table.gap[-1]),
+        "turns": float(poles.turns),
+        "resistance": poles.resistance,
+    }
+    return Magnet(numbers, iron, np.ascontiguousarray(rows), _even(table))
+
+
+def _even(table: FluxTable) -> FloatArray:
+    """Return a table on a fine grid of equal steps, rising where the given one does.
+
+    Between its points the flux runs over the current as a monotone cubic, and so over the gap.
+    """
+    current = np.linspace(0.0, float(table.current[-1]), _CURRENTS)
+    gap = np.linspace(float(table.gap[0]), float(table.gap[-1]), _GAPS)
+    rows = PchipInterpolator(table.current, table.psi, axis=1)(current)
+    return np.ascontiguousarray(PchipInterpolator(table.gap, rows, axis=0)(gap))

@@ -1,0 +1,111 @@
+"""Converters between quantities and numbers, and sensors in front of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst.support.elementary import passed
+
+_CHUNK = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Converter:
+    """An analogue-digital or digital-analogue converter: a range in equal steps.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the range, in the unit of the quantity; what lies beyond stays at the end.
+    bits : int
+        The range has ``2**bits - 1`` steps.
+
+    Examples
+    --------
+    >>> Converter(0.0, 3.0, 2)(1.6), Converter(0.0, 3.0, 2)(7.0)
+    (2.0, 3.0)
+    """
+
+    low: float
+    high: float
+    bits: int
+
+    @property
+    def step(self) -> float:
+        """One unit in the last place, in the unit of the quantity."""
+        return (self.high - self.low) / ((1 << self.bits) - 1)
+
+    def __call__(self, value: float) -> float:
+        """Return the nearest value that the converter has."""
+        held = min(max(value, self.low), self.high)
+        return self.low + round((held - self.low) / self.step) * self.step
+
+
+class Lag:
+    """A first-order low-pass, exact for an input that is held between ticks.
+
+    Parameters
+    ----------
+    bandwidth : float
+        Of -3 dB, Hz; infinite for none.
+    dt : float
+        Time between ticks, s.
+    """
+
+    def __init__(self, bandwidth: float, dt: float) -> None:
+        self._share = passed(2.0 * math.pi * bandwidth * dt)
+        self._value: float | None = None
+
+    def __call__(self, value: float) -> float:
+        """Go on by one tick; the first value passes."""
+        before = value if self._value is None else self._value
+        self._value = before + self._share * (value - before)
+        return self._value
+
+
+class Sensor:
+    """A sensor: bandwidth, offset, noise, converter, in this order.
+
+    Parameters
+    ----------
+    converter : Converter
+        Range and resolution.
+    noise : float
+        Standard deviation of white noise, in the unit of the quantity.
+    seed : int or sequence of int
+        Of the noise.
+    dt : float
+        Time between readings, s.
+    offset : float
+        Constant error, in the unit of the quantity.
+    bandwidth : float
+        Of -3 dB, Hz.
+    """
+
+    def __init__(
+        self,
+        converter: Converter,
+        noise: float,
+        seed: int | list[int],
+        dt: float,
+        offset: float = 0.0,
+        bandwidth: float = math.inf,
+    ) -> None:
+        self.converter = converter
+        self._offset = offset
+        self._noise = _normal(noise, seed)
+        self._lag = Lag(bandwidth, dt)
+
+    def read(self, value: float) -> float:
+        """Return what the sensor says at this tick."""
+        return self.converter(self._lag(value) + self._offset + next(self._noise))
+
+
+def _normal(sigma: float, seed: int | list[int]) -> Iterator[float]:
+    rng = np.random.default_rng(seed)
+    while True:
+        yield from (sigma * rng.standard_normal(_CHUNK)).tolist()

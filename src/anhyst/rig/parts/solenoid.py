@@ -1,0 +1,215 @@
+"""A proportional solenoid: a plunger in front of a stop with a control cone.
+
+The iron path is in series with the sliding clearance of the plunger and with the working gap. Over
+the working gap three ways lie in parallel: the flat face of the plunger, the wall of the cone, into
+which the plunger dips and whose thin end saturates, and leakage that pulls at nothing. The force
+follows from the coenergy of the working gap, ``F = -dW'(u, gap)/dgap`` at its magnetomotive force
+``u``, so that force and flux belong to one circuit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from anhyst.rig.parts.iron import CellIron, CellSteel
+from anhyst.support.units import MU_0
+
+_ITERATIONS = 100
+_TOLERANCE = 1e-7
+"""Of the ampere-turns, A."""
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """Winding and poles.
+
+    Parameters
+    ----------
+    turns : int
+        Of the winding.
+    iron_length : float
+        Mean length of the flux path in iron, m.
+    iron_area : float
+        Its cross-section, m^2.
+    slide_reluctance : float
+        Reluctance of the sliding clearance, 1/H.
+    leakage : float
+        Permeance parallel to the working gap, H.
+    face_area : float
+        Flat face of the plunger, m^2.
+    fringe : float
+        How far the face field reaches beyond the edge: it widens the face by ``fringe`` times the
+        gap all round.
+    cone_diameter : float
+        Mean diameter of the wall of the cone, m.
+    cone_clearance : float
+        Radial clearance between plunger and wall, m.
+    cone_depth : float
+        Gap at which the plunger begins to dip into the cone, m.
+    cone_onset : float
+        Length over which this beginning is washed out by fringing, m.
+    tip_thickness : float
+        Thickness of the wall at its end, m.
+    tip_taper : float
+        How much thicker it is for each metre of depth.
+    tip_saturation : float
+        Flux density at which the wall saturates, T.
+    """
+
+    turns: int
+    iron_length: float
+    iron_area: float
+    slide_reluctance: float
+    leakage: float
+    face_area: float
+    fringe: float
+    cone_diameter: float
+    cone_clearance: float
+    cone_depth: float
+    cone_onset: float
+    tip_thickness: float
+    tip_taper: float
+    tip_saturation: float
+
+
+class _Gap(NamedTuple):
+    """Working gap at one position: permeances, H, and what they change by for each metre."""
+
+    face: float
+    d_face: float
+    cone: float
+    d_cone: float
+    limit: float  # flux that saturates the wall, Wb
+    d_limit: float
+    leakage: float
+
+    def flux(self, mmf: float) -> tuple[float, float]:
+        """Flux, Wb, and its derivative by the ampere-turns over the gap."""
+        ratio = self.cone * mmf / self.limit
+        root = math.sqrt(1.0 + ratio * ratio)
+        straight = self.face + self.leakage
+        return straight * mmf + self.cone * mmf / root, straight + self.cone / root**3
+
+    def mmf(self, flux: float) -> tuple[float, float]:
+        """Ampere-turns that a flux needs, and their derivative by the flux.
+
+        The flux is odd and bends towards the axis of the ampere-turns, so that Newton's steps from
+        below stay below.
+        """
+        mmf = flux / (self.face + self.leakage + self.cone)
+        for _ in range(_ITERATIONS):
+            found, slope = self.flux(mmf)
+            step = (flux - found) / slope
+            mmf += step
+            if abs(step) <= _TOLERANCE:
+                break
+        return mmf, 1.0 / self.flux(mmf)[1]
+
+    def force(self, mmf: float) -> float:
+        """Pull that closes the gap, N."""
+        ratio = self.cone * mmf / self.limit
+        root = math.sqrt(1.0 + ratio * ratio)
+        scale = self.limit / self.cone
+        by_cone = scale * scale * (root - 1.0) / root
+        by_limit = scale * (root - 1.0) ** 2 / root
+        return -(0.5 * mmf * mmf * self.d_face + by_cone * self.d_cone + by_limit * self.d_limit)
+
+
+class Solenoid:
+    """Iron and circuit together, with the memory of the iron; starts demagnetised.
+
+    Parameters
+    ----------
+    steel : CellSteel
+        Of plunger, stop and housing.
+    geometry : Geometry
+        Winding and poles.
+    """
+
+    def __init__(self, steel: CellSteel, geometry: Geometry) -> None:
+        self.iron = CellIron(steel)
+        self.geometry = geometry
+        self.flux = 0.0
+        """Flux in the iron after the last step, Wb; times the turns it is the flux linkage."""
+        self._slope = 0.0
+        self.force = 0.0
+        """Pull after the last step, N."""
+
+    def step(self, current: float, gap: float) -> float:
+        """Move to a current at a gap.
+
+        Exact for a step of any size, as long as the field in the iron does not turn within it.
+
+        Parameters
+        ----------
+        current : float
+            A.
+        gap : float
+            m, above 0.
+
+        Returns
+        -------
+        float
+            Pull, N.
+        """
+        place = self._gap(gap)
+        field, density = self._field(self.geometry.turns * current, place)
+        self.flux = self.geometry.iron_area * density
+        self.iron.commit(field)
+        self.force = place.force(place.mmf(self.flux)[0])
+        return self.force
+
+    def _field(self, mmf: float, place: _Gap) -> tuple[float, float]:
+        """Field in the iron that uses up the ampere-turns, and the flux density there.
+
+        What is left over falls at least as fast as ``iron_length*field``, so its root is bracketed;
+        Newton inside the bracket. Where the field stands nothing moves yet: the way from there is
+        begun with the slope that the last way ended with.
+        """
+        area, length = self.geometry.iron_area, self.geometry.iron_length
+        slide = self.geometry.slide_reluctance
+        field = self.iron.field
+        low, high = -math.inf, math.inf
+        least = self._slope
+        for _ in range(_ITERATIONS):
+            density, slope = self.iron.flux_density(field)
+            slope, least = max(slope, least), 0.0
+            outside, d_outside = place.mmf(area * density)
+            left = mmf - length * field - slide * area * density - outside
+            if abs(left) <= _TOLERANCE:
+                break
+            end = field + left / length
+            if left > 0.0:
+                low, high = field, min(high, end)
+            else:
+                low, high = max(low, end), field
+            field += left / (length + (slide + d_outside) * area * slope)
+            if not low < field < high:
+                field = 0.5 * (low + high)
+            self._slope = slope
+        return field, density
+
+    def _gap(self, gap: float) -> _Gap:
+        shape = self.geometry
+        side = math.sqrt(shape.face_area)
+        width = side + 2.0 * shape.fringe * gap
+        face = MU_0 * width * width / gap
+        d_face = MU_0 * (4.0 * shape.fringe * width / gap - width * width / (gap * gap))
+        dip = shape.cone_depth - gap
+        reach = math.hypot(dip, shape.cone_onset)
+        overlap = 0.5 * (dip + reach)
+        d_overlap = -0.5 * (1.0 + dip / reach)
+        around = math.pi * shape.cone_diameter
+        by_length = MU_0 * around / shape.cone_clearance
+        thickness = shape.tip_thickness + shape.tip_taper * overlap
+        return _Gap(
+            face=face,
+            d_face=d_face,
+            cone=by_length * overlap,
+            d_cone=by_length * d_overlap,
+            limit=shape.tip_saturation * around * thickness,
+            d_limit=shape.tip_saturation * around * shape.tip_taper * d_overlap,
+            leakage=shape.leakage,
+        )

@@ -1,0 +1,390 @@
+"""What compensation gains, over the width of the loops, the reversible part and the step height."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+
+from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.data.reversal import reversal_share
+from anhyst.data.verdict import judge
+from anhyst.rig.bearing.controller_check import check_controller
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.study.bearing.metrics import Interval, mean_interval
+from anhyst.study.bearing.operating import find_operating_point
+from anhyst.study.bearing.ratio import Quotient, quotient
+from anhyst.study.bearing.responses import Run, StepResult, run_steps
+from anhyst.study.bearing.variations import with_iron
+from anhyst.support.arrays import FloatArray
+from anhyst.support.jobs import all_of
+from anhyst.support.progress import Progress
+from anhyst.support.version import running_version
+
+WIDTHS = (0.5, 1.0, 2.0)
+"""Factors on the pinning thresholds of the rig's iron."""
+
+FRACTIONS = (0.05, 0.15, 0.3, 0.5)
+"""Reversible fractions."""
+
+RIVALS: tuple[Variant, ...] = ("ratio", "linearised", "static")
+"""Ways from force to current that know no hysteresis and measure nothing."""
+
+Measure = Literal["overshoot_percent", "settling_in_noise_s"]
+MEASURES: tuple[Measure, ...] = ("overshoot_percent", "settling_in_noise_s")
+"""Figures of a step that are compared; the smaller the better."""
+
+STANDSTILLS = 3.0
+"""Overshoots of no more than so many times the rms of a standstill are none: nothing to gain."""
+
+Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
+_Runs = Sequence[Sequence[Mapping[str, float]]]
+
+
+@dataclass(frozen=True)
+class Iron:
+    """One iron of the map, as it shows in measurements.
+
+    Parameters
+    ----------
+    scale : float
+        Factor on the pinning thresholds.
+    reversible_fraction : float
+        Weight of what nothing pins.
+    loop_width : float
+        Largest of the measured loops, in parts of the largest current.
+    after_reversal : float or None
+        Slope just after a reversal over the static slope, estimated from the measured loops; None
+        where they do not tell.
+    after_reversal_true : float
+        The same of the virtual magnet at its operating point.
+    label : str
+        ``"regular"`` or ``"pathological"``, by that.
+    """
+
+    scale: float
+    reversible_fraction: float
+    loop_width: float
+    after_reversal: float | None
+    after_reversal_true: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The full compensator against a rival, in one figure.
+
+    Parameters
+    ----------
+    rival : str or None
+        Strongest of those that kept the armature in the air; None if none did.
+    quotient : Quotient or None
+        Figure of ``full`` over that of the rival; None where one of them has lost the armature.
+    difference : Interval or None
+        Figure of the rival less that of ``full``, seed by seed.
+    floor : float or None
+        Overshoot that is none, % of the height: :data:`STANDSTILLS` times the larger standstill rms
+        of the two. None for other figures.
+    small : bool
+        Both means are below the floor.
+    """
+
+    rival: Variant | None
+    quotient: Quotient | None
+    difference: Interval | None
+    floor: float | None = None
+    small: bool = False
+
+    @property
+    def outcome(self) -> Outcome:
+        """``gain`` or ``loss`` if it is certain: the interval of the difference leaves out zero.
+
+        It is a loss, too, where the rival kept the armature in the air and ``full`` did not.
+        """
+        if self.small:
+            return "nothing to gain"
+        if self.difference is None:
+            return "no gain" if self.rival is None else "loss"
+        if self.difference.mean > self.difference.half_width:
+            return "gain"
+        return "loss" if self.difference.mean < -self.difference.half_width else "no gain"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One iron and step height.
+
+    Parameters
+    ----------
+    iron : Iron
+    height : float
+        m.
+    figures : mapping of str to mapping of str to Interval
+        By variant, then by :data:`MEASURES`; a variant that lost the armature is missing.
+    standstill : mapping of str to float
+        Rms of the gap at the end of the holds, mean over seeds and directions, m; by variant.
+    strongest, ratio : mapping of str to Comparison
+        By :data:`MEASURES`: against the strongest of :data:`RIVALS` in this very figure, and
+        against ``ratio``.
+    flux : mapping of str to Comparison
+        Against ``flux``, which measures the flux density instead; empty without a Hall probe.
+    """
+
+    iron: Iron
+    height: float
+    figures: Mapping[Variant, Mapping[Measure, Interval]]
+    standstill: Mapping[Variant, float]
+    strongest: Mapping[Measure, Comparison]
+    ratio: Mapping[Measure, Comparison]
+    flux: Mapping[Measure, Comparison]
+
+
+@dataclass(frozen=True)
+class Benefit:
+    """The whole map.
+
+    Parameters
+    ----------
+    rig, controller : str
+        Names in the files.
+    gap, load : float
+        Operating point, m and N.
+    seeds : int
+        Of noise.
+    cells : tuple of Cell
+        In the order scale, reversible fraction, height.
+    """
+
+    rig: str
+    controller: str
+    gap: float
+    load: float
+    seeds: int
+    cells: tuple[Cell, ...]
+
+    def row_width(self, scale: float) -> float:
+        """Return the mean loop width of the irons of a scale, in parts of the largest current."""
+        return float(np.mean([c.iron.loop_width for c in self.cells if c.iron.scale == scale]))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``benefit.json`` holds it."""
+        return {
+            "format": "anhyst-benefit",
+            "version": 1,
+            "anhyst": running_version(),
+            "rig": self.rig,
+            "controller": self.controller,
+            "gap_m": self.gap,
+            "load_N": self.load,
+            "noise_seeds": self.seeds,
+            "confidence": 0.95,
+            "cells": [_row(cell) for cell in self.cells],
+        }
+
+
+@dataclass(frozen=True)
+class _Work:
+    rig: BearingRig
+    controller: ControllerFile
+    scale: float
+    fraction: float
+    heights: tuple[float, ...]
+    seeds: tuple[int, ...]
+
+
+def benefit(
+    rig: BearingRig,
+    controller: ControllerFile,
+    scales: Sequence[float] = WIDTHS,
+    fractions: Sequence[float] = FRACTIONS,
+    heights: Sequence[float] | None = None,
+    seeds: int | None = None,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> Benefit:
+    """Map what compensation gains; every magnet is measured and identified anew.
+
+    Loops of each magnet are measured through the sensors of the rig, all variants are fitted to
+    these loops, and all run with the gains of the controller file.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        With an iron of cells.
+    controller : ControllerFile
+        A model that it names is not used.
+    scales, fractions : sequence of float, optional
+        Factors on the pinning thresholds, and reversible fractions.
+    heights : sequence of float, optional
+        Of steps, m; those of the rig file if left out.
+    seeds : int, optional
+        Of noise, the same for all variants; as many as the rig file says if left out.
+    progress, jobs
+        See :func:`anhyst.support.jobs.each`.
+
+    Raises
+    ------
+    InputError
+        The magnet is none of cells, or a file does not fit.
+    """
+    check_controller(controller, rig)
+    tried = rig.settings.simulate
+    steps = tuple(tried.steps_m if heights is None else heights)
+    count = tried.noise_seeds if seeds is None else seeds
+    work = [
+        _Work(with_iron(rig, fraction, scale), controller, scale, fraction, steps, (*range(count),))
+        for scale, fraction in product(scales, fractions)
+    ]
+    found = all_of(_map_iron, work, progress, jobs)
+    return Benefit(
+        rig=rig.settings.name,
+        controller=controller.settings.name,
+        gap=tried.gap_m,
+        load=rig.settings.load.force_N,
+        seeds=count,
+        cells=tuple(cell for cells in found for cell in cells),
+    )
+
+
+def _map_iron(work: _Work) -> list[Cell]:
+    """Measure a magnet, fit everything to its loops, and step it."""
+    rig, table = work.rig, work.controller.settings
+    knowledge = identify_magnet(measure_loops(rig))
+    slopes = find_operating_point(rig).slopes
+    iron = Iron(
+        scale=work.scale,
+        reversible_fraction=work.fraction,
+        loop_width=judge(knowledge.loops).width_relative,
+        after_reversal=reversal_share(knowledge.loops),
+        after_reversal_true=slopes.share,
+        label=slopes.label,
+    )
+    steps: dict[Variant, list[list[StepResult]]] = {}
+    probe = rig.settings.hall_probe is not None
+    rivals: tuple[Variant, ...] = (*RIVALS, "flux") if probe else RIVALS
+    for variant in (*rivals, "full"):
+        setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
+        gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+        runs = [run_steps(Run(setup, gap, work.heights, load, seed))[0] for seed in work.seeds]
+        if all(runs):
+            steps[variant] = runs
+    hold = rig.settings.simulate.hold_s
+    return [_cell(iron, height, _at(steps, height), hold, probe) for height in work.heights]
+
+
+def _at(steps: Mapping[Variant, list[list[StepResult]]], height: float) -> Mapping[Variant, _Runs]:
+    """Return the figures of the steps of a height: up and down, seed by seed."""
+    return {
+        name: [
+            [one.figures for one in run if math.isclose(one.height, height, rel_tol=1e-6)]
+            for run in runs
+        ]
+        for name, runs in steps.items()
+    }
+
+
+def _cell(
+    iron: Iron, height: float, runs: Mapping[Variant, _Runs], hold: float, probe: bool
+) -> Cell:
+    values = {
+        name: {measure: _values(pairs, measure, hold) for measure in MEASURES}
+        for name, pairs in runs.items()
+    }
+    still = {
+        name: float(np.mean([one["standstill_rms_m"] for pair in pairs for one in pair]))
+        for name, pairs in runs.items()
+    }
+
+    def against(*rivals: Variant) -> dict[Measure, Comparison]:
+        return {name: _compare(values, still, height, name, rivals) for name in MEASURES}
+
+    return Cell(
+        iron=iron,
+        height=height,
+        figures={
+            name: {measure: mean_interval(row) for measure, row in rows.items()}
+            for name, rows in values.items()
+        },
+        standstill=still,
+        strongest=against(*RIVALS),
+        ratio=against("ratio"),
+        flux=against("flux") if probe else {},
+    )
+
+
+def _values(runs: _Runs, measure: Measure, hold: float) -> FloatArray:
+    """Return one value a seed: the larger one of up and down.
+
+    A step that did not settle counts as if it had at the end of its hold.
+    """
+    most = hold if measure == "settling_in_noise_s" else math.inf
+    return np.array([max(min(one[measure], most) for one in pair) for pair in runs])
+
+
+def _compare(
+    values: Mapping[Variant, Mapping[Measure, FloatArray]],
+    still: Mapping[Variant, float],
+    height: float,
+    measure: Measure,
+    rivals: Sequence[Variant],
+) -> Comparison:
+    """Compare with the best rival of this very cell: chance favours it a little, never ``full``."""
+    flying = [name for name in rivals if name in values]
+    if not flying:
+        return Comparison(None, None, None)
+    rival = min(flying, key=lambda name: float(np.mean(values[name][measure])))
+    if "full" not in values:
+        return Comparison(rival, None, None)
+    own, other = values["full"][measure], values[rival][measure]
+    ratio, difference = quotient(own, other), mean_interval(other - own)
+    if measure != "overshoot_percent":
+        return Comparison(rival, ratio, difference)
+    floor = 100.0 * STANDSTILLS * max(still["full"], still[rival]) / height
+    most = max(float(np.mean(own)), float(np.mean(other)))
+    return Comparison(rival, ratio, difference, floor, most < floor)
+
+
+def _row(cell: Cell) -> dict[str, Any]:
+    iron = cell.iron
+    return {
+        "pinning_scale": iron.scale,
+        "reversible_fraction": iron.reversible_fraction,
+        "loop_width_percent": 100.0 * iron.loop_width,
+        "after_reversal": iron.after_reversal,
+        "after_reversal_true": iron.after_reversal_true,
+        "iron": iron.label,
+        "height_m": cell.height,
+        "figures": {
+            name: {measure: _interval(one) for measure, one in rows.items()}
+            for name, rows in cell.figures.items()
+        },
+        "standstill_rms_m": dict(cell.standstill),
+        "against_strongest": {name: _comparison(one) for name, one in cell.strongest.items()},
+        "against_ratio": {name: _comparison(one) for name, one in cell.ratio.items()},
+        "against_flux": {name: _comparison(one) for name, one in cell.flux.items()},
+    }
+
+
+def _interval(one: Interval) -> dict[str, float]:
+    return {"mean": one.mean, "half_width": one.half_width}
+
+
+def _comparison(one: Comparison) -> dict[str, Any]:
+    found: dict[str, Any] = {"rival": one.rival, "outcome": one.outcome}
+    if one.floor is not None:
+        found["floor_percent"] = one.floor
+    if one.quotient is not None and one.difference is not None:
+        value, high = one.quotient.value, one.quotient.high
+        found |= {
+            "ratio": value if math.isfinite(value) else None,
+            "ratio_low": one.quotient.low,
+            "ratio_high": high if math.isfinite(high) else None,
+            "difference": _interval(one.difference),
+        }
+    return found

@@ -1,0 +1,325 @@
+"""Every fault of ``docs/firmware.md``, while the firmware holds the armature in the air."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from anhyst.control.states import Command, Fault, Phase, State
+from anhyst.link.blocks import regenerate
+from anhyst.link.client import Refused
+from anhyst.link.plant_bus import Reading
+from anhyst.rig.bearing.board import BoardFlight
+from anhyst.rig.bearing.scenario import LEAST_LIFT_S
+from anhyst.rig.bearing.setup import Setup
+from anhyst.support.errors import NegativeResult
+
+Act = Callable[[BoardFlight, int], bool]
+"""Called before every tick, counted from the beginning of a fault; whether the link stays alive."""
+
+_NO_SAMPLE = 1
+_AMPLIFIER, _EMERGENCY_STOP, _OVER_CURRENT, _SUPPLY, _TOO_WARM = 2, 4, 8, 16, 32
+"""Bits of ``PORT_...`` in ``firmware/port/port.h``."""
+
+_SAG = 0.2
+"""What a sagging supply is left with."""
+
+_LONGEST_S = 1.0
+"""Until an armature lies."""
+
+_ON_S = 0.25
+"""After so long it is seen to fly on."""
+
+_STILL_S = 0.02
+"""Without current on its rest, so long, it lies."""
+
+_OVERLOAD_S = 0.1
+_STEP_M = 10e-6
+
+
+@dataclass(frozen=True)
+class Injection:
+    """What goes wrong.
+
+    Parameters
+    ----------
+    name : str
+        In words.
+    reason : Fault
+        That the controller gives; ``NONE`` where it goes on.
+    act : callable
+        What is done.
+    """
+
+    name: str
+    reason: Fault
+    act: Act
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a fault in the air ended.
+
+    Parameters
+    ----------
+    injection : Injection
+    reason : Fault
+        That the controller gave.
+    flies : bool
+        Whether it went on hovering.
+    seconds : float
+        From the fault until the armature lay without current, s; NaN where it went on.
+    rest_speed, magnet_speed : float
+        At which it first came to the stop on which it rests, and to that at the magnet, m/s; 0
+        where it did not.
+    away : float
+        Largest distance from where it hovered while it went on, m; NaN where it came down.
+    """
+
+    injection: Injection
+    reason: Fault
+    flies: bool
+    seconds: float
+    rest_speed: float
+    magnet_speed: float
+    away: float
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether the controller gave the reason that belongs to the fault, or went on."""
+        wanted = self.injection.reason
+        return self.reason is wanted and self.flies == (wanted is Fault.NONE)
+
+
+def _shows(change: Callable[[Reading], Reading], ticks: float = math.inf) -> Act:
+    """Let sensors show something else for some ticks."""
+
+    def act(flight: BoardFlight, n: int) -> bool:
+        flight.plant.shown = change if n < ticks else None
+        return True
+
+    return act
+
+
+def _reports(bit: int) -> Act:
+    return _shows(lambda reading: reading._replace(status=bit))
+
+
+def _no_sample(reading: Reading) -> Reading:
+    return reading._replace(status=_NO_SAMPLE)
+
+
+def _freezes(flight: BoardFlight, n: int) -> bool:
+    """Freeze the sensor of the position, and step the target."""
+    if n == 0:
+        flight.aim(flight.plant.bearing.gap + _STEP_M)
+        last: list[float] = []
+
+        def frozen(reading: Reading) -> Reading:
+            last.append(reading.position)
+            return reading._replace(position=last[0])
+
+        flight.plant.shown = frozen
+    return True
+
+
+def _misses(flight: BoardFlight, n: int) -> bool:
+    """Miss five ticks in a row."""
+    if n == 0:
+        flight.bus.skip(5)
+    return True
+
+
+def _sags(flight: BoardFlight, n: int) -> bool:
+    """Let the supply fall; the board reports it a millisecond later."""
+    bearing = flight.plant.bearing
+    if n == 0:
+        bearing.supply = _SAG * flight.plant.supply
+    if n == round(1e-3 * flight.link.info.rate):
+        flight.plant.shown = lambda reading: reading._replace(status=_SUPPLY)
+    return True
+
+
+def _stops(flight: BoardFlight, n: int) -> bool:
+    if n == 0:
+        flight.command(Command.STOP)
+    return True
+
+
+def _bad_block(flight: BoardFlight, n: int) -> bool:
+    """Send a block with a broken checksum, and one whose words are not sound behind a right one."""
+    if n == 0:
+        words = flight.link.read_block()
+        for broken in (_broken(words), regenerate(_broken(words), 7)):
+            try:
+                flight.link.write_block(broken)
+            except Refused:
+                continue
+            raise NegativeResult("the controller took a parameter block that is not sound")
+    return True
+
+
+def _broken(words: list[int]) -> list[int]:
+    return [*words[:2], words[2] ^ 0x40, *words[3:]]
+
+
+def _swaps(flight: BoardFlight, n: int) -> bool:
+    """Swap in the same parameters as another generation."""
+    if n == 0:
+        flight.link.write_block(regenerate(flight.link.read_block(), 9))
+    return True
+
+
+def _overload(flight: BoardFlight, n: int) -> bool:
+    """Load it with more than the largest force can carry, for a while."""
+    over = n < round(_OVERLOAD_S * flight.link.info.rate)
+    flight.plant.load = 1.2 * flight.plant.force_high if over else flight.plant.rest_load
+    return True
+
+
+def injections() -> Iterator[Injection]:
+    """Every fault, with the reason that the controller has to give."""
+    yield Injection("three samples missing", Fault.NONE, _shows(_no_sample, 3))
+    yield Injection("no samples any more", Fault.POSITION_MISSING, _shows(_no_sample))
+    yield Injection("samples missing for 2 ms", Fault.POSITION_MISSING, _shows(_no_sample, 40))
+    yield Injection(
+        "position out of range",
+        Fault.POSITION_RANGE,
+        _shows(lambda reading: reading._replace(position=0.95)),
+    )
+    yield Injection(
+        "position jumps",
+        Fault.POSITION_STEP,
+        _shows(lambda reading: reading._replace(position=reading.position - 0.7)),
+    )
+    yield Injection("position frozen, target stepped", Fault.POSITION_STUCK, _freezes)
+    yield Injection(
+        "current sensor's error code",
+        Fault.CURRENT_RESERVED,
+        _shows(lambda reading: reading._replace(current=math.nan)),
+    )
+    yield Injection(
+        "current out of range",
+        Fault.CURRENT_RANGE,
+        _shows(lambda reading: reading._replace(current=1.9)),
+    )
+    yield Injection("five ticks missed", Fault.MISSED_TICK, _misses)
+    yield Injection("link lost", Fault.LINK_LOST, lambda flight, n: False)
+    yield Injection("command stop", Fault.STOPPED, _stops)
+    yield Injection("emergency stop open", Fault.EMERGENCY_STOP, _reports(_EMERGENCY_STOP))
+    yield Injection("supply sags to a fifth", Fault.SUPPLY, _sags)
+    yield Injection("winding too warm", Fault.TOO_WARM, _reports(_TOO_WARM))
+    yield Injection("amplifier reports a fault", Fault.AMPLIFIER, _reports(_AMPLIFIER))
+    yield Injection("over-current", Fault.OVER_CURRENT, _reports(_OVER_CURRENT))
+    yield Injection("bad parameter blocks", Fault.NONE, _bad_block)
+    yield Injection("another block swapped in", Fault.NONE, _swaps)
+    yield Injection("overload for 100 ms", Fault.NONE, _overload)
+
+
+class FaultFlights:
+    """Lifts, hovers, does something bad and watches, again and again in one session.
+
+    Parameters
+    ----------
+    setup : Setup
+        What flies.
+    flight : BoardFlight
+        From power on.
+    """
+
+    def __init__(self, setup: Setup, flight: BoardFlight) -> None:
+        self.setup = setup
+        self.flight = flight
+        self._rate = flight.link.info.rate
+        self._gap = setup.rig.settings.simulate.gap_m
+        self._lift = round((LEAST_LIFT_S) * self._rate)
+        self._first = True
+
+    def run(self, injection: Injection) -> Ending:
+        """Let one thing go wrong in the air.
+
+        Raises
+        ------
+        NegativeResult
+            The armature did not lift before.
+        """
+        self._hover()
+        ending = self._watch(injection)
+        self._recover(ending)
+        return ending
+
+    def _ticks(self, seconds: float) -> range:
+        return range(round(seconds * self._rate))
+
+    def _hover(self) -> None:
+        """Lift off with the iron as it is: its memory has followed every current so far."""
+        flight = self.flight
+        flight.plant.load = flight.plant.rest_load
+        if flight.state is not State.READY:
+            for _ in self._ticks(0.005):
+                flight.tick()
+            flight.command(Command.DEMAGNETISED if self._first else Command.ARM)
+        self._first = False
+        flight.aim(self._gap)
+        flight.tick()
+        flight.command(Command.LIFT)
+        for _ in range(self._lift):
+            flight.tick()
+        phase = Phase(flight.link.status().codes.phase)
+        if flight.state is not State.RUN or phase is not Phase.HOVER:
+            raise NegativeResult(
+                f"the armature does not hover before a fault: state {flight.state.name.lower()}, "
+                f"phase {phase.name.lower()}, fault {flight.fault.name.lower()}"
+            )
+
+    def _watch(self, injection: Injection) -> Ending:
+        flight, mechanics = self.flight, self.setup.rig.settings.mechanics
+        bearing = flight.plant.bearing
+        begin, still = bearing.gap, 0
+        rest_speed = magnet_speed = away = 0.0
+        inside, speed = True, 0.0
+        seconds = math.nan
+        on = injection.reason is Fault.NONE
+        for n in self._ticks(_ON_S if on else _LONGEST_S):
+            flight.tick(beats=injection.act(flight, n))
+            gap = bearing.gap
+            outside = gap <= mechanics.stop_low_m or gap >= mechanics.stop_high_m
+            if outside and inside and gap >= mechanics.stop_high_m:
+                rest_speed = rest_speed or speed
+            elif outside and inside:
+                magnet_speed = magnet_speed or speed
+            inside, speed = not outside, abs(bearing.velocity)
+            away = max(away, abs(gap - begin))
+            still = still + 1 if outside and flight.bus.drives == (0.0, 0.0) else 0
+            if still >= _STILL_S * self._rate:
+                seconds = n / self._rate - _STILL_S
+                break
+        flies = flight.state is State.RUN
+        return Ending(
+            injection,
+            flight.fault,
+            flies,
+            seconds,
+            rest_speed,
+            magnet_speed,
+            away if flies else math.nan,
+        )
+
+    def _recover(self, ending: Ending) -> None:
+        """Everything works again: clear the fault, or land."""
+        flight = self.flight
+        flight.plant.shown = None
+        flight.plant.load = flight.plant.rest_load
+        flight.plant.bearing.supply = flight.plant.supply
+        if ending.flies:
+            flight.command(Command.LAND)
+        for _ in self._ticks(_LONGEST_S):
+            flight.tick()
+            if flight.state is not State.RUN and flight.bus.drives == (0.0, 0.0):
+                break
+        for _ in self._ticks(0.05):
+            flight.tick()
+        if flight.state is State.FAULT:
+            flight.command(Command.CLEAR)
+            flight.tick()

@@ -1,0 +1,147 @@
+"""Plants that have drifted away from what their controller was made for."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields, replace
+
+import numpy as np
+
+from anhyst._core import Bearing
+from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.model.file import read_model
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.plant import make_bearing, make_magnet
+from anhyst.rig.bearing.tables import DriftTable
+from anhyst.study.bearing.variations import changed
+
+CUT = 3.0
+"""Standard deviations at which the distribution of a change ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """How far one plant is from the one in the rig file.
+
+    Parameters
+    ----------
+    pinning, reversible, saturation, mass, resistance : float
+        Relative changes: 0.1 is 10 % more.
+    position_gain, current_gain, flux_gain : float
+        Gain errors of the sensors; that of the position around the operating gap.
+    gap_offset : float
+        Error of the position sensor at the operating gap, m.
+    """
+
+    pinning: float = 0.0
+    reversible: float = 0.0
+    saturation: float = 0.0
+    mass: float = 0.0
+    resistance: float = 0.0
+    position_gain: float = 0.0
+    current_gain: float = 0.0
+    flux_gain: float = 0.0
+    gap_offset: float = 0.0
+
+    def as_dict(self) -> dict[str, float]:
+        """Return it with units in the keys."""
+        given = asdict(self)
+        offset = given.pop("gap_offset")
+        return {f"{name}_percent": 100.0 * value for name, value in given.items()} | {
+            "gap_offset_m": offset
+        }
+
+
+def draw_drift(spread: DriftTable, rng: np.random.Generator) -> Drift:
+    """Draw a plant.
+
+    Parameters
+    ----------
+    spread : DriftTable
+        Standard deviations.
+    rng : Generator
+        As many values are drawn whatever the deviations are, but for those beyond :data:`CUT`.
+    """
+    gain = spread.sensor_gain_percent
+    deviations = {
+        "pinning": 0.01 * spread.pinning_percent,
+        "reversible": 0.01 * spread.reversible_percent,
+        "saturation": 0.01 * spread.saturation_percent,
+        "mass": 0.01 * spread.mass_percent,
+        "resistance": 0.01 * spread.resistance_percent,
+        "position_gain": 0.01 * gain,
+        "current_gain": 0.01 * gain,
+        "flux_gain": 0.01 * gain,
+        "gap_offset": spread.gap_offset_m,
+    }
+    return Drift(**{one.name: deviations[one.name] * _normal(rng) for one in fields(Drift)})
+
+
+def drifted_rig(rig: BearingRig, drift: Drift) -> BearingRig:
+    """Return the rig of a plant that has drifted; the law of an identified magnet stays.
+
+    The gain error of the position sensor turns its reading around the operating gap, so that gain
+    and offset are two things.
+    """
+    settings = rig.settings
+    magnet, mechanics = settings.magnet, settings.mechanics
+    sensor, shunt, hall = settings.position_sensor, settings.current_sensor, settings.hall_probe
+    turned = drift.position_gain * settings.simulate.gap_m
+    changes = {
+        "magnet.resistance_ohm": settings.magnet.poles.resistance * (1.0 + drift.resistance),
+        "mechanics.mass_kg": mechanics.mass_kg * (1.0 + drift.mass),
+        "position_sensor.gain_error": sensor.gain_error + drift.position_gain,
+        "position_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
+        "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
+    }
+    if hall is not None:
+        changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain
+    if magnet.iron is not None:
+        iron = magnet.steel
+        pinning, more = iron.pinning_scale_A_per_m * (1.0 + drift.pinning), 1.0 + drift.saturation
+        fraction = min(iron.reversible_fraction * (1.0 + drift.reversible), 1.0)
+        changes |= {
+            "magnet.iron.pinning_scale_A_per_m": pinning,
+            "magnet.iron.reversible_fraction": fraction,
+            "magnet.iron.saturation_sharp_T": iron.saturation_sharp_T * more,
+            "magnet.iron.saturation_slow_T": iron.saturation_slow_T * more,
+        }
+    return changed(rig, changes)
+
+
+def drifted_law(model: ActuatorModel, drift: Drift) -> ActuatorModel:
+    """Return the law of a magnet that has drifted: its k, c and M_s."""
+
+    def scaled(name: str, factor: float, most: float = np.inf) -> Parameter:
+        value = model.parameters[name]
+        if isinstance(value, tuple):
+            return tuple(min(factor * one, most) for one in value)
+        return min(factor * value, most)
+
+    changed = {
+        "k": scaled("k", 1.0 + drift.pinning),
+        "c": scaled("c", 1.0 + drift.reversible, 1.0),
+        "M_s": scaled("M_s", 1.0 + drift.saturation),
+    }
+    return replace(model, parameters={**model.parameters, **changed})
+
+
+def drifted_bearing(rig: BearingRig, drift: Drift, seed: int) -> Bearing:
+    """Return a plant that has drifted, at rest.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        As it was when the controller was made.
+    drift : Drift
+    seed : int
+        Of the noise of its sensors.
+    """
+    other = drifted_rig(rig, drift)
+    law = None if rig.model is None else drifted_law(read_model(rig.model), drift)
+    return make_bearing(other, seed, make_magnet(other, law))
+
+
+def _normal(rng: np.random.Generator) -> float:
+    while abs(value := float(rng.standard_normal())) > CUT:
+        pass
+    return value

@@ -1,0 +1,298 @@
+"""What is tried beside steps: standing still, trajectories, loads, and things that go wrong."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from anhyst.control.controller_file import Variant
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.recording import RISE, Recording
+from anhyst.rig.bearing.scenario import DROP, Scenario, Script, Step
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.tables import TrajectoryTable
+from anhyst.study.bearing.limit_cycle import LimitCycle, limit_cycle
+from anhyst.study.bearing.metrics import deviation, mean_interval, recovery_time
+from anhyst.study.bearing.responses import position_resolution
+from anhyst.support.arrays import FloatArray
+from anhyst.support.elementary import sine, triangle
+from anhyst.support.jobs import all_of
+from anhyst.support.progress import Progress
+
+Event = Literal["overload", "wrong initial state", "dropped sample"]
+
+EVENTS: tuple[Event, ...] = ("overload", "wrong initial state", "dropped sample")
+
+STANDSTILL_S = 1.0
+RECOVERY_S = 0.3
+OVERLOAD_S = 0.1
+DROP_STEP_M = 50e-6
+BACK_M = 1e-6
+"""An error of the position within this counts as recovered, m."""
+LEAST_BAND_M = 50e-9
+"""A difference within this does not show, however fine the sensor, m."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One experiment with a noise of its own."""
+
+    setup: Setup
+    seed: int
+    what: TrajectoryTable | Event | float | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What an experiment gave.
+
+    Parameters
+    ----------
+    figures : dict of str to float
+        Numbers by name.
+    lost : bool
+        Whether levitation was lost.
+    cycles : tuple of LimitCycle, optional
+        The limit cycle if there was one; None where nobody looked for any.
+    """
+
+    figures: dict[str, float]
+    lost: bool
+    cycles: tuple[LimitCycle, ...] | None = None
+
+
+def of_all(
+    work: Callable[[Trial], Outcome],
+    setups: Mapping[Variant, Setup],
+    seeds: Sequence[int],
+    what: TrajectoryTable | Event | float | None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run an experiment with every setup and every seed.
+
+    Returns
+    -------
+    dict
+        By variant ``runs``, how many seeds, and ``lost``, in how many of them levitation was lost.
+        Only if in none, by name of the figure ``mean``, ``half_width`` (of the 95 % interval) and
+        ``count``; and of limit cycles ``limit_cycles``, in how many seeds there was one, with the
+        medians of these.
+    """
+    trials = [Trial(setup, seed, what) for setup in setups.values() for seed in seeds]
+    outcomes = all_of(work, trials, progress)
+    return {
+        name: _sum_up(outcomes[place * len(seeds) : (place + 1) * len(seeds)])
+        for place, name in enumerate(setups)
+    }
+
+
+def _sum_up(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    lost = sum(one.lost for one in outcomes)
+    found: dict[str, Any] = {"lost": lost, "runs": len(outcomes)}
+    if lost:
+        return found
+    for name in outcomes[0].figures:
+        one = mean_interval([outcome.figures[name] for outcome in outcomes])
+        found[name] = {"mean": one.mean, "half_width": one.half_width, "count": one.count}
+    return found | _cycles([one.cycles for one in outcomes if one.cycles is not None])
+
+
+def _cycles(found: Sequence[tuple[LimitCycle, ...]]) -> dict[str, Any]:
+    """Sum up limit cycles: a mean over runs with and without one would be neither."""
+    cycles = [cycle for one in found for cycle in one]
+    if not found:
+        return {}
+    return {
+        "limit_cycles": len(cycles),
+        "limit_cycle_m": statistics.median(one.amplitude for one in cycles) if cycles else None,
+        "limit_cycle_s": statistics.median(one.period for one in cycles) if cycles else None,
+    }
+
+
+def standing(setup: Setup) -> tuple[Scenario, int]:
+    """Return a scenario of hanging still, and the tick from which on that is judged."""
+    script = _lifted(setup)
+    begin = script.ticks
+    return script.hold(STANDSTILL_S).build(), begin
+
+
+def following(setup: Setup, shape: TrajectoryTable) -> tuple[Scenario, int]:
+    """Return a scenario of two periods of a trajectory, and the tick where the second begins."""
+    rig = setup.rig
+    period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
+    phase = np.arange(2 * period) / period
+    wave = triangle(phase) if shape.kind == "triangle" else sine(phase)
+    script = _lifted(setup)
+    script.follow(rig.settings.simulate.gap_m - shape.amplitude_m * wave)
+    return script.build(), script.ticks - period
+
+
+def loaded(setup: Setup, force: float) -> tuple[Scenario, int]:
+    """Return a scenario in which the load steps by so many newtons, and at which tick."""
+    script = _lifted(setup)
+    begin = script.ticks
+    script.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
+    return script.build(), begin
+
+
+def stand_still(trial: Trial) -> Outcome:
+    """Hang in the air: rms of the true gap, its drift, and a limit cycle if there is one."""
+    scenario, begin = standing(trial.setup)
+    recording, lost = _run(trial, scenario)
+    if lost:
+        return Outcome({}, True)
+    part = recording.part(begin, len(recording))
+    gap = part["gap_m"]
+    cycle = limit_cycle(part["t_s"], gap)
+    figures = {
+        "rms_m": float(np.std(gap)),
+        "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.simulate.gap_m,
+        "current_rms_A": float(np.std(part["current_A"])),
+    }
+    return Outcome(figures, False, () if cycle is None else (cycle,))
+
+
+def follow(trial: Trial) -> Outcome:
+    """Follow a trajectory for two periods; judge the second."""
+    assert isinstance(trial.what, TrajectoryTable)
+    scenario, begin = following(trial.setup, trial.what)
+    recording, lost = _run(trial, scenario)
+    if lost:
+        return Outcome({}, True)
+    part = recording.part(begin, len(recording))
+    off = deviation(part["gap_m"], part["reference_m"])
+    force = deviation(part["force_N"], part["demand_N"])
+    return Outcome(
+        {"tracking_rms_m": off.rms, "tracking_peak_m": off.peak, "force_error_rms_N": force.rms},
+        False,
+    )
+
+
+def step_load(trial: Trial) -> Outcome:
+    """Step the load by so many newtons: how far the armature gives way, and for how long."""
+    assert isinstance(trial.what, float)
+    scenario, begin = loaded(trial.setup, trial.what)
+    recording, lost = _run(trial, scenario)
+    if lost:
+        return Outcome({}, True)
+    part = recording.part(begin, len(recording))
+    error = part["gap_m"] - part["reference_m"]
+    return Outcome(
+        {
+            "peak_m": float(np.max(np.abs(error))),
+            "recovery_s": recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M),
+        },
+        False,
+    )
+
+
+def recover(trial: Trial) -> Outcome:
+    """Let something go wrong and see how much it shows, and for how long.
+
+    ``overload``: for 100 ms the load is larger than any current carries, so that force and current
+    stay at their limits and the armature rests on its stop; judged is how long it takes to come
+    back. ``wrong initial state``: the iron comes from the largest current, the controller takes it
+    for demagnetised, and lifts; judged from lift-off. ``dropped sample``: one sample of the
+    position is lost in a step of 50 um, where the armature is fastest; judged from there. Of the
+    latter two counts what is different from the same run, with the same noise, without the event.
+    """
+    if trial.what == "overload":
+        return _overload(trial)
+    if trial.what == "wrong initial state":
+        scenario = _lifted(trial.setup).hold(RECOVERY_S).build()
+        usual, unusual = (_run(trial, scenario, largest) for largest in (False, True))
+        return _excess(trial.setup, usual, unusual, _leaves_rest)
+    scenario = _stepped(trial.setup)
+    usual = _run(trial, scenario)
+    if usual[1]:
+        return Outcome({}, True)
+    begin = _fastest(usual[0], scenario.steps[0])
+    scenario.command[begin] |= DROP
+    return _excess(trial.setup, usual, _run(trial, scenario), lambda _: begin)
+
+
+def _overload(trial: Trial) -> Outcome:
+    rig = trial.setup.rig
+    script = _lifted(trial.setup)
+    script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
+    script.set_load(rig.settings.load.force_N)
+    begin = script.ticks
+    scenario = script.hold(RECOVERY_S).build()
+    recording = Loop(trial.setup, trial.seed).run(scenario)
+    part = recording.part(begin, len(recording))
+    # It lies on its stop when the load goes: what counts is that it flies again.
+    lost = lost_at(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
+    if lost or len(recording) < scenario.ticks:
+        return Outcome({}, True)
+    error = part["gap_m"] - part["reference_m"]
+    seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M)
+    return Outcome({"recovery_s": seconds}, False)
+
+
+def excess_band(rig: BearingRig, excess: FloatArray) -> float:
+    """Return the difference of two runs beyond which an event shows, m.
+
+    Three times what one reading is uncertain by, noise and resolution together. Runs that differ
+    by a few readings long ago may stay apart by more than that, as the iron goes other minor loops:
+    four times the standard deviation of the last third, if that is more.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    excess : ndarray
+        From the event on, m.
+    """
+    reading = 3.0 * position_resolution(rig)
+    return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), LEAST_BAND_M)
+
+
+def _excess(
+    setup: Setup,
+    usual: tuple[Recording, bool],
+    unusual: tuple[Recording, bool],
+    begins: Callable[[Recording], int],
+) -> Outcome:
+    """Compare a run with one that knows no event, each from where it begins."""
+    if usual[1] or unusual[1]:
+        return Outcome({}, True)
+    errors = []
+    for recording, _ in (usual, unusual):
+        part = recording.part(begins(recording), len(recording))
+        errors.append(part["gap_m"] - part["reference_m"])
+    count = min(map(len, errors))
+    excess = errors[1][:count] - errors[0][:count]
+    time = setup.rig.dt * np.arange(count)
+    seconds = recovery_time(time, excess, 0.0, excess_band(setup.rig, excess))
+    return Outcome({"excess_peak_m": float(np.max(np.abs(excess))), "excess_s": seconds}, False)
+
+
+def _stepped(setup: Setup) -> Scenario:
+    script = _lifted(setup)
+    room = script.gap - setup.rig.settings.mechanics.stop_low_m
+    return script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
+
+
+def _fastest(recording: Recording, step: Step) -> int:
+    """Return the tick of a step at which a position that stands still is furthest off."""
+    part = recording.part(step.begin, step.end)
+    return step.begin + int(np.argmax(np.abs(part["velocity_m_per_s"])))
+
+
+def _leaves_rest(recording: Recording) -> int:
+    """Return the tick at which control begins: with a stronger iron that is earlier."""
+    return int(np.argmax(recording["state"] == RISE))
+
+
+def _lifted(setup: Setup) -> Script:
+    return Script(setup.rig, setup.rig.settings.simulate.gap_m).lift_off(setup.controller)
+
+
+def _run(trial: Trial, scenario: Scenario, largest_first: bool = False) -> tuple[Recording, bool]:
+    recording = Loop(trial.setup, trial.seed, largest_first).run(scenario)
+    lost = lost_at(trial.setup.rig, recording, scenario.lifted) is not None
+    return recording, lost or len(recording) < scenario.ticks

@@ -1,0 +1,295 @@
+"""Figures of a recording: steps, tracking, standstill, effort, and what noise leaves of them.
+
+Everything works on columns of a recording: times in seconds at equal distances, gaps and references
+in metres, forces in newtons, currents in amperes. A step down is judged as one up.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from anhyst.support.arrays import FloatArray
+
+SETTLED = 0.02  # of a step's height
+_RESOLUTIONS = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived
+_REST = 0.25  # last part of a hold, taken for standstill
+# Last part of a hold, taken for what a standstill adds to an overshoot. Deviations to both sides
+# count, beyond a reference only one does: half the hold draws as many chances as the whole of it.
+_NOISE = 0.5
+
+
+@dataclass(frozen=True)
+class StepFigures:
+    """What a step of the reference did.
+
+    Parameters
+    ----------
+    start : float
+        Time of the step, s.
+    height : float
+        Change of the reference, m; negative where the gap closes.
+    overshoot : float
+        Largest way beyond the new reference, % of the height, noise included; 0 if it was not
+        reached.
+    noise : float
+        Largest deviation of the gap from its mean over the last half of the hold, % of the height:
+        an overshoot that is no larger tells nothing of the step.
+    undershoot : float
+        Largest way back behind the old reference, % of the height.
+    rise_time : float
+        From 10 to 90 % of the height, s; infinite if 90 % was not reached.
+    settling_time : float
+        From the step until the gap stays within :data:`SETTLED` of the height around the new
+        reference, s; infinite if it did not within the hold.
+    settling_time_in_noise : float
+        The same for :func:`settling_band`, s.
+    band : float
+        Half width of that band, m.
+    steady_error : float
+        Mean of gap less reference over the last quarter of the hold, m.
+    standstill : float
+        Standard deviation of the gap there, m.
+    """
+
+    start: float
+    height: float
+    overshoot: float
+    noise: float
+    undershoot: float
+    rise_time: float
+    settling_time: float
+    settling_time_in_noise: float
+    band: float
+    steady_error: float
+    standstill: float
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far one signal was from another, in their unit.
+
+    Parameters
+    ----------
+    rms, peak : float
+    """
+
+    rms: float
+    peak: float
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a current cost.
+
+    Parameters
+    ----------
+    change : float
+        Root mean square of its rate of change, A/s; times the inductance, the voltage it took.
+    heat : float
+        Mean power in the winding, W.
+    """
+
+    change: float
+    heat: float
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A mean and how well it is known.
+
+    Parameters
+    ----------
+    mean : float
+    half_width : float
+        Of the confidence interval.
+    count : int
+        Of the runs behind it.
+    lost : int, optional
+        Of these, the ones in which levitation was lost. If there are any, there is no mean: what
+        the others did would flatter.
+    """
+
+    mean: float
+    half_width: float
+    count: int
+    lost: int = 0
+
+    def exceeds(self, floor: Interval) -> bool:
+        """Whether it is certainly above another mean, noise of both taken as independent."""
+        return self.mean - floor.mean > math.hypot(self.half_width, floor.half_width)
+
+
+def no_mean(lost: int, count: int) -> Interval:
+    """Return what stands in place of a mean of runs of which some lost levitation."""
+    return Interval(math.nan, math.nan, count, lost)
+
+
+def settling_band(height: float, resolution: float) -> float:
+    """Return within which distance of its reference a position counts as arrived.
+
+    It depends on the step and the sensor alone: whoever trembles more gets no wider one.
+
+    Parameters
+    ----------
+    height : float
+        Of the step, m.
+    resolution : float
+        Of the position sensor, rms, m: what no controller can tell from the reference.
+
+    Returns
+    -------
+    float
+        Half width, m: :data:`SETTLED` of the height, or three times the resolution if that is more.
+    """
+    return max(SETTLED * abs(height), _RESOLUTIONS * resolution)
+
+
+def step_figures(
+    time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
+) -> StepFigures:
+    """Judge one step: one sample of the old level, then the hold at the new one.
+
+    Parameters
+    ----------
+    time, reference, gap : array_like, shape (n,)
+        From the last sample before the step to the last one of the hold.
+    resolution : float
+        Of the position sensor, rms, m.
+
+    Returns
+    -------
+    StepFigures
+
+    Raises
+    ------
+    ValueError
+        If the reference does not step after the first sample and stay.
+    """
+    t, r, y = (np.asarray(row, dtype=float) for row in (time, reference, gap))
+    if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
+        raise ValueError("the reference must step after the first sample and stay for at least 7")
+    height = float(r[1] - r[0])
+    way = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
+    since = t[1:] - t[1]
+    rest = y[1 + int((1.0 - _REST) * len(way)) :]
+    late = way[int((1.0 - _NOISE) * len(way)) :]
+    band = settling_band(height, resolution)
+    error = np.abs(y[1:] - r[1])
+    return StepFigures(
+        start=float(t[1]),
+        height=height,
+        overshoot=100.0 * max(0.0, float(np.max(way)) - 1.0),
+        noise=100.0 * float(np.max(np.abs(late - np.mean(late)))),
+        undershoot=100.0 * max(0.0, -float(np.min(way))),
+        rise_time=_reached(since, way, 0.9) - min(_reached(since, way, 0.1), since[-1]),
+        settling_time=_stays_from(since, error, SETTLED * abs(height)),
+        settling_time_in_noise=_stays_from(since, error, band),
+        band=band,
+        steady_error=float(np.mean(rest)) - float(r[1]),
+        standstill=float(np.std(rest)),
+    )
+
+
+def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
+    """Return how long after a disturbance an error stays within a band.
+
+    Parameters
+    ----------
+    time, error : array_like, shape (n,)
+    start : float
+        When the disturbance ended, s.
+    band : float
+        Half width, in the unit of the error.
+
+    Returns
+    -------
+    float
+        s; infinite if the last sample is still outside.
+    """
+    t = np.asarray(time, dtype=float)
+    later = t >= start
+    return _stays_from(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
+
+
+def deviation(signal: ArrayLike, wanted: ArrayLike) -> Deviation:
+    """Compare a gap with its reference, or a force with its demand.
+
+    Parameters
+    ----------
+    signal, wanted : array_like, shape (n,)
+
+    Returns
+    -------
+    Deviation
+    """
+    off = np.asarray(signal, dtype=float) - np.asarray(wanted, dtype=float)
+    return Deviation(rms=float(np.sqrt(np.mean(off**2))), peak=float(np.max(np.abs(off))))
+
+
+def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> Effort:
+    """Tell what a current cost.
+
+    Parameters
+    ----------
+    time, current : array_like, shape (n,)
+    resistance : float
+        Of the winding, ohm.
+
+    Returns
+    -------
+    Effort
+    """
+    t, row = np.asarray(time, dtype=float), np.asarray(current, dtype=float)
+    slope = np.diff(row) / np.diff(t)
+    return Effort(
+        change=float(np.sqrt(np.mean(slope**2))), heat=float(resistance * np.mean(row**2))
+    )
+
+
+def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
+    """Return the mean of repeated measurements and its confidence interval (Student).
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+        One of each noise seed, n >= 2. Infinite ones make the mean infinite and its width NaN.
+    level : float, optional
+
+    Returns
+    -------
+    Interval
+    """
+    row = np.asarray(values, dtype=float)
+    if len(row) < 2:
+        raise ValueError("a confidence interval needs two values at least")
+    if not np.all(np.isfinite(row)):
+        return Interval(mean=float(np.mean(row)), half_width=math.nan, count=len(row))
+    factor = float(stats.t.ppf(0.5 + 0.5 * level, len(row) - 1))
+    spread = float(np.std(row, ddof=1)) / math.sqrt(len(row))
+    return Interval(mean=float(np.mean(row)), half_width=factor * spread, count=len(row))
+
+
+def _reached(since: FloatArray, way: FloatArray, share: float) -> float:
+    """Return when a share of the way was first covered, between samples; inf if never."""
+    beyond = np.flatnonzero(way >= share)
+    if not len(beyond):
+        return math.inf
+    i = int(beyond[0])
+    if i == 0:
+        return float(since[0])
+    part = (share - way[i - 1]) / (way[i] - way[i - 1])
+    return float(since[i - 1] + part * (since[i] - since[i - 1]))
+
+
+def _stays_from(since: FloatArray, error: FloatArray, band: float) -> float:
+    """Return the first time from which the error stays within the band; inf if it does not."""
+    outside = np.flatnonzero(error > band)
+    if not len(outside):
+        return 0.0
+    last = int(outside[-1])
+    return math.inf if last + 1 == len(since) else float(since[last + 1])

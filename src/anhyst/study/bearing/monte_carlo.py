@@ -1,0 +1,335 @@
+"""Many plants that have drifted away from what their controller was made for: Monte Carlo."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.bearing.drift import Drift, draw_drift, drifted_bearing, drifted_rig
+from anhyst.study.bearing.metrics import step_figures
+from anhyst.study.bearing.plant_row import fault_of
+from anhyst.study.bearing.ready import make_ready
+from anhyst.study.bearing.responses import position_resolution
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import Interrupted
+from anhyst.support.jobs import each
+from anhyst.support.progress import Progress
+from anhyst.support.resuming import ResultsFile
+from anhyst.support.version import running_version
+
+PERCENTILES = (5, 50, 95, 99)
+STANDSTILL_S = 0.25
+FLOWN: tuple[Variant, ...] = ("ratio", "static")
+"""Flown beside the variant of the controller file: without compensation, and without memory."""
+
+FIGURES = ("overshoot_percent", "settling_s", "standstill_rms_m")
+"""Of a plant: the first two for each step height, the larger one of up and down."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What one plant did behind one controller.
+
+    Parameters
+    ----------
+    overshoot : tuple of float
+        One a step height, %; larger one of up and down. Infinite where levitation was lost.
+    settling : tuple of float
+        Likewise, s; into the band of :func:`anhyst.study.bearing.metrics.settling_band`.
+    standstill : float
+        Rms of the gap, m.
+    lost : float or None
+        When levitation was lost, s.
+    """
+
+    overshoot: tuple[float, ...]
+    settling: tuple[float, ...]
+    standstill: float
+    lost: float | None
+
+    def figure(self, name: str, place: int) -> float:
+        """Return one of :data:`FIGURES` at a step height."""
+        if name == "standstill_rms_m":
+            return self.standstill
+        return (self.overshoot if name == "overshoot_percent" else self.settling)[place]
+
+
+@dataclass(frozen=True)
+class MonteCarlo:
+    """Plants drawn and flown.
+
+    Parameters
+    ----------
+    heights : tuple of float
+        Of the steps, m.
+    drifts : tuple of Drift
+        One a plant.
+    flights : mapping of str to tuple of Flight
+        One a plant, by variant.
+    seed : int
+    """
+
+    heights: tuple[float, ...]
+    drifts: tuple[Drift, ...]
+    flights: Mapping[Variant, tuple[Flight, ...]]
+    seed: int
+
+    def values(self, variant: Variant, name: str, place: int = 0) -> list[float]:
+        """Return a figure of every plant, infinite where levitation was lost.
+
+        Parameters
+        ----------
+        variant : str
+        name : str
+            One of :data:`FIGURES`.
+        place : int, optional
+            Of the step height.
+        """
+        return [flight.figure(name, place) for flight in self.flights[variant]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return percentiles and worst plants as ``montecarlo.json`` holds them."""
+        found = {variant: self._variant(variant) for variant in self.flights}
+        worst = sorted({place for one in found.values() for place in _worst_plants(one)})
+        return {
+            "format": "anhyst-montecarlo-figures",
+            "plants": len(self.drifts),
+            "seed": self.seed,
+            "variants": found,
+            "worst_plants": {str(place): self.drifts[place].as_dict() for place in worst},
+        }
+
+    def _variant(self, variant: Variant) -> dict[str, Any]:
+        places = range(len(self.heights))
+        return {
+            "lost": sum(flight.lost is not None for flight in self.flights[variant]),
+            **{
+                name: [
+                    {"height_m": self.heights[place], **_spread(self.values(variant, name, place))}
+                    for place in places
+                ]
+                for name in FIGURES[:2]
+            },
+            "standstill_rms_m": _spread(self.values(variant, "standstill_rms_m")),
+        }
+
+
+def percentile(values: Sequence[float], percent: float) -> float:
+    """Return the least of the values that so many percent of them do not exceed.
+
+    Examples
+    --------
+    >>> percentile([3.0, 1.0, 2.0, math.inf], 50), percentile([3.0, 1.0, 2.0, math.inf], 99)
+    (2.0, inf)
+    """
+    return sorted(values)[max(math.ceil(0.01 * percent * len(values)), 1) - 1]
+
+
+def monte_carlo(
+    rig: BearingRig,
+    controller: ControllerFile,
+    path: PathLike,
+    count: int = 1000,
+    variants: Sequence[Variant] = ("full",),
+    seed: int | None = None,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> MonteCarlo:
+    """Fly plants that have drifted; the controller keeps what it learnt from the nominal one.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        The nominal plant, and the spreads in its table ``[drift]``.
+    controller : ControllerFile
+        Gains and number format.
+    path : path-like
+        File of results, one line a plant. If it is there, the run goes on from it.
+    count : int, optional
+        Plants in all.
+    variants : sequence of str, optional
+        All fly the same plants with the same noise.
+    seed : int, optional
+        That of the rig file if left out. A plant depends on it and its own number alone.
+    progress, jobs
+        See :func:`anhyst.support.jobs.each`.
+
+    Raises
+    ------
+    InputError
+        Files that do not fit; a file of results that belongs to something else.
+    Interrupted
+        After ctrl-C; what was flown is kept.
+    """
+    seed = rig.settings.seed if seed is None else seed
+    ready = make_ready(rig, controller)
+    rig, knowledge = ready.rig, ready.knowledge()
+    setups = tuple(make_setups(rig, controller, knowledge, tuple(variants)).values())
+    plants = [Plant(setups, seed, index) for index in range(count)]
+    heights = tuple(rig.settings.simulate.steps_m)
+
+    def fault(row: Mapping[str, Any]) -> str | None:
+        return fault_of(row, variants, len(heights))
+
+    with ResultsFile(path, _header(rig, controller, variants, seed), "plant", fault) as results:
+        flown = _fly_missing(plants, results, progress, jobs)
+    return MonteCarlo(
+        heights=heights,
+        drifts=tuple(plant.drift for plant in plants),
+        flights={
+            name: tuple(_flight(one["variants"][name], len(heights)) for one in flown)
+            for name in variants
+        },
+        seed=seed,
+    )
+
+
+def _fly_missing(
+    plants: Sequence[Plant], results: ResultsFile, progress: Progress | None, jobs: int | None
+) -> list[Mapping[str, Any]]:
+    """Fly the plants that have no result yet, and return the results of all in their order."""
+    count = len(plants)
+    left = [plant for plant in plants if plant.index not in results.done]
+
+    try:
+        for _, result in each(fly, left, progress, jobs):
+            results.add(result)
+    except KeyboardInterrupt:
+        kept = sum(plant.index in results.done for plant in plants)
+        raise Interrupted(
+            f"{kept} of {count} plants are kept in {results.path}; the same command goes on from "
+            "there"
+        ) from None
+    return [results.done[plant.index] for plant in plants]
+
+
+@dataclass(frozen=True)
+class Plant:
+    """One plant and the controllers that fly it."""
+
+    setups: tuple[Setup, ...]
+    seed: int
+    index: int
+
+    @property
+    def drift(self) -> Drift:
+        """How far it is from the nominal one."""
+        return self._draw()[0]
+
+    @property
+    def noise(self) -> int:
+        """Seed of its noise."""
+        return self._draw()[1]
+
+    def _draw(self) -> tuple[Drift, int]:
+        rng = np.random.default_rng([self.seed, self.index])
+        noise = int(rng.integers(1 << 31))
+        return draw_drift(self.setups[0].rig.settings.drift, rng), noise
+
+
+def fly(plant: Plant) -> dict[str, Any]:
+    """Lift off, step up and down by every height and stand still, behind every controller."""
+    drift = plant.drift
+    found = {one.name: _fly(one, drift, plant.noise) for one in plant.setups}
+    return {"plant": plant.index, "drift": drift.as_dict(), "variants": found}
+
+
+def _fly(setup: Setup, drift: Drift, noise: int) -> dict[str, Any]:
+    rig = setup.rig
+    tried = rig.settings.simulate
+    scenario = steps_up_and_down(
+        rig, setup.controller, tried.gap_m, tried.steps_m, rest=STANDSTILL_S
+    )
+    loop = Loop(setup, bearing=drifted_bearing(rig, drift, noise))
+    recording = loop.run(scenario)
+    lost = lost_at(rig, recording, scenario.lifted)
+    if lost is None and len(recording) < scenario.ticks:
+        lost = float(recording["t_s"][-1])
+    if lost is not None:
+        return {"lost_s": lost}
+    return {"lost_s": None, **_judge(drifted_rig(rig, drift), scenario, recording)}
+
+
+def _judge(rig: BearingRig, scenario: Scenario, recording: Recording) -> dict[str, Any]:
+    """Judge what an ideal sensor with the gain and offset of this one would read.
+
+    An offset of the sensor moves every gap by as much and would otherwise count as overshoot.
+    """
+    sensor = rig.settings.position_sensor
+    read = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
+    time, reference = recording["t_s"], recording["reference_m"]
+    heights = rig.settings.simulate.steps_m
+    overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
+    for number, step in enumerate(scenario.steps):
+        rows = slice(step.begin - 1, step.end)
+        found = step_figures(time[rows], reference[rows], read[rows], position_resolution(rig))
+        place = number // 2
+        overshoot[place] = max(overshoot[place], found.overshoot)
+        settling[place] = max(settling[place], found.settling_time_in_noise)
+    rest = recording["gap_m"][-round(STANDSTILL_S / rig.dt) :]
+    return {
+        "overshoot_percent": overshoot,
+        "settling_s": [one if math.isfinite(one) else None for one in settling],
+        "standstill_rms_m": float(np.std(rest)),
+    }
+
+
+def _flight(row: Mapping[str, Any], heights: int) -> Flight:
+    if row["lost_s"] is not None:
+        never = (math.inf,) * heights
+        return Flight(never, never, math.inf, row["lost_s"])
+    settling = tuple(math.inf if one is None else one for one in row["settling_s"])
+    return Flight(tuple(row["overshoot_percent"]), settling, row["standstill_rms_m"], None)
+
+
+def _spread(values: Sequence[float]) -> dict[str, float | int | None]:
+    """Return percentiles, the worst and its plant; what is infinite becomes None, as for JSON."""
+    worst = int(np.argmax(values))
+    found = {f"p{percent}": percentile(values, percent) for percent in PERCENTILES}
+    return {
+        **{key: one if math.isfinite(one) else None for key, one in found.items()},
+        "worst": values[worst] if math.isfinite(values[worst]) else None,
+        "worst_plant": worst,
+    }
+
+
+def _worst_plants(found: Mapping[str, Any]) -> list[int]:
+    spreads = [found["standstill_rms_m"], *(one for name in FIGURES[:2] for one in found[name])]
+    return [spread["worst_plant"] for spread in spreads]
+
+
+def _header(
+    rig: BearingRig, controller: ControllerFile, variants: Sequence[Variant], seed: int
+) -> dict[str, Any]:
+    """Return all that results depend on."""
+    return {
+        "format": "anhyst-montecarlo",
+        "version": 1,
+        "anhyst": running_version(),
+        "rig": _hash(
+            rig.settings.model_dump_json(), [*rig.measured.files, rig.model, rig.flux_table]
+        ),
+        "controller": _hash(controller.settings.model_dump_json(), [controller.model]),
+        "variants": list(variants),
+        "seed": seed,
+    }
+
+
+def _hash(settings: str, files: Sequence[Path | None]) -> str:
+    total = hashlib.sha256(settings.encode())
+    for path in files:
+        total.update(b"" if path is None else hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()

@@ -1,0 +1,286 @@
+"""Fly a bearing with its firmware: ``anhyst simulate --board``."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst.compensate.plan import Request
+from anhyst.compile.folder import json_text
+from anhyst.compile.output import compile_model
+from anhyst.control.controller_file import ControllerFile
+from anhyst.control.states import State
+from anhyst.link.firmware import build, check_compiler
+from anhyst.link.process import find_qemu
+from anhyst.model.writer import write_model
+from anhyst.rig.bearing.board import BearingPlant, board_flight
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.flight import parts_of_flight
+from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
+from anhyst.rig.bearing.position import position_control
+from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.bearing.board_faults import Ending, FaultFlights, injections
+from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.progress import Progress
+
+QEMU = "qemu-mps2"
+_AIR_M = 5e-6
+"""From its rest: an armature that is further away has been lifted."""
+
+_WORK = (2.0, 3.0, 7.0)
+"""Model and code, the flight, the faults: parts of the whole."""
+
+
+@dataclass(frozen=True)
+class FirmwareFlight:
+    """What a firmware did in the air.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    controller : ControllerFile
+    board : str
+        Where it ran.
+    simulated : Recording
+        The same flight with the simulated controller.
+    flown : ndarray, shape (n, 7)
+        See :data:`anhyst.rig.bearing.board.COLUMNS`.
+    endings : tuple of Ending
+        Of every fault.
+    """
+
+    rig: BearingRig
+    controller: ControllerFile
+    board: str
+    simulated: Recording
+    flown: FloatArray
+    endings: tuple[Ending, ...]
+
+    @property
+    def differ(self) -> int:
+        """Ticks at which a current is another than the simulated one."""
+        return count_differences(self.simulated, self.flown)
+
+    @property
+    def landing_speed(self) -> float:
+        """At which the armature came to its rest the first time after it was in the air, m/s."""
+        gap, speed = self.flown[:, 1], np.abs(self.flown[:, 2])
+        rest = self.rig.settings.mechanics.stop_high_m
+        air = np.flatnonzero(gap < rest - _AIR_M)
+        if not air.size:
+            return math.nan
+        down = np.flatnonzero(gap[air[-1] :] >= rest)
+        return float(speed[air[-1] + down[0] - 1]) if down.size else math.nan
+
+    @property
+    def landed(self) -> bool:
+        """Whether it lies, without current and ready to lift again."""
+        last = self.flown[-1]
+        return bool(last[5] == State.READY and last[3] == 0.0 and last[4] == 0.0)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it for JSON; times and distances that do not apply are null."""
+        return {
+            "format": "anhyst-firmware-flight",
+            "rig": self.rig.settings.name,
+            "controller": self.controller.settings.name,
+            "variant": self.controller.settings.compensation.variant,
+            "board": self.board,
+            "rate_Hz": self.rig.settings.timing.rate_Hz,
+            "ticks": len(self.flown),
+            "ticks_that_differ": self.differ,
+            "landed": self.landed,
+            "landing_speed_m_per_s": self.landing_speed,
+            "faults": [_ending(one) for one in self.endings],
+        }
+
+    def refuse(self) -> None:
+        """Raise where the firmware did not do as the simulation, or as it should.
+
+        Raises
+        ------
+        NegativeResult
+            Says what.
+        """
+        if self.differ:
+            raise NegativeResult(
+                f"the firmware drove another current than the simulation at {self.differ} of "
+                f"{len(self.flown)} ticks"
+            )
+        if not self.landed:
+            raise NegativeResult("the firmware did not land the armature at the end of its flight")
+        wrong = [one.injection.name for one in self.endings if not one.as_expected]
+        if wrong:
+            raise NegativeResult(f"the firmware did not notice what it should: {'; '.join(wrong)}")
+
+
+def count_differences(simulated: Recording, flown: FloatArray) -> int:
+    """Return at how many ticks a current of a flight is another than in its simulation."""
+    n = min(len(simulated), len(flown))
+    same = (flown[:n, 3] == simulated["command_A"][:n]) & (
+        flown[:n, 4] == simulated["command_2_A"][:n]
+    )
+    return int(np.count_nonzero(~same)) + abs(len(simulated) - len(flown))
+
+
+def fly_board(
+    rig_path: PathLike,
+    out: PathLike,
+    board: str,
+    controller_path: PathLike | None = None,
+    progress: Progress | None = None,
+) -> FirmwareFlight:
+    """Compile the controller of a rig, build the firmware of a board around it, and fly it.
+
+    Parameters
+    ----------
+    rig_path : path-like
+        Rig file of a bearing.
+    out : path-like
+        ``.json`` that is going to be written.
+    board : str
+        ``"host"``, a process, or ``"qemu-mps2"``, an emulated Cortex-M3.
+    controller_path : path-like, optional
+        Controller file; ``controller.toml`` beside the rig file if left out.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    FirmwareFlight
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read or does not fit the others; a controller that is not compiled;
+        compiler or emulator missing.
+    NegativeResult
+        The armature was not held.
+    """
+    if Path(out).suffix != ".json":
+        raise InputError(f"{out}: the flight of a firmware is written as .json; name it so")
+    check_compiler(board)
+    if board == QEMU:
+        find_qemu()
+    rig, controller = read_files(rig_path, controller_path)
+    ready = make_ready(rig, controller, (out,))
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
+        setup, firmware = build_flight(ready.rig, controller, ready.knowledge(), board, Path(place))
+        _tell(progress, 0, 1.0)
+        simulated, flown = _flown_twice(setup, firmware, board, progress)
+        with board_flight(firmware, BearingPlant(setup), board) as flight:
+            flights, todo, endings = FaultFlights(setup, flight), list(injections()), []
+            for injection in todo:
+                endings.append(flights.run(injection))
+                _tell(progress, 2, len(endings) / len(todo))
+    return FirmwareFlight(ready.rig, controller, board, simulated, flown, tuple(endings))
+
+
+def _flown_twice(
+    setup: Setup, firmware: Path, board: str, progress: Progress | None
+) -> tuple[Recording, FloatArray]:
+    """Fly what a simulation records, simulated and with the firmware."""
+    *parts, _ = parts_of_flight(setup)
+    loop, rows = Loop(setup), []
+    simulated = Recording(np.concatenate([loop.run(part).table for part in parts]))
+    with board_flight(firmware, BearingPlant(setup), board) as flight:
+        for number, part in enumerate(parts):
+
+            def flown(n: float, total: float, before: int = number) -> None:
+                _tell(progress, 1, (before + n / total) / len(parts))
+
+            rows.append(flight.fly(part, flown))
+    return simulated, np.concatenate(rows)
+
+
+def build_flight(
+    rig: BearingRig,
+    controller: ControllerFile,
+    knowledge: IdentifiedMagnet,
+    board: str,
+    place: Path,
+) -> tuple[Setup, Path]:
+    """Compile what a rig is simulated with, and build a firmware around it.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        Its magnet is whole.
+    controller : ControllerFile
+    knowledge : IdentifiedMagnet
+        Loops and model.
+    board : str
+    place : Path
+        Folder for what is made on the way, and for the firmware.
+
+    Returns
+    -------
+    setup : Setup
+        As it is simulated.
+    firmware : Path
+
+    Raises
+    ------
+    InputError
+        As ``anhyst compile`` with this controller file, or the file does not say of the amplifiers
+        or of a second magnet what the rig says.
+    """
+    model = place / "model.toml"
+    if controller.model is None:
+        write_model(knowledge.model, model)
+    else:
+        model = controller.model
+    table = controller.settings
+    kind = table.compensation.variant
+    asked = Request("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
+    compiled = compile_model(model, place / "c", asked, controller.path)
+    setup = make_setups(rig, controller, knowledge, (kind,))[kind]
+    wanted = dict(position_control(setup).settings("fixed"))
+    if compiled.manifest["controller"]["settings"] != wanted:
+        raise InputError(
+            f"{controller.path}: does not say of the amplifiers, or of a second magnet, what "
+            f"{rig.path} says; write [converter], and [pair] where there is one"
+        )
+    return setup, build(board, place / "c", place / "firmware")
+
+
+def write_flight(found: FirmwareFlight, out: PathLike) -> None:
+    """Write the figures of a flight as JSON."""
+    with atomic_writer(out) as stream:
+        stream.write(json_text(_without_nan(found.as_dict())))
+
+
+def _ending(one: Ending) -> dict[str, Any]:
+    return {
+        "fault": one.injection.name,
+        "expected": one.injection.reason.name.lower(),
+        "reason": one.reason.name.lower(),
+        "flies": one.flies,
+        "seconds": one.seconds,
+        "rest_speed_m_per_s": one.rest_speed,
+        "magnet_speed_m_per_s": one.magnet_speed,
+        "away_m": one.away,
+    }
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _without_nan(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _tell(progress: Progress | None, stage: int, part: float) -> None:
+    if progress is not None:
+        progress(sum(_WORK[:stage]) + part * _WORK[stage], sum(_WORK))

@@ -1,0 +1,194 @@
+"""The operating point of a bearing: slopes of its magnet, poles, and the linear loop around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst._core import Coil
+from anhyst.rig.bearing.file import BearingRig, check_load, check_rate
+from anhyst.rig.bearing.plant import current_gains, make_magnet, static_map
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.bearing import linear
+from anhyst.study.bearing.slopes import Reversal, measure_reversal
+from anhyst.support.arrays import FloatArray
+from anhyst.support.elementary import spaced
+from anhyst.support.toml_file import faults_error
+
+_CURRENTS = 1200
+_GAP_STEP = 2e-6
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """What a bearing is where it works.
+
+    Parameters
+    ----------
+    gap : float
+        m.
+    force : float
+        Of one magnet, N.
+    current : float
+        Midway between the rising and the falling branch, A.
+    force_max : float
+        Largest at this gap, N.
+    slopes : Reversal
+        Static slopes, and those just after the current was turned.
+    point : linear.Point
+        The whole bearing for small movements; a pair as one magnet with the windings in series,
+        whose current is the difference of each one from its bias.
+    """
+
+    gap: float
+    force: float
+    current: float
+    force_max: float
+    slopes: Reversal
+    point: linear.Point
+
+
+def find_operating_point(rig: BearingRig) -> OperatingPoint:
+    """Measure the magnet of a rig at its operating gap and load.
+
+    Raises
+    ------
+    InputError
+        No current carries the load, there or at the rest; a Hall probe ends below the largest flux
+        density; or the sample rate is too slow for the unstable pole.
+    """
+    settings = rig.settings
+    gap, high = settings.simulate.gap_m, settings.amplifier.current_high_A
+    pair = settings.magnet.arrangement == "pair"
+    up = np.linspace(0.0, high, _CURRENTS)
+    path = np.concatenate([up, up[::-1]])
+    force, psi, _ = static_map(rig, path, np.full(path.size, gap))
+    check_load(rig, float(force[_CURRENTS - 1]))
+    _check_rest(rig)
+    _check_probe(rig)
+    key = ("magnet", "bias_force_N") if pair else ("load", "force_N")
+    wanted = settings.magnet.bias_force_N if pair else rig.load
+    assert wanted is not None
+    least, most = float(force[0]), float(force[_CURRENTS - 1])
+    if not least < wanted < most:
+        text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
+        text += f", {least:.4g} to {most:.4g} N; correct it"
+        raise faults_error(rig.path, [(key, text)])
+    rising = float(np.interp(wanted, force[:_CURRENTS], up))
+    falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
+    current = 0.5 * (rising + falling)
+    coil = Coil(make_magnet(rig))
+
+    def step(amperes: float, metres: float) -> float:
+        coil.hold(amperes, metres)
+        return coil.force
+
+    try:
+        slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
+    except ValueError as error:
+        text = f"at {wanted:g} N {error}; raise or lower it"
+        raise faults_error(rig.path, [(key, text)]) from error
+    around = 0.05 * high
+    ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
+    magnets = 2.0 if pair else 1.0
+    point = linear.Point(
+        mass=settings.mechanics.mass_kg,
+        k_i=magnets * slopes.static.k_i,
+        k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
+        inductance=magnets * float(ends[1] - ends[0]) / (2.0 * around),
+        resistance=magnets * settings.magnet.poles.resistance,
+        damping=settings.mechanics.damping_N_s_per_m + settings.load.damping_N_s_per_m,
+        eddy_time=settings.magnet.eddy_time_s,
+    )
+    check_rate(rig, point.pole_at_current)
+    return OperatingPoint(gap, wanted, current, float(force[_CURRENTS - 1]), slopes, point)
+
+
+def has_constants(setup: Setup) -> bool:
+    """Whether the drive of a setup is made of constants, so that its loop is linear by itself.
+
+    What any other drive does to small movements, at the static slopes or at the much smaller ones
+    just after a reversal, no linear loop can tell.
+    """
+    return "k_i_N_per_A" in setup.drive.numbers
+
+
+def _check_rest(rig: BearingRig) -> None:
+    """Refuse a load that is carried at the operating gap and not lifted off its rest."""
+    gap, high = rig.settings.mechanics.stop_high_m, rig.settings.amplifier.current_high_A
+    up = np.linspace(0.0, high, _CURRENTS)
+    force = float(static_map(rig, up, np.full(up.size, gap))[0][-1])
+    if not rig.load < force:
+        text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
+        text += f"{force:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
+        raise faults_error(rig.path, [(("load", "force_N"), text)])
+
+
+def _check_probe(rig: BearingRig) -> None:
+    """Refuse a Hall probe that ends below what the largest current makes at the smallest gap."""
+    settings = rig.settings
+    probe, mechanics, total = settings.hall_probe, settings.mechanics, settings.magnet.gap_total_m
+    if probe is None:
+        return
+    gap = mechanics.stop_low_m
+    if total is not None:
+        gap = min(gap, total - mechanics.stop_high_m)
+    up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
+    density = float(static_map(rig, up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
+    if density > probe.range_T:
+        text = f"the largest current makes {density:.4g} T at a gap of {gap:g} m; raise it"
+        raise faults_error(rig.path, [(("hall_probe", "range_T"), text)])
+
+
+def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
+    """Return the loop of a setup for small movements.
+
+    Constants are those of the drive where it has any; a constant ratio cancels no negative
+    stiffness. Every other drive counts as knowing the static slopes.
+
+    Parameters
+    ----------
+    setup : Setup
+        Controller, drive and rig.
+    at : OperatingPoint
+        Of the same rig.
+
+    Returns
+    -------
+    linear.Loop
+    """
+    rig = setup.rig
+    timing, amplifier = rig.settings.timing, rig.settings.amplifier
+    sensor = rig.settings.position_sensor.sensor()
+    magnets = 2.0 if rig.settings.magnet.arrangement == "pair" else 1.0
+    late = timing.delay_ticks + (amplifier.delay_s + sensor.delay) * timing.rate_Hz
+    numbers = setup.drive.numbers
+    k_i, k_s = at.point.k_i, at.point.k_s
+    if has_constants(setup):
+        k_i = magnets * numbers["k_i_N_per_A"]
+        k_s = magnets * numbers.get("k_s_N_per_m", 0.0)
+    return linear.Loop(
+        point=at.point,
+        amplifier=_amplifier(rig, magnets),
+        chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth),
+        controller=setup.controller.pidd2(),
+        compensation=linear.Compensation(k_i, k_s),
+    )
+
+
+def _amplifier(rig: BearingRig, magnets: float) -> linear.Amplifier | linear.DigitalAmplifier:
+    gain, reset = (magnets * number for number in current_gains(rig))
+    if rig.settings.amplifier.mode == "current":
+        return linear.Amplifier(gain, reset)
+    return linear.DigitalAmplifier(
+        magnets * rig.settings.magnet.poles.resistance,
+        gain,
+        reset * rig.dt,
+        rig.settings.current_sensor.bandwidth_Hz,
+    )
+
+
+def sweep_frequencies(rig: BearingRig) -> FloatArray:
+    """Return the frequencies of a swept sine, Hz: around everything that a bearing's loop does."""
+    return spaced(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)

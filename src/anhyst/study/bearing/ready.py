@@ -1,0 +1,116 @@
+"""Everything that a rig file and a controller file name: read and checked before any work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.data import LoopSet
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.rig.bearing.controller_check import check_controller
+from anhyst.rig.bearing.file import BearingRig, complete_rig, read_bearing
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.plant import flux_table, law_of
+from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
+from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.errors import InputError
+
+
+def read_files(
+    rig_path: PathLike, controller_path: PathLike | None
+) -> tuple[BearingRig, ControllerFile]:
+    """Read a rig file and a controller file, which lies beside it if it is not named."""
+    rig = read_bearing(rig_path)
+    beside = rig.path.parent / "controller.toml"
+    return rig, read_controller(beside if controller_path is None else controller_path)
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A rig, a controller and the loops, read and checked against each other.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        Its magnet is whole.
+    controller : ControllerFile
+    loops : LoopSet
+    model : ActuatorModel or None
+        That the controller file names.
+    at : OperatingPoint
+    """
+
+    rig: BearingRig
+    controller: ControllerFile
+    loops: LoopSet
+    model: ActuatorModel | None
+    at: OperatingPoint
+
+    def knowledge(self) -> IdentifiedMagnet:
+        """Return what the controller knows; a model that it does not name is identified."""
+        if self.model is not None:
+            return IdentifiedMagnet(self.loops, self.model)
+        return identify_magnet(self.loops, self.rig.settings.identify)
+
+
+def make_ready(
+    rig: BearingRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()
+) -> Ready:
+    """Read and check everything that a rig and a controller name, before any work.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        Names the loops, and the gap that they must lie around.
+    controller : ControllerFile
+        Names the model, if any.
+    outputs : sequence of path-like, optional
+        What is going to be written.
+
+    Returns
+    -------
+    Ready
+        A magnet whose iron comes from the loops has been fitted to them.
+
+    Raises
+    ------
+    InputError
+        The magnet does not carry the load; the controller does not fit the rig; a file cannot be
+        read or written; the loops are none of force over current at gaps around the operating gap;
+        or the model is of another device.
+    """
+    files = [rig.path, controller.path, controller.model, rig.model, rig.flux_table]
+    reads = [*rig.measured.files, *(one for one in files if one is not None)]
+    for path in outputs:
+        check_writable(path, reads=reads)
+    at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
+    check_controller(controller, rig)
+    if rig.flux_table is not None:
+        flux_table(rig)
+    model = _controller_model(controller, rig)
+    if rig.model is not None:
+        law_of(rig)
+    loops = rig.measured.read()
+    gaps = list(loops.by_schedule())
+    middle = rig.settings.simulate.gap_m
+    if not min(gaps) < middle < max(gaps):
+        raise InputError(
+            f"{rig.measured.text}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "
+            f"works at {middle:g} m; measure loops around it"
+        )
+    whole = complete_rig(rig, loops)
+    return Ready(whole, controller, loops, model, at or find_operating_point(whole))
+
+
+def _controller_model(controller: ControllerFile, rig: BearingRig) -> ActuatorModel | None:
+    if controller.model is None:
+        return None
+    model = read_model(controller.model)
+    if (model.input.name, model.output.name) != ("current", "force") or not model.needs_schedule:
+        raise InputError(
+            f"{controller.model}: a bearing needs a model of force over current and gap; identify "
+            f"one from {rig.measured.text}"
+        )
+    return model

@@ -1,0 +1,250 @@
+"""Step responses of several variants over gaps, heights and noise seeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from anhyst.control.controller_file import Variant
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.bearing.scenario import Step, steps_up_and_down
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.bearing.metrics import (
+    Interval,
+    deviation,
+    effort,
+    mean_interval,
+    no_mean,
+    step_figures,
+)
+from anhyst.support.jobs import all_of
+from anhyst.support.progress import Progress
+
+FIGURES = (
+    "overshoot_percent",
+    "noise_percent",
+    "undershoot_percent",
+    "rise_time_s",
+    "settling_time_s",
+    "settling_in_noise_s",
+    "steady_error_m",
+    "standstill_rms_m",
+    "tracking_rms_m",
+    "tracking_peak_m",
+    "force_error_rms_N",
+    "current_rate_rms_A_per_s",
+    "heat_W",
+)
+"""Of one step, by name; docs/simulate.md says what each is."""
+
+_LARGEST = ("overshoot_percent", "noise_percent")
+"""Of a step up and one down, the larger one counts; of all other figures the mean."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of steps: a variant at a gap with a noise of its own."""
+
+    setup: Setup
+    gap: float
+    heights: tuple[float, ...]
+    load: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """One step of a run, judged."""
+
+    variant: Variant
+    gap: float
+    height: float
+    load: float
+    seed: int
+    up: bool
+    figures: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One variant, gap, load and height over all seeds and both directions.
+
+    Parameters
+    ----------
+    variant : str
+    gap, height : float
+        m.
+    load : float
+        N.
+    figures : dict of str to Interval
+        By :data:`FIGURES`: mean over the seeds, and half the width of its 95 % interval. Both
+        directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
+        Empty if levitation was lost in any of them.
+    lost, runs : int
+        Seeds in which levitation was lost, and all seeds.
+    """
+
+    variant: Variant
+    gap: float
+    height: float
+    load: float
+    figures: Mapping[str, Interval]
+    lost: int
+    runs: int
+
+    def of(self, name: str) -> Interval:
+        """Return a figure; one without a mean if levitation was lost in any run."""
+        return self.figures.get(name) or no_mean(self.lost, self.runs)
+
+    @property
+    def overshoots(self) -> bool:
+        """Whether the overshoot is certainly more than what the standstill adds to it."""
+        return self.of("overshoot_percent").exceeds(self.of("noise_percent"))
+
+
+def position_resolution(rig: BearingRig) -> float:
+    """Return what the position sensor of a rig cannot tell apart, rms of noise and steps, m."""
+    sensor = rig.settings.position_sensor.sensor()
+    return math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+
+
+def run_steps(run: Run) -> tuple[list[StepResult], float | None]:
+    """Run all steps of a run.
+
+    Returns
+    -------
+    list of StepResult
+        Empty if levitation was lost.
+    float or None
+        When, s.
+    """
+    rig = run.setup.rig
+    scenario = steps_up_and_down(rig, run.setup.controller, run.gap, run.heights, run.load)
+    recording = Loop(run.setup, run.seed).run(scenario)
+    lost = lost_at(rig, recording, scenario.lifted)
+    if lost is not None or len(recording) < scenario.ticks:
+        return [], lost if lost is not None else float(recording["t_s"][-1])
+    return [_judge(run, recording, step) for step in scenario.steps], None
+
+
+def _judge(run: Run, recording: Recording, step: Step) -> StepResult:
+    part = recording.part(step.begin - 1, step.end)
+    time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
+    found = step_figures(time, reference, gap, position_resolution(run.setup.rig))
+    off = deviation(gap, reference)
+    cost = effort(time, part["current_A"], run.setup.rig.settings.magnet.poles.resistance)
+    values = (
+        found.overshoot,
+        found.noise,
+        found.undershoot,
+        found.rise_time,
+        found.settling_time,
+        found.settling_time_in_noise,
+        found.steady_error,
+        found.standstill,
+        off.rms,
+        off.peak,
+        deviation(part["force_N"], part["demand_N"]).rms,
+        cost.change,
+        cost.heat,
+    )
+    return StepResult(
+        variant=run.setup.drive.variant,
+        gap=run.gap,
+        height=step.height,
+        load=run.load,
+        seed=run.seed,
+        up=step.after < step.before,
+        figures=dict(zip(FIGURES, values, strict=True)),
+    )
+
+
+def compare(
+    setups: Sequence[Setup],
+    gaps: Sequence[float],
+    heights: Sequence[float],
+    loads: Sequence[float],
+    seeds: Sequence[int],
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> list[Cell]:
+    """Run every setup at every gap and load with every seed, and sum up.
+
+    Parameters
+    ----------
+    setups : sequence of Setup
+        One a variant.
+    gaps, heights : sequence of float
+        m.
+    loads : sequence of float
+        N.
+    seeds : sequence of int
+        All variants see the same noise.
+    progress, jobs
+        See :func:`anhyst.support.jobs.each`.
+
+    Returns
+    -------
+    list of Cell
+        In the order setup, gap, load, height.
+    """
+    runs = [
+        Run(setup, gap, tuple(heights), load, seed)
+        for setup, gap, load, seed in product(setups, gaps, loads, seeds)
+    ]
+    results = all_of(run_steps, runs, progress, jobs)
+    cells = []
+    for setup, gap, load in product(setups, gaps, loads):
+        mine = [
+            steps
+            for run, (steps, _) in zip(runs, results, strict=True)
+            if run.setup is setup and run.gap == gap and run.load == load
+        ]
+        cells += [_sum_up(setup, gap, load, height, mine) for height in heights]
+    return cells
+
+
+def _sum_up(
+    setup: Setup, gap: float, load: float, height: float, runs: Sequence[Sequence[StepResult]]
+) -> Cell:
+    lost = sum(not steps for steps in runs)
+    pairs = [
+        [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
+        for steps in runs
+    ]
+    figures = {}
+    for name in () if lost else FIGURES:
+        merge = max if name in _LARGEST else np.mean
+        figures[name] = mean_interval([float(merge([one[name] for one in pair])) for pair in pairs])
+    return Cell(setup.drive.variant, gap, height, load, figures, lost, len(runs))
+
+
+def as_rows(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+    """Return cells as ``figures.json`` holds them."""
+    return [
+        {
+            "variant": cell.variant,
+            "gap_m": cell.gap,
+            "height_m": cell.height,
+            "load_N": cell.load,
+            "lost": cell.lost,
+            "runs": cell.runs,
+            **{
+                name: {"mean": one.mean, "half_width": one.half_width, "count": one.count}
+                for name, one in cell.figures.items()
+            },
+        }
+        for cell in cells
+    ]
+
+
+def default_seeds(rig: BearingRig) -> range:
+    """Return the noise seeds that a rig file asks for."""
+    return range(rig.settings.simulate.noise_seeds)

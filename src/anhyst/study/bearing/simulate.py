@@ -1,0 +1,429 @@
+"""Simulate a magnetic bearing and tell what compensation is worth: ``anhyst simulate``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst.compile.folder import json_text
+from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.model.writer import write_model
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.flight import Flight, lost_blocks, parts_of_flight
+from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
+from anhyst.rig.bearing.plant_check import check_plant
+from anhyst.rig.bearing.recording import Recording, check_ending, write_recording
+from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.distance import PlantCheck
+from anhyst.study.bearing import experiments, linear
+from anhyst.study.bearing.operating import (
+    OperatingPoint,
+    has_constants,
+    linear_loop,
+    sweep_frequencies,
+)
+from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.responses import Cell, as_rows, compare, default_seeds
+from anhyst.study.bearing.sensitivity import Sensitivity
+from anhyst.study.bearing.sweep import sweep
+from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.progress import Progress
+
+COMPARED: tuple[Variant, ...] = (
+    "ratio",
+    "ratio-chord",
+    "linearised",
+    "static",
+    "flux",
+    "simplified",
+    "full",
+)
+"""What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
+
+FIGURES = "figures.json"
+_WORK_OF_STAGES = (5.0, 4.0)
+"""Model and first flight, then the steps, in units of any other experiment."""
+"""What is written beside the recording."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What a simulation gave.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    controller : ControllerFile
+    knowledge : IdentifiedMagnet
+        Loops and model.
+    setups : mapping of str to Setup
+        By variant.
+    at : OperatingPoint
+    recording : Recording
+        Of the controller file's own variant: lift-off, steps, load steps, landing.
+    shown : mapping of str to Recording
+        The steps alone, one noise seed, by variant.
+    scenario : Scenario
+        Of these.
+    cells : list of Cell
+        Figures of all steps, over all seeds.
+    loops : mapping of str to linear.Loop
+        For small movements, by variant.
+    sensitivity : mapping of str to Sensitivity
+        As measured, by variant; without those that lost levitation.
+    plant : PlantCheck
+        What the loops say about the plant.
+    figures : dict
+        What ``figures.json`` holds; infinite where a level was not reached, null in the file.
+    """
+
+    rig: BearingRig
+    controller: ControllerFile
+    knowledge: IdentifiedMagnet
+    setups: Mapping[Variant, Setup]
+    at: OperatingPoint
+    recording: Recording
+    shown: Mapping[Variant, Recording]
+    scenario: Scenario
+    cells: list[Cell]
+    loops: Mapping[Variant, linear.Loop]
+    sensitivity: Mapping[Variant, Sensitivity]
+    plant: PlantCheck
+    figures: dict[str, Any]
+
+    @property
+    def lost_in(self) -> list[str]:
+        """Everything tried in which the controller file's own variant lost levitation."""
+        found: list[str] = self.figures["lost_in"]
+        return found
+
+    @property
+    def own(self) -> Variant:
+        """Variant of the controller file."""
+        return self.controller.settings.compensation.variant
+
+
+def simulate(
+    rig_path: PathLike,
+    out: PathLike,
+    controller_path: PathLike | None = None,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Simulate a bearing with every kind of compensation; write recording and ``figures.json``.
+
+    As :func:`explore`, and :func:`write_simulation` of what it found.
+    """
+    found = explore(rig_path, out, controller_path, progress)
+    write_simulation(found, out)
+    return found
+
+
+def explore(
+    rig_path: PathLike,
+    out: PathLike,
+    controller_path: PathLike | None = None,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Simulate a bearing with every kind of compensation.
+
+    Parameters
+    ----------
+    rig_path : path-like
+        Rig file of a bearing.
+    out : path-like
+        Recording to be written, ``.csv`` or ``.mat``; ``figures.json`` goes beside it. Whether both
+        can be is found out first.
+    controller_path : path-like, optional
+        Controller file; ``controller.toml`` beside the rig file if left out.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Simulation
+        Where levitation was lost in what is tried beside the steps of the recording, its
+        ``lost_in`` says so: see :func:`refuse_losses`.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read or does not fit the others.
+    NegativeResult
+        Levitation was lost before anything could be compared; the recording is kept, the figures
+        of a run before it are removed.
+    """
+    check_ending(out)
+    figures_file = Path(out).parent / FIGURES
+    rig, controller = read_files(rig_path, controller_path)
+    model_file = [] if controller.model is not None else [_model_file(out)]
+    ready = make_ready(rig, controller, (out, figures_file, *model_file))
+    rig = ready.rig
+    tried = rig.settings.simulate
+    beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
+    stages = _stages(progress, [*_WORK_OF_STAGES, *[1.0] * (1 + beside_steps)])
+    knowledge = ready.knowledge()
+    own = controller.settings.compensation.variant
+    mine = make_setups(rig, controller, knowledge, (own,))[own]
+    flight = _whole_run(mine)
+    fault = flight.fault()
+    if fault:
+        figures_file.unlink(missing_ok=True)  # of another recording
+        _write_recording(out, flight.recording, controller, knowledge)
+        raise NegativeResult(f"{fault}; the recording is kept in {out}")
+    next(stages)(1, 1)
+    setups, left_out = _beside(mine, controller, knowledge)
+    found = _compare(controller, knowledge, setups, ready.at, flight.recording, stages)
+    found.figures["left_out"] = left_out
+    found.figures["lost_in"] = [*flight.lost_later(), *lost_blocks(found.figures)]
+    return found
+
+
+def write_simulation(found: Simulation, out: PathLike) -> None:
+    """Write recording, identified model and ``figures.json``.
+
+    Parameters
+    ----------
+    found : Simulation
+    out : path-like
+        Of the recording.
+
+    Raises
+    ------
+    InputError
+        A place cannot be written.
+    """
+    _write_recording(out, found.recording, found.controller, found.knowledge)
+    with atomic_writer(Path(out).parent / FIGURES) as stream:
+        stream.write(json_text(_finite(found.figures)))
+
+
+def _write_recording(
+    out: PathLike, recording: Recording, controller: ControllerFile, knowledge: IdentifiedMagnet
+) -> None:
+    write_recording(out, recording)
+    if controller.model is None:
+        write_model(knowledge.model, _model_file(out))
+
+
+def _model_file(out: PathLike) -> Path:
+    """Return where the model that was identified goes."""
+    return Path(out).with_suffix(".model.toml")
+
+
+def refuse_losses(found: Simulation) -> None:
+    """Raise where the controller file's own variant lost levitation in anything that was tried.
+
+    Raises
+    ------
+    NegativeResult
+        Says in what.
+    """
+    if found.lost_in:
+        raise NegativeResult(
+            f"'{found.own}' of the controller file lost levitation: {'; '.join(found.lost_in)}; "
+            "figures and recording are kept"
+        )
+
+
+def _beside(
+    mine: Setup, controller: ControllerFile, knowledge: IdentifiedMagnet
+) -> tuple[dict[Variant, Setup], dict[Variant, str]]:
+    """Fit what is compared with a setup; where something cannot be made, tell why.
+
+    A magnet without hysteresis to speak of has no simplified law, and is worth a simulation.
+    """
+    setups: dict[Variant, Setup] = {}
+    left_out: dict[Variant, str] = {}
+    for name in compared(mine.rig, mine.name):
+        try:
+            setups |= (
+                {name: mine}
+                if name == mine.name
+                else make_setups(mine.rig, controller, knowledge, (name,))
+            )
+        except InputError as error:
+            left_out[name] = str(error)
+    return setups, left_out
+
+
+def _compare(
+    controller: ControllerFile,
+    knowledge: IdentifiedMagnet,
+    setups: Mapping[Variant, Setup],
+    at: OperatingPoint,
+    recording: Recording,
+    stages: Iterator[Progress],
+) -> Simulation:
+    """Try everything with every variant."""
+    rig = setups[controller.settings.compensation.variant].rig
+    tried = rig.settings.simulate
+    cells = compare(
+        list(setups.values()),
+        _gaps(rig),
+        _heights(rig),
+        [_load(rig)],
+        default_seeds(rig),
+        next(stages),
+    )
+    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, _heights(rig))
+    loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
+    place, frequencies = (tried.gap_m, _load(rig)), sweep_frequencies(rig)
+    swept = {name: sweep(one, *place, frequencies, seed=0) for name, one in setups.items()}
+    plant = check_plant(rig, knowledge)
+    figures = {
+        **_head(rig, controller),
+        "plant": plant.as_dict(),
+        "operating_point": _point(at),
+        "steps": as_rows(cells),
+        **_experiments(rig, setups, stages),
+        "loop": {
+            name: asdict(loops[name].margins) if has_constants(setup) else None
+            for name, setup in setups.items()
+        },
+        "sensitivity": {
+            name: one and {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
+            for name, one in swept.items()
+        },
+    }
+    return Simulation(
+        rig=rig,
+        controller=controller,
+        knowledge=knowledge,
+        setups=setups,
+        at=at,
+        recording=recording,
+        shown={name: Loop(setup).run(scenario) for name, setup in setups.items()},
+        scenario=scenario,
+        cells=cells,
+        loops=loops,
+        sensitivity={name: one for name, one in swept.items() if one is not None},
+        plant=plant,
+        figures=figures,
+    )
+
+
+def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
+    """Return what was simulated."""
+    return {
+        "format": "anhyst-simulation",
+        "rig": rig.settings.name,
+        "controller": controller.settings.name,
+        "variant": controller.settings.compensation.variant,
+        "number_format": controller.settings.compensation.format,
+        "supply_V": rig.settings.amplifier.supply_V,
+        "rate_Hz": rig.settings.timing.rate_Hz,
+        "delay_ticks": rig.settings.timing.delay_ticks,
+    }
+
+
+def compared(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
+    """Return all variants that a rig allows, that of the controller file among them."""
+    found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
+    return tuple(dict.fromkeys([*found, own]))
+
+
+def _finite(value: Any) -> Any:
+    """Return figures with null for what was not reached: JSON has no infinity."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _gaps(rig: BearingRig) -> list[float]:
+    return [rig.settings.simulate.gap_m, *rig.settings.simulate.also_gaps_m]
+
+
+def _heights(rig: BearingRig) -> list[float]:
+    return rig.settings.simulate.steps_m
+
+
+def _load(rig: BearingRig) -> float:
+    return rig.settings.load.force_N
+
+
+def _whole_run(setup: Setup) -> Flight:
+    """Lift off, step, load, land."""
+    steps, after, landing = parts_of_flight(setup)
+    loop = Loop(setup)
+    parts = [loop.run(steps)]
+    if len(parts[0]) == steps.ticks:
+        parts.append(loop.run(after))
+    recording = Recording(np.concatenate([part.table for part in parts]))
+    return Flight(setup, recording, steps, landing)
+
+
+def _stages(progress: Progress | None, work: Sequence[float]) -> Iterator[Progress]:
+    """Yield for one stage after the other what makes its progress a part of the whole."""
+
+    def of_stage(stage: int) -> Progress:
+        before = sum(work[:stage])
+
+        def update(done: float, total: float) -> None:
+            if progress is not None:
+                progress(before + work[stage] * done / total, sum(work))
+
+        return update
+
+    return map(of_stage, range(len(work)))
+
+
+def _experiments(
+    rig: BearingRig,
+    setups: Mapping[Variant, Setup],
+    stages: Iterator[Progress],
+) -> dict[str, Any]:
+    """Try everything beside steps, with every variant."""
+    seeds: Sequence[int] = default_seeds(rig)
+    tried = rig.settings.simulate
+    found: dict[str, Any] = {
+        "standstill": experiments.of_all(experiments.stand_still, setups, seeds, None, next(stages))
+    }
+    found["trajectories"] = [
+        {
+            "kind": shape.kind,
+            "amplitude_m": shape.amplitude_m,
+            "frequency_Hz": shape.frequency_Hz,
+            "variants": experiments.of_all(experiments.follow, setups, seeds, shape, next(stages)),
+        }
+        for shape in tried.trajectories
+    ]
+    found["load_steps"] = [
+        {
+            "force_N": force,
+            "variants": experiments.of_all(
+                experiments.step_load, setups, seeds, force, next(stages)
+            ),
+        }
+        for force in tried.load_steps_N
+    ]
+    found["events"] = {
+        event: experiments.of_all(experiments.recover, setups, seeds, event, next(stages))
+        for event in experiments.EVENTS
+    }
+    return found
+
+
+def _point(at: OperatingPoint) -> dict[str, Any]:
+    slopes = at.slopes
+    return {
+        "gap_m": at.gap,
+        "force_N": at.force,
+        "current_A": at.current,
+        "force_max_N": at.force_max,
+        "k_i_N_per_A": slopes.static.k_i,
+        "k_s_N_per_m": at.point.k_s,
+        "k_i_after_reversal_N_per_A": min(slopes.after_rise, slopes.after_fall),
+        "iron": slopes.label,
+        "inductance_H": at.point.inductance,
+        "unstable_pole_Hz": at.point.pole_at_current,
+    }

@@ -1,0 +1,1 @@
+"""Open-loop force control, as in section III of the paper."""

@@ -1,0 +1,272 @@
+"""Open-loop force control, as in section III of the paper: from a rig file to recordings."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, TypeVar
+
+import numpy as np
+
+from anhyst.compensate.baselines import fit_ratio, fit_single_valued
+from anhyst.compensate.block import Kind
+from anhyst.compile.folder import json_text
+from anhyst.data.files import write_csv
+from anhyst.data.table import read_columns
+from anhyst.link.firmware import check_compiler
+from anhyst.link.process import find_qemu
+from anhyst.model.actuator import ActuatorModel
+from anhyst.rig.distance import PlantCheck
+from anhyst.rig.force.demand import Demand, triangle, with_lead_in
+from anhyst.rig.force.file import Rig, complete_rig, read_rig
+from anhyst.rig.force.modelling import find_model, loops_at, read_loops
+from anhyst.rig.force.programs import Program, prepare
+from anhyst.study.force.results import figures
+from anhyst.study.force.trials import Controllers, Outcome, Stage, Trial, plan_trials, run_trial
+from anhyst.study.force.verdict import verdict
+from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+
+T = TypeVar("T")
+
+KINDS: tuple[Kind, ...] = ("full", "simplified")
+
+SCOPES: Mapping[Stage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
+"""Which models belong to which stage, as their folders are called."""
+
+LONGEST_DEMAND = 120.0
+"""Seconds of a demand from a file at most."""
+
+
+@dataclass(frozen=True)
+class ForceControl:
+    """What came out.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig, complete.
+    out : Path
+        Folder with everything: ``figures.json``, a CSV for each trial, and below ``end/`` and
+        ``stroke/`` models and controllers; :func:`anhyst.report.force.figures.draw` adds pictures.
+    figures : dict
+        As in ``figures.json``.
+    outcomes : tuple of Outcome
+        Recordings of all trials.
+    plant : PlantCheck
+        What the loops say about the actuator.
+    """
+
+    rig: Rig
+    out: Path
+    figures: dict[str, Any]
+    outcomes: tuple[Outcome, ...]
+    plant: PlantCheck
+
+
+def force_control(
+    rig_path: PathLike,
+    out: PathLike,
+    *,
+    board: str = "host",
+    demand: PathLike | None = None,
+    progress: Progress | None = None,
+) -> ForceControl:
+    """Identify, compile, build, and run every trial of a rig.
+
+    Parameters
+    ----------
+    rig_path : path-like
+        The rig file.
+    out : path-like
+        Folder to write; made where it is not there.
+    board : str
+        Where the firmware runs: ``"host"`` or ``"qemu-mps2"``.
+    demand : path-like, optional
+        A CSV with columns ``t_s`` and ``F_N``: a demand beside those of the rig file.
+    progress : callable, optional
+        Told what is done and the total.
+
+    Returns
+    -------
+    ForceControl
+
+    Raises
+    ------
+    InputError
+        The rig, its loops or the demand cannot be used, or a tool is not installed.
+    NegativeResult
+        A model cannot be compiled, or a controller did not do what it was told.
+    """
+    rig = read_rig(rig_path)
+    demands = _demands(rig, demand)
+    _check_tools(board)
+    trials = list(plan_trials(rig, demands))
+    told = _Steps(progress, total=8.0 + len(trials))
+    loops = read_loops(rig)
+    end = loops_at(loops, rig.settings.force_control.end_m)
+    force_max = rig.settings.force_control.force_max_N
+    ratio = fit_ratio(end, force_max)
+    curves = {
+        "end": (ratio, None, fit_single_valued(end, force_max)),
+        "stroke": (ratio, fit_ratio(loops, force_max), fit_single_valued(loops, force_max)),
+    }
+    with _draft(Path(out)) as folder, ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+        rig = complete_rig(rig, loops)
+        models = dict(zip(curves, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
+        told.step(4.0)
+        programs = _programs(pool, rig, models, board, folder)
+        told.step(4.0)
+        controllers = {
+            scope: Controllers(programs[scope], *curves[scope], board) for scope in curves
+        }
+        outcomes = list(told.each(_run(pool, rig, trials, controllers)))
+        plant = rig.check(loops, models["stroke"])
+        found = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
+        found["verdict"] = verdict(found["summary"])
+        _write(rig, folder, found, outcomes)
+    return ForceControl(rig, Path(out), found, tuple(outcomes), plant)
+
+
+def _run(
+    pool: ProcessPoolExecutor,
+    rig: Rig,
+    trials: Sequence[Trial],
+    controllers: Mapping[str, Controllers],
+) -> Iterator[Outcome]:
+    """Run all trials at once, and give their outcomes in order."""
+    pending = [
+        pool.submit(run_trial, rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials
+    ]
+    return (one.result() for one in pending)
+
+
+class _Steps:
+    """Tells somebody how far the work is, if anybody listens."""
+
+    def __init__(self, progress: Progress | None, total: float) -> None:
+        self._progress = progress
+        self._total = total
+        self._done = 0.0
+
+    def step(self, done: float) -> None:
+        self._done += done
+        if self._progress is not None:
+            self._progress(self._done, self._total)
+
+    def each(self, items: Iterable[T]) -> Iterator[T]:
+        for item in items:
+            self.step(1.0)
+            yield item
+
+
+def _check_tools(board: str) -> None:
+    """Miss a tool before the work, not after it."""
+    check_compiler(board)
+    if board == "qemu-mps2":
+        find_qemu()
+
+
+@contextmanager
+def _draft(folder: Path) -> Iterator[Path]:
+    """Give a folder to work in; when all is done, what is in it goes where it belongs."""
+    is_new = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        draft = TemporaryDirectory(prefix=".", suffix=".part", dir=folder)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made: {error.strerror}; name a folder") from error
+    try:
+        with draft as place:
+            yield Path(place)
+            _move_all(Path(place), folder)
+    except BaseException:
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
+
+
+def _move_all(draft: Path, folder: Path) -> None:
+    for file in sorted(path for path in draft.rglob("*") if path.is_file()):
+        target = folder / file.relative_to(draft)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        file.replace(target)
+
+
+def _programs(
+    pool: ProcessPoolExecutor,
+    rig: Rig,
+    models: Mapping[str, ActuatorModel],
+    board: str,
+    folder: Path,
+) -> dict[str, tuple[Program, ...]]:
+    rate = rig.settings.rate_Hz
+    pending = {
+        scope: [
+            pool.submit(prepare, kind, model, rate, board, folder / scope / kind) for kind in KINDS
+        ]
+        for scope, model in models.items()
+    }
+    return {scope: tuple(one.result() for one in ones) for scope, ones in pending.items()}
+
+
+def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:
+    settings, rate = rig.settings.force_control, rig.settings.rate_Hz
+    found = [triangle(shape, settings.force_max_N, rate) for shape in settings.demand]
+    if path is not None:
+        found.append(_read_demand(rig, path))
+    names = [demand.name for demand in found]
+    if len(set(names)) < len(names):
+        raise InputError(f"{rig.path}: force_control.demand: two demands have the same name")
+    return found
+
+
+def _read_demand(rig: Rig, path: PathLike) -> Demand:
+    """Read a demand and give it the ticks of the controller."""
+    table = read_columns(path)
+    time, force = table.need("time", "t_s"), table.need("force", "F_N")
+    most = rig.settings.force_control.force_max_N
+    if force.min() < 0.0 or force.max() > most:
+        row = int(np.argmax((force < 0.0) | (force > most)))
+        raise InputError(
+            f"{path}: sample {row}: {force[row]:g} N is beyond 0 to {most:g} N "
+            f"(force_max_N of {rig.path}); lower the demand"
+        )
+    if not 0.0 < time[-1] - time[0] <= LONGEST_DEMAND:
+        raise InputError(
+            f"{path}: lasts {time[-1] - time[0]:g} s; give a demand of up to {LONGEST_DEMAND:g} s"
+        )
+    ticks = np.arange(round((time[-1] - time[0]) * rig.settings.rate_Hz) + 1)
+    sampled = np.interp(time[0] + ticks * rig.dt, time, force)
+    return with_lead_in("file", sampled, rig.settings.rate_Hz)
+
+
+def _write(rig: Rig, folder: Path, found: Mapping[str, Any], outcomes: list[Outcome]) -> None:
+    for outcome in outcomes:
+        _write_trial(rig, folder / f"{outcome.trial.name}.csv", outcome)
+    with atomic_writer(folder / "figures.json") as stream:
+        stream.write(json_text(found))
+
+
+def _write_trial(rig: Rig, path: Path, outcome: Outcome) -> None:
+    demand = outcome.trial.demand
+    time = (np.arange(demand.force.size) - demand.lead_in) * rig.dt
+    columns = {
+        "t_s": np.round(time, 6),
+        "F_demand_N": np.round(demand.force, 6),
+        "gap_m": np.round(next(iter(outcome.recordings.values())).gap, 9),
+    }
+    for name, recording in outcome.recordings.items():
+        columns[f"F_{name}_N"] = np.round(recording.force, 5)
+        columns[f"F_{name}_read_N"] = np.round(recording.read_force, 5)
+        columns[f"I_{name}_A"] = np.round(recording.current, 7)
+        if name in outcome.simulated:
+            columns[f"F_{name}_simulated_N"] = np.round(outcome.simulated[name], 5)
+    write_csv(path, columns)

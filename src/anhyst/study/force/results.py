@@ -1,0 +1,149 @@
+"""Errors of force control, in newtons and per cent of the largest force."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from anhyst.rig.force.file import Rig
+from anhyst.study.force.trials import Outcome
+from anhyst.support.arrays import FloatArray
+
+TITLES: Mapping[str, str] = {
+    "full": "full",
+    "simplified": "simplified",
+    "single": "best single-valued",
+    "ratio": "constant ratio",
+    "ratio_over_gap": "ratio for each gap",
+}
+"""Controllers, the best first, and what tables call them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """How far a force is from the demand, after the lead-in.
+
+    Parameters
+    ----------
+    worst_N, rms_N, mean_N : float
+        Largest and root-mean-square deviation, and mean of its size, N.
+    worst_percent, rms_percent, mean_percent : float
+        The same over the largest force of the rig.
+    """
+
+    worst_N: float  # noqa: N815 - keys of a file carry units
+    rms_N: float  # noqa: N815
+    mean_N: float  # noqa: N815
+    worst_percent: float
+    rms_percent: float
+    mean_percent: float
+
+    @classmethod
+    def of(cls, deviation: FloatArray, force_max: float) -> Errors:
+        """Sum up a deviation, N."""
+        size = np.abs(deviation)
+        found = [float(size.max()), float(np.sqrt(np.mean(size**2))), float(size.mean())]
+        return cls(*found, *(100.0 * value / force_max for value in found))
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One controller in one trial.
+
+    Parameters
+    ----------
+    true : Errors
+        Of the true force, which only a simulation knows.
+    read : Errors
+        Of the force as its sensor reads it: with noise and its delay.
+    simulated : Errors or None
+        Of the force that the simulated program expects.
+    differing : int or None
+        Ticks at which the simulated program gave another current than the firmware.
+    """
+
+    true: Errors
+    read: Errors
+    simulated: Errors | None
+    differing: int | None
+
+
+def score(outcome: Outcome, force_max: float) -> dict[str, Score]:
+    """Score every controller of a trial."""
+    demand = outcome.trial.demand
+    counts = slice(demand.lead_in, None)
+
+    def errors(force: FloatArray) -> Errors:
+        return Errors.of((force - demand.force)[counts], force_max)
+
+    return {
+        name: Score(
+            true=errors(recording.force),
+            read=errors(recording.read_force),
+            simulated=errors(outcome.simulated[name]) if name in outcome.simulated else None,
+            differing=outcome.differing.get(name),
+        )
+        for name, recording in outcome.recordings.items()
+    }
+
+
+def summary(scores: Sequence[tuple[Outcome, dict[str, Score]]]) -> dict[str, Any]:
+    """Worst errors of each stage and start by controller, and against the single-valued curve.
+
+    Returns
+    -------
+    dict
+        By stage (``end``, ``end_demagnetised``, ``positions``, ``moving``) and controller:
+        ``worst_percent``, ``rms_percent`` (largest of all trials) and ``of_single``, the worst
+        error as a part of that of the best single-valued curve.
+    """
+    groups: dict[str, list[dict[str, Score]]] = {}
+    for outcome, found in scores:
+        past = "_demagnetised" if outcome.trial.start == "demagnetised" else ""
+        groups.setdefault(outcome.trial.stage + past, []).append(found)
+    result: dict[str, Any] = {}
+    for stage, members in groups.items():
+        worst = {name: max(one[name].true.worst_percent for one in members) for name in members[0]}
+        result[stage] = {
+            name: {
+                "worst_percent": worst[name],
+                "rms_percent": max(one[name].true.rms_percent for one in members),
+                "of_single": worst[name] / worst["single"],
+            }
+            for name in TITLES
+            if name in worst
+        }
+    return result
+
+
+def figures(rig: Rig, outcomes: Sequence[Outcome], board: str) -> dict[str, Any]:
+    """Return everything measured, as ``figures.json`` holds it."""
+    force_max = rig.settings.force_control.force_max_N
+    scores = [(outcome, score(outcome, force_max)) for outcome in outcomes]
+    return {
+        "format": "anhyst-force-control",
+        "rig": rig.settings.name,
+        "board": board,
+        "force_max_N": force_max,
+        "rate_Hz": rig.settings.rate_Hz,
+        "force_noise_N": rig.settings.force_sensor.noise_N,
+        "firmware_ticks": sum(o.trial.demand.force.size * len(o.differing) for o in outcomes),
+        "ticks_that_differ": sum(sum(o.differing.values()) for o in outcomes),
+        "summary": summary(scores),
+        "trials": [
+            {
+                "stage": outcome.trial.stage,
+                "demand": outcome.trial.demand.name,
+                "position_m": outcome.trial.position,
+                "start": outcome.trial.start,
+                "controllers": {
+                    name: {k: v for k, v in asdict(one).items() if v is not None}
+                    for name, one in found.items()
+                },
+            }
+            for outcome, found in scores
+        ],
+    }

@@ -1,0 +1,187 @@
+"""Trials of force control: which there are, and how one runs under every controller."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from anhyst.compensate.baselines import ConstantRatio, SingleValued
+from anhyst.rig.force.bench import Bench, Recording, read_gaps, run_open_loop
+from anhyst.rig.force.demand import Demand, moving_gap
+from anhyst.rig.force.file import Rig
+from anhyst.rig.force.programs import Program, ticks_that_differ
+from anhyst.rig.force.session import run_firmware
+from anhyst.support.arrays import FloatArray
+
+Stage = Literal["end", "positions", "moving"]
+Start = Literal["unknown", "demagnetised"]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One demand at one place.
+
+    Parameters
+    ----------
+    stage : str
+        ``"end"``: models of the stroke's end, there; ``"positions"``: models of the whole stroke,
+        the armature held; ``"moving"``: the same, the armature moving.
+    demand : Demand
+        What is wanted.
+    position : float or None
+        Of the armature, m; None where it moves.
+    start : str
+        ``"unknown"``: the iron has any past, and the controller begins with its start-up sequence;
+        ``"demagnetised"``: iron and controller begin there.
+    number : int
+        Of all trials; decides the noise.
+    """
+
+    stage: Stage
+    demand: Demand
+    position: float | None
+    start: Start
+    number: int
+
+    @property
+    def name(self) -> str:
+        """For files: ``positions_1.25mm_wide``."""
+        place = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
+        past = "_demagnetised" if self.start == "demagnetised" else ""
+        return f"{self.stage}{place}_{self.demand.name}{past}"
+
+    def gap(self, rig: Rig) -> FloatArray:
+        """Return where the armature is at every tick, m."""
+        ticks = self.demand.force.size
+        if self.position is not None:
+            return np.full(ticks, self.position)
+        return moving_gap(rig.settings.force_control.moving, ticks, rig.settings.rate_Hz)
+
+
+@dataclass(frozen=True)
+class Controllers:
+    """Everything that is tried in one stage.
+
+    Parameters
+    ----------
+    programs : tuple of Program
+        Firmwares.
+    ratio : ConstantRatio
+        The paper's uncompensated case: one ratio, of the stroke's end.
+    ratio_over_gap : ConstantRatio or None
+        The same with a ratio for every gap.
+    single : SingleValued
+        The best curve without memory.
+    board : str
+        Where the firmwares run.
+    """
+
+    programs: tuple[Program, ...]
+    ratio: ConstantRatio
+    ratio_over_gap: ConstantRatio | None
+    single: SingleValued
+    board: str
+
+    @property
+    def conditioning(self) -> list[float]:
+        """Turning points of the start-up sequence, A."""
+        return self.programs[0].conditioning
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one trial gave.
+
+    Parameters
+    ----------
+    trial : Trial
+        Which.
+    recordings : dict of str to Recording
+        By controller: ``full``, ``simplified``, ``ratio``, ``ratio_over_gap``, ``single``.
+    simulated : dict of str to ndarray
+        For each firmware the force, N, that its simulated program expects: the same arithmetic,
+        with the model instead of the solenoid.
+    differing : dict of str to int
+        For each firmware the ticks at which the simulated program gave another current.
+    """
+
+    trial: Trial
+    recordings: Mapping[str, Recording]
+    simulated: Mapping[str, FloatArray] = field(default_factory=dict)
+    differing: Mapping[str, int] = field(default_factory=dict)
+
+
+def plan_trials(rig: Rig, demands: list[Demand]) -> Iterator[Trial]:
+    """Name all trials, in the order of the paper."""
+    settings = rig.settings.force_control
+    number = 0
+    for demand in demands:
+        starts: tuple[Start, ...] = ("unknown", "demagnetised")
+        for start in starts:
+            yield Trial("end", demand, settings.end_m, start, number)
+            number += 1
+    for demand in demands:
+        for position in settings.positions_m:
+            yield Trial("positions", demand, position, "unknown", number)
+            number += 1
+    for demand in demands:
+        yield Trial("moving", demand, None, "unknown", number)
+        number += 1
+
+
+def run_trial(rig: Rig, trial: Trial, controllers: Controllers) -> Outcome:
+    """Run one trial under every controller of its stage; all see the same noise.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    trial : Trial
+        Which.
+    controllers : Controllers
+        Of its stage.
+
+    Returns
+    -------
+    Outcome
+    """
+    gap, seed = trial.gap(rig), [1, trial.number]
+    demagnetised = trial.start == "demagnetised"
+    recordings: dict[str, Recording] = {}
+    simulated: dict[str, FloatArray] = {}
+    differing: dict[str, int] = {}
+
+    def bench() -> Bench:
+        return Bench(rig, gap, seed, unknown_past=not demagnetised)
+
+    for program in controllers.programs:
+        recording, session = run_firmware(
+            program, bench(), trial.demand, controllers.board, demagnetised
+        )
+        recordings[program.kind] = recording
+        differing[program.kind] = ticks_that_differ(program, session)
+        simulated[program.kind] = _expected(program, recording, demagnetised)
+    known = read_gaps(rig, gap, seed)
+    currents = {"ratio": controllers.ratio.current(trial.demand.force, known)}
+    if controllers.ratio_over_gap is not None:
+        scheduled = controllers.ratio_over_gap.current(trial.demand.force, known)
+        currents["ratio_over_gap"] = scheduled
+    currents["single"] = controllers.single.current(trial.demand.force, known)
+    for name, current in currents.items():
+        stand = bench()
+        if not demagnetised:
+            stand.condition(controllers.conditioning)
+        recordings[name] = run_open_loop(stand, current)
+    return Outcome(trial, recordings, simulated, differing)
+
+
+def _expected(program: Program, recording: Recording, demagnetised: bool) -> FloatArray:
+    """Force of the model under the currents of the program: it has neither noise nor delay."""
+    turns = ",".join(repr(turn) for turn in [0.0, *program.conditioning])
+    history = "demagnetised" if demagnetised else f"conditioned:{turns}"
+    model = program.model
+    gap = recording.read_gap if model.needs_schedule else None
+    return model.predict(recording.reference, gap, history=history).output

@@ -1,0 +1,241 @@
+"""What keeps tuned gains from being better: aims, noise, force, voltage, delay, pinning."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.bearing.linear import Amplifier
+from anhyst.study.tuning.aims import TITLES, Aims, text_of
+from anhyst.study.tuning.check import Check
+from anhyst.study.tuning.points import make_screen
+from anhyst.study.tuning.screen import Screen, refine, spread_over
+from anhyst.study.tuning.space import Space
+from anhyst.study.tuning.trial import Condition
+from anhyst.support.jobs import all_of
+
+_NEAR = 0.9  # of a limit: from here on it is said to bind
+_AT = 0.995  # of what there is: counts as all of it
+_WORTH = 0.05  # of the settling time: less is not told
+_NOISES, _BAND = 3.0, 0.02  # standard deviations; of the smallest step
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One thing that limits.
+
+    Parameters
+    ----------
+    what : str
+        Name of a figure of :class:`anhyst.study.tuning.aims.Figures`, or ``noise``, ``force``,
+        ``voltage``, ``current``, ``delay``, ``amplifier``, ``pinning``.
+    text : str
+        A sentence for a person, with numbers.
+    """
+
+    what: str
+    text: str
+
+
+def find_limits(
+    setup: Setup,
+    conditions: Sequence[Condition],
+    aims: Aims,
+    reached: Check,
+    seed: int,
+    jobs: int | None = None,
+) -> list[Limit]:
+    """Tell what limits gains that were found and checked.
+
+    Parameters
+    ----------
+    setup : Setup
+        With these gains.
+    conditions : sequence of Condition
+    aims : Aims
+    reached : Check
+    seed : int
+        Of the noise in what is run once more, and of the search on linear loops.
+    jobs : int, optional
+        See :func:`anhyst.support.jobs.each`.
+
+    Returns
+    -------
+    list of Limit
+        What binds, by kind: aims, noise, what the hardware gives; then what would help.
+    """
+    if not math.isfinite(reached.worst.settling_time_s):
+        return [Limit("settling_time_s", "no gains settled within the hold at every condition")]
+    found = [
+        *_aims(aims, reached),
+        *_noise(setup, reached),
+        *_used_up(setup, conditions, seed, jobs),
+    ]
+    return [*found, *_would_help(setup, conditions, aims, seed, jobs)]
+
+
+def _aims(aims: Aims, reached: Check) -> list[Limit]:
+    """Aims that are missed or nearly so, and where."""
+    found = []
+    for name, limit in aims.limits.items():
+        value = float(getattr(reached.worst, name))
+        if value < _NEAR * limit:
+            continue
+        where = f"at {reached.where(name).text}"
+        if name == "peak_sensitivity":
+            where += f", around {reached.peaks[reached.where(name)]:.0f} Hz"
+        else:
+            where += f", step of {1e6 * reached.cell(name).height:g} um"
+        _, factor, unit = TITLES[name]
+        verb = "misses" if value > limit else "nearly takes"
+        text = f"{text_of(name, value)} {verb} its limit of {factor * limit:g} {unit}".rstrip()
+        found.append(Limit(name, f"{text} {where}"))
+    return found
+
+
+def _noise(setup: Setup, reached: Check) -> list[Limit]:
+    """Noise of the sensor, where it fills much of the band in which a small step must stay."""
+    height = min(setup.rig.settings.simulate.steps_m)
+    rest = reached.worst.standstill_rms_m
+    share = _NOISES * rest / (_BAND * height)
+    if share < 0.5:
+        return []
+    kind = setup.rig.settings.position_sensor.kind
+    return [
+        Limit(
+            "noise",
+            f"three times the standstill of {1e9 * rest:.0f} nm rms fill {100.0 * share:.0f} % of "
+            f"the band in which a step of {1e6 * height:g} um must stay (position sensor: {kind})",
+        )
+    ]
+
+
+def _used_up(
+    setup: Setup, conditions: Sequence[Condition], seed: int, jobs: int | None
+) -> list[Limit]:
+    """Tell what the steps use up: the force that is allowed, the supply, the current."""
+    work = partial(_usage, setup, seed)
+    usages = list(zip(conditions, all_of(work, list(conditions), jobs=jobs), strict=True))
+    limits, amplifier = setup.controller.limits, setup.rig.settings.amplifier
+    ends = {
+        "force": f"the demand is at its limits of {limits.force_low_N:g} and "
+        f"{limits.force_high_N:g} N",
+        "voltage": f"the amplifier is at its supply of {amplifier.supply_V:g} V",
+        "current": f"the current is at its limits of {limits.current_low_A:g} and "
+        f"{limits.current_high_A:g} A",
+    }
+    found = []
+    for what, text in ends.items():
+        condition, seconds = max(
+            ((one, usage[what]) for one, usage in usages), key=lambda each: each[1]
+        )
+        if seconds > 0.0:
+            found.append(
+                Limit(
+                    what, f"{text} for up to {1e3 * seconds:.2g} ms of a step, at {condition.text}"
+                )
+            )
+    return found
+
+
+def _usage(setup: Setup, seed: int, condition: Condition) -> Mapping[str, float]:
+    """Return for how long of a step each thing is used up, s."""
+    rig, limits = setup.rig, setup.controller.limits
+    heights = rig.settings.simulate.steps_m
+    scenario = steps_up_and_down(rig, setup.controller, condition.gap, heights, condition.load)
+    recording = Loop(setup, seed).run(scenario)
+    longest = {"force": 0.0, "voltage": 0.0, "current": 0.0}
+    for step in scenario.steps:
+        part = recording.part(step.begin, step.end)
+        spare = (1.0 - _AT) * limits.force_high_N
+        demand, current = part["demand_N"], part["command_A"]
+        high, low = limits.current_high_A, limits.current_low_A
+        at_end = {
+            "force": (demand >= limits.force_high_N - spare)
+            | (demand <= limits.force_low_N + spare),
+            "voltage": np.abs(part["voltage_V"]) >= _AT * rig.settings.amplifier.supply_V,
+            "current": (current >= _AT * high) | (current <= low + (1.0 - _AT) * high),
+        }
+        for what, ticks in at_end.items():
+            longest[what] = max(longest[what], float(np.count_nonzero(ticks)) * rig.dt)
+    return longest
+
+
+def _would_help(
+    setup: Setup, conditions: Sequence[Condition], aims: Aims, seed: int, jobs: int | None
+) -> list[Limit]:
+    """Tune linear loops again with one thing eased at a time."""
+    screen = make_screen(setup, conditions)
+    loops = screen.loops
+    eased: dict[str, tuple[str, Screen, Aims]] = {
+        "": ("", screen, aims),
+        "peak_sensitivity": (
+            f"a peak sensitivity of {1.5 * aims.peak_sensitivity:g}",
+            screen,
+            aims.tightened({"peak_sensitivity": 1.5}),
+        ),
+        "overshoot_percent": (
+            f"an overshoot of {2.0 * aims.overshoot_percent:g} %",
+            screen,
+            aims.tightened({"overshoot_percent": 2.0}),
+        ),
+        "force": ("half as much force again for the largest step", screen.stronger(1.5), aims),
+        "delay": (
+            "half the delay from sample to current",
+            screen.around(
+                [
+                    replace(one, chain=replace(one.chain, delay_ticks=0.5 * one.chain.delay_ticks))
+                    for one in loops
+                ]
+            ),
+            aims,
+        ),
+        "pinning": ("an iron without pinning", screen.of(range(0, len(loops), 2)), aims),
+    }
+    if isinstance(loops[0].amplifier, Amplifier):
+        quick = [_quick(one.amplifier) for one in loops if isinstance(one.amplifier, Amplifier)]
+        eased["amplifier"] = (
+            "an amplifier of twice the bandwidth",
+            screen.around(
+                [replace(one, amplifier=two) for one, two in zip(loops, quick, strict=True)]
+            ),
+            aims,
+        )
+    work = partial(_least_settling, setup, seed)
+    tasks = [(one, two) for _, one, two in eased.values()]
+    times = dict(zip(eased, all_of(work, tasks, jobs=jobs), strict=True))
+    base = times.pop("")
+    if not math.isfinite(base):
+        return []
+    helps = sorted((time, what) for what, time in times.items() if time < (1.0 - _WORTH) * base)
+    return [
+        Limit(
+            what,
+            f"with {eased[what][0]} linear loops would settle in {1e3 * time:.2g} instead of "
+            f"{1e3 * base:.2g} ms",
+        )
+        for time, what in helps
+    ]
+
+
+def _quick(amplifier: Amplifier) -> Amplifier:
+    return Amplifier(gain=2.0 * amplifier.gain, reset=2.0 * amplifier.reset)
+
+
+def _least_settling(setup: Setup, seed: int, eased: tuple[Screen, Aims]) -> float:
+    """Return the settling time of the best gains for linear loops, s; infinite if none will do."""
+    screen, aims = eased
+    plant = setup.rig.settings
+    space = Space(plant.timing.rate_Hz, plant.mechanics.mass_kg)
+    places = spread_over(space.size, seed)
+    best = refine(screen, space, setup.controller, aims, places, seed)
+    found = screen.look(space.per_tick(best[None, :], setup.controller))
+    cost = float(found.costs(aims, screen.horizon)[0])
+    return cost if cost <= screen.horizon else math.inf

@@ -1,0 +1,259 @@
+"""What a tuning leaves behind: notes in controller files, a table, JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from anhyst.compile.folder import json_text
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.study.bearing.responses import as_rows
+from anhyst.study.tuning.aims import TITLES, Aims, Figures, text_of
+from anhyst.study.tuning.result import Tuned, Tuning
+from anhyst.study.tuning.trial import Condition
+from anhyst.study.tuning.worth import worth
+from anhyst.support.atomic import atomic_writer
+from anhyst.support.version import running_version
+
+RESULTS = ("tuning.json", "tuning.md", "pareto.png")
+"""Files beside the tuned controllers."""
+
+_NOTES = 3
+"""Things that limit, of each kind, which a note or a line tells; all stand in ``tuning.json``."""
+
+_HEADS = (
+    "variant",
+    "overshoot, %",
+    "settling, ms",
+    "peak sensitivity",
+    "standstill, nm rms",
+    "rate of current, A/s rms",
+    "aims",
+    "what limits",
+)
+
+
+def verdict(tuned: Tuned) -> str:
+    """Say in a line which aims are missed, the best reached, and what limits."""
+    limits = tuned.aims.limits
+    texts = []
+    for name in tuned.misses:
+        text = text_of(name, getattr(tuned.figures, name))
+        if name in limits:
+            _, factor, unit = TITLES[name]
+            text += f" (aim {factor * limits[name]:g} {unit}".rstrip() + ")"
+        texts.append(text)
+    others = [one.text for one in tuned.limits if one.what not in tuned.misses]
+    because = "; ".join(others[:_NOTES])
+    return f"no gains of '{tuned.variant}' meet the aims, the best reach {', '.join(texts)}" + (
+        f"; what limits: {because}" if because else ""
+    )
+
+
+def shortfall(tuning: Tuning) -> str | None:
+    """Say why the aims are not met, in a line; None if they are, by the file's own variant."""
+    own = tuning.tuned.get(tuning.controller.settings.compensation.variant)
+    return verdict(own) if own is not None and own.misses else None
+
+
+def file_note(
+    tuned: Tuned, rig: BearingRig, conditions: Sequence[Condition], budget: int, seed: int
+) -> str:
+    """Return the comment at the head of a tuned controller file."""
+    found = tuned.found
+    numbers = found.numbers
+    steps = ", ".join(f"{1e6 * height:g}" for height in rig.settings.simulate.steps_m)
+    if found.check is None:
+        reached = "Reached with one noise seed (the search was interrupted):"
+    else:
+        reached = f"Reached, mean of {found.check.seeds} noise seeds, worst of all conditions:"
+    missed = ["It MISSES its aims."] if tuned.misses else []
+    lines = [
+        f"Made by anhyst {running_version()} tune for variant '{tuned.variant}' on the rig "
+        f"'{rig.settings.name}'.",
+        f"Aims: {aims_text(tuned.aims)}; then the least settling time.",
+        f"Tried at {'; '.join(one.text for one in conditions)};",
+        f"steps of {steps} um up and down; {budget} sets of gains, seed {seed}.",
+        reached,
+        f"{', '.join(_figures_text(tuned.figures))}.",
+        *missed,
+        f"Poles of the moving mass: pair at {numbers['bandwidth_Hz']:.4g} Hz with damping "
+        f"{numbers['damping']:.3g}, real one at "
+        f"{numbers['bandwidth_Hz'] * numbers['real_pole']:.4g} Hz;",
+        f"virtual mass {100.0 * numbers['virtual_mass']:.3g} % of the mass.",
+        *(f"What limits: {one.text}." for one in tuned.limits[:_NOTES]),
+    ]
+    return "\n".join(lines)
+
+
+def aims_text(aims: Aims) -> str:
+    """Write aims in a line."""
+    return ", ".join(
+        f"{TITLES[name][0]} <= {TITLES[name][1] * limit:g} {TITLES[name][2]}".rstrip()
+        for name, limit in aims.limits.items()
+    )
+
+
+def _figures_text(figures: Figures) -> list[str]:
+    return [text_of(name, value) for name, value in asdict(figures).items()]
+
+
+def write_results(tuning: Tuning, folder: Path) -> None:
+    """Write the figures as JSON and the table as Markdown."""
+    figures, table = (folder / name for name in RESULTS[:2])
+    with atomic_writer(figures) as stream:
+        stream.write(json_text(figures_of(tuning)))
+    with atomic_writer(table) as stream:
+        stream.write(markdown(tuning))
+
+
+def rows(tuning: Tuning) -> list[list[str]]:
+    """Return the table of all variants, the fastest that meets its aims first."""
+    ordered = sorted(
+        tuning.tuned.values(),
+        key=lambda each: (bool(each.misses), each.figures.settling_time_s),
+    )
+    return [_row(one) for one in ordered]
+
+
+def _row(tuned: Tuned) -> list[str]:
+    check, figures = tuned.found.check, tuned.figures
+
+    def with_interval(name: str, factor: float) -> str:
+        value = factor * float(getattr(figures, name))
+        if check is None or not math.isfinite(value):
+            return f"{value:.2f}"
+        width = factor * check.cell(name).figures[name].half_width
+        return f"{value:.2f} ± {width:.2f}"
+
+    missed = ", ".join(TITLES[name][0] for name in tuned.misses)
+    limiting = list(dict.fromkeys(one.what for one in tuned.limits))
+    words = [TITLES[name][0] if name in TITLES else name for name in limiting]
+    return [
+        tuned.variant,
+        with_interval("overshoot_percent", 1.0),
+        with_interval("settling_time_s", 1e3),
+        f"{figures.peak_sensitivity:.2f}",
+        f"{1e9 * figures.standstill_rms_m:.0f}",
+        f"{figures.current_rate_rms_A_per_s:.0f}",
+        f"misses {missed}" if missed else "met",
+        ", ".join(words),
+    ]
+
+
+def heads() -> tuple[str, ...]:
+    """Return the heads of the columns of :func:`rows`."""
+    return _HEADS
+
+
+def markdown(tuning: Tuning) -> str:
+    """Return the table and what limits as Markdown."""
+    seeds = tuning.rig.settings.simulate.noise_seeds
+    steps = ", ".join(f"{1e6 * one:g}" for one in tuning.rig.settings.simulate.steps_m)
+    lines = [
+        f"Rig: {tuning.rig.settings.name}. Aims: {aims_text(tuning.aims)}; then the least "
+        "settling time.",
+        f"Worst of {len(tuning.conditions)} conditions "
+        f"({'; '.join(one.text for one in tuning.conditions)}), steps of {steps} um up and down; "
+        f"means of {seeds} noise seeds with 95 % intervals. Each variant was tuned for itself: "
+        f"{tuning.budget} sets of gains, seed {tuning.seed}.",
+        "",
+        f"| {' | '.join(_HEADS)} |",
+        f"| {' | '.join('---' for _ in _HEADS)} |",
+        *(f"| {' | '.join(row)} |" for row in rows(tuning)),
+        "",
+        f"Verdict: {worth(tuning)}.",
+        "",
+        "What limits:",
+        "",
+    ]
+    for name, tuned in tuning.tuned.items():
+        lines += [f"- {name}: {one.text}" for one in tuned.limits]
+    return "\n".join(lines) + "\n"
+
+
+def figures_of(tuning: Tuning) -> dict[str, Any]:
+    """Return what ``tuning.json`` holds; the same for the same input and seed."""
+    rig, simulate = tuning.rig.settings, tuning.rig.settings.simulate
+    found: dict[str, Any] = {
+        "format": "anhyst-tuning",
+        "rig": rig.name,
+        "controller": tuning.controller.settings.name,
+        "number_format": tuning.controller.settings.compensation.format,
+        "rate_Hz": rig.timing.rate_Hz,
+        "delay_ticks": rig.timing.delay_ticks,
+        "plant": tuning.plant.as_dict(),
+        "supply_V": rig.amplifier.supply_V,
+        "aims": tuning.aims.limits,
+        "conditions": [{"gap_m": one.gap, "load_N": one.load} for one in tuning.conditions],
+        "steps_m": list(simulate.steps_m),
+        "noise_seeds": simulate.noise_seeds,
+        "budget": tuning.budget,
+        "seed": tuning.seed,
+        "interrupted": tuning.interrupted,
+        "variants": {name: _of_variant(one) for name, one in tuning.tuned.items()},
+    }
+    plain: dict[str, Any] = _plain(found)
+    return plain
+
+
+def _of_variant(tuned: Tuned) -> dict[str, Any]:
+    found, check = tuned.found, tuned.found.check
+    pidd2 = found.setup.controller.pidd2()
+    return {
+        "met": not tuned.misses,
+        "misses": list(tuned.misses),
+        "figures": asdict(tuned.figures),
+        "before": asdict(found.before.worst) if found.before.complete else None,
+        "gains": {
+            "K_p_N_per_m": pidd2.K_p,
+            "K_i_N_per_m_s": pidd2.K_i,
+            "K_d_N_s_per_m": pidd2.K_d,
+            "K_dd_N_s2_per_m": pidd2.K_dd,
+            "cutoff_Hz": pidd2.cutoff,
+            "cutoff_2_Hz": pidd2.cutoff_2,
+            "set_point_weight": pidd2.weight,
+        },
+        "searched": dict(found.numbers),
+        "limits": [asdict(one) for one in tuned.limits],
+        "conditions": [
+            {
+                "gap_m": condition.gap,
+                "load_N": condition.load,
+                **asdict(figures),
+                "peak_Hz": check.peaks[condition],
+            }
+            for condition, figures in check.figures.items()
+        ]
+        if check is not None
+        else [],
+        "steps": [] if check is None else as_rows(check.cells),
+        "tried": found.tried,
+        "candidates": [
+            {
+                "settling_time_s": one.outcome.worst.settling_time_s,
+                "peak_sensitivity": one.outcome.worst.peak_sensitivity,
+                "meets_other_aims": keeps_others(tuned.aims, one.outcome.worst),
+            }
+            for one in found.candidates
+        ],
+    }
+
+
+def keeps_others(aims: Aims, figures: Figures) -> bool:
+    """Return whether the aims other than settling time and peak sensitivity are met."""
+    return not set(aims.misses(figures)) - {"settling_time_s", "peak_sensitivity"}
+
+
+def _plain(value: Any) -> Any:
+    """Return a value without numbers that JSON does not have; they become null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,83 @@
+"""What a tuning gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.distance import PlantCheck
+from anhyst.study.tuning.aims import Aims, Figures
+from anhyst.study.tuning.limits import Limit
+from anhyst.study.tuning.search import Found
+from anhyst.study.tuning.trial import Condition
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What tuning one variant gave.
+
+    Parameters
+    ----------
+    variant : str
+    found : Found
+        The search.
+    limits : tuple of Limit
+        What limits.
+    aims : Aims
+    """
+
+    variant: Variant
+    found: Found
+    limits: tuple[Limit, ...]
+    aims: Aims
+
+    @property
+    def figures(self) -> Figures:
+        """What the gains reach, worst of all conditions."""
+        return self.found.figures
+
+    @property
+    def misses(self) -> Mapping[str, float]:
+        """Aims that are missed, by how much of their limit."""
+        return self.aims.misses(self.figures)
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What a tuning gave.
+
+    Parameters
+    ----------
+    rig : BearingRig
+    controller : ControllerFile
+        As it was.
+    plant : PlantCheck
+        What the loops say about the plant.
+    aims : Aims
+    conditions : tuple of Condition
+    budget, seed : int
+    tuned : mapping of str to Tuned
+        By variant.
+    written : mapping of str to Path
+        Controller file of every variant.
+    interrupted : bool
+        Whether ctrl-C ended it.
+    seconds, cpu_seconds : float
+        By the clock, and of all processes.
+    """
+
+    rig: BearingRig
+    controller: ControllerFile
+    plant: PlantCheck
+    aims: Aims
+    conditions: tuple[Condition, ...]
+    budget: int
+    seed: int
+    tuned: Mapping[Variant, Tuned]
+    written: Mapping[Variant, Path]
+    interrupted: bool
+    seconds: float
+    cpu_seconds: float

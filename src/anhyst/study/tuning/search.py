@@ -1,0 +1,309 @@
+"""From aims to gains: screen, search in the nonlinear loop, check, and again where that fails."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from anhyst.control.controller_file import ControllerTable
+from anhyst.rig.bearing.setup import Setup, with_gains
+from anhyst.study.bearing.variations import changed
+from anhyst.study.tuning.aims import Aims, Figures
+from anhyst.study.tuning.check import Check, check
+from anhyst.study.tuning.points import FIRMNESS, make_screen
+from anhyst.study.tuning.screen import Screen, refine, spread_over
+from anhyst.study.tuning.space import Space
+from anhyst.study.tuning.strategy import Strategy
+from anhyst.study.tuning.trial import Condition, Outcome, Trial, run_trial
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NegativeResult
+from anhyst.support.jobs import all_of
+from anhyst.support.progress import Progress
+
+BUDGET = 240
+"""Sets of gains tried in the nonlinear loop."""
+
+CHILDREN = 10
+"""Of a generation of the search; even, so that two cores are busy."""
+
+HOLD_S = 0.03
+"""Longest time for which a position is held in the search, s; checks hold as the rig file says."""
+
+_SIGMA = 0.1  # of the box: first step of the search
+_BOUNDS = (0.55, 0.7, 1.0)  # parts of the aimed peak: where the front is looked at
+_STARTS = 2  # of which the search goes on with the better one after a third of the budget each
+_CLOSE = 0.15  # of the box: starts are farther apart than that
+_CHECKED = 2  # of the best, after every round
+_ROUNDS = 3  # at most: a check that fails sends the search back
+_BACK = 4  # generations of a search that was sent back
+_STRICTER = 0.98  # than what the check found too much
+_WORK_OF_CHECK = 15.0  # in sets of gains tried, for whoever wants to know how far it is
+_WORK_AFTER = 40.0  # finding out what limits the best gains
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Gains that were tried, and what they gave.
+
+    Parameters
+    ----------
+    place : ndarray, shape (7,)
+        In the box that is searched.
+    outcome : Outcome
+        With one noise seed.
+    """
+
+    place: FloatArray
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found.
+
+    Parameters
+    ----------
+    setup : Setup
+        With the best gains.
+    numbers : dict of str to float
+        The best place in the box, by name.
+    check : Check or None
+        Of the best; None if the search was interrupted before.
+    before : Outcome
+        Of the gains as they were, one noise seed.
+    candidates : tuple of Candidate
+        All that were tried at every condition, those of the front included.
+    tried : int
+        Sets of gains in the nonlinear loop.
+    interrupted : bool
+        Whether ctrl-C ended the search.
+    """
+
+    setup: Setup
+    numbers: dict[str, float]
+    check: Check | None
+    before: Outcome
+    candidates: tuple[Candidate, ...]
+    tried: int
+    interrupted: bool
+
+    @property
+    def figures(self) -> Figures:
+        """What the best gains reach, as far as it was checked."""
+        if self.check is not None:
+            return self.check.worst
+        return self.candidates[0].outcome.worst
+
+
+@dataclass
+class Search:
+    """A search for the gains of one setup.
+
+    Parameters
+    ----------
+    setup : Setup
+        Of the variant; all of its controller but the gains is kept.
+    conditions : tuple of Condition
+    aims : Aims
+    budget : int
+        Sets of gains tried in the nonlinear loop before the first check.
+    seed : int
+        Of everything random in the search, and of the noise in it.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+    jobs : int, optional
+        Processes; as many as there are cores if left out.
+    """
+
+    setup: Setup
+    conditions: tuple[Condition, ...]
+    aims: Aims
+    budget: int = BUDGET
+    seed: int = 0
+    progress: Progress | None = None
+    jobs: int | None = None
+    _space: Space = field(init=False)
+    _brief: Setup = field(init=False)
+    _candidates: list[Candidate] = field(init=False, default_factory=list)
+    _tried: int = field(init=False, default=0)
+    _done: float = field(init=False, default=0.0)
+    _whole: float = field(init=False, default=0.0)
+
+    def __post_init__(self) -> None:
+        rig = self.setup.rig
+        plant = rig.settings
+        self._space = Space(plant.timing.rate_Hz, plant.mechanics.mass_kg)
+        hold = min(plant.simulate.hold_s, HOLD_S)
+        self._brief = replace(self.setup, rig=changed(rig, {"simulate.hold_s": hold}))
+        front = 2.0 * len(_BOUNDS) * len(FIRMNESS)
+        self._whole = front + self.budget + _CHECKED * _WORK_OF_CHECK + _WORK_AFTER
+
+    def run(self) -> Found:
+        """Search.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Too early for any gains.
+        NegativeResult
+            No gains hold the armature at all conditions.
+        """
+        before = run_trial(Trial(self._brief, self.conditions, self.aims, seed=self.seed))
+        checked: list[tuple[float, Candidate, Check]] = []
+        interrupted = False
+        try:
+            self._look_at_front()
+            self._rounds(checked)
+        except KeyboardInterrupt:
+            if not self._candidates:
+                raise
+            interrupted = True
+        if checked:
+            _, best, reached = min(checked, key=lambda each: each[0])
+        else:
+            best, reached = self._best(self.aims)[0], None
+        others = [one for one in self._candidates if one is not best]
+        return Found(
+            setup=self._at(best.place),
+            numbers=self._space.numbers(best.place),
+            check=reached,
+            before=before,
+            candidates=(best, *others),
+            tried=self._tried,
+            interrupted=interrupted,
+        )
+
+    def _rounds(self, checked: list[tuple[float, Candidate, Check]]) -> None:
+        """Search and check; where the check fails, search again with stricter aims."""
+        aims = self.aims
+        generations = max(self.budget // CHILDREN, 1)
+        for round_ in range(_ROUNDS):
+            if round_ > 0:
+                self._whole += _BACK * CHILDREN + _CHECKED * _WORK_OF_CHECK
+            self._search(aims, generations if round_ == 0 else _BACK, round_)
+            seen = [one for _, one, _ in checked]
+            for candidate in [one for one in self._best(aims) if one not in seen][:_CHECKED]:
+                found = check(self._at(candidate.place), self.conditions, self.jobs)
+                checked.append((self.aims.cost(found.worst), candidate, found))
+                self._tell(_WORK_OF_CHECK)
+            _, _, best = min(checked, key=lambda each: each[0])
+            misses = self.aims.misses(best.worst)
+            if not misses:
+                return
+            aims = aims.tightened(
+                {name: _STRICTER / (1.0 + min(over, 1.0)) for name, over in misses.items()}
+            )
+
+    def _look_at_front(self) -> None:
+        """Try what linear loops like best, for several peaks of the sensitivity and softnesses."""
+        screens = [make_screen(self.setup, self.conditions, one) for one in FIRMNESS]
+        stricter = [self.aims.tightened({"peak_sensitivity": bound}) for bound in _BOUNDS]
+        work = partial(_refine, self._space, self.setup.controller, self.seed)
+        tasks = list(product(screens, stricter))
+        places = all_of(work, tasks, lambda *_: self._tell(1.0), self.jobs)
+        self._try(np.array(places), self.conditions, self.aims, math.inf)
+        if not self._candidates:
+            raise NegativeResult(
+                f"none of {len(places)} sets of gains that linear loops like best holds the "
+                "armature at every gap, load and step; 'anhyst simulate' tells how levitation is "
+                "lost: look at [lift_off], [limits] and the load"
+            )
+
+    def _search(self, aims: Aims, generations: int, round_: int) -> None:
+        """Search around the best, at first around several of them, then where it went best."""
+        starts = self._apart(aims, _STARTS if round_ == 0 else 1)
+        paths = [
+            _Path(
+                Strategy(one.place, _SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], CHILDREN)
+            )
+            for i, one in enumerate(starts)
+        ]
+        early = generations // (_STARTS + 1) if len(paths) > 1 else 0
+        for path in paths:
+            self._generations(path, aims, early)
+        best = min(paths, key=lambda each: each.least)
+        self._generations(best, aims, generations - early * len(paths))
+
+    def _generations(self, path: _Path, aims: Aims, count: int) -> None:
+        for _ in range(count):
+            order = _hardest_first(self._best(aims)[0].outcome, self.conditions, aims)
+            places = path.strategy.ask()
+            costs = np.array([one.cost for one in self._try(places, order, aims, path.ceiling)])
+            path.strategy.tell(costs)
+            path.least = min(path.least, float(costs.min()))
+            path.ceiling = float(np.sort(costs)[path.strategy.parents - 1])
+
+    def _apart(self, aims: Aims, count: int) -> list[Candidate]:
+        """Return the best that lie apart from each other."""
+        chosen: list[Candidate] = []
+        for one in self._best(aims):
+            if all(np.max(np.abs(one.place - other.place)) > _CLOSE for other in chosen):
+                chosen.append(one)
+        return chosen[:count]
+
+    def _try(
+        self, places: FloatArray, order: Sequence[Condition], aims: Aims, ceiling: float
+    ) -> list[Outcome]:
+        trials = [
+            Trial(
+                with_gains(self._brief, self._controller(place)),
+                tuple(order),
+                aims,
+                ceiling,
+                self.seed,
+            )
+            for place in places
+        ]
+        outcomes = all_of(run_trial, trials, lambda *_: self._tell(1.0), self.jobs)
+        self._tried += len(trials)
+        self._candidates += [
+            Candidate(place, outcome)
+            for place, outcome in zip(places, outcomes, strict=True)
+            if outcome.complete
+        ]
+        return outcomes
+
+    def _at(self, place: FloatArray) -> Setup:
+        return with_gains(self.setup, self._controller(place))
+
+    def _controller(self, place: FloatArray) -> ControllerTable:
+        return self._space.controller(place, self.setup.controller)
+
+    def _best(self, aims: Aims) -> list[Candidate]:
+        """Return what was tried at every condition, the best first."""
+        return sorted(self._candidates, key=lambda each: aims.cost(each.outcome.worst))
+
+    def _tell(self, work: float) -> None:
+        self._done += work
+        if self.progress is not None:
+            self.progress(self._done, self._whole)
+
+
+@dataclass
+class _Path:
+    """A strategy on its way."""
+
+    strategy: Strategy
+    ceiling: float = math.inf
+    least: float = math.inf
+
+
+def _refine(
+    space: Space, like: ControllerTable, seed: int, task: tuple[Screen, Aims]
+) -> FloatArray:
+    screen, aims = task
+    return refine(screen, space, like, aims, spread_over(space.size, seed), seed)
+
+
+def _hardest_first(
+    outcome: Outcome, conditions: Sequence[Condition], aims: Aims
+) -> list[Condition]:
+    """Order conditions so that gains which are no good are given up early."""
+    return sorted(
+        conditions, key=lambda each: -aims.cost(outcome.figures[each]) if outcome.complete else 0.0
+    )

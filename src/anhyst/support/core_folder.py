@@ -1,0 +1,24 @@
+"""Where the C sources of the core stand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from anhyst.support.errors import InputError
+
+
+def core_folder() -> Path:
+    """Return the folder with ``include/``, ``src/`` and ``port/`` of the core.
+
+    In a source tree it is the one that is edited, otherwise the copy inside the package.
+
+    Raises
+    ------
+    InputError
+        The installation is not complete.
+    """
+    package = Path(__file__).resolve().parents[1]
+    for place in (package.parents[1] / "core", package / "_core" / "c"):
+        if (place / "include" / "anhyst" / "compensator.h").is_file():
+            return place
+    raise InputError(f"{package}: the C sources of the core are missing; install anhyst again")

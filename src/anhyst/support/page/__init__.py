@@ -1,0 +1,1 @@
+"""What every page is made of: one style, one table, numbers as a reader wants them."""

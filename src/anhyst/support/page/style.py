@@ -1,0 +1,139 @@
+"""How figures look, and how they become text that a page can hold."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import wraps
+from types import MappingProxyType
+from typing import Any, ParamSpec, TypeVar, cast
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from anhyst.support.atomic import PathLike, write_bytes
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+# Okabe and Ito: told apart by every kind of colour vision, and by their lightness in grey.
+RISING = "#0072B2"
+FALLING = "#D55E00"
+MODEL = "#0072B2"
+MEASURED = "#8C8C8C"
+ALARM = "#B00020"
+FAINT = "#D9D9D9"
+
+WIDTH = 9.6  # inches
+PIXELS = 100  # of a page, for an inch of a figure
+RESOLUTION = 200  # dots an inch of what is drawn as points
+
+STYLE: Mapping[str, Any] = MappingProxyType(
+    {
+        "font.family": "sans-serif",
+        "font.sans-serif": ["DejaVu Sans"],
+        "font.size": 9.0,
+        "axes.titlesize": 9.5,
+        "axes.titleweight": "bold",
+        "axes.titlelocation": "left",
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.edgecolor": "#555555",
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": "#E3E3E3",
+        "grid.linewidth": 0.6,
+        "lines.solid_capstyle": "round",
+        "legend.frameon": False,
+        "legend.fontsize": 9.0,
+        "mathtext.default": "it",
+        "mathtext.fontset": "dejavusans",
+        "svg.fonttype": "none",
+        "svg.hashsalt": "anhyst",
+        "path.simplify": True,
+    }
+)
+
+_NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
+
+
+@contextmanager
+def _styled() -> Iterator[None]:
+    with mpl.rc_context(cast("Any", dict(STYLE))):
+        yield
+
+
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
+    """Make a function draw in the style of the report, whatever the user has set up."""
+
+    @wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
+        with _styled():
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    """Start a figure; sizes in inches."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def panels(figure: Figure, count: int, *, share_y: bool = False) -> list[Axes]:
+    """Divide a figure into so many panels, row by row, on as many columns as read well."""
+    columns = columns_of(count)
+    rows = -(-count // columns)
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=share_y).ravel().tolist()
+    for ax in axes[count:]:
+        ax.remove()
+    return list(axes[:count])
+
+
+def columns_of(count: int) -> int:
+    """Columns on which so many panels read well."""
+    return 2 if count in {2, 4} else min(count, 3)
+
+
+@styled
+def svg_text(figure: Figure, prefix: str) -> str:
+    """Render a figure as an SVG element to be put into a page.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    prefix : str
+        Put before every identifier, so that figures of one page do not meet.
+
+    Returns
+    -------
+    str
+        ``<svg>...</svg>`` without prologue; the same for the same figure.
+    """
+    stream = io.StringIO()
+    figure.savefig(stream, format="svg", dpi=RESOLUTION, metadata=_NO_METADATA)
+    text = stream.getvalue()
+    text = text[text.index("<svg") :].strip()
+    text = re.sub(r"\bid=\"", f'id="{prefix}-', text)
+    text = text.replace("url(#", f"url(#{prefix}-").replace('href="#', f'href="#{prefix}-')
+    # The alternative text stands in the page; a screen reader is not to spell the ticks.
+    width = round(PIXELS * figure.get_figwidth())
+    start = f'<svg aria-hidden="true" focusable="false" style="--width: {width}px"'
+    return re.sub(r"^<svg\b", start, text)
+
+
+@styled
+def write_png(figure: Figure, path: PathLike, dpi: int = 150) -> None:
+    """Write a figure as a PNG file, without a time stamp.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
+    write_bytes(path, stream.getvalue())

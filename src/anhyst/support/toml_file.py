@@ -1,0 +1,219 @@
+"""Reading a TOML file against a schema: all that is wrong with it, by line and key."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.toml_text import key_lines
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Bits = Annotated[int, Field(ge=4, le=24)]
+BRANCH = "|"
+"""Tags of what a key may hold instead begin with it: they are no part of the key's path."""
+Fault = tuple[KeyPath, str]
+"""Where in a file something is wrong, and what is wrong and what to do."""
+
+
+class Table(BaseModel):
+    """A table of a file: nothing unknown, nothing converted but whole numbers to floats."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+T = TypeVar("T", bound=Table)
+
+
+SHOWN = 5
+"""Problems named after the first; the rest are counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileProblem:
+    """One thing wrong with a file.
+
+    Parameters
+    ----------
+    line : int or None
+        Line of the key, or of the table that lacks it; None where there is neither.
+    key : str
+        Path of the key.
+    text : str
+        What is wrong and what to do.
+    written : bool
+        Whether the key stands in the file.
+    """
+
+    line: int | None
+    key: str
+    text: str
+    written: bool
+
+
+class TomlFileError(InputError):
+    """A file that does not fit its schema.
+
+    ``problems`` holds everything found wrong with it; the message names the first one in full and
+    where the others are.
+    """
+
+    def __init__(self, path: PathLike, problems: Iterable[FileProblem]) -> None:
+        # Missing keys last: most are there, misspelt, and reported at their line.
+        self.problems = tuple(sorted(problems, key=lambda p: (not p.written, p.line or 0)))
+        first, *others = self.problems
+        place = str(path) if first.line is None else f"{path}:{first.line}"
+        text = f"{place}: {first.key}: {first.text}"
+        if others:
+            named = [f"{o.key} (line {o.line})" if o.line else o.key for o in others[:SHOWN]]
+            rest = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
+            text += f"; wrong as well: {', '.join(named)}{rest}"
+        super().__init__(text)
+
+
+def read_toml(path: PathLike, schema: type[T]) -> T:
+    """Read a TOML file.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    schema : type of Table
+        What it may hold.
+
+    Returns
+    -------
+    Table
+        Of this type.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or is no TOML.
+    TomlFileError
+        Keys that are unknown (the nearest known one is named), missing or out of range.
+    """
+    text = _text(path)
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: damaged TOML: {error}; mend this place") from error
+    try:
+        return schema.model_validate(content)
+    except ValidationError as error:
+        raise TomlFileError(path, _problems(error, schema, key_lines(text))) from error
+
+
+def faults_error(path: PathLike, faults: Iterable[Fault]) -> TomlFileError:
+    """Say where in a file stands what its schema cannot see, such as keys that contradict.
+
+    Parameters
+    ----------
+    path : path-like
+        A file that has been read.
+    faults : iterable of (path of the key, text)
+        At least one; list elements by index from 0. The text says what is wrong and what to do.
+
+    Returns
+    -------
+    TomlFileError
+        To be raised.
+    """
+    lines = key_lines(_text(path))
+    return TomlFileError(path, [_problem(lines, key, text) for key, text in faults])
+
+
+def _text(path: PathLike) -> str:
+    try:
+        return Path(path).read_bytes().decode("utf-8")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; check the path") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no UTF-8 text; name a TOML file") from error
+
+
+def _problems(
+    error: ValidationError, schema: type[Table], lines: dict[KeyPath, int]
+) -> list[FileProblem]:
+    found: dict[str, FileProblem] = {}
+    for finding in error.errors(include_url=False):
+        path: KeyPath = tuple(one for one in finding["loc"] if not str(one).startswith(BRANCH))
+        found.setdefault(dotted(path), _problem(lines, path, _advice(schema, path, finding)))
+    return list(found.values())
+
+
+def _problem(lines: dict[KeyPath, int], path: KeyPath, text: str) -> FileProblem:
+    place = path
+    while place and place not in lines:
+        place = place[:-1]
+    return FileProblem(lines.get(place), dotted(path) or "file", text, place == path)
+
+
+def _advice(schema: type[Table], path: KeyPath, finding: Any) -> str:
+    if finding["type"] == "value_error":
+        return str(finding["ctx"]["error"])
+    if finding["type"] == "extra_forbidden":
+        key, known = str(path[-1]), _known(schema, path[:-1])
+        with_unit = [name for name in known if name.startswith(f"{key}_")]
+        near = with_unit or difflib.get_close_matches(key, known, n=1)
+        if len(with_unit) == 1:
+            return f"lacks its unit; write {with_unit[0]}"
+        if near:
+            return f"is unknown; did you mean {near[0]}?"
+    return explain(finding)
+
+
+def _known(schema: type[Table], path: KeyPath) -> list[str]:
+    """Keys of the table that a path leads to."""
+    here: type[BaseModel] = schema
+    for part in path:
+        if isinstance(part, str):
+            tables = _tables(here.model_fields[part].annotation)
+            if not tables:
+                return []
+            here = tables[0]
+    return list(here.model_fields)
+
+
+def _tables(annotation: Any) -> list[type[BaseModel]]:
+    """Tables inside an annotation such as ``list[Table]`` or ``Table | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if isinstance(annotation, UnionType) or get_args(annotation):
+        return [table for inner in get_args(annotation) for table in _tables(inner)]
+    return []
+
+
+def dotted(path: KeyPath) -> str:
+    """Write the path of a key as a person reads it: ``lift_off.speed``, ``loop[2].label``."""
+    text = ""
+    for part in path:
+        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def explain(error: dict[str, Any]) -> str:
+    """Turn one finding of the validation into a clause that says what to do."""
+    kind, value = error["type"], error.get("input")
+    if kind == "missing":
+        return "is missing; add it"
+    if kind == "extra_forbidden":
+        return "is unknown; remove it or correct its name"
+    text = str(error["msg"]).replace("Input should be", "must be", 1)
+    text = text[0].lower() + text[1:]
+    shown = repr(value)
+    return f"{text}, is {shown}" if len(shown) <= 40 else text

@@ -1,0 +1,181 @@
+"""TOML as text: writing values exactly, and finding the line a key stands on."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+
+Path = tuple[str | int, ...]
+
+_KEY_PART = re.compile(r"""[ \t]*("(?:\\.|[^"\\])*"|'[^']*'|[A-Za-z0-9_-]+)[ \t]*""")
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_QUOTES = ('"""', "'''", '"', "'")
+
+
+def toml_value(value: object) -> str:
+    """Write a value as TOML.
+
+    Parameters
+    ----------
+    value : str, bool, int, float, sequence or mapping of such
+        FloatArray are written so that reading gives back every bit.
+
+    Returns
+    -------
+    str
+        One line.
+
+    Examples
+    --------
+    >>> toml_value([0.1, 2.0, 1e-30]), toml_value({"a b": True})
+    ('[0.1, 2.0, 1e-30]', '{ "a b" = true }')
+    """
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int():
+            return str(value)
+        case float():
+            return repr(float(value)) if math.isfinite(value) else str(float(value))
+        case str():
+            return _string(value)
+        case Mapping():
+            inside = ", ".join(
+                f"{toml_key(key)} = {toml_value(item)}" for key, item in value.items()
+            )
+            return f"{{ {inside} }}" if inside else "{}"
+        case Sequence():
+            return f"[{', '.join(toml_value(item) for item in value)}]"
+    raise TypeError(f"TOML has no {type(value).__name__}")
+
+
+def toml_key(key: str) -> str:
+    """Write a key as TOML, quoted only where it has to be."""
+    return key if _BARE_KEY.fullmatch(key) else _string(key)
+
+
+def _string(text: str) -> str:
+    # File names may hold bytes that are no text; TOML cannot.
+    clean = text.encode("utf-8", "replace").decode("utf-8")
+    return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def key_lines(text: str) -> dict[Path, int]:
+    r"""Find the line of every table and key in a TOML text that parses.
+
+    Parameters
+    ----------
+    text : str
+        A valid TOML document.
+
+    Returns
+    -------
+    dict
+        From the path of a key, array elements by index, to its line, counted from 1. Keys inside
+        an inline table are not listed; look for the nearest known beginning of the path.
+
+    Examples
+    --------
+    >>> key_lines('a = 1\n[[b]]\nc = "x"\n')
+    {('a',): 1, ('b', 0): 2, ('b', 0, 'c'): 3}
+    """
+    return _Scanner(text).scan()
+
+
+class _Scanner:
+    """Walks over a valid TOML text, key by key."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.place = 0
+        self.lines: dict[Path, int] = {}
+        self.last_index: dict[Path, int] = {}
+
+    def scan(self) -> dict[Path, int]:
+        table: Path = ()
+        while self._skip_to_key():
+            line = self.text.count("\n", 0, self.place) + 1
+            if self.text[self.place] == "[":
+                table = self._header()
+                path = table
+            else:
+                path = table + tuple(self._key())
+                self.place += 1  # the equals sign
+                self._skip_value()
+            self.lines.setdefault(path, line)
+        return self.lines
+
+    def _skip_to_key(self) -> bool:
+        while self.place < len(self.text):
+            sign = self.text[self.place]
+            if sign == "#":
+                self._skip_line()
+            elif sign.isspace() or sign == "\ufeff":
+                self.place += 1
+            else:
+                return True
+        return False
+
+    def _skip_line(self) -> None:
+        end = self.text.find("\n", self.place)
+        self.place = len(self.text) if end < 0 else end
+
+    def _header(self) -> Path:
+        is_array = self.text.startswith("[[", self.place)
+        self.place += 2 if is_array else 1
+        parts = self._key()
+        self.place += 2 if is_array else 1
+        path: Path = ()
+        for part in parts:
+            path = (*self._element(path), part)
+        if is_array:
+            self.last_index[path] = self.last_index.get(path, -1) + 1
+        return self._element(path)
+
+    def _element(self, path: Path) -> Path:
+        """Name the latest element where the path is that of an array of tables."""
+        return (*path, self.last_index[path]) if path in self.last_index else path
+
+    def _key(self) -> list[str]:
+        parts = []
+        while match := _KEY_PART.match(self.text, self.place):
+            written = match[1]
+            quoted = written[0] in "\"'"
+            parts.append(next(iter(tomllib.loads(f"{written} = 0"))) if quoted else written)
+            self.place = match.end()
+            if not self.text.startswith(".", self.place):
+                break
+            self.place += 1
+        return parts
+
+    def _skip_value(self) -> None:
+        depth = 0
+        while self.place < len(self.text):
+            quote = next((q for q in _QUOTES if self.text.startswith(q, self.place)), None)
+            if quote:
+                self._skip_string(quote)
+                continue
+            match self.text[self.place]:
+                case "#":
+                    self._skip_line()
+                    continue
+                case "[" | "{":
+                    depth += 1
+                case "]" | "}":
+                    depth -= 1
+                case "\n" if depth == 0:
+                    return
+            self.place += 1
+
+    def _skip_string(self, quote: str) -> None:
+        self.place += len(quote)
+        while not self.text.startswith(quote, self.place):
+            escaped = quote[0] == '"' and self.text[self.place] == "\\"
+            self.place += 2 if escaped else 1
+        self.place += len(quote)
+        if len(quote) == 3:  # up to two quotes may stand before the closing three
+            while self.text.startswith(quote[0], self.place):
+                self.place += 1
