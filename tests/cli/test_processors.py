@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.simulate import bearings
 
 from anhyst._core import batch_levels
 from anhyst.identify.dispatch import VARIABLE
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
+from tests.study import bearings
 
 from .command import anhyst
 

@@ -10,9 +10,9 @@ import threading
 from pathlib import Path
 
 import pytest
-from tests.foreign.magnets import MAGNETS
 
 from anhyst.cli.progress import Pace
+from tests.foreign.magnets import MAGNETS
 
 from .command import anhyst, shares_said, speaking
 

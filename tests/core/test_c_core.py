@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from tests.once import made_once
 
 HERE = Path(__file__).resolve().parent

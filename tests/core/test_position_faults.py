@@ -14,11 +14,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tests.unit.levitating import CONTROL, PAIR, REST, SCALES, TARGET, make_drive, table
-from tests.unit.position_oracle import LOW, Oracle, Sample
 
 from anhyst._core import FixedDrive
 from anhyst.control import PositionControl
+from tests.control.levitating import CONTROL, PAIR, REST, SCALES, TARGET, make_drive, table
+from tests.control.position_oracle import LOW, Oracle, Sample
 
 from .test_c_core import HERE, ROOT, tool
 

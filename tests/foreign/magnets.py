@@ -25,10 +25,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from tests.foreign.irons import FrictionIron, FrictionSteel, Iron, PreisachIron, PreisachSteel
 
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
+from tests.foreign.irons import FrictionIron, FrictionSteel, Iron, PreisachIron, PreisachSteel
 
 
 @dataclass(frozen=True)

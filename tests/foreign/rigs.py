@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+
 from tests.foreign.magnets import ForeignMagnet
 
 FROM_LOOPS = 'iron = "from loops"'

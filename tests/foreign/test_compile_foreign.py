@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.cli.command import anhyst, quick
-from tests.foreign.magnets import MAGNETS
 
 from anhyst.model.compilable import least_slope
 from anhyst.model.file import read_model
+from tests.cli.command import anhyst, quick
+from tests.foreign.magnets import MAGNETS
 
 RING_FIELD = 4000.0
 """A/m: about four times the coercivity of the iron of the magnet ``hard``."""

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.cli.command import quick
-from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
+from tests.cli.command import quick
+from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
 NAMES = sorted(MAGNETS)
 

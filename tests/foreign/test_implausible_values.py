@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.cli.command import quick
-from tests.cli.records import model, rows, table
 
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.support.errors import ImplausibleWarning
+from tests.cli.command import quick
+from tests.cli.records import model, rows, table
 
 
 @pytest.fixture

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.cli.command import anhyst, quick
-from tests.foreign.magnets import MAGNETS
 
 from anhyst.control.controller_file import read_controller
 from anhyst.rig.bearing.controller_check import check_controller
 from anhyst.rig.bearing.file import read_bearing
+from tests.cli.command import anhyst, quick
+from tests.foreign.magnets import MAGNETS
 
 PATIENCE = 1200.0
 """Seconds for half a minute of processor time, on a machine with much else to do."""

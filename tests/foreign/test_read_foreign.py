@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+from anhyst.support.arrays import FloatArray
 from tests.cli.command import quick, refused
 from tests.cli.records import model
 from tests.foreign.magnets import MAGNETS
-
-from anhyst.support.arrays import FloatArray
 
 Loops = list[tuple[str, float, FloatArray, FloatArray]]
 """Label, gap in m, current in A and force in N of each record."""

@@ -9,14 +9,14 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.cli.command import Result, anhyst, contents, refused
-from tests.foreign.magnets import MAGNETS
-from tests.foreign.rigs import FROM_LOOPS, write_bearing, write_force_control
 
 from anhyst.data import LoopSet
 from anhyst.rig.distance import along, distance, follower
 from anhyst.rig.from_loops import Fitted, fit_magnet
 from anhyst.rig.magnet_table import ElectromagnetTable
+from tests.cli.command import Result, anhyst, contents, refused
+from tests.foreign.magnets import MAGNETS
+from tests.foreign.rigs import FROM_LOOPS, write_bearing, write_force_control
 
 ROOT = Path(__file__).resolve().parents[2]
 RUN = ("simulate", "rig.toml", "--out", "run.csv")

@@ -6,15 +6,15 @@ import json
 from pathlib import Path
 
 import pytest
-from tests.actuators import reversals
-from tests.cli.command import Result, anhyst
-from tests.foreign.magnets import MAGNETS
-from tests.swaps import jump
 
 from anhyst.compensate.block import Limits, Sizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.plan import find_limits, find_scales
 from anhyst.model.file import read_model
+from tests.actuators import reversals
+from tests.cli.command import Result, anhyst
+from tests.foreign.magnets import MAGNETS
+from tests.swaps import jump
 
 RATE = 20000
 BEARINGS = {"u": (20.0, 150.0, 0.45e-3), "hard": (8.0, 80.0, 0.4e-3), "soft": (0.1, 1.0, 0.25e-3)}

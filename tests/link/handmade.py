@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tests.actuators import compiled
-
 from anhyst.compensate.block import Kind
 from anhyst.compile.core import SOURCES, core_files
 from anhyst.compile.parameters import scales_source
+from tests.actuators import compiled
 
 KIND: Kind = "simplified"
 

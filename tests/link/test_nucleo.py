@@ -7,8 +7,6 @@ import zlib
 from pathlib import Path
 
 import pytest
-from tests.once import made_once
-from tests.targets.test_verify_controller import compile_bearing
 
 from anhyst.control.states import Command, Fault, State
 from anhyst.link import frames
@@ -30,6 +28,8 @@ from anhyst.link.frames import (
     StatusAnswer,
 )
 from anhyst.link.wire import Receiver, encode
+from tests.once import made_once
+from tests.verify.test_verify_controller import compile_bearing
 
 from . import nucleo
 from .conftest import RATE

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.actuators import SIZES, closed_form, compiled, magnet, ranges
 
 from anhyst.compensate import block as layout
 from anhyst.compensate.block import Scales
@@ -18,6 +17,7 @@ from anhyst.link.blocks import regenerate
 from anhyst.link.client import ForceController, Refused
 from anhyst.link.frames import Reason
 from anhyst.link.process import Running
+from tests.actuators import SIZES, closed_form, compiled, magnet, ranges
 
 from .conftest import RATE
 from .handmade import KIND

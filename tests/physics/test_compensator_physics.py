@@ -7,6 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from anhyst.compensate.block import Limits, Scales, Sizes
+from anhyst.compensate.full import build_full
+from anhyst.compensate.twin import Twin
+from anhyst.model.actuator import GapMap
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 from tests.actuators import (
     CURRENTS,
     GAPS,
@@ -19,13 +26,6 @@ from tests.actuators import (
     reversals,
     ring,
 )
-
-from anhyst.compensate.block import Limits, Scales, Sizes
-from anhyst.compensate.full import build_full
-from anhyst.compensate.twin import Twin
-from anhyst.model.actuator import GapMap
-from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
 
 RESIDUAL = 0.5
 DEMAND_LIMITED, CURRENT_LIMITED = 1, 2

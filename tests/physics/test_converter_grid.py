@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.actuators import CURRENTS, WIDE, compiled, largest_force, magnet
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Kind
 from anhyst.compensate.twin import Twin
 from anhyst.support.arrays import FloatArray
+from tests.actuators import CURRENTS, WIDE, compiled, largest_force, magnet
 
 TICKS = 60_000
 

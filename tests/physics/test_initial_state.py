@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.actuators import CURRENTS, GAPS, WIDE, magnet
 
 from anhyst.compensate.block import Kind
+from tests.actuators import CURRENTS, GAPS, WIDE, magnet
 
 if TYPE_CHECKING:
     from initial_state import Actuator, Outcome

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.actuators import WIDE, compiled, largest_force, magnet
 
 from anhyst.compensate.block import Kind
 from anhyst.compensate.twin import Twin
+from tests.actuators import WIDE, compiled, largest_force, magnet
 
 
 @pytest.mark.parametrize("play", [0.0, 40.0])

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.plant.oracle import Ledger, Shape, middles
-from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
 
 from anhyst.rig.bearing.plant import STOP_RESONANCE
+from tests.plant.oracle import Ledger, Shape, middles
+from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
 
 PAIR = {
     "magnet.arrangement": "pair",

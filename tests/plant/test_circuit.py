@@ -6,16 +6,16 @@ import itertools
 
 import numpy as np
 import pytest
-from tests.actuators import GAPS, nested
-from tests.actuators import magnet as model
-from tests.plant.oracle import OracleMagnet, Shape, polarisation
-from tests.plant.rigs import GAP, example_poles, example_steel
 
 from anhyst._core import Coil, Magnet
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import FluxTable, cell_magnet, law_magnet
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
+from tests.actuators import GAPS, nested
+from tests.actuators import magnet as model
+from tests.plant.oracle import OracleMagnet, Shape, polarisation
+from tests.plant.rigs import GAP, example_poles, example_steel
 
 STEELS = {
     "example": example_steel(),

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles
 
 from anhyst._core import Bearing
 from anhyst.support.arrays import FloatArray
+from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles
 
 SOFT: dict[str, Any] = {
     "magnet.iron.reversible_fraction": 1.0,

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.plant.oracle import Ledger, Shape, middles
-from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles, example_steel
 
 from anhyst._core import Coil
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import cell_magnet
 from anhyst.support.arrays import FloatArray
+from tests.plant.oracle import Ledger, Shape, middles
+from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles, example_steel
 
 SHAPE, STEEL = Shape(), example_steel()
 

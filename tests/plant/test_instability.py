@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from tests.plant.oracle import OracleMagnet, Shape
-from tests.plant.rigs import GAP, STIFF, bearing, example_steel
 
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.bearing.linear import Point
+from tests.plant.oracle import OracleMagnet, Shape
+from tests.plant.rigs import GAP, STIFF, bearing, example_steel
 
 MASS = 2.0
 

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from tests.actuators import GAPS
-from tests.actuators import magnet as model
-from tests.plant.oracle import OracleMagnet, Shape
-from tests.plant.rigs import GAP, OPEN_LOOP, example_poles, example_steel, rig
 
 from anhyst._core import Coil, Magnet
 from anhyst.rig.bearing.plant import make_bearing
 from anhyst.rig.parts.magnet import cell_magnet, flux_table_of, law_magnet
 from anhyst.support.arrays import FloatArray
+from tests.actuators import GAPS
+from tests.actuators import magnet as model
+from tests.plant.oracle import OracleMagnet, Shape
+from tests.plant.rigs import GAP, OPEN_LOOP, example_poles, example_steel, rig
 
 EDDY = 20.0
 """Of a law, A s/(m T)."""

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.plant.oracle import OracleMagnet, Shape
-from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
 
 from anhyst._core import Bearing
 from anhyst.support.arrays import FloatArray
+from tests.plant.oracle import OracleMagnet, Shape
+from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
 
 PAIR: dict[str, Any] = OPEN_LOOP | {
     "magnet.arrangement": "pair",

@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+
 from tests.core.test_c_core import tool
 from tests.plant.test_sanitized import sources
 

@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+
 from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
 
 CORE = ("circuit", "operator", "solver", "branch", "langevin", "elementary")

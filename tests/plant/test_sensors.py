@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.plant.rigs import GAP, OPEN_LOOP, bearing
 
 from anhyst.support.arrays import FloatArray
+from tests.plant.rigs import GAP, OPEN_LOOP, bearing
 
 STILL: dict[str, Any] = OPEN_LOOP | {"mechanics.mass_kg": 1e12}
 """Too heavy to be moved by a magnet, but for its own speed."""

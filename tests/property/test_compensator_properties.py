@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.actuators import GAPS, compiled, largest_force, magnet, ring
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind, Limits, Scales
 from anhyst.compensate.full import build_full
 from anhyst.compensate.twin import Twin
 from anhyst.model.actuator import GapMap
+from tests.actuators import GAPS, compiled, largest_force, magnet, ring
 
 ONE = 2**30
 WORDS = st.one_of(

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.unit.levitating import CONTROL, FORMATS, PAIR, make
 
 from anhyst.control.position import Format
 from anhyst.control.states import Command
+from tests.control.levitating import CONTROL, FORMATS, PAIR, make
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 GAPS = st.floats(0.32e-3, 0.58e-3) | ANY

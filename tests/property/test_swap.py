@@ -8,6 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from anhyst.compensate.block import Block, Limits, Sizes
+from anhyst.compensate.full import build_full
+from anhyst.compensate.simplified import build_simplified
+from anhyst.model.actuator import ActuatorModel, GapMap
+from anhyst.support.arrays import FloatArray
 from tests.actuators import (
     GAPS,
     SIZES,
@@ -19,12 +25,6 @@ from tests.actuators import (
     triangles,
 )
 from tests.swaps import apart, jump
-
-from anhyst.compensate.block import Block, Limits, Sizes
-from anhyst.compensate.full import build_full
-from anhyst.compensate.simplified import build_simplified
-from anhyst.model.actuator import ActuatorModel, GapMap
-from anhyst.support.arrays import FloatArray
 
 MAPS = st.sampled_from(["reluctance", "circuit"])
 """With ``circuit`` the flux arm is negative."""

@@ -1,0 +1,72 @@
+"""Whether a model can be compiled: a property of the model, the same for every verb that asks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.compilable import GAPS as LOOKED_AT
+from anhyst.model.compilable import least_slope, obstacle
+from anhyst.model.fit_record import ValidRange
+from anhyst.support.units import QUANTITIES
+from tests.model.test_model import GAPS, magnet
+
+AT = np.linspace(GAPS[0], GAPS[-1], LOOKED_AT)
+
+
+def drive_rises(model: ActuatorModel, gap: float) -> bool:
+    """Tell whether more flux always needs more drive, on rises after falls of every depth.
+
+    Which drive a flux needs is never in doubt: it is computed without any search for a root.
+    """
+    rise = np.linspace(-1.0, 1.0, 3001)
+    for depth in (1.0, 0.6, 0.2):
+        flux = np.concatenate([np.linspace(0.0, -depth, 300), rise[rise > -depth]])
+        drive = model.invert(flux, np.full(flux.size, gap), history="demagnetised").drive
+        if not (np.diff(drive[300:]) > 0.0).all():
+            return False
+    return True
+
+
+@pytest.mark.parametrize("c", [0.0, 0.15, 0.7])
+@pytest.mark.parametrize("alpha", [-0.02, 0.0045, 0.0055, 0.0065, 0.008, 0.02])
+def test_a_jump_is_where_the_drive_falls_as_the_flux_rises(alpha: float, c: float) -> None:
+    model = replace(magnet("reluctance", alpha=alpha, c=c), output=QUANTITIES["flux_density"])
+    model = replace(model, parameters=dict(model.parameters) | {"c_out": 1.0, "out_0": 0.0})
+    for gap in AT[::8]:
+        least = float(least_slope(model, np.array([gap]))[0])
+        if abs(least) > 0.01:
+            assert drive_rises(model, gap) == (least > 0.0), (gap, least)
+    assert (obstacle(model) is None) == bool((least_slope(model, AT) > 0.001).all())
+
+
+def test_a_coupling_that_outweighs_the_gap_without_a_jump_is_no_obstacle() -> None:
+    model = magnet("reluctance", alpha=0.0045)
+    assert model.over_schedule("rho", GAPS[0])[0] < 0.0045 / (1.0 - 0.0045)
+    assert obstacle(model) is None
+
+
+def test_a_jump_at_the_smallest_gaps_is_told_with_the_range_that_is_left() -> None:
+    model = magnet("reluctance", alpha=0.0055)
+    said = obstacle(model)
+    assert said is not None
+    assert "it jumps at a gap of 0.0003 to 0.000337 m" in said
+    assert "narrow the gap in the model's [valid]" in said
+    assert model.valid is not None
+    beyond = replace(model.valid, schedule=(0.00036, GAPS[-1]))
+    assert obstacle(replace(model, valid=beyond)) is None
+
+
+def test_what_else_cannot_be_compiled_is_told_with_the_switch_that_helps() -> None:
+    assert "--gap-map scaling or reluctance" in str(obstacle(magnet("free")))
+    assert "identify with gamma = 0" in str(obstacle(magnet("none", gamma=0.5)))
+    old = replace(magnet("none"), law="jiles-atherton-1986")
+    assert "--law effective-field" in str(obstacle(old))
+
+
+def test_a_closed_core_that_jumps_is_told_so() -> None:
+    model = replace(magnet("none", alpha=0.01), valid=ValidRange((0.0, 2.0), (0.0, 200.0)))
+    assert "predict and invert follow the jumps" in str(obstacle(model))

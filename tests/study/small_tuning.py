@@ -1,0 +1,23 @@
+"""The bundled bearing with so little to try that a tuning takes seconds."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from anhyst.rig.bearing.setup import Setup
+from anhyst.study.tuning.trial import Condition
+from tests.study import bearings
+
+HERE = (Condition(0.45e-3, 150.0), Condition(0.45e-3, 100.0))
+
+LESS = {
+    "simulate.also_gaps_m": [],
+    "simulate.steps_m": [10e-6, 50e-6],
+    "simulate.hold_s": 0.03,
+    "simulate.noise_seeds": 2,
+}
+
+
+@cache
+def setup() -> Setup:
+    return bearings.with_rig(bearings.single("linearised", "fixed"), LESS)

@@ -1,0 +1,231 @@
+"""The firmware flies the bearing: what the simulation flies, to the bit, and what breaks it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from anhyst.control.controller_file import ControllerFile, write_controller
+from anhyst.control.states import Command, Fault, Phase, State
+from anhyst.link.client import Refused
+from anhyst.link.frames import DemandRequest, Reason, Signal, StatusAnswer, TargetRequest
+from anhyst.link.recorder import read_recording, start_recording
+from anhyst.rig.bearing.board import BearingPlant, BoardFlight, board_flight
+from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.scenario import DROP, Script, land_time
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.force.session import BOARDS
+from anhyst.study.bearing.board_faults import Ending, FaultFlights, Injection, injections
+from anhyst.study.bearing.on_board import build_flight, count_differences, fly_board
+from anhyst.support.errors import InputError
+from tests.once import made_once
+from tests.study import bearings
+from tests.study.bearings import GAP
+
+SOFT, FALL = 5e-3, 0.12
+"""Touch-down speeds, m/s: of a landing, and that of a free fall from where it hovers."""
+
+QUICK = (
+    "no samples any more",
+    "samples missing for 2 ms",
+    "position jumps",
+    "position frozen, target stepped",
+    "current sensor's error code",
+    "five ticks missed",
+    "link lost",
+    "supply sags to a fifth",
+    "amplifier reports a fault",
+    "another block swapped in",
+)
+LANDS = {
+    "samples missing for 2 ms",
+    "current sensor's error code",
+    "current out of range",
+    "five ticks missed",
+    "link lost",
+    "command stop",
+    "emergency stop open",
+    "supply sags to a fifth",
+    "winding too warm",
+}
+
+
+@pytest.fixture(scope="module")
+def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Firmware of the example for the board host."""
+
+    def make(folder: Path) -> None:
+        rig, file = bearings.example(), bearings.controller()
+        build_flight(rig, file, bearings.knowledge(), "host", folder)
+
+    return made_once(tmp_path_factory, "flight", make) / "firmware"
+
+
+@pytest.fixture
+def flight(firmware: Path) -> Iterator[BoardFlight]:
+    with board_flight(firmware, BearingPlant(bearings.single()), "host") as started:
+        yield started
+
+
+def hop(setup: Setup) -> Script:
+    """Lift off, step, lose a sample, step the load, land."""
+    script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).command(DROP).step(GAP, 0.02)
+    script.set_load(setup.rig.settings.load.force_N + 20.0).hold(0.02)
+    return script.command(Command.LAND).hold(land_time(setup.rig, setup.controller))
+
+
+def hover(flight: BoardFlight) -> None:
+    script = bearings.lifted(bearings.single())
+    flight.fly(script.build())
+    assert Phase(flight.link.status().codes.phase) is Phase.HOVER
+
+
+def test_the_firmware_flies_what_the_simulation_flies(flight: BoardFlight) -> None:
+    setup = bearings.single()
+    scenario = hop(setup).build()
+    simulated = Loop(setup).run(scenario)
+    flown = flight.fly(scenario)
+    assert count_differences(simulated, flown) == 0
+    assert (flown[:, 1] == simulated["gap_m"]).all()
+    assert flight.state is State.READY
+    assert flown[-1, 3] == 0.0
+    assert flown[-1, 1] > setup.rig.settings.mechanics.stop_high_m - 1e-6
+
+
+def test_another_flight_is_told_from_it(flight: BoardFlight) -> None:
+    setup = bearings.single()
+    scenario = bearings.lifted(setup).build()
+    other = Loop(setup, seed=1).run(scenario)
+    assert count_differences(other, flight.fly(scenario)) > 100
+
+
+def endings(firmware: Path, setup: Setup, chosen: list[Injection]) -> list[Ending]:
+    with board_flight(firmware, BearingPlant(setup), "host") as flight:
+        flights = FaultFlights(setup, flight)
+        return [flights.run(injection) for injection in chosen]
+
+
+def check_endings(found: list[Ending]) -> None:
+    for one in found:
+        name = one.injection.name
+        assert one.as_expected, (name, one)
+        assert one.magnet_speed == 0.0, name
+        if not one.flies:
+            assert one.rest_speed < (SOFT if name in LANDS else FALL), (name, one.rest_speed)
+
+
+def test_faults_in_the_air_end_as_is_said(firmware: Path) -> None:
+    chosen = [one for one in injections() if one.name in QUICK]
+    assert len(chosen) == len(QUICK)
+    check_endings(endings(firmware, bearings.single(), chosen))
+
+
+@pytest.mark.slow
+def test_every_fault_in_the_air_ends_as_is_said(firmware: Path) -> None:
+    check_endings(endings(firmware, bearings.single(), list(injections())))
+
+
+@pytest.mark.slow
+def test_a_million_ticks_differ_in_none(firmware: Path) -> None:
+    setup = bearings.single()
+    script = bearings.lifted(setup)
+    landing = script.count(land_time(setup.rig, setup.controller))
+    while script.ticks < 1_000_000 - landing:
+        for gap, load in ((0.41e-3, 130.0), (0.49e-3, 165.0), (0.45e-3, 150.0)):
+            script.set_load(load).step(gap, 0.1)
+    scenario = script.command(Command.LAND).hold(landing * setup.rig.dt).build()
+    simulated = Loop(setup).run(scenario)
+    with board_flight(firmware, BearingPlant(setup), "host") as started:
+        flown = started.fly(scenario)
+        assert started.state is State.READY
+    assert len(flown) >= 1_000_000
+    assert count_differences(simulated, flown) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("measured", [False, True])
+def test_a_pair_flies_the_same(tmp_path: Path, measured: bool) -> None:
+    """Two magnets, two currents over the bus; as measured they are applied too."""
+    rig, own = bearings.pair_rig(), bearings.pair_controller()
+    magnet = rig.settings.magnet
+    applied = own.compensation.model_copy(
+        update={"applied": "measured" if measured else "reference"}
+    )
+    pair = {"bias_force_N": magnet.bias_force_N, "gap_total_m": magnet.gap_total_m}
+    table = type(own).model_validate(
+        own.model_dump(exclude_none=True)
+        | {"pair": pair, "compensation": applied.model_dump(exclude_none=True)}
+    )
+    write_controller(tmp_path / "controller.toml", table, "a pair")
+    file = ControllerFile(tmp_path / "controller.toml", table)
+    setup, program = build_flight(rig, file, bearings.knowledge(), "host", tmp_path)
+    script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).step(GAP, 0.02)
+    scenario = script.command(Command.LAND).hold(land_time(rig, table)).build()
+    simulated = Loop(setup).run(scenario)
+    with board_flight(program, BearingPlant(setup), "host") as started:
+        assert started.link.info.magnets == 2
+        flown = started.fly(scenario)
+        assert started.state is State.READY
+    assert flown[:, 4].max() > 0.5
+    assert count_differences(simulated, flown) == 0
+
+
+def test_the_recorder_follows_position_reference_and_phase(flight: BoardFlight) -> None:
+    wanted = (Signal.POSITION, Signal.REFERENCE, Signal.PHASE, Signal.DRIVE)
+    hover(flight)
+    flight.aim(GAP - 20e-6)
+    start_recording(flight.link, wanted, records=400)
+    flight.bus.step(400)
+    found = read_recording(flight.link)
+    position, reference, phase, drive = (found.signals[name] for name in wanted)
+    goal = flight.plant.position_code(GAP - 20e-6)
+    assert set(phase) == {Phase.HOVER}
+    assert reference[-1] == goal
+    assert abs(int(position[-1]) - goal) < abs(int(position[0]) - goal)
+    assert len(set(drive)) > 10
+
+
+def test_targets_stay_within_the_positions_that_can_be(flight: BoardFlight) -> None:
+    for code, allowed in ((0, True), (1 << 30, True), ((1 << 31) - 1, False), (-(1 << 31), False)):
+        if allowed:
+            flight.link.request(TargetRequest(code), StatusAnswer)
+            continue
+        with pytest.raises(Refused) as refused:
+            flight.link.request(TargetRequest(code), StatusAnswer)
+        assert refused.value.reason is Reason.VALUE
+
+
+def test_a_position_has_no_demand_and_a_flight_no_run(flight: BoardFlight) -> None:
+    with pytest.raises(Refused) as refused:
+        flight.link.request(DemandRequest(5), StatusAnswer)
+    assert refused.value.reason is Reason.TYPE
+    flight.bus.step(40)
+    flight.command(Command.DEMAGNETISED)
+    flight.bus.step()
+    with pytest.raises(Refused) as refused:
+        flight.command(Command.RUN)
+    assert refused.value.reason is Reason.VALUE
+
+
+def test_the_pc_may_come_and_go_on_the_ground_alone(flight: BoardFlight) -> None:
+    for _ in range(5000):
+        flight.tick(beats=False)
+    assert flight.state is not State.FAULT
+    hover(flight)
+    for _ in range(2100):
+        flight.tick(beats=False)
+    assert flight.fault is Fault.LINK_LOST
+
+
+def test_what_cannot_be_flown_is_refused(tmp_path: Path) -> None:
+    rig = bearings.EXAMPLE / "rig.toml"
+    with pytest.raises(InputError, match=r"is written as \.json"):
+        fly_board(rig, tmp_path / "flight.csv", BOARDS[0])
+    own = bearings.controller().settings
+    chosen = own.compensation.model_copy(update={"variant": "static"})
+    other = tmp_path / "controller.toml"
+    write_controller(other, own.model_copy(update={"compensation": chosen}), "other")
+    with pytest.raises(InputError, match="variant"):
+        fly_board(rig, tmp_path / "flight.json", BOARDS[0], other)

@@ -1,0 +1,207 @@
+"""``anhyst tune`` from the command line: files, exit codes, interruption."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import shutil
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from anhyst.cli import app as cli
+from anhyst.cli.tune import tune as command
+from anhyst.control.controller_file import read_controller
+from anhyst.model.writer import write_model
+from anhyst.study.bearing.simulate import compared
+from anhyst.study.bearing.variations import changed
+from anhyst.study.tuning import search
+from tests.cli.command import Result, quick, refused, shares_said, speaking
+from tests.study import bearings
+
+
+@cache
+def files() -> tuple[str, str]:
+    """Rig and controller of the example with little to try."""
+    rig = (bearings.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
+    for key, value in {
+        "also_gaps_m": "[]",
+        "steps_m": "[10e-6, 50e-6]",
+        "hold_s": "0.03",
+        "noise_seeds": "2",
+    }.items():
+        rig = re.sub(rf"^{key} = .*$", f"{key} = {value}", rig, flags=re.MULTILINE)
+    controller = (bearings.EXAMPLE / "controller.toml").read_text(encoding="utf-8")
+    controller = controller.replace('variant = "full"', 'variant = "linearised"')
+    return rig, controller.replace(
+        'applied = "reference"', 'applied = "reference"\nmodel = "m.toml"'
+    )
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    """A folder with a bearing that is quickly tuned; its model has been identified."""
+    rig, controller = files()
+    (tmp_path / "rig.toml").write_text(rig, encoding="utf-8")
+    (tmp_path / "controller.toml").write_text(controller, encoding="utf-8")
+    for name in ("loops.csv", "loops.toml"):
+        shutil.copy(bearings.EXAMPLE / name, tmp_path)
+    write_model(bearings.knowledge().model, tmp_path / "m.toml")
+    return tmp_path
+
+
+def tune(here: Path, *arguments: object) -> Result:
+    return quick("tune", "rig.toml", "--out", "tuned", "--budget", 10, *arguments, cwd=here)
+
+
+def test_off_a_terminal_it_says_in_per_cent_how_far_it_is(here: Path) -> None:
+    given = ("rig.toml", "--out", "tuned", "--budget", 10, "--json")
+    result = speaking(0.2, "tune", *given, cwd=here)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["format"] == "anhyst-tuning"
+    shares = shares_said("tuning", result.stderr)
+    assert shares == sorted(shares)
+    assert len({share for share in shares if 0 < share < 100}) >= 4, result.stderr
+
+
+def test_a_tuned_controller_is_written_that_can_be_tuned_again(here: Path) -> None:
+    result = tune(here)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    assert "linearised" in result.stdout
+    assert "verdict: worth it or not remains open: 'linearised' alone was tuned" in result.stdout
+    folder = here / "tuned"
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "controller.toml",
+        "pareto.png",
+        "tuning.json",
+        "tuning.md",
+    ]
+    tuned = read_controller(folder / "controller.toml")
+    assert tuned.settings.gains is not None
+    assert tuned.model is not None
+    assert tuned.model.samefile(here / "m.toml")
+    note = (folder / "controller.toml").read_text(encoding="utf-8")
+    assert "# Aims: overshoot <= 2 %, peak sensitivity <= 3; then the least settling time." in note
+    figures = json.loads((folder / "tuning.json").read_text(encoding="utf-8"))
+    one = figures["variants"]["linearised"]
+    assert one["met"]
+    assert one["figures"]["overshoot_percent"] <= 2.0
+    assert one["gains"]["K_p_N_per_m"] == tuned.settings.gains.K_p_N_per_m
+    assert one["figures"]["settling_time_s"] < one["before"]["settling_time_s"]
+    assert len(one["conditions"]) == 2
+    assert len(one["steps"]) == 4
+    assert "| linearised |" in (folder / "tuning.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_aims_that_cannot_be_met_are_a_negative_result_that_says_why(here: Path) -> None:
+    result = tune(here, "--settling", 1e-3, "--json")
+    assert result.returncode == 1
+    figures = json.loads((here / "tuned" / "tuning.json").read_text(encoding="utf-8"))
+    assert json.loads(result.stdout) == figures
+    assert "settling_time_s" in figures["variants"]["linearised"]["misses"]
+    assert result.stderr.count("\n") == 1
+    assert result.stderr.startswith(
+        "anhyst: no gains of 'linearised' meet the aims, the best reach"
+    )
+    assert "ms (aim 1 ms); what limits: " in result.stderr
+    note = (here / "tuned" / "controller.toml").read_text(encoding="utf-8")
+    assert "# It MISSES its aims." in note
+
+
+@pytest.mark.slow
+def test_all_variants_are_tuned_alike_and_compared(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("anhyst.study.bearing.simulate.COMPARED", ("ratio", "flux"))
+    monkeypatch.chdir(here)
+    given = ["tune", "rig.toml", "--out", "tuned", "--budget", "10", "--all-variants"]
+    assert cli.main(given) == 0
+    names = {"ratio", "flux", "linearised"}
+    figures = json.loads((here / "tuned" / "tuning.json").read_text(encoding="utf-8"))
+    assert set(figures["variants"]) == names
+    table = (here / "tuned" / "tuning.md").read_text(encoding="utf-8")
+    for name in names:
+        assert f"| {name} |" in table
+        settings = read_controller(here / "tuned" / f"controller-{name}.toml").settings
+        assert settings.compensation.variant == name
+        assert figures["variants"][name]["tried"] >= 15
+
+
+def test_every_variant_is_compared_and_flux_only_with_a_probe() -> None:
+    rig = bearings.example()
+    names = compared(rig, "ratio-chord")
+    assert set(names) == {
+        *("ratio", "linearised", "static", "flux", "simplified", "full", "ratio-chord")
+    }
+    blind = changed(rig, {"hall_probe": None})
+    assert set(compared(blind, "full")) == {
+        *("ratio", "ratio-chord", "linearised", "static", "simplified", "full")
+    }
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--overshoot", 0], "aim overshoot_percent: 0.0 is not above zero"),
+        (["--peak", 0.9], "aim peak_sensitivity: 0.9 is not above 1"),
+        (["--budget", 3], "--budget: 3 sets of gains are too few; give 10 or more"),
+        (["--controller", "none.toml"], "none.toml: no such file"),
+        (["--seed", -1], "Invalid value for '--seed'"),
+        (["--out", "."], "controller.toml: is read by this command; write to another file"),
+        (["--out", "rig.toml"], "rig.toml: is a file; name a folder"),
+    ],
+)
+def test_bad_input_is_one_line(here: Path, arguments: list[object], said: str) -> None:
+    assert said in refused("tune", "rig.toml", "--out", "tuned", *arguments, cwd=here)
+
+
+def test_a_controller_that_does_not_fit_leaves_nothing_behind(here: Path) -> None:
+    text = (here / "controller.toml").read_text(encoding="utf-8")
+    (here / "controller.toml").write_text(text.replace("20000.0", "10000.0"), encoding="utf-8")
+    said = refused("tune", "rig.toml", "--out", "tuned", cwd=here)
+    assert said.startswith("controller.toml:7: rate_Hz: ")
+    assert "make them equal" in said
+
+
+def test_ctrl_c_keeps_the_best_so_far(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    attempt = search.Search._try
+
+    def stop(self: search.Search, *given: Any) -> Any:
+        found = attempt(self, *given)
+        if self._tried >= 15:
+            raise KeyboardInterrupt
+        return found
+
+    monkeypatch.setattr(search.Search, "_try", stop)
+    monkeypatch.chdir(here)
+    assert cli.main(["tune", "rig.toml", "--out", "tuned", "--budget", "100"]) == 130
+    kept = str(Path("tuned") / "controller.toml")
+    assert capsys.readouterr().err == (
+        f"anhyst: interrupted: the best so far, not checked, is in {kept}\n"
+    )
+    assert read_controller(here / kept).settings.gains is not None
+    assert "(the search was interrupted)" in (here / kept).read_text(encoding="utf-8")
+
+
+def test_ctrl_c_before_any_gains_writes_nothing(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(search.Search, "run", stop)
+    monkeypatch.chdir(here)
+    assert cli.main(["tune", "rig.toml", "--out", "tuned"]) == 130
+    assert "too early for any gains, nothing written" in capsys.readouterr().err
+    assert not (here / "tuned").exists()
+
+
+def test_the_budget_of_the_command_is_that_of_the_function() -> None:
+    assert inspect.signature(command).parameters["budget"].default == search.BUDGET
