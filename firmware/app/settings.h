@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The settings of link/frames.toml: 32-bit numbers, each within its range at all times. */
+/* The settings of contract/signals.toml: 32-bit numbers, each within its range at all times. */
 #ifndef ANHYST_FIRMWARE_SETTINGS_H
 #define ANHYST_FIRMWARE_SETTINGS_H
 

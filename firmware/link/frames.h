@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Frames of the link and records of the plant's bus: made by tools/frames.py from
-   frames.toml, which says what they mean. Do not edit. */
+/* Frames of the link and records of the plant's bus: made by tools/contract from
+   contract/frames.toml and signals.toml, which say what they mean. Do not edit. */
 /* clang-format off */
 #ifndef ANHYST_LINK_FRAMES_H
 #define ANHYST_LINK_FRAMES_H

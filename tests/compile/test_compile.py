@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compensate.block import KINDS, WORDS, Block
+from anhyst.compensate.block import Block
+from anhyst.compensate.layout import BODY
 from anhyst.compensate.measure import against_demand, run_with_losses, start
 from anhyst.compensate.paths import paths
 from anhyst.compensate.plan import Request, full_scale
-from anhyst.compensate.words import BODY, FULL, HEAD, HEAD_PLACES
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import FitFigures, ValidRange
@@ -312,22 +312,6 @@ def test_parameters_in_c_are_the_block(folder: Path) -> None:
     words = [int(word) for word in re.findall(r"-?\d+", re.sub(r"/\*.*?\*/", "", rows, flags=re.S))]
     assert isinstance(compiled.plan.block, Block)
     assert words == compiled.plan.block.words.tolist()
-
-
-def test_every_word_has_one_meaning() -> None:
-    """The table of words, the positions of the packer and layout.h name the same words."""
-    text = LAYOUT.read_text(encoding="utf-8")
-    places = {name: int(at) for name, at in re.findall(r"ANHYST_WORD_(\w+) = (\d+)", text)}
-    assert {word.name for word in HEAD} == set(HEAD_PLACES)
-    assert {name: places[name] for name in HEAD_PLACES} == HEAD_PLACES
-    described = {word.name for words in BODY.values() for word in words}
-    assert described == set(places) - set(HEAD_PLACES)
-    for kind in KINDS:
-        for word in BODY[kind]:
-            assert word.place(kind) == WORDS[kind][word.name] == places[word.name]
-            assert -32768 <= word.low <= word.high <= 65535
-            assert word.doc
-    assert all(word.name.startswith("FULL_") for word in FULL)
 
 
 @pytest.mark.parametrize("io", ["q15", "f32"])

@@ -99,8 +99,8 @@ def test_frames_of_the_definition_are_received(library: ctypes.CDLL) -> None:
         assert bytes(frame.payload[: frame.length]) == payload
 
 
-def test_header_module_and_page_are_what_the_table_says() -> None:
-    script = ROOT / "tools" / "frames.py"
+def test_what_is_made_from_the_tables_of_the_contract_is_up_to_date() -> None:
+    script = ROOT / "tools" / "contract"
     done = subprocess.run(
         [sys.executable, str(script), "--check"], capture_output=True, text=True, check=False
     )

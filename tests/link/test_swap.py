@@ -8,11 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.compensate import block as layout
 from anhyst.compensate.block import Scales
 from anhyst.compensate.simplified import build_simplified
 from anhyst.control.states import Command
-from anhyst.link import blocks
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ForceController, Refused
 from anhyst.link.frames import Reason
@@ -97,10 +95,3 @@ def test_a_swap_at_full_demand_moves_the_current_along_the_ramp(
     controller.demand(0)
     board.bus.step()
     assert board.bus.drive < 0.2  # from then on as fast as ever
-
-
-def test_positions_and_units_are_those_of_the_layout() -> None:
-    assert (blocks.GENERATION_AT, blocks.CRC_AT) == (5, layout.CRC_AT)
-    assert [scale.at for scale in blocks._SCALES] == list(layout.SCALES.values())[:-1]
-    assert layout.SCALES["SCALE_UNITS"] == blocks.UNITS_AT
-    assert blocks._UNITS[2:] == layout.UNITS[2:]

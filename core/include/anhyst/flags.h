@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Flags of a solve and of a tick, the same in every number format. Made by tools/frames.py from
-   firmware/link/frames.toml. */
+/* Flags of a solve and of a tick, the same in every number format. Made by tools/contract from
+   contract/controller.toml. */
 /* clang-format off */
 #ifndef ANHYST_FLAGS_H
 #define ANHYST_FLAGS_H

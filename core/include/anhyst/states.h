@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* States, phases, faults and commands of a controller. Made by tools/frames.py from
-   firmware/link/frames.toml. */
+/* States, phases, faults and commands of a controller. Made by tools/contract from
+   contract/controller.toml. */
 /* clang-format off */
 #ifndef ANHYST_STATES_H
 #define ANHYST_STATES_H

@@ -1,6 +1,6 @@
 """A parameter block: what a compensator knows of its actuator, as one row of 16-bit words.
 
-The layout is that of ``core/include/anhyst/layout.h``; a test holds the two together.
+Where what stands in it is in :mod:`anhyst.compensate.layout`.
 """
 
 from __future__ import annotations
@@ -13,80 +13,20 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.compensate.layout import (
+    KINDS,
+    LAYOUT,
+    LEAST_WORDS,
+    MAGIC,
+    MOST_WORDS,
+    PLACES,
+    WORDS,
+)
+from anhyst.compensate.words import Names, Unit, Word
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
 Kind = Literal["full", "simplified", "euler"]
-
-KINDS: dict[Kind, int] = {"full": 1, "simplified": 2, "euler": 3}
-MAGIC = (0x6E41, 0x7968)
-LAYOUT = 2
-MOST_WORDS = 1024
-LEAST_WORDS = 64
-CRC_AT = 6
-
-COMMON = {
-    "POWER": 10,
-    "DEMAND_LOW": 11,
-    "DEMAND_HIGH": 12,
-    "CURRENT_LOW": 13,
-    "CURRENT_HIGH": 14,
-    "CURRENT_SHIFT": 15,
-    "FLUX_LIMIT": 16,
-    "FLUX_SHIFT": 17,
-    "GAP_SEGMENTS": 18,
-    "GAP_GAIN": 19,
-    "GAP_OFFSET": 20,
-    "GAP_BIAS": 21,
-    "GAP_FLUX_ARM": 22,
-    "GAP_FIELD_ARM": 23,
-    "CONDITION_CYCLES": 24,
-    "CONDITION_TICKS": 25,
-    "ROOT_KNEE": 26,
-}
-SCALES = {
-    "SCALE_DEMAND": 48,
-    "SCALE_CURRENT": 50,
-    "SCALE_GAP_LOW": 52,
-    "SCALE_GAP_HIGH": 54,
-    "SCALE_RATE": 56,
-    "SCALE_UNITS": 58,
-}
-SCALE_WORDS = 11
-FIELD = {"UNIT_FIELD": 60}
-UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
-"""Units of the signals, by their numbers in ``SCALE_UNITS``."""
-FULL = {
-    "FULL_AIR": 32,
-    "FULL_REVERSIBLE": 33,
-    "FULL_PLAY": 34,
-    "FULL_RATE": 35,
-    "FULL_RATE_SHIFT": 36,
-    "FULL_STEEPNESS": 37,
-    "FULL_ITERATIONS": 38,
-    "FULL_CURVE_SEGMENTS": 39,
-    "FULL_CURVE": 40,
-    "FULL_BRANCH": 41,
-    "FULL_INVERSE_SEGMENTS": 42,
-    "FULL_INVERSE": 43,
-}
-SIMPLE = {
-    "SIMPLE_RATE": 32,
-    "SIMPLE_RATE_SHIFT": 33,
-    "SIMPLE_HOLD": 34,
-    "SIMPLE_HOLD_SHIFT": 35,
-    "SIMPLE_REST": 36,
-    "SIMPLE_ITERATIONS": 37,
-    "SIMPLE_OCTAVES": 38,
-    "SIMPLE_SEGMENTS": 39,
-    "SIMPLE_CURVE": 40,
-    "EULER_SUBSTEPS": 41,
-}
-WORDS: dict[Kind, dict[str, int]] = {
-    "full": COMMON | FULL | SCALES | FIELD,
-    "simplified": COMMON | SIMPLE | SCALES,
-    "euler": COMMON | SIMPLE | SCALES,
-}
 
 
 @dataclass(frozen=True)
@@ -164,6 +104,15 @@ class Block:
         at = WORDS[self.kind][name]
         return single_value(*self.words[at : at + 2].tolist())
 
+    def unit(self, word: Word, names: Names) -> Unit:
+        """Return what 1.0 of a word, or of an entry of its table, is worth."""
+        scale = {"": 1.0, "demand": self.scales.demand, "current": self.scales.current}[word.of]
+        units = {"demand": names.output, "current": names.input}
+        units |= {"output": names.output, "input": names.input}
+        named = word.of or word.unit
+        shift = self.word(word.shift) if word.shift else 0
+        return Unit(word.factor * scale * 2.0**shift, units.get(named, named))
+
     def table(self, name: str) -> NDArray[np.int16]:
         """Entries of one table, by the name of the word that points to it."""
         first, entries = self.tables[name]
@@ -221,7 +170,8 @@ class Packer:
         self.kind = kind
         self._head = np.zeros(LEAST_WORDS, dtype=np.int64)
         self._head[0:4] = [*MAGIC, LAYOUT, KINDS[kind]]
-        self._head[8:10] = [model_hash & 0xFFFF, (model_hash >> 16) & 0xFFFF]
+        model = PLACES["MODEL"]
+        self._head[model : model + 2] = [model_hash & 0xFFFF, (model_hash >> 16) & 0xFFFF]
         self._tables: dict[str, NDArray[np.int64]] = {}
 
     def set(self, name: str, value: int) -> None:
@@ -286,10 +236,12 @@ class Packer:
                 f"the parameter block needs {2 * end} bytes, a controller takes {2 * MOST_WORDS}; "
                 "ask for less accuracy"
             )
-        self._head[4:6] = [end, generation]
+        self._head[PLACES["LENGTH"]] = end
+        self._head[PLACES["GENERATION"]] = generation
         words = np.concatenate(parts)
         unsigned = (words & 0xFFFF).astype("<u2")
-        kept = np.concatenate([unsigned[:CRC_AT], unsigned[CRC_AT + 2 :]])
+        at = PLACES["CRC"]
+        kept = np.concatenate([unsigned[:at], unsigned[at + 2 :]])
         crc = zlib.crc32(kept.tobytes())
-        unsigned[CRC_AT : CRC_AT + 2] = [crc & 0xFFFF, crc >> 16]
+        unsigned[at : at + 2] = [crc & 0xFFFF, crc >> 16]
         return Block(self.kind, unsigned.view("<i2").astype(np.int16), scales, limits, places)

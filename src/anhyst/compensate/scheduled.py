@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from anhyst.compensate.block import UNITS, Conditioning, Limits, Packer, Scales, Sizes, as_word
+from anhyst.compensate.block import Conditioning, Limits, Packer, Scales, Sizes, as_word
+from anhyst.compensate.layout import UNITS
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.compilable import obstacle
 from anhyst.support.arrays import FloatArray

@@ -10,8 +10,9 @@ from anhyst.compensate.budget import Budget, percent
 from anhyst.compensate.choices import explain
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.holding import SECONDS
+from anhyst.compensate.layout import BODY
 from anhyst.compensate.plan import Plan
-from anhyst.compensate.words import BODY, Names, Unit
+from anhyst.compensate.words import Names
 from anhyst.compile.controller import ControllerPlan
 from anhyst.compile.controller_source import described
 from anhyst.compile.memory import controller_bytes, parameters_bytes, state_bytes
@@ -81,12 +82,11 @@ def _words(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
     """Describe every word behind the head, as the comments of the C do."""
     names = Names(plan.model.output.unit, plan.model.input.unit)
     for word in BODY[block.kind]:
-        unit = word.physical(block, names) if word.physical else Unit()
-        place = word.place(block.kind)
-        first, entries = block.tables.get(word.name, (place, word.size))
+        unit = block.unit(word, names)
+        first, entries = block.tables.get(word.name, (word.at, word.size))
         yield {
             "name": word.name,
-            "word": place,
+            "word": word.at,
             "first": first,
             "entries": entries,
             "format": word.format,

@@ -8,12 +8,12 @@ from textwrap import wrap
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.block import LEAST_WORDS, SCALE_WORDS, SCALES, Block
-from anhyst.compensate.words import BODY, HEAD, HEAD_PLACES, ONES, Names, Unit, Word
+from anhyst.compensate.block import Block
+from anhyst.compensate.layout import BODY, HEAD, LEAST_WORDS, PLACES, SCALE_WORDS
+from anhyst.compensate.words import ONES, Names, Word
 from anhyst.support.units import Quantity
 
 ENTRIES_A_LINE = 10
-HEAD_WORDS = 10
 VALUES_END = 18
 WIDTH = 100
 
@@ -37,10 +37,10 @@ def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> 
     """
     lines = list(_head(block))
     tables: dict[int, list[Word]] = {}
-    place = HEAD_WORDS
+    place = HEAD[-1].at + HEAD[-1].size
     for word in BODY[block.kind]:
-        lines += _unused(block, place, word.place(block.kind))
-        place = word.place(block.kind)
+        lines += _unused(block, place, word.at)
+        place = word.at
         value = block.single(word.name) if word.size == 2 else int(block.words[place])
         if word.axis:
             tables.setdefault(int(value), []).append(word)
@@ -58,15 +58,14 @@ def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> 
 
 def scales_source(block: Block) -> str:
     """Return the words that say what the signals are counted in, as an initialiser."""
-    words = block.words[SCALES["SCALE_DEMAND"] :][:SCALE_WORDS]
+    words = block.words[PLACES["SCALE_DEMAND"] :][:SCALE_WORDS]
     return f"{{{', '.join(_literal(int(word)) for word in words)}}}"
 
 
 def _head(block: Block) -> Iterator[str]:
     for word in HEAD:
-        place = HEAD_PLACES[word.name]
-        double = word.name in {"MAGIC", "CRC", "MODEL"}
-        yield _line(place, block.words[place : place + 1 + double], f"{word.name}: {word.doc}")
+        entries = block.words[word.at : word.at + word.size]
+        yield _line(word.at, entries, f"{word.name}: {word.doc}")
 
 
 def _unused(block: Block, first: int, end: int) -> list[str]:
@@ -82,7 +81,7 @@ def _line(place: int, entries: Iterable[int], text: str) -> str:
 
 def _worth(word: Word, value: float, block: Block, names: Names) -> str:
     """Say what a word is worth, where that is more than its number."""
-    unit = word.physical(block, names) if word.physical else Unit()
+    unit = block.unit(word, names)
     if word.format == "integer":
         return ""
     if word.format == "single":
@@ -96,7 +95,7 @@ def _table(
     word = named[0]
     first, count = block.tables[word.name]
     entries = block.words[first : first + count]
-    unit = word.physical(block, names) if word.physical else Unit()
+    unit = block.unit(word, names)
     worth = entries / ONES[word.format] * unit.scale
     called = " and ".join(each.name for each in named)
     text = (

@@ -1,6 +1,6 @@
 """States, phases, faults, commands and flags of a controller.
 
-Made by tools/frames.py from firmware/link/frames.toml: do not edit.
+Made by tools/contract from contract/controller.toml: do not edit.
 """
 
 from __future__ import annotations

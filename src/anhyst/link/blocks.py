@@ -1,7 +1,4 @@
-"""Parameter blocks as the link sees them: a generation, a checksum, and what they are made for.
-
-Positions are those of ``core/include/anhyst/layout.h``; a test holds them together.
-"""
+"""Parameter blocks as the link sees them: a generation, a checksum, and what they are made for."""
 
 from __future__ import annotations
 
@@ -12,29 +9,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-LENGTH_AT = 4
-GENERATION_AT = 5
-CRC_AT = 6
-UNITS_AT = 58
+from anhyst.compensate.layout import PLACES, UNITS
+
+LENGTH_AT = PLACES["LENGTH"]
+GENERATION_AT = PLACES["GENERATION"]
+CRC_AT = PLACES["CRC"]
 
 
 class _Scale(NamedTuple):
-    """A number that says what a signal is counted in: where, what, and where its unit stands."""
+    """A number that says what a signal is counted in: which word, what, and where its unit is."""
 
-    at: int
+    word: str
     name: str
     unit_shift: int | None
     unit: str = ""
 
 
 _SCALES = (
-    _Scale(48, "full scale of the demand", 0),
-    _Scale(50, "full scale of the current", 4),
-    _Scale(52, "low end of the gap", 8),
-    _Scale(54, "high end of the gap", 8),
-    _Scale(56, "rate", None, "Hz"),
+    _Scale("SCALE_DEMAND", "full scale of the demand", 0),
+    _Scale("SCALE_CURRENT", "full scale of the current", 4),
+    _Scale("SCALE_GAP_LOW", "low end of the gap", 8),
+    _Scale("SCALE_GAP_HIGH", "high end of the gap", 8),
+    _Scale("SCALE_RATE", "rate", None, "Hz"),
 )
-_UNITS = ("", "", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
 
 
 def regenerate(words: Sequence[int], generation: int) -> list[int]:
@@ -92,10 +89,12 @@ def _number(words: Sequence[int], scale: _Scale) -> str:
     """Return a number of single precision with its unit."""
     if not words:
         return ""
-    (value,) = struct.unpack("<f", np.asarray(words[scale.at : scale.at + 2], "<i2").tobytes())
+    at = PLACES[scale.word]
+    (value,) = struct.unpack("<f", np.asarray(words[at : at + 2], "<i2").tobytes())
     unit = scale.unit
     if scale.unit_shift is not None:
-        unit = _UNITS[words[UNITS_AT] >> scale.unit_shift & 0xF]
+        named = UNITS[words[PLACES["SCALE_UNITS"]] >> scale.unit_shift & 0xF]
+        unit = "" if named == "1" else named
     return f"{value:.7g} {unit}".rstrip()
 
 

@@ -81,7 +81,7 @@ class Refused(InputError):  # noqa: N818 - an answer
     reason : Reason
         Why.
     detail : int
-        More, as ``firmware/link/frames.toml`` says at each reason.
+        More, as ``contract/frames.toml`` says at each reason.
     """
 
     def __init__(self, url: str, request: Message, nak: NakAnswer) -> None:

@@ -1,6 +1,6 @@
 """What is said on the link and on the bus of a virtual plant.
 
-Made by tools/frames.py from firmware/link/frames.toml, which says what they mean: do not edit.
+Made by tools/contract from contract/frames.toml and signals.toml, which say what they mean: do not edit.
 """
 
 from __future__ import annotations

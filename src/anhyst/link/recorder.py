@@ -37,7 +37,7 @@ class Recording:
         Number of the record at the trigger.
     signals : dict
         For each signal its codes, int32, shape (records,); formats as in
-        ``firmware/link/frames.toml``.
+        ``contract/signals.toml``.
     """
 
     ticks: NDArray[np.int64]

@@ -1,0 +1,202 @@
+"""The layout of a parameter block: its words, kinds and units.
+
+Made by tools/contract from contract/block.toml: do not edit.
+"""
+
+from __future__ import annotations
+
+from anhyst.compensate.words import Word
+
+KINDS = {"full": 1, "simplified": 2, "euler": 3}
+MAGIC = (0x6E41, 0x7968)
+LAYOUT = 2
+LEAST_WORDS = 64
+MOST_WORDS = 1024
+SCALE_WORDS = 11
+UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
+"""Units of the signals, by their numbers in ``SCALE_UNITS``."""
+
+HEAD = (
+    Word(0, "MAGIC", "unsigned", "marks the start of a block, two words", 0, 65535, size=2),
+    Word(2, "LAYOUT", "integer", "of the words; the code must know it", 2, 2),
+    Word(3, "KIND", "integer", "1 full, 2 simplified, 3 Euler", 1, 3),
+    Word(4, "LENGTH", "integer", "of the whole block, words", 64, 1024),
+    Word(5, "GENERATION", "unsigned", "chosen by whoever sends the block", 0, 65535),
+    Word(6, "CRC", "unsigned", "CRC-32 of all other words, low half, high half", 0, 65535, size=2),
+    Word(
+        8,
+        "MODEL",
+        "unsigned",
+        "first 32 bits of the model's hash, low half, high half",
+        0,
+        65535,
+        size=2,
+    ),
+)
+
+DEMAND = (
+    Word(10, "POWER", "integer", "the output goes with this power of the flux", 1, 2),
+    Word(11, "DEMAND_LOW", "q15", "smallest demand", -32767, 32767, of="demand"),
+    Word(12, "DEMAND_HIGH", "q15", "largest demand", -32767, 32767, of="demand"),
+    Word(13, "CURRENT_LOW", "q15", "smallest current", -32767, 32767, of="current"),
+    Word(14, "CURRENT_HIGH", "q15", "largest current", -32767, 32767, of="current"),
+    Word(15, "CURRENT_SHIFT", "integer", "1.0 of the inner current is 2^this of full scale", 0, 8),
+    Word(16, "FLUX_LIMIT", "q14", "largest flux solved for, of that of saturated iron", 1, 16384),
+    Word(17, "FLUX_SHIFT", "integer", "flux = root*gain*2^this", 0, 6),
+    Word(18, "GAP_SEGMENTS", "integer", "tables over the gap have 2^this segments", 0, 6),
+    Word(
+        19,
+        "GAP_GAIN",
+        "weight",
+        "flux at full-scale demand",
+        1,
+        32767,
+        axis="gap",
+        shift="FLUX_SHIFT",
+    ),
+    Word(20, "GAP_OFFSET", "q15", "output at zero flux", -32767, 32767, axis="gap", of="demand"),
+    Word(
+        21,
+        "GAP_BIAS",
+        "weight",
+        "current at zero flux and zero field",
+        -32767,
+        32767,
+        axis="gap",
+        of="current",
+        shift="CURRENT_SHIFT",
+    ),
+    Word(
+        22,
+        "GAP_FLUX_ARM",
+        "weight",
+        "current for a flux of 1.0",
+        -32767,
+        32767,
+        axis="gap",
+        of="current",
+        shift="CURRENT_SHIFT",
+    ),
+    Word(
+        23,
+        "GAP_FIELD_ARM",
+        "weight",
+        "current for a field of 1.0",
+        1,
+        32767,
+        axis="gap",
+        of="current",
+        shift="CURRENT_SHIFT",
+    ),
+)
+
+START = (
+    Word(24, "CONDITION_CYCLES", "integer", "start-up: triangles of current", 0, 64),
+    Word(25, "CONDITION_TICKS", "integer", "start-up: ticks of one ramp", 2, 32767),
+)
+
+ROOT = (
+    Word(26, "ROOT_KNEE", "integer", "below 2^(-2*this) of full scale the root is straight", 2, 8),
+)
+
+FULL = (
+    Word(32, "FULL_AIR", "weight", "flux of a field of 1.0 without iron", 1, 32767, factor=4.0),
+    Word(33, "FULL_REVERSIBLE", "q15", "reversible fraction c", 0, 32767),
+    Word(34, "FULL_PLAY", "q15", "half-width of the play, in fields of 1.0", 0, 32767),
+    Word(
+        35,
+        "FULL_RATE",
+        "weight",
+        "octaves forgotten in a field of 1.0",
+        1,
+        32767,
+        factor=16.0,
+        shift="FULL_RATE_SHIFT",
+    ),
+    Word(36, "FULL_RATE_SHIFT", "integer", "exponent of the rate", 0, 12),
+    Word(37, "FULL_STEEPNESS", "q8", "field of 1.0 over the pinning", 1, 32767),
+    Word(38, "FULL_ITERATIONS", "integer", "evaluations of a solve", 2, 16),
+    Word(39, "FULL_CURVE_SEGMENTS", "integer", "the curve has 2^this segments", 3, 9),
+    Word(40, "FULL_CURVE", "q15", "anhysteretic magnetisation", 0, 32767, axis="field"),
+    Word(
+        41,
+        "FULL_BRANCH",
+        "q15",
+        "ascending branch of the pinned part",
+        -32767,
+        32767,
+        axis="field, both signs",
+    ),
+    Word(42, "FULL_INVERSE_SEGMENTS", "integer", "the inverse has 2^this segments", 3, 9),
+    Word(
+        43,
+        "FULL_INVERSE",
+        "q15",
+        "field of an anhysteretic magnetisation",
+        0,
+        32767,
+        axis="magnetisation",
+    ),
+)
+
+SIMPLE = (
+    Word(
+        32,
+        "SIMPLE_RATE",
+        "weight",
+        "distance travelled for a flux of 1.0",
+        1,
+        32767,
+        factor=8.0,
+        shift="SIMPLE_RATE_SHIFT",
+    ),
+    Word(33, "SIMPLE_RATE_SHIFT", "integer", "exponent of the rate", 0, 12),
+    Word(
+        34,
+        "SIMPLE_HOLD",
+        "weight",
+        "change of the bounded state for a flux of 1.0 while held",
+        1,
+        32767,
+        shift="SIMPLE_HOLD_SHIFT",
+    ),
+    Word(35, "SIMPLE_HOLD_SHIFT", "integer", "exponent of the hold", 0, 12),
+    Word(36, "SIMPLE_REST", "q15", "1 - nu of the closed form", 1, 32767),
+    Word(37, "SIMPLE_ITERATIONS", "integer", "evaluations of a commit", 2, 16),
+)
+
+CLOSED = (
+    Word(
+        38, "SIMPLE_OCTAVES", "integer", "the curve reaches over so many octaves of distance", 4, 14
+    ),
+    Word(39, "SIMPLE_SEGMENTS", "integer", "2^this segments in each octave", 2, 6),
+    Word(40, "SIMPLE_CURVE", "q15", "bounded state 1 - v", 0, 32767, axis="distance"),
+)
+
+EULER = (Word(41, "EULER_SUBSTEPS", "integer", "explicit Euler steps a sample", 1, 16),)
+
+SCALE = (
+    Word(48, "SCALE_DEMAND", "single", "demand of 1.0", 0, 65535, unit="output", size=2),
+    Word(50, "SCALE_CURRENT", "single", "current of 1.0", 0, 65535, unit="input", size=2),
+    Word(52, "SCALE_GAP_LOW", "single", "gap of 0", 0, 65535, size=2),
+    Word(54, "SCALE_GAP_HIGH", "single", "gap of 1.0", 0, 65535, size=2),
+    Word(56, "SCALE_RATE", "single", "ticks a second of the start-up", 0, 65535, unit="Hz", size=2),
+    Word(58, "SCALE_UNITS", "integer", "units of demand + 16*current + 256*gap", 0, 32767),
+)
+
+MEMORY = (
+    Word(60, "UNIT_FIELD", "single", "field of a field of 1.0", 0, 65535, unit="A/m", size=2),
+)
+
+BODY: dict[str, tuple[Word, ...]] = {
+    "full": DEMAND + START + ROOT + FULL + SCALE + MEMORY,
+    "simplified": DEMAND + START + ROOT + SIMPLE + CLOSED + SCALE,
+    "euler": DEMAND + START + ROOT + SIMPLE + EULER + SCALE,
+}
+"""Every word of a kind behind the head, in the order of the block."""
+
+PLACES = {word.name: word.at for body in (HEAD, *BODY.values()) for word in body}
+"""Number of every word in the block, by its name."""
+
+WORDS = {kind: {word.name: word.at for word in body} for kind, body in BODY.items()}
+"""Number of a word of a kind, by its name."""

@@ -1,0 +1,54 @@
+"""Make from the tables of contract/ what C, Python and pages say of them.
+
+Without arguments the files are written; with ``--check`` nothing is written and the exit code is 1
+if one of them is not what the tables say.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from block import layout_header, layout_module
+from c_code import flags_header, frames_header, states_header
+from firmware_page import page, page_with_tables
+from python_code import frames_module, states_module
+from tables import ROOT, read
+
+CORE = ROOT / "core" / "include" / "anhyst"
+SOURCE = ROOT / "src" / "anhyst"
+PAGE = ROOT / "docs" / "firmware.md"
+
+
+def wanted() -> dict[Path, str]:
+    """Return every file that is made, with its text."""
+    frames, signals = read("frames"), read("signals")
+    controller, block = read("controller"), read("block")
+    tables = page(frames, signals, controller)
+    return {
+        ROOT / "firmware" / "link" / "frames.h": frames_header(frames, signals),
+        SOURCE / "link" / "frames.py": frames_module(frames, signals),
+        CORE / "states.h": states_header(controller),
+        CORE / "flags.h": flags_header(controller),
+        SOURCE / "control" / "states.py": states_module(controller),
+        CORE / "layout.h": layout_header(block),
+        SOURCE / "compensate" / "layout.py": layout_module(block),
+        PAGE: page_with_tables(PAGE.read_text(encoding="utf-8"), tables),
+    }
+
+
+def main() -> int:
+    """Write the files, or compare them."""
+    files = wanted()
+    differ = [f for f, text in files.items() if not f.exists() or f.read_text("utf-8") != text]
+    if sys.argv[1:] == ["--check"]:
+        for file in differ:
+            print(f"{file.relative_to(ROOT)} is not what contract/ says: run python tools/contract")
+        return 1 if differ else 0
+    for file in differ:
+        file.write_text(files[file], encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

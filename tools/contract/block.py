@@ -1,0 +1,156 @@
+"""C and Python of the layout of a parameter block."""
+
+from __future__ import annotations
+
+from c_code import SPDX, comment, line_of
+from tables import Entry, word_size
+
+ABOUT = """\
+/* Where what stands in a parameter block. Made by tools/contract from contract/block.toml.
+
+   A block is a row of 16-bit words without pointers, so that it can be stored, sent and swapped
+   whole. Words are signed unless said otherwise; 32-bit numbers stand as low word, high word; a
+   single is the 32 bits of an IEEE number of single precision, never computed with as such; a
+   table is named by the number of its first word in the block. Interpolated tables have 2^n equal
+   segments and so 2^n + 1 entries, neighbours of which differ by at most 32767. Words that no line
+   names are zero. */
+/* clang-format off */
+#ifndef ANHYST_LAYOUT_H
+#define ANHYST_LAYOUT_H
+"""
+
+PREAMBLE = '''"""The layout of a parameter block: its words, kinds and units.
+
+Made by tools/contract from contract/block.toml: do not edit.
+"""
+
+from __future__ import annotations
+
+from anhyst.compensate.words import Word
+
+'''
+
+UNIT_NAMES = {"1": "NUMBER"}
+
+
+def words_of(block: Entry, kind: str) -> list[Entry]:
+    """Return the words of a kind behind the head, in the order of the block."""
+    return [word for group in block["group"] if kind in group["kinds"] for word in group["words"]]
+
+
+def scale_words(block: Entry) -> list[Entry]:
+    """Return the words that say what the signals are counted in."""
+    return next(group["words"] for group in block["group"] if group["name"] == "scale")
+
+
+def word_comment(word: Entry) -> str:
+    """Say in one line what a word is."""
+    about = f"table, {word['format']}" if "axis" in word else word["format"]
+    if word["format"] == "integer" and word["low"] < word["high"]:
+        about = f"{word['low']}..{word['high']}"
+    note = f" ({word['note']})" if "note" in word else ""
+    over = f", over the {word['axis']}" if "axis" in word else ""
+    return f"{about}: {word['doc']}{note}{over}"
+
+
+def layout_header(block: Entry) -> str:
+    """Return layout.h."""
+    low, high = block["magic"]
+    scales = scale_words(block)
+    count = sum(map(word_size, scales))
+    lines = [
+        SPDX,
+        ABOUT,
+        f"#define ANHYST_BLOCK_MAGIC_LOW 0x{low:X}",
+        f"#define ANHYST_BLOCK_MAGIC_HIGH 0x{high:X}",
+        f"#define ANHYST_BLOCK_LAYOUT {block['layout']}",
+        f"#define ANHYST_BLOCK_MOST_WORDS {block['most_words']}",
+        "\n/* Kinds of compensator. */",
+        *(f"#define ANHYST_KIND_{kind.upper()} {n}" for n, kind in enumerate(block["kinds"], 1)),
+        "\n/* Units of the signals; 0: none. */",
+        "enum {",
+    ]
+    names = [UNIT_NAMES.get(unit, unit.upper().replace("/", "_PER_")) for unit in block["units"]]
+    lines.append(",\n".join(f"  ANHYST_UNIT_{name} = {n}" for n, name in enumerate(names, 1)))
+    lines.append(
+        f"}};\n\n#define ANHYST_SCALE_WORDS {count} /* from ANHYST_WORD_SCALE_DEMAND on */\n\nenum {{"
+    )
+    for group in block["group"]:
+        lines.append(comment(group["doc"], "  "))
+        for word in group["words"]:
+            code = f"ANHYST_WORD_{word['name'].upper()} = {word['at']},"
+            lines += line_of(code, word_comment(word))
+        lines.append("")
+    lines.append(f"  ANHYST_BLOCK_LEAST_WORDS = {block['least_words']}\n}};\n\n#endif\n")
+    return "\n".join(lines)
+
+
+def literal(value: object) -> str:
+    """Return a value of a table as Python."""
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def word_row(word: Entry) -> str:
+    """Return a word as a call of its class."""
+    low, high = word.get("low", 0), word.get("high", 65535)
+    shift = word.get("shift", "").upper()
+    given = {key: word[key] for key in ("axis", "of", "factor", "unit") if key in word}
+    given |= {"size": 2} if word_size(word) == 2 else {}
+    given |= {"shift": shift} if shift else {}
+    positional = [word["at"], word["name"].upper(), word["format"], word["doc"], low, high]
+    values = [literal(value) for value in positional]
+    values += [f"{key}={literal(value)}" for key, value in given.items()]
+    line = f"    Word({', '.join(values)}),"
+    if len(line) <= 100:
+        return line
+    body = f"        {', '.join(values)}"
+    if len(body) <= 100:
+        return f"    Word(\n{body}\n    ),"
+    return "    Word(\n" + "".join(f"        {value},\n" for value in values) + "    ),"
+
+
+def group_row(group: Entry) -> str:
+    """Return the words of a group as a tuple."""
+    rows = "\n".join(word_row(word) for word in group["words"])
+    alone = f"{group['name'].upper()} = ({rows.strip()})"
+    if len(group["words"]) == 1 and "\n" not in alone and len(alone) <= 100:
+        return alone
+    return f"{group['name'].upper()} = (\n{rows}\n)"
+
+
+def layout_module(block: Entry) -> str:
+    """Return layout.py."""
+    low, high = block["magic"]
+    kinds = ", ".join(f'"{kind}": {n}' for n, kind in enumerate(block["kinds"], 1))
+    units = ", ".join(literal(unit) for unit in ["", *block["units"]])
+    parts = [
+        f"KINDS = {{{kinds}}}\n"
+        f"MAGIC = (0x{low:X}, 0x{high:X})\n"
+        f"LAYOUT = {block['layout']}\n"
+        f"LEAST_WORDS = {block['least_words']}\n"
+        f"MOST_WORDS = {block['most_words']}\n"
+        f"SCALE_WORDS = {sum(map(word_size, scale_words(block)))}\n"
+        f"UNITS = ({units})\n"
+        '"""Units of the signals, by their numbers in ``SCALE_UNITS``."""'
+    ]
+    parts += [group_row(group) for group in block["group"]]
+    bodies = [
+        f'    "{kind}": '
+        + " + ".join(g["name"].upper() for g in block["group"] if kind in g["kinds"])
+        + ","
+        for kind in block["kinds"]
+    ]
+    parts.append(
+        "BODY: dict[str, tuple[Word, ...]] = {\n"
+        + "\n".join(bodies)
+        + '\n}\n"""Every word of a kind behind the head, in the order of the block."""'
+    )
+    parts.append(
+        "PLACES = {word.name: word.at for body in (HEAD, *BODY.values()) for word in body}\n"
+        '"""Number of every word in the block, by its name."""'
+    )
+    parts.append(
+        "WORDS = {kind: {word.name: word.at for word in body} for kind, body in BODY.items()}\n"
+        '"""Number of a word of a kind, by its name."""'
+    )
+    return PREAMBLE + "\n\n".join(parts) + "\n"

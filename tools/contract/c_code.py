@@ -1,0 +1,188 @@
+"""C of the tables: frames of the link, states and flags of a controller."""
+
+from __future__ import annotations
+
+import textwrap
+
+from tables import SIZES, Entry, bits, is_request, link_enums, numbers, size_of
+
+C_TYPES = {kind: f"{'' if kind[0] == 'i' else 'u'}int{kind[1:]}_t" for kind in SIZES}
+SPDX = "/* SPDX-License-Identifier: Apache-2.0 */"
+
+
+def comment(text: str, indent: str = "") -> str:
+    """Return the text as a comment of its own lines."""
+    return textwrap.fill(
+        f"/* {text} */",
+        100,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}   ",
+        break_on_hyphens=False,
+    )
+
+
+def constant(value: int) -> str:
+    """Return an integer constant that means the same whatever the width of int."""
+    return "INT32_MIN" if value == -(2**31) else f"INT32_C({value})"
+
+
+def line_of(code: str, doc: str) -> list[str]:
+    """Return an indented line with its comment, behind it where it fits, else above."""
+    if not doc:
+        return [f"  {code}"]
+    if len(f"  {code} /* {doc} */") <= 100:
+        return [f"  {code} /* {doc} */"]
+    return [comment(doc, "  "), f"  {code}"]
+
+
+def enum(prefix: str, entry: Entry, values: list[int]) -> str:
+    """Return an enum whose constants are prefix_NAME."""
+    lines = [comment(entry["doc"]), "enum {"]
+    for item, value in zip(entry["values"], values, strict=True):
+        lines += line_of(f"{prefix}_{item['name'].upper()} = {value},", item.get("doc", ""))
+    lines.append(f"  {prefix}_COUNT = {len(values)}")
+    return "\n".join([*lines, "};"])
+
+
+def struct(name: str, entry: Entry) -> str:
+    """Return the struct of a frame's or record's fixed fields."""
+    lines = [comment(entry["doc"]), "typedef struct {"]
+    for field in entry["fields"]:
+        lines += line_of(f"{C_TYPES[field['type']]} {field['name']};", field["doc"])
+    return "\n".join([*lines, f"}} {name};"])
+
+
+def access(field: Entry, at: int, put: bool) -> str:
+    """Return the statement that puts or gets one field."""
+    kind, name = field["type"], field["name"]
+    signed = kind.startswith("i")
+    wide = f"u{8 * SIZES[kind]}"
+    if put:
+        value = f"({C_TYPES[wide]})m->{name}" if signed else f"m->{name}"
+        return f"  link_put_{wide}(p + {at}, {value});"
+    get = f"link_get_{kind if signed else wide}(p + {at})"
+    return f"  m->{name} = {get};"
+
+
+def accesses(entry: Entry, put: bool) -> list[str]:
+    """Return the statements that put or get all fixed fields."""
+    at = 0
+    lines = []
+    for field in entry["fields"]:
+        lines.append(access(field, at, put))
+        at += SIZES[field["type"]]
+    return lines
+
+
+def frame_code(frame: Entry) -> str:
+    """Return size, struct and the one access that the controller needs."""
+    name = f"link_{frame['name']}"
+    parts = [f"#define LINK_SIZE_{frame['name'].upper()} {size_of(frame['fields'])}"]
+    if frame["fields"]:
+        parts.append(struct(name, frame))
+        if is_request(frame):
+            head = f"static inline void link_get_{frame['name']}({name} *m, const uint8_t *p)"
+        else:
+            head = f"static inline void link_put_{frame['name']}(uint8_t *p, const {name} *m)"
+        body = accesses(frame, put=not is_request(frame))
+        parts.append("\n".join([head, "{", *body, "}"]))
+    return "\n".join(parts)
+
+
+def plant_code(record: Entry) -> str:
+    """Return size, struct and access of a record of the plant's bus."""
+    name, size = record["name"], size_of(record["fields"]) + 4
+    parts = [f"#define LINK_SIZE_{name.upper()} {size}", struct(f"link_{name}", record)]
+    words = range(0, size - 4, 4)
+    if name == "plant_sample":
+        check = " ^ ".join(f"link_get_u32(p + {at})" for at in [*words, size - 4])
+        parts.append(
+            "/* Whether the record is sound; fills it either way. */\n"
+            f"static inline int link_get_{name}(link_{name} *m, const uint8_t *p)\n{{\n"
+            + "\n".join(accesses(record, put=False))
+            + f"\n  return ({check}) ==\n         LINK_PLANT_MAGIC;\n}}"
+        )
+    else:
+        check = " ^ ".join(f"link_get_u32(p + {at})" for at in words)
+        parts.append(
+            f"static inline void link_put_{name}(uint8_t *p, const link_{name} *m)\n{{\n"
+            + "\n".join(accesses(record, put=True))
+            + f"\n  link_put_u32(p + {size - 4},\n               {check} ^ LINK_PLANT_MAGIC);\n}}"
+        )
+    return "\n".join(parts)
+
+
+def frames_header(frames: Entry, signals: Entry) -> str:
+    """Return frames.h."""
+    protocol, plant = frames["protocol"], frames["plant"]
+    parts = [
+        f"{SPDX}\n"
+        "/* Frames of the link and records of the plant's bus: made by tools/contract from\n"
+        "   contract/frames.toml and signals.toml, which say what they mean. Do not edit. */\n"
+        "/* clang-format off */\n"
+        "#ifndef ANHYST_LINK_FRAMES_H\n#define ANHYST_LINK_FRAMES_H\n\n"
+        '#include "link/bytes.h"\n\n'
+        f"#define LINK_VERSION {protocol['version']}\n"
+        f"#define LINK_PAYLOAD_MOST {protocol['payload_most']}\n"
+        f"#define LINK_PLANT_MAGIC UINT32_C({plant['magic']:#010X})".replace("0X", "0x")
+    ]
+    types = {"doc": "Types of frames.", "values": frames["frame"]}
+    parts.append(enum("LINK_TYPE", types, [frame["type"] for frame in frames["frame"]]))
+    parts += [
+        enum(f"LINK_{entry['name'].upper()}", entry, numbers(entry))
+        for entry in link_enums(frames, signals)
+    ]
+    rows = [
+        f"  {{{constant(s['low'])}, {constant(s['high'])}, {constant(s['default'])}, "
+        f"{int(s['run'])}}}, /* {s['name']} */"
+        for s in signals["setting"]
+    ]
+    parts.append(
+        "/* Low, high, value at the start, whether it may be written in the state run. */\n"
+        "#define LINK_SETTING_TABLE \\\n" + " \\\n".join(rows)
+    )
+    parts += [frame_code(frame) for frame in frames["frame"]]
+    parts += [plant_code(record) for record in plant["record"]]
+    return "\n\n".join(parts) + "\n\n#endif\n"
+
+
+def macros(prefix: str, entry: Entry, values: list[int]) -> list[str]:
+    """Return the macros prefix_NAME of a list of names with numbers."""
+    lines = [comment(entry["doc"])]
+    for item, value in zip(entry["values"], values, strict=True):
+        code, doc = f"#define {prefix}_{item['name'].upper()} {value}U", item.get("doc", "")
+        if doc and len(f"{code} /* {doc} */") > 100:
+            lines += [comment(doc), code]
+        else:
+            lines.append(f"{code} /* {doc} */" if doc else code)
+    return lines
+
+
+def guarded(guard: str, about: str, parts: list[str]) -> str:
+    """Return a header of the core."""
+    top = f"{SPDX}\n{comment(about)}\n/* clang-format off */\n#ifndef {guard}\n#define {guard}"
+    return "\n\n".join([top, *parts]) + "\n\n#endif\n"
+
+
+def states_header(controller: Entry) -> str:
+    """Return states.h."""
+    about = (
+        "States, phases, faults and commands of a controller. Made by tools/contract from "
+        "contract/controller.toml."
+    )
+    parts = []
+    for entry in controller["enum"]:
+        prefix, values = f"ANHYST_{entry['name'].upper()}", numbers(entry)
+        lines = macros(prefix, entry, values)
+        parts.append("\n".join([*lines, f"#define {prefix}_COUNT {len(values)}U"]))
+    return guarded("ANHYST_STATES_H", about, parts)
+
+
+def flags_header(controller: Entry) -> str:
+    """Return flags.h."""
+    about = (
+        "Flags of a solve and of a tick, the same in every number format. Made by tools/contract "
+        "from contract/controller.toml."
+    )
+    parts = ["\n".join(macros("ANHYST", entry, bits(entry))) for entry in controller["flags"]]
+    return guarded("ANHYST_FLAGS_H", about, parts)
