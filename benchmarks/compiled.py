@@ -14,7 +14,7 @@ from anhyst.compensate.scheduled import nodes
 from anhyst.compensate.simplified import build_euler, build_simplified, fit_closed_form
 from anhyst.compensate.twin import Twin
 from anhyst.compile.output import Compiled, compile_model
-from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.identify import identify
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
@@ -45,7 +45,7 @@ def chain(folder: Path) -> tuple[Path, list[Row]]:
     """Whole chain on the bundled example: loops to verified C on host and Cortex-M4."""
     watch = Stopwatch()
     model = folder / "model.toml"
-    write_model(identify(LoopSet.from_csv(LOOPS)).model, model)
+    write_model(identify(read_loops(LOOPS)).model, model)
     compiled = _compiled(model, folder, "full")
     found = verify(folder / "full", "host,cortex-m4")
     spent, took, seconds = watch.wall, str(watch), watch.processor

@@ -19,7 +19,7 @@ from anhyst.compensate.block import Block, Conditioning, Kind, Limits, Scales, S
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_euler, build_simplified, fit_closed_form
 from anhyst.compensate.twin import Twin
-from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.identify import identify
 from anhyst.laws.explicit import ExplicitForm
 from anhyst.model.actuator import ActuatorModel
@@ -246,7 +246,7 @@ def explicit_error(actuator: Actuator, samples: int) -> float:
 
 def bundled() -> Actuator:
     """Identify the bundled electromagnet from its loops."""
-    loops = LoopSet.from_csv(ROOT / "examples" / "electromagnet" / "loops.csv")
+    loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
     model = identify(loops).model
     gaps = (float(model.nodes[0]), float(model.nodes[-1]))
     current = max(float(np.max(loop.input)) for loop in loops.loops)

@@ -12,6 +12,7 @@ import numpy as np
 import rival_scipy_de as rival
 from anhyst.data import Loop, LoopSet
 from anhyst.data.clean import thin
+from anhyst.data.reading import read_loops
 from anhyst.identify import identify
 from anhyst.identify.default import search_one_gap
 from anhyst.identify.fit_records import records_of
@@ -48,7 +49,7 @@ _with_jacobian = Objective.with_jacobian
 
 def ferrite(folder: Path) -> list[Row]:
     """Four nested loops of a MnZn ferrite, one parameter set, against differential evolution."""
-    loops = LoopSet.from_csv(folder / rival.FILE, history="settled")
+    loops = read_loops(folder / rival.FILE, history="settled")
     records = records_of(loops, "points")
     form = form_of(loops.input, loops.output, "effective-field")
     samples = sum(loop.n for loop in loops.loops)
@@ -102,7 +103,7 @@ def _single(loop: Loop, loops: LoopSet) -> float:
 def steel(folder: Path) -> Row:
     """Four quasi-static loops of a solid steel, one set, every loop by its own largest B."""
     path = folder / "steel_core1_dc" / "loops.csv"
-    loops = LoopSet.from_csv(path, loop="nominal_Hmax_A_per_m", history="settled")
+    loops = read_loops(path, loop="nominal_Hmax_A_per_m", history="settled")
     fit = identify(loops, weights="relative", offsets=False).model.fit
     assert fit is not None
     joint = [row.rms / row.largest_output for row in fit.loops]
@@ -129,7 +130,7 @@ def gadolinium(folder: Path) -> list[Row]:
     with (folder / "published_parameters_per_temperature.csv").open(encoding="utf-8") as file:
         published = {float(row["T_C"]): float(row["RMSE_T"]) for row in csv.DictReader(file)}
     paths = sorted(folder.glob("gd_*.csv"))
-    loops = LoopSet.from_csv(paths, file_name="gd_T{T_C}C")
+    loops = read_loops(paths, file_name="gd_T{T_C}C")
     parts, worse = [], 0
     for value in loops.schedule_values:
         here = loops.at(value)
@@ -161,7 +162,7 @@ def gadolinium(folder: Path) -> list[Row]:
 def ferrite_gaps(folder: Path) -> Row:
     """Fit two gaps of a split ferrite core and predict the third, reluctance map."""
     path = folder / "ferrite_core_gaps" / "loops_by_gap.csv"
-    loops = LoopSet.from_csv(path, columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"})
+    loops = read_loops(path, columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"})
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
     parts, between = [], True
     for value in loops.schedule_values:

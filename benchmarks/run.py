@@ -26,7 +26,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.identify import identify
 from machine import Machine, this_machine
 from rows import ROOT, Row, Stopwatch, measurements
@@ -51,7 +51,7 @@ def bundled_example() -> list[Row]:
     """Unseen gaps of the bundled example against the noise-free truth; time of identify."""
     demo = _demo()
     here = Path(demo.HERE)
-    loops, truth = (LoopSet.from_csv(here / name) for name in ("loops.csv", "unseen_truth.csv"))
+    loops, truth = (read_loops(here / name) for name in ("loops.csv", "unseen_truth.csv"))
     largest = max(float(np.max(loop.output)) for loop in truth.loops)
     plain = demo.unseen_single_valued(truth)
     rows = []
@@ -73,7 +73,7 @@ def bundled_example() -> list[Row]:
 def whole_identify(loops: Path) -> list[Row]:
     """Identification of four gaps as a call, and as the command with everything it imports."""
     watch = Stopwatch()
-    identify(LoopSet.from_csv(loops))
+    identify(read_loops(loops))
     call = (str(watch), watch.processor)
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as folder:
         command = [sys.executable, "-m", "anhyst.cli.app", "identify", str(loops)]

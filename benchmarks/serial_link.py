@@ -13,7 +13,7 @@ from random import Random
 from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
 from anhyst.control.states import Command, State
-from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.identify import identify
 from anhyst.link.client import ForceController
 from anhyst.link.firmware import build, read_sizes
@@ -51,7 +51,7 @@ def rows() -> list[Row]:
     """Measure the link."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        loops = LoopSet.from_csv(ROOT / "examples" / "electromagnet" / "loops.csv")
+        loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
         write_model(identify(loops, gap_map="scaling").model, folder / "model.toml")
         request = Request(kind="full", io="q31", rate=RATE)
         compiled = compile_model(folder / "model.toml", folder / "compiled", request).out

@@ -32,6 +32,7 @@ from matplotlib.figure import Figure
 from scipy.interpolate import CubicSpline
 
 from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.identify import IdentifyResult, identify
 from anhyst.identify.paper.search import spline_model_at
 from anhyst.model.actuator import ActuatorModel
@@ -160,7 +161,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    loops, truth = LoopSet.from_csv(LOOPS), LoopSet.from_csv(TRUTH)
+    loops, truth = read_loops(LOOPS), read_loops(TRUTH)
     found = search(loops, "auto", options.seed)
     paper = search(loops, "scaling", options.seed)
     free, reduced = found.per_gap, paper.model

@@ -27,6 +27,7 @@ from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
 from anhyst.data import LoopSet
 from anhyst.data.inspection import inspect
+from anhyst.data.reading import read_loops
 from anhyst.data.verdict import monotone_fit, single_valued
 from anhyst.identify import identify
 from anhyst.model.actuator import ActuatorModel
@@ -197,8 +198,8 @@ def main() -> None:
     console = Console()
     seconds = {}
     began = time.perf_counter()
-    loops = LoopSet.from_csv(HERE / "loops.csv")
-    truth = LoopSet.from_csv(HERE / "unseen_truth.csv")
+    loops = read_loops(HERE / "loops.csv")
+    truth = read_loops(HERE / "unseen_truth.csv")
     console.print(*inspect(loops).verdict.sentences, sep="\n", highlight=False)
     seconds["read and inspect"] = time.perf_counter() - began
 

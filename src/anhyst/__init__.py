@@ -2,7 +2,7 @@
 
 A step is a function, and lives in the module of its name:
 
-- `anhyst.data`: ``LoopSet.from_csv`` reads loops; ``anhyst.data.inspection.inspect`` judges them;
+- `anhyst.data`: ``read_loops`` reads loops; ``anhyst.data.inspection.inspect`` judges them;
 - `anhyst.identify`: ``identify`` finds a model;
 - `anhyst.model.actuator`: ``ActuatorModel`` predicts and inverts, whole records or step by step;
 - `anhyst.model.file`: ``read_model`` and ``write_model``;

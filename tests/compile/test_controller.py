@@ -18,7 +18,7 @@ from anhyst.compile.lifting import COLUMNS, INPUTS
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.control.controller_file import read_controller
 from anhyst.control.states import Command, Flag, Phase, State
-from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
@@ -43,9 +43,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bearing")
     for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
         (folder / name).write_bytes((BEARING / name).read_bytes())
-    write_model(
-        identify_magnet(LoopSet.from_csv(folder / "loops.csv")).model, folder / "model.toml"
-    )
+    write_model(identify_magnet(read_loops(folder / "loops.csv")).model, folder / "model.toml")
     return folder
 
 
@@ -218,7 +216,7 @@ def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_
     path = changed(place, "case.toml", *changes)
     rig = pair_rig(place) if "pair" in case else read_bearing(place / "rig.toml")
     model = read_model(place / "model.toml")
-    known = IdentifiedMagnet(LoopSet.from_csv(place / "loops.csv"), model)
+    known = IdentifiedMagnet(read_loops(place / "loops.csv"), model)
     setup = make_setup(rig, read_controller(path).settings, known, kind, "fixed")
     scenario = eventful(setup)
     recording = Loop(setup, seed=3).run(scenario)

@@ -170,7 +170,7 @@ def test_monotone_fit_is_the_best_one() -> None:
 
 def test_pictures_have_units_and_legends() -> None:
     loops = loopset(magnet(3e-4), magnet(6e-4))
-    ax = loops.plot()
+    ax = plot_loops(loops)
     assert ax.get_xlabel() == "current I [A]"
     assert ax.get_ylabel() == "force F [N]"
     legend = ax.get_legend()

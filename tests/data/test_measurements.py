@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import LoopSet, read_columns
+from anhyst.data import read_columns
 from anhyst.data.clean import clean
 from anhyst.data.inspection import inspect
+from anhyst.data.reading import read_loops
 
 
 @pytest.mark.parametrize(
@@ -25,7 +26,7 @@ from anhyst.data.inspection import inspect
 def test_hysteresisgraph_files_need_no_mapping(
     measurements: Path, name: str, count: int, samples: int
 ) -> None:
-    loops = LoopSet.from_csv(measurements / name)
+    loops = read_loops(measurements / name)
     assert [loop.n for loop in loops.loops] == [samples] * count
     assert {str(loop.history) for loop in loops.loops} == {"settled"}
     found = inspect(loops)
@@ -33,21 +34,21 @@ def test_hysteresisgraph_files_need_no_mapping(
 
 
 def test_steel_core_loops_start_at_zero_flux_but_are_settled(measurements: Path) -> None:
-    loops = LoopSet.from_csv(measurements / "steel_core1_dc/loops.csv", loop="nominal_Hmax_A_per_m")
+    loops = read_loops(measurements / "steel_core1_dc/loops.csv", loop="nominal_Hmax_A_per_m")
     assert [loop.label for loop in loops.loops] == ["800", "2000", "8000", "18000"]
     assert {str(loop.history) for loop in loops.loops} == {"settled"}
     assert [loop.output[0] for loop in loops.loops] == [0.0] * 4
 
 
 def test_team32_loops_are_told_apart_by_their_peak(measurements: Path) -> None:
-    loops = LoopSet.from_csv(measurements / "steel_team32/loops.csv", columns={"bmax_T": "loop"})
+    loops = read_loops(measurements / "steel_team32/loops.csv", columns={"bmax_T": "loop"})
     assert [loop.label for loop in loops.loops] == ["0.5", "1.02", "1.5"]
     peaks = [float(np.max(loop.output)) for loop in loops.loops]
     assert peaks == pytest.approx([0.5, 1.02, 1.5], rel=0.02)
 
 
 def test_core_gaps_are_a_family_over_the_gap(measurements: Path) -> None:
-    loops = LoopSet.from_csv(
+    loops = read_loops(
         measurements / "ferrite_core_gaps/loops_by_gap.csv",
         columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"},
     )
@@ -64,7 +65,7 @@ def test_core_gaps_are_a_family_over_the_gap(measurements: Path) -> None:
 
 def test_gadolinium_takes_its_temperature_from_the_file_name(measurements: Path) -> None:
     files = sorted((measurements / "gadolinium_temperature").glob("gd_T*.csv"))
-    loops = LoopSet.from_csv(files, file_name="gd_T{T_C}C")
+    loops = read_loops(files, file_name="gd_T{T_C}C")
     assert loops.schedule_values == (-38.0, -25.0, -15.0, -5.0, 5.0, 15.0)
     assert len(loops) == 18
     major = [loop for loop in loops.loops if loop.label == "major"]
@@ -79,7 +80,7 @@ def test_gadolinium_takes_its_temperature_from_the_file_name(measurements: Path)
 
 
 def test_piezo_stack_is_read_and_its_lag_is_seen(measurements: Path) -> None:
-    loops = LoopSet.from_csv(
+    loops = read_loops(
         measurements / "piezo_flexure/model_run.csv", columns={"V_in": "u_V", "y_um": "x_um"}
     )
     assert (loops.input.name, loops.output.name) == ("voltage", "displacement")
@@ -97,7 +98,7 @@ def test_sidecar_describes_a_folder_of_files(measurements: Path, tmp_path: Path)
         'history = "settled"\n[columns]\nI_A_scaled = "I_A"\nU_M_V = "psi_Wb"\n'
         "[select]\ngap_mm = [0.125, 0.5]\n"
     )
-    loops = LoopSet.from_csv(measurements / "ferrite_core_gaps", sidecar=sidecar)
+    loops = read_loops(measurements / "ferrite_core_gaps", sidecar=sidecar)
     assert loops.schedule_values == (0.000125, 0.0005)
 
 

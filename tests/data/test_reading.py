@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from anhyst.data import History, Loop, LoopSet
+from anhyst.data.reading import loops_of_frame, read_loops
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
 
@@ -32,7 +33,7 @@ def test_gaps_in_one_file_become_loops_of_their_own(tmp_path: Path) -> None:
     path = file_of(
         tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4), rows_of(20, 0.3), rows_of(5, 0.6)
     )
-    loops = LoopSet.from_csv(path)
+    loops = read_loops(path)
     assert loops.schedule_values == (0.0003, 0.0004, 0.0006)
     assert [loop.schedule_value for loop in loops.loops] == [0.0004, 0.0003, 0.0006]
     assert {value: len(found) for value, found in loops.by_schedule().items()} == {
@@ -50,7 +51,7 @@ def test_labels_tell_loops_of_one_gap_apart(tmp_path: Path) -> None:
     path = file_of(
         tmp_path, "a.csv", "I_A,F_N,gap_mm,loop", rows_of(10, 0.4, "outer"), rows_of(9, 0.4, "in")
     )
-    loops = LoopSet.from_csv(path)
+    loops = read_loops(path)
     assert [loop.label for loop in loops.loops] == ["outer", "in"]
     assert loops.schedule_values == (0.0004,)
 
@@ -60,30 +61,30 @@ def test_several_files_join(tmp_path: Path) -> None:
     two = file_of(
         tmp_path, "b.csv", "I_A;F_N;gap_m", [r.replace(",", ";") for r in rows_of(9, 5e-4)]
     )
-    loops = LoopSet.from_csv([one, two])
+    loops = read_loops([one, two])
     assert loops.schedule_values == (0.0004, 0.0005)
     assert [Path(source.path).name for source in loops.sources] == ["a.csv", "b.csv"]
     assert all(len(source.sha256) == 64 for source in loops.sources)
-    assert LoopSet.from_csv(tmp_path).schedule_values == (0.0004, 0.0005)
+    assert read_loops(tmp_path).schedule_values == (0.0004, 0.0005)
 
 
 def test_without_a_gap_files_are_told_apart_by_name(tmp_path: Path) -> None:
     one = file_of(tmp_path, "small.csv", "H_A_per_m,B_T", rows_of(1))
     two = file_of(tmp_path, "large.csv", "H_A_per_m,B_T", rows_of(2))
-    assert [loop.label for loop in LoopSet.from_csv([one, two]).loops] == ["small", "large"]
+    assert [loop.label for loop in read_loops([one, two]).loops] == ["small", "large"]
 
 
 def test_same_loop_with_other_data_is_refused_naming_both_files(tmp_path: Path) -> None:
     one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
     two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(11, 0.4))
     with pytest.raises(InputError, match=r"b\.csv: loop '1' at 0.0004 is also in .*a\.csv"):
-        LoopSet.from_csv([one, two])
+        read_loops([one, two])
 
 
 def test_same_data_twice_is_taken_once(tmp_path: Path) -> None:
     one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
     two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
-    loops = LoopSet.from_csv([one, two])
+    loops = read_loops([one, two])
     assert len(loops) == 1
     assert any("left out" in note for note in loops.notes)
 
@@ -92,19 +93,19 @@ def test_same_data_at_two_gaps_is_refused(tmp_path: Path) -> None:
     one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
     two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(10, 0.5))
     with pytest.raises(InputError, match="holds the same data"):
-        LoopSet.from_csv([one, two])
+        read_loops([one, two])
 
 
 def test_files_of_other_quantities_do_not_join(tmp_path: Path) -> None:
     one = file_of(tmp_path, "a.csv", "I_A,F_N", rows_of())
     two = file_of(tmp_path, "b.csv", "I_A,psi_Wb", rows_of())
     with pytest.raises(InputError, match=r"its output is psi_Wb but that of .* is F_N"):
-        LoopSet.from_csv([one, two])
+        read_loops([one, two])
 
 
 def test_a_gap_that_moves_stays_one_loop(tmp_path: Path) -> None:
     rows = [f"{k * 0.1},{i},{i * i},{0.3 + 0.001 * k}" for k, i in enumerate(UP_AND_BACK * 3)]
-    loops = LoopSet.from_csv(file_of(tmp_path, "a.csv", "t_s,I_A,F_N,gap_mm", rows))
+    loops = read_loops(file_of(tmp_path, "a.csv", "t_s,I_A,F_N,gap_mm", rows))
     assert len(loops) == 1
     assert loops.loops[0].schedule_value is None
     with pytest.raises(InputError, match="the gap moves during the loop"):
@@ -115,43 +116,43 @@ def test_a_gap_that_comes_again_needs_a_label(tmp_path: Path) -> None:
     blocks = [rows_of(10, 0.4), rows_of(9, 0.5), rows_of(8, 0.4)]
     path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", *blocks)
     with pytest.raises(InputError, match=r"line 28: the value 0\.0004 comes again .*line 2"):
-        LoopSet.from_csv(path)
+        read_loops(path)
 
 
 def test_temperature_schedules_where_it_is_constant_only(tmp_path: Path) -> None:
     steady = file_of(tmp_path, "a.csv", "H_A_per_m,B_T,T_C", rows_of(1, 20))
-    assert LoopSet.from_csv(steady).schedule_values == (20.0,)
+    assert read_loops(steady).schedule_values == (20.0,)
     logged = [f"{row},{20 + 0.01 * k}" for k, row in enumerate(rows_of(1))]
     path = file_of(tmp_path, "b.csv", "H_A_per_m,B_T,T_C", logged)
-    loops = LoopSet.from_csv(path)
+    loops = read_loops(path)
     assert loops.schedule is None
     assert any("temperature varies" in note for note in loops.notes)
-    assert LoopSet.from_csv(path, schedule="T").schedule == QUANTITIES["temperature"]
+    assert read_loops(path, schedule="T").schedule == QUANTITIES["temperature"]
 
 
 def test_any_named_quantity_can_schedule(tmp_path: Path) -> None:
     path = file_of(tmp_path, "a.csv", "I_A,F_N,load [kPa]", rows_of(1, 2), rows_of(2, 3))
-    loops = LoopSet.from_csv(path, schedule="load")
+    loops = read_loops(path, schedule="load")
     assert loops.schedule is not None
     assert loops.schedule.column == "load_Pa"
     assert loops.schedule_values == (2000.0, 3000.0)
     with pytest.raises(InputError, match="has no column or constant 'tilt' to schedule by"):
-        LoopSet.from_csv(path, schedule="tilt")
+        read_loops(path, schedule="tilt")
 
 
 def test_schedule_none_ignores_the_gap(tmp_path: Path) -> None:
     path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(1, 2))
-    loops = LoopSet.from_csv(path, schedule="none")
+    loops = read_loops(path, schedule="none")
     assert loops.schedule is None
     assert loops.by_schedule() == {0.0: list(loops.loops)}
 
 
 def test_history_is_stated_proposed_and_noted(tmp_path: Path) -> None:
     path = file_of(tmp_path, "a.csv", "I_A,F_N", rows_of())
-    stated = LoopSet.from_csv(path, history="conditioned:0,2,0")
+    stated = read_loops(path, history="conditioned:0,2,0")
     assert stated.loops[0].history == History("conditioned", (0.0, 2.0, 0.0))
     assert not any("history" in note for note in stated.notes)
-    proposed = LoopSet.from_csv(path)
+    proposed = read_loops(path)
     assert any("history of loop '1' taken as" in note for note in proposed.notes)
     assert proposed.with_history("demagnetised").loops[0].history.kind == "demagnetised"
 
@@ -171,7 +172,7 @@ def test_virgin_rise_is_told_from_a_settled_cycle(tmp_path: Path) -> None:
     for answer, kind in ((settled, "settled"), (virgin, "demagnetised")):
         rows = [f"{h},{b}" for h, b in zip(drive, answer, strict=True)]
         path = file_of(tmp_path, f"{kind}.csv", "H_A_per_m,B_T", rows)
-        assert LoopSet.from_csv(path).loops[0].history.kind == kind
+        assert read_loops(path).loops[0].history.kind == kind
 
 
 def test_sidecar_beside_the_file_is_used(tmp_path: Path) -> None:
@@ -180,34 +181,34 @@ def test_sidecar_beside_the_file_is_used(tmp_path: Path) -> None:
         'loop = "run"\n[columns]\ndrive = "I_mA"\nU_V = "psi_Wb"\n'
         '[history]\na = "demagnetised"\n[constants]\ngap_mm = 0.5\n'
     )
-    loops = LoopSet.from_csv(path)
+    loops = read_loops(path)
     assert loops.schedule_values == (0.0005,)
     assert [loop.label for loop in loops.loops] == ["a", "b"]
     assert loops.loops[0].history.kind == "demagnetised"
     assert loops.loops[0].input.max() == 2e-3
     assert loops.sources[0].columns == {"drive": "I_mA", "U_V": "psi_Wb"}
-    assert LoopSet.from_csv(path, history="settled").loops[0].history.kind == "settled"
+    assert read_loops(path, history="settled").loops[0].history.kind == "settled"
 
 
 def test_rows_are_selected_by_value(tmp_path: Path) -> None:
     blocks = [rows_of(1, 0.4, "y"), rows_of(2, 0.5, "y"), rows_of(3, 0.6, "n")]
     path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm,ok", *blocks)
-    assert LoopSet.from_csv(path, select={"ok": "y"}).schedule_values == (0.0004, 0.0005)
-    assert LoopSet.from_csv(path, select={"gap_mm": [0.5, 0.6]}).schedule_values == (0.0005, 0.0006)
-    both = LoopSet.from_csv(path, select={"gap_mm": 0.50, "ok": "y"})
+    assert read_loops(path, select={"ok": "y"}).schedule_values == (0.0004, 0.0005)
+    assert read_loops(path, select={"gap_mm": [0.5, 0.6]}).schedule_values == (0.0005, 0.0006)
+    both = read_loops(path, select={"gap_mm": 0.50, "ok": "y"})
     assert both.schedule_values == (0.0005,)
-    assert LoopSet.from_csv(path, select={"gap_mm": "0.50"}).schedule_values == (0.0005,)
+    assert read_loops(path, select={"gap_mm": "0.50"}).schedule_values == (0.0005,)
     with pytest.raises(InputError, match="no row has ok"):
-        LoopSet.from_csv(path, select={"ok": "maybe"})
+        read_loops(path, select={"ok": "maybe"})
 
 
 def test_constants_come_from_the_file_name(tmp_path: Path) -> None:
     for value in (-38, 5):
         file_of(tmp_path, f"gd_T{value:+04d}C.csv", "H_A_per_m,B_T", rows_of(abs(value)))
-    loops = LoopSet.from_csv(tmp_path, file_name="gd_T{T_C}C")
+    loops = read_loops(tmp_path, file_name="gd_T{T_C}C")
     assert loops.schedule_values == (-38.0, 5.0)
     with pytest.raises(InputError, match="does not fit file_name"):
-        LoopSet.from_csv(tmp_path, file_name="x{T_C}")
+        read_loops(tmp_path, file_name="x{T_C}")
 
 
 @pytest.mark.parametrize(
@@ -228,7 +229,7 @@ def test_bad_sidecar_is_named_with_its_key(tmp_path: Path, content: str, words: 
     sidecar = tmp_path / "other.toml"
     sidecar.write_text(content)
     with pytest.raises(InputError, match=words):
-        LoopSet.from_csv(path, sidecar=sidecar)
+        read_loops(path, sidecar=sidecar)
 
 
 @pytest.mark.parametrize(
@@ -251,33 +252,33 @@ def test_bad_files_are_told_in_one_line(
 ) -> None:
     path = file_of(tmp_path, "bad.csv", header, rows)
     with pytest.raises(InputError, match=words) as caught:
-        LoopSet.from_csv(path)
+        read_loops(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
 
 
 def test_record_that_never_reverses_is_flagged_and_refused_when_it_matters(tmp_path: Path) -> None:
     path = file_of(tmp_path, "a.csv", "I_A,F_N", [f"{k},{k * k}" for k in range(20)])
-    loops = LoopSet.from_csv(path)
+    loops = read_loops(path)
     assert not loops.loops[0].reverses
     with pytest.raises(InputError, match="the current never reverses"):
         loops.require_reversals()
-    LoopSet.from_csv(file_of(tmp_path, "b.csv", "I_A,F_N", rows_of())).require_reversals()
+    read_loops(file_of(tmp_path, "b.csv", "I_A,F_N", rows_of())).require_reversals()
 
 
 def test_frames_follow_the_same_rules() -> None:
     frame = pd.DataFrame(
         {"I [mA]": UP_AND_BACK * 2, "F_N": np.arange(26.0), "loop": ["a"] * 13 + ["b"] * 13}
     )
-    loops = LoopSet.from_dataframe(frame, constants={"gap_mm": 0.3}, history="settled")
+    loops = loops_of_frame(frame, constants={"gap_mm": 0.3}, history="settled")
     assert [loop.label for loop in loops.loops] == ["a", "b"]
     assert loops.loops[0].input.max() == 2e-3
     assert loops.schedule_values == (0.0003,)
     with pytest.raises(InputError, match="data frame: column 'F_N' holds text"):
-        LoopSet.from_dataframe(frame.assign(F_N="x"))
+        loops_of_frame(frame.assign(F_N="x"))
     frame.loc[3, "F_N"] = np.nan
     with pytest.raises(InputError, match="data frame: row 3: nan is no measured value"):
-        LoopSet.from_dataframe(frame)
+        loops_of_frame(frame)
 
 
 def test_loops_are_immutable() -> None:

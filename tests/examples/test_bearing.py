@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import static_map
@@ -52,7 +52,7 @@ def test_the_loops_are_what_the_script_makes(example: ModuleType) -> None:
 
 
 def test_the_loops_read_as_they_were_measured(rig: BearingRig) -> None:
-    read, made = LoopSet.from_csv(rig.measured.places[0]), measure_loops(rig)
+    read, made = read_loops(rig.measured.places[0]), measure_loops(rig)
     assert len(read.loops) == len(made.loops) == 12
     for kept, fresh in zip(read.loops, made.loops, strict=True):
         assert str(kept.history) == str(fresh.history)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.rig.distance import along, distance, follower
 from anhyst.rig.from_loops import Fitted, fit_magnet
 from anhyst.rig.magnet_table import ElectromagnetTable
@@ -44,7 +45,7 @@ knee_slow_A_per_m = 4000.0
 
 
 def fit(path: Path, **known: float) -> tuple[Fitted, LoopSet]:
-    loops = LoopSet.from_csv(path)
+    loops = read_loops(path)
     table = ElectromagnetTable.model_validate({"iron": "from loops", **known})
     return fit_magnet(loops, table), loops
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loop, LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.identify import IdentifyResult, identify
 from anhyst.identify.default import search_each_gap, search_one_gap
 from anhyst.identify.fit_records import records_of
@@ -239,7 +240,7 @@ def test_ties_make_what_the_loops_do_not_tell_run_smoothly() -> None:
 def test_provenance_tells_the_settings(tmp_path: Path) -> None:
     made = loops_of(magnet(gaps=GAPS[:2]), samples=60)
     made.to_csv(tmp_path / "two_gaps.csv")
-    loops = LoopSet.from_csv(tmp_path / "two_gaps.csv", history="settled")
+    loops = read_loops(tmp_path / "two_gaps.csv", history="settled")
     result = identify(loops, gap_map="scaling", seed=7, weights="relative", offsets=False)
     told = result.model.provenance
     assert told.seed == 7

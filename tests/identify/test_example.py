@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.identify import IdentifyResult, identify
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import FitFigures
@@ -19,12 +20,12 @@ FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 
 @pytest.fixture(scope="module")
 def loops() -> LoopSet:
-    return LoopSet.from_csv(FOLDER / "loops.csv")
+    return read_loops(FOLDER / "loops.csv")
 
 
 @pytest.fixture(scope="module")
 def truth() -> LoopSet:
-    return LoopSet.from_csv(FOLDER / "unseen_truth.csv")
+    return read_loops(FOLDER / "unseen_truth.csv")
 
 
 @pytest.fixture(scope="module")

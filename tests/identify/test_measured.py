@@ -9,6 +9,7 @@ import pytest
 
 from anhyst.data import LoopSet
 from anhyst.data.clean import clean
+from anhyst.data.reading import read_loops
 from anhyst.identify import IdentifyResult, identify
 from anhyst.model.fit_record import FitFigures
 from tests.identify.truths import predicted
@@ -28,12 +29,12 @@ def relative_rms(result: IdentifyResult) -> float:
 
 @pytest.fixture(scope="module")
 def ferrite(measurements: Path) -> LoopSet:
-    return LoopSet.from_csv(measurements / "ferrite_mnzn/mnzn_hp_ferrite_4loops.csv")
+    return read_loops(measurements / "ferrite_mnzn/mnzn_hp_ferrite_4loops.csv")
 
 
 @pytest.fixture(scope="module")
 def gapped_core(measurements: Path) -> LoopSet:
-    return LoopSet.from_csv(
+    return read_loops(
         measurements / "ferrite_core_gaps/loops_by_gap.csv",
         columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"},
     )
@@ -110,7 +111,7 @@ def test_two_gaps_of_the_core_predict_the_third_in_its_place(
 def test_one_parameter_set_fits_all_loops_of_a_material(
     measurements: Path, name: str, columns: dict[str, str] | None, loop: str | None, most: float
 ) -> None:
-    loops = LoopSet.from_csv(measurements / name, columns=columns, loop=loop)
+    loops = read_loops(measurements / name, columns=columns, loop=loop)
     ends = [identify(loops, seed=seed) for seed in (1, 2, 3)]
     costs = [fit_of(end).rms for end in ends]
     assert relative_rms(ends[0]) < most
@@ -119,7 +120,7 @@ def test_one_parameter_set_fits_all_loops_of_a_material(
 
 def test_gadolinium_is_a_schedule_over_temperature(measurements: Path) -> None:
     files = sorted((measurements / "gadolinium_temperature").glob("gd_T*.csv"))
-    loops = clean(LoopSet.from_csv(files, file_name="gd_T{T_C}C"), ["dedupe", "spikes", "thin"])
+    loops = clean(read_loops(files, file_name="gd_T{T_C}C"), ["dedupe", "spikes", "thin"])
     major = loops.with_loops(loop for loop in loops.loops if loop.label == "major")
     result = identify(major, gap_map="scaling")
     assert result.model.nodes == (-38.0, -25.0, -15.0, -5.0, 5.0, 15.0)

@@ -12,9 +12,10 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from anhyst.data import LoopSet, read_columns
+from anhyst.data import read_columns
 from anhyst.data.clean import STEPS, clean
 from anhyst.data.inspection import inspect
+from anhyst.data.reading import read_loops
 from anhyst.data.sidecar import Reading
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
@@ -116,7 +117,7 @@ def holds_or_is_refused(name: str, content: bytes, use: Callable[[Path], object]
 
 
 def look(path: Path) -> None:
-    loops = LoopSet.from_csv(path)
+    loops = read_loops(path)
     inspect(clean(loops))
 
 
@@ -127,7 +128,7 @@ def compute(path: Path) -> None:
 
 
 def wash(path: Path) -> None:
-    clean(LoopSet.from_csv(path), tuple(STEPS))
+    clean(read_loops(path), tuple(STEPS))
 
 
 def describe(path: Path) -> None:

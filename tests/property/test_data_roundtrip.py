@@ -14,6 +14,7 @@ from hypothesis.extra import numpy as hnp
 from anhyst.data import History, Loop, LoopSet, read_columns, write_csv
 from anhyst.data.path import turning_points
 from anhyst.data.raw_table import Texts
+from anhyst.data.reading import read_loops
 from anhyst.support.units import INPUTS, OUTPUTS, QUANTITIES, UNITS, parse_header
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=True)
@@ -107,7 +108,7 @@ def test_loops_survive_a_file(drive: str, answer: str, samples: int, seed: int) 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "loops.csv"
         before.to_csv(path)
-        after = LoopSet.from_csv(path, history="settled")
+        after = read_loops(path, history="settled")
     key = [(loop.label, loop.schedule_value) for loop in after.loops]
     assert sorted(key) == sorted((loop.label, loop.schedule_value) for loop in before.loops)
     for loop in before.loops:

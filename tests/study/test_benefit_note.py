@@ -14,6 +14,7 @@ import pytest
 
 from anhyst.control.controller_file import read_controller
 from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.data.verdict import judge
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
@@ -92,7 +93,7 @@ def test_the_documentation_shows_the_same_table(tool: ModuleType) -> None:
 
 
 def test_the_example_finds_itself(rig: BearingRig) -> None:
-    found = note_of(LoopSet.from_csv(rig.measured.places[0]))
+    found = note_of(read_loops(rig.measured.places[0]))
     assert {(row["pinning_scale"], row["reversible_fraction"]) for row in found.nearest} == {
         (1.0, 0.15)
     }
@@ -148,7 +149,7 @@ def test_the_words_follow_the_rows(rig: BearingRig) -> None:
 
 
 def test_only_a_bearing_gets_the_sentence(rig: BearingRig) -> None:
-    loops = LoopSet.from_csv(rig.measured.places[0])
+    loops = read_loops(rig.measured.places[0])
     one_gap = LoopSet(tuple(replace(loop, schedule=None) for loop in loops.loops[:3]),
                       loops.input, loops.output)  # fmt: skip
     assert benefit_note(one_gap, 0.05) is None

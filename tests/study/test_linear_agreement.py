@@ -12,7 +12,7 @@ import pytest
 from anhyst.compensate.variants import fit_drive
 from anhyst.control import Pidd2
 from anhyst.control.controller_file import read_controller
-from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Loop as Running
 from anhyst.rig.bearing.make_setup import operating_point
@@ -72,7 +72,7 @@ def linear_loop(
 def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: float) -> None:
     rig = soft_rig(tmp_path, mode, eddy_time)
     controller = read_controller(EXAMPLE / "controller.toml").settings
-    loops = LoopSet.from_csv(EXAMPLE / "loops.csv")
+    loops = read_loops(EXAMPLE / "loops.csv")
     known = operating_point(rig, controller, loops)
     drive = fit_drive("linearised", loops, None, known, "f64")
     gap = rig.settings.simulate.gap_m

@@ -12,7 +12,7 @@ import pytest
 
 from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
-from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.identify import identify
 from anhyst.model.writer import write_model
 from tests.once import made_once
@@ -30,7 +30,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
     """Give the folder of a kind of compensator and a format of signals."""
 
     def identify_magnet(folder: Path) -> None:
-        loops = LoopSet.from_csv(ROOT / "examples" / "electromagnet" / "loops.csv")
+        loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
         write_model(identify(loops, gap_map="scaling").model, folder / "model.toml")
 
     def give(kind: str, io: str) -> Path:

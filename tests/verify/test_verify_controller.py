@@ -11,7 +11,7 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
-from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.identify import identify
 from anhyst.model.writer import write_model
 from anhyst.verify import TargetResult, verify
@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def compile_bearing(place: Path) -> None:
-    loops = LoopSet.from_csv(BEARING / "loops.csv")
+    loops = read_loops(BEARING / "loops.csv")
     write_model(identify(loops, gap_map="circuit").model, place / "model.toml")
     request = Request("full", "q31", 20e3, name="bearing")
     compile_model(place / "model.toml", place / "out", request, BEARING / "controller.toml")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from anhyst.data.files import write_csv
 from anhyst.data.history import History
 from anhyst.data.loop_set import Loop, LoopSet, Source
+from anhyst.data.reading import read_loops
 from anhyst.data.table import Table, read_columns
 
 __all__ = [
@@ -14,5 +15,6 @@ __all__ = [
     "Source",
     "Table",
     "read_columns",
+    "read_loops",
     "write_csv",
 ]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,11 +14,7 @@ from anhyst.data.path import reversal_count, time_fault, value_fault
 from anhyst.data.raw_table import Texts
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Quantity
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _REVERSAL = 0.02
 """A reversal counts once the input has come back by this share of its range."""
@@ -171,64 +166,6 @@ class LoopSet:
     def __len__(self) -> int:
         return len(self.loops)
 
-    @classmethod
-    def from_csv(
-        cls,
-        paths: PathLike | Sequence[PathLike],
-        *,
-        columns: Mapping[str, str] | None = None,
-        history: History | str | None = None,
-        schedule: str | None = None,
-        loop: str | None = None,
-        constants: Mapping[str, float | str] | None = None,
-        select: Mapping[str, object] | None = None,
-        file_name: str | None = None,
-        sidecar: PathLike | None = None,
-        progress: Progress | None = None,
-    ) -> LoopSet:
-        """Read loops from text tables; see `anhyst.data.reading.read_loops`."""
-        from anhyst.data.reading import read_loops
-        from anhyst.data.sidecar import Reading
-
-        told = Reading.from_arguments(
-            columns=columns,
-            history=history,
-            schedule=schedule,
-            loop=loop,
-            constants=constants,
-            select=select,
-            file_name=file_name,
-        )
-        return read_loops(paths, told, sidecar=sidecar, progress=progress)
-
-    @classmethod
-    def from_dataframe(
-        cls,
-        frame: Any,
-        *,
-        columns: Mapping[str, str] | None = None,
-        history: History | str | None = None,
-        schedule: str | None = None,
-        loop: str | None = None,
-        constants: Mapping[str, float | str] | None = None,
-    ) -> LoopSet:
-        """Take loops from a data frame, or anything with ``columns`` and ``[name]``.
-
-        Column names follow the same rules as the headers of a file.
-
-        Raises
-        ------
-        InputError
-            As `from_csv`.
-        """
-        from anhyst.data.reading import loops_of_frame
-        from anhyst.data.sidecar import Reading
-
-        told = Reading.from_arguments(
-            columns=columns, history=history, schedule=schedule, loop=loop, constants=constants
-        )
-        return loops_of_frame(frame, told)
-
     @property
     def schedule_values(self) -> tuple[float, ...]:
         """The distinct constant scheduling values, ascending; empty if nothing is scheduled."""
@@ -347,9 +284,3 @@ class LoopSet:
             If the file cannot be written.
         """
         write_csv(path, self.to_columns())
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the loops, one colour a scheduling value; see `anhyst.data.plot.plot_loops`."""
-        from anhyst.data.plot import plot_loops
-
-        return plot_loops(self, ax)

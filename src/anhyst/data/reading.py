@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -55,19 +55,26 @@ class _Columns:
 
 def read_loops(
     paths: PathLike | Sequence[PathLike],
-    told: Reading | None = None,
     *,
+    columns: Mapping[str, str] | None = None,
+    history: History | str | None = None,
+    schedule: str | None = None,
+    loop: str | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    select: Mapping[str, object] | None = None,
+    file_name: str | None = None,
     sidecar: PathLike | None = None,
     progress: Progress | None = None,
 ) -> LoopSet:
-    """Read loops from one or several text tables, or from all in a folder.
+    """Read loops from one or several files, or from all in a folder.
 
     Parameters
     ----------
     paths
         Files or folders. Loops of several files join into one set.
-    told
-        What the headers do not say; goes before what a sidecar says.
+    columns, history, schedule, loop, constants, select, file_name
+        What the headers do not say, as the keys of a sidecar (`Reading.from_toml`); goes before
+        what a sidecar says.
     sidecar
         TOML file that describes all the files. Without it, ``<stem>.toml`` beside each file is
         used where there is one.
@@ -80,12 +87,20 @@ def read_loops(
         If a file cannot be read or understood, the files do not fit together, or the same loop at
         the same gap comes twice with different data.
     """
-    told = told or Reading()
+    given = Reading.from_arguments(
+        columns=columns,
+        history=history,
+        schedule=schedule,
+        loop=loop,
+        constants=constants,
+        select=select,
+        file_name=file_name,
+    )
     beside = Reading.from_toml(sidecar) if sidecar is not None else None
     files = _expand(paths)
     parts = []
     for path in files:
-        reading = told.over(beside if beside is not None else _find_sidecar(path))
+        reading = given.over(beside if beside is not None else _find_sidecar(path))
         parts.append(_read_file(path, reading, progress, alone=len(files) == 1))
     return join(_with_histories(parts))
 
@@ -105,8 +120,16 @@ def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = 
     return files + [path for path in beside if is_sidecar(path)]
 
 
-def loops_of_frame(frame: Any, told: Reading) -> LoopSet:
-    """Take loops from a data frame (anything with ``columns`` and ``[name]``).
+def loops_of_frame(
+    frame: Any,
+    *,
+    columns: Mapping[str, str] | None = None,
+    history: History | str | None = None,
+    schedule: str | None = None,
+    loop: str | None = None,
+    constants: Mapping[str, float | str] | None = None,
+) -> LoopSet:
+    """Take loops from a data frame or a mapping of columns; names are read as headers of a file.
 
     Raises
     ------
@@ -114,15 +137,19 @@ def loops_of_frame(frame: Any, told: Reading) -> LoopSet:
         If a column is missing, holds text or cannot be understood.
     """
     place = "data frame"
-    texts = [str(name) for name in frame.columns]
-    headers = map_headers(place, texts, told.columns)
-    roles = find_roles(place, headers, told)
+    given = Reading.from_arguments(
+        columns=columns, history=history, schedule=schedule, loop=loop, constants=constants
+    )
+    names = list(getattr(frame, "columns", frame))
+    texts = [str(name) for name in names]
+    headers = map_headers(place, texts, given.columns)
+    roles = find_roles(place, headers, given)
 
     def values(index: int | None) -> FloatArray | None:
         if index is None:
             return None
         try:
-            column = np.asarray(frame[list(frame.columns)[index]], dtype=np.float64)
+            column = np.asarray(frame[names[index]], dtype=np.float64)
         except (TypeError, ValueError):
             raise InputError(f"{place}: column '{texts[index]}' holds text, not numbers") from None
         unit = headers[index].unit
@@ -133,32 +160,32 @@ def loops_of_frame(frame: Any, told: Reading) -> LoopSet:
     assert answer is not None
 
     def text(index: int) -> Texts:
-        names = [str(name) for name in frame[list(frame.columns)[index]]]
-        order = {name: code for code, name in enumerate(dict.fromkeys(names))}
-        return Texts(tuple(order), np.array([order[name] for name in names], np.int32))
+        rows = [str(name) for name in frame[names[index]]]
+        order = {name: code for code, name in enumerate(dict.fromkeys(rows))}
+        return Texts(tuple(order), np.array([order[name] for name in rows], np.int32))
 
-    schedule = _schedule_values(roles, values(roles.schedule), drive.size)
+    gaps = _schedule_values(roles, values(roles.schedule), drive.size)
     idle = {index: text(index) for index in _unlabelled(roles)}
     idle = {
         index: column
         for index, column in idle.items()
         if may_label(headers[index], column.rows()[:SHORTEST])
     }
-    roles = roles.with_label(find_label(place, headers, idle, drive, answer, schedule))
+    roles = roles.with_label(find_label(place, headers, idle, drive, answer, gaps))
     if roles.label is None:
         labels = _one_label(roles.fixed_label or _ALONE, drive.size)
     else:
         labels = text(roles.label)
-    columns = _Columns(
+    cut = _Columns(
         place,
         drive,
         answer,
-        schedule,
+        gaps,
         values(roles.time),
         labels,
         lambda row: f"{place}: row {row}",
     )
-    return join(_with_histories([_cut(columns, headers, roles, told, None, ())]))
+    return join(_with_histories([_cut(cut, headers, roles, given, None, ())]))
 
 
 def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from anhyst.data.clean import DEFAULT_STEPS, clean
 from anhyst.data.loop_set import LoopSet
+from anhyst.data.reading import read_loops
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -114,10 +115,10 @@ class ReadOptions:
         Raises
         ------
         InputError
-            As :meth:`anhyst.data.loop_set.LoopSet.from_csv`, or an unknown cleaning step.
+            As :func:`anhyst.data.reading.read_loops`, or an unknown cleaning step.
         """
         clean_steps = tuple(self.clean)
-        loops = LoopSet.from_csv(
+        loops = read_loops(
             paths,
             columns=self.columns,
             history=self.history,
