@@ -26,7 +26,6 @@ from anhyst.cli.progress import progress_bar
 if TYPE_CHECKING:
     from anhyst.data.inspection import Inspection, LoopFigures
     from anhyst.data.loop_set import LoopSet
-    from anhyst.study.bearing.benefit_note import BenefitNote
 
 
 def inspect(
@@ -47,8 +46,7 @@ def inspect(
 
     Gaps, loops, ranges, sampling, offsets, drift, closure, noise, skew between the channels,
     saturation, what was repaired; and the verdict: how wide the loops are, how far the best
-    single-valued curve is off, and so what a model can gain at most. For force over current at
-    several gaps also what compensation gave the position control of the example bearing.
+    single-valued curve is off, and so what a model can gain at most.
 
     Columns are named with their unit: t_s, I_A, F_N, gap_m, H_A_per_m, B_T, psi_Wb, u_V, x_m, T_C,
     loop; 'I [mA]', 'gap (mm)' and a row of units are understood as well.
@@ -67,24 +65,12 @@ def inspect(
     found = look_at(measured)
     if plot is not None:
         _draw(found, measured, plot)
-    note = _benefit_note(found, measured)
     if as_json:
-        print_json(found.as_dict() | ({} if note is None else {"benefit": note.as_dict()}))
+        print_json(found.as_dict())
         return
     _show(found)
-    if note is not None:
-        show(f"  {note.sentence}")
     if plot is not None:
         show(f"{plot} written")
-
-
-def _benefit_note(found: Inspection, loops: LoopSet) -> BenefitNote | None:
-    """Look up what compensation gained for such loops; only those of a bearing."""
-    if (found.input.name, found.output.name) != ("current", "force") or found.schedule is None:
-        return None
-    from anhyst.study.bearing.benefit_note import benefit_note
-
-    return benefit_note(loops, found.verdict.width_relative)
 
 
 def _check_plot(path: Path) -> None:

@@ -236,7 +236,7 @@ class Search:
             costs = np.array([one.cost for one in self._try(places, order, aims, path.ceiling)])
             path.strategy.tell(costs)
             path.least = min(path.least, float(costs.min()))
-            path.ceiling = float(np.sort(costs)[path.strategy.parents - 1])
+            path.ceiling = float(np.sort(costs)[CHILDREN // 2 - 1])
 
     def _apart(self, aims: Aims, count: int) -> list[Candidate]:
         """Return the best that lie apart from each other."""
