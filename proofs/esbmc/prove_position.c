@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A whole tick of the controller of a levitating armature: any sound limits and settings, any
-   state, any sample, one magnet or two. Levitation, PIDD2 and drives give way to what their own
-   proofs show of them: each call is shown to be allowed, and answers anything. The currents stay
-   within the limits of the board. */
+/* A whole tick of the controller of a levitating armature, perhaps after a swap of blocks: any
+   sound limits and settings, any state, any sample, one magnet or two. Levitation, PIDD2 and drives
+   give way to what their own proofs show of them: each call is shown to be allowed, and answers
+   anything. The currents stay within the limits of the board. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
@@ -113,6 +113,12 @@ void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitati
   *levitation = next;
 }
 
+void anhyst_compensator_swap(anhyst_compensator *compensator, const int16_t *words)
+{
+  (void)words;
+  compensator->solved = 0;
+}
+
 int32_t anhyst_drive_solve_q31(anhyst_drive_q31 *drive, int32_t demand, int32_t gap, int32_t flux)
 {
   drive->flags = nondet_u16();
@@ -161,8 +167,13 @@ int main(void)
   c.position = nondet_i32();
   c.demand = nondet_i32();
   c.pending = nondet_u16();
+  c.fading[0] = nondet_i32();
+  c.fading[1] = nondet_i32();
   c.current[0] = any_within(limits.current_low, limits.current_high);
   c.current[1] = c.drive[1] == NULL ? 0 : any_within(limits.current_low, limits.current_high);
+  if (nondet_i16() != 0) {
+    anhyst_position_swap_q31(&c, NULL);
+  }
   anhyst_position_tick_q31(&c, &sample, &answer);
   show_state(&c);
   SHOW(is_current(answer.current[0]) && (c.drive[1] == NULL || is_current(answer.current[1])));
