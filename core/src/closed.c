@@ -51,6 +51,7 @@ int32_t anhyst_closed_field(const int16_t *words, const anhyst_memory *from, int
   advance(words, &start, anhyst_abs_q31(way), &end);
   to->memory = in_direction(&end, falling);
   to->memory.a = flux;
+  to->m = start.c;
   to->way = falling ? -1 : 1;
   return to->memory.b;
 }
@@ -103,6 +104,8 @@ int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
   anhyst_memory start = in_direction(from, falling);
   anhyst_memory end = start;
   if (solved->way == (falling ? -1 : 1)) {
+    start.c = solved->m;
+    end.c = solved->m;
     const int32_t left = anhyst_sub_q31(target, current_at(&solved->memory, arms));
     if (anhyst_abs_q31(left) < anhyst_abs_q31(missing)) {
       end = in_direction(&solved->memory, falling);

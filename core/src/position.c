@@ -89,3 +89,41 @@ static void demagnetise_q31(anhyst_drive_q31 *drive)
 }
 
 #include "generic/position.h"
+
+/* The currents that the blocks now in force give for what was wanted at the tick before. */
+static void want_again(anhyst_position_q31 *c, int32_t *wanted)
+{
+  const anhyst_position_sample_q31 unmeasured = {0, 0, 0, {0, 0}, {ANHYST_NO_FLUX, ANHYST_NO_FLUX},
+                                                 0, 0};
+  switch (c->levitation.phase) {
+  case ANHYST_PHASE_REST:
+  case ANHYST_PHASE_FALL:
+    break; /* on the ramp to zero from what is driven, whatever the block */
+  case ANHYST_PHASE_CONDITION:
+    for (int i = 0; i < magnets_q31(c); i++) {
+      wanted[i] = anhyst_drive_conditioning_q31(c->drive[i], 0);
+    }
+    break;
+  default:
+    solve_q31(c, &unmeasured, wanted);
+    break;
+  }
+}
+
+void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
+{
+  anhyst_supervisor *supervisor = &c->levitation.supervisor;
+  int32_t wanted[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
+  for (int i = 0; i < magnets_q31(c); i++) {
+    anhyst_compensator_swap(&c->drive[i]->compensator, words);
+  }
+  if (supervisor->conditioning != 0U) {
+    supervisor->step = -1; /* begins anew */
+  }
+  want_again(c, wanted);
+  for (int i = 0; i < magnets_q31(c); i++) {
+    const int32_t reached =
+        anhyst_clamp(wanted[i], c->limits->current_low, c->limits->current_high);
+    c->fading[i] = anhyst_sub_q31(c->current[i], reached);
+  }
+}

@@ -33,9 +33,10 @@ void app_body_fail(app_body *body, uint16_t reason);
 uint16_t app_body_demand(app_body *body, int32_t force);
 uint16_t app_body_target(app_body *body, int32_t position);
 
-/* Goes on with another sound block for this board: the memory of the iron is kept. Where current
-   may flow it moves no faster than along the ramp to zero until it has reached what the block asks
-   for; a conditioning sequence begins again. */
+/* Goes on with another sound block for this board: the memory of the iron is kept, and the swap
+   moves no current faster than the ramp to zero. A force goes along that ramp to what the block
+   asks for. An armature in the air is controlled on at once, with the new model: what the two
+   models differ by fades along the ramp beside it. A conditioning sequence begins again. */
 void app_body_swap(app_body *body, const int16_t *words);
 
 /* One tick, `ticks` after the one before: judges the sample, moves the state, finds the currents,

@@ -23,6 +23,9 @@ typedef struct {
   uint16_t known; /* whether there is a plausible value at all */
 } app_sensor;
 
+/* A measured q30 as a q31; beyond full scale it saturates. */
+static inline int32_t app_sensor_q31(int32_t value) { return anhyst_shl_q31(value, 1); }
+
 /* Forgets everything: the next value is judged by code and range alone. */
 void app_sensor_start(app_sensor *sensor);
 

@@ -121,9 +121,6 @@ static void watch_sample(app_body *body, const port_sample *sample, uint32_t tic
   }
 }
 
-/* A measured q30 as a q31; beyond full scale it saturates. */
-static int32_t full_scale(int32_t value) { return anhyst_shl_q31(value, 1); }
-
 /* demand*ratio of q31 and q30, as a q31; rounded downwards to the 16 upper bits of the ratio,
    error below 2^-15 of the demand; saturates. */
 static int32_t constant_ratio(int32_t demand, int32_t ratio)
@@ -191,9 +188,9 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
   const int follow = settings[LINK_SETTING_FOLLOW] != 0;
   body->flags = 0;
   watch_sample(body, sample, ticks);
-  const int32_t gap = full_scale(anhyst_clamp(body->gap.value, 0, PORT_ONE));
+  const int32_t gap = app_sensor_q31(anhyst_clamp(body->gap.value, 0, PORT_ONE));
   if (follow && compensator->words != NULL) {
-    anhyst_compensator_commit_q31(compensator, full_scale(body->current.value), gap);
+    anhyst_compensator_commit_q31(compensator, app_sensor_q31(body->current.value), gap);
   }
   const int32_t wanted = wanted_current(body, settings, gap);
   body->drive = anhyst_clamp(wanted, limits->current_low, limits->current_high);

@@ -98,16 +98,8 @@ uint16_t app_body_target(app_body *body, int32_t position)
 
 void app_body_swap(app_body *body, const int16_t *words)
 {
-  for (uint16_t i = 0; i < body->board->plan->magnets; i++) {
-    anhyst_compensator_swap(&body->drive[i].compensator, words);
-  }
-  if (body->position.levitation.supervisor.conditioning != 0U) {
-    body->position.levitation.supervisor.step = -1; /* begins anew */
-  }
+  anhyst_position_swap_q31(&body->position, words);
 }
-
-/* A measured q30 as a q31; beyond full scale it saturates. */
-static int32_t full_scale(int32_t value) { return anhyst_shl_q31(value, 1); }
 
 /* A sensor of a current that is not to be believed is a fault, for what is driven cannot be known
    any more; the position is, and so it lands. */
@@ -170,7 +162,7 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
   in.dropped = sample->position == PORT_RESERVED ? 1U : 0U;
   in.command = ANHYST_COMMAND_NONE;
   for (int i = 0; i < PORT_CURRENTS; i++) {
-    in.current[i] = full_scale(body->current[i].value);
+    in.current[i] = app_sensor_q31(body->current[i].value);
     in.flux[i] = ANHYST_NO_FLUX;
   }
   if (body->drive[0].compensator.words == NULL) {

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from anhyst.support.arrays import FloatArray
+
 MU_0 = 4e-7 * np.pi
-Floats = NDArray[np.float64]
+Floats = FloatArray
 
 
 class Iron(Protocol):

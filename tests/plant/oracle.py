@@ -10,13 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from anhyst.rig.parts.iron import CellIron, CellSteel
+from anhyst.support.arrays import FloatArray
 
-Floats = NDArray[np.float64]
+Floats = FloatArray
 MU_0 = 4e-7 * math.pi
 
 

@@ -41,8 +41,8 @@ typedef struct {
 /* A solved step that has not been committed: where it leads, and what a current near it needs. */
 typedef struct {
   anhyst_memory memory;
-  int32_t m;       /* full: magnetisation there, q28 */
-  int16_t way;     /* 1: the field rises, -1: it falls, 0: it stays, or not known */
+  int32_t m;   /* full: magnetisation there, q28; simplified: z at the start, in its direction */
+  int16_t way; /* 1: the field rises, -1: it falls, 0: it stays, or not known */
   int16_t y_slope; /* full: of irreversible part and magnetisation over the field, in 1/1024 */
   int16_t m_slope;
 } anhyst_candidate;

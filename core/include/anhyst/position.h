@@ -43,6 +43,14 @@ typedef struct {
 #include "anhyst/generic/position.h"
 #include "anhyst/no_format.h"
 
+/* Goes on with another block in every drive, between two ticks. The drives are compensators, and
+   the block is one that anhyst_compensator_swap may be given. The control goes on at once with the
+   new model. What the currents would jump by is driven on beside what is wanted and fades by
+   limits->release a tick, so that a swap in the air moves no current faster than that, whatever the
+   controller asks for meanwhile. A conditioning sequence begins anew. Costs about two solves a
+   magnet. */
+void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words);
+
 #ifdef __cplusplus
 }
 #endif

@@ -168,14 +168,29 @@ static void ANHYST_NAME(want)(ANHYST_NAME(anhyst_position) *c,
   }
 }
 
+/* A current of this phase, and what is left of the current before a swap of blocks: less of it by
+   one step of the ramp to zero at every tick. On that ramp itself there is no step to soften. */
+static ANHYST_REAL ANHYST_NAME(faded)(ANHYST_NAME(anhyst_position) *c, int magnet,
+                                      ANHYST_REAL wanted)
+{
+  const ANHYST_REAL release = c->limits->release;
+  const ANHYST_REAL left = c->fading[magnet];
+  const int ramps =
+      c->levitation.phase == ANHYST_PHASE_REST || c->levitation.phase == ANHYST_PHASE_FALL;
+  c->fading[magnet] =
+      ramps ? 0 : ANHYST_NAME(difference)(left, ANHYST_NAME(within)(left, -release, release));
+  return ANHYST_NAME(sum)(wanted, c->fading[magnet]);
+}
+
 /* Drives what is wanted as far as the board lets it. */
 static void ANHYST_NAME(drive)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REAL *wanted)
 {
   const ANHYST_NAME(anhyst_position_limits) *limits = c->limits;
   for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
+    const ANHYST_REAL asked = ANHYST_NAME(faded)(c, i, wanted[i]);
     const ANHYST_REAL reached =
-        ANHYST_NAME(within)(wanted[i], limits->current_low, limits->current_high);
-    if (reached != wanted[i]) {
+        ANHYST_NAME(within)(asked, limits->current_low, limits->current_high);
+    if (reached != asked) {
       c->flags |= ANHYST_CURRENT_LIMITED;
     }
     c->current[i] = ANHYST_NAME(on_grid)(limits, reached);

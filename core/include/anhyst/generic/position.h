@@ -6,7 +6,8 @@ typedef struct {
   ANHYST_REAL current_low;
   ANHYST_REAL current_high; /* above low by a whole number of steps */
   ANHYST_REAL current_step; /* of the converter, > 0: currents are low, low + step, ... */
-  ANHYST_REAL release;      /* change of a current that is to go to zero, a tick, >= a step */
+  ANHYST_REAL release;      /* change a tick, >= a step: of a current that is to go to zero, and of
+                               what a swap of blocks leaves of the current before it */
 } ANHYST_NAME(anhyst_position_limits);
 
 /* How the position is controlled. */
@@ -49,6 +50,7 @@ typedef struct {
   ANHYST_REAL position;                         /* the last plausible one */
   ANHYST_REAL gap[ANHYST_POSITION_MAGNETS];     /* that belongs to it */
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* driven */
+  ANHYST_REAL fading[ANHYST_POSITION_MAGNETS];  /* driven beside what is wanted, after a swap */
   ANHYST_REAL demand;                           /* wanted net force */
   uint16_t flags;                               /* of this tick */
   uint16_t limited;                             /* whether it drives less than it wants */
