@@ -81,11 +81,11 @@ static int are_sound_q31(const anhyst_position_limits_q31 *limits,
          limits->release >= limits->current_step;
 }
 
-static void demagnetise_q31(anhyst_drive_q31 *drive)
+static void demagnetise_q31(anhyst_force_controller_q31 *magnet)
 {
   const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
-  drive->compensator.memory = demagnetised;
-  drive->compensator.solved = 0;
+  magnet->compensator.memory = demagnetised;
+  magnet->compensator.solved = 0;
 }
 
 #include "generic/position.h"
