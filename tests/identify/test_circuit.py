@@ -11,8 +11,9 @@ import pytest
 
 from anhyst.data import LoopSet
 from anhyst.identify import IdentifyResult, identify
-from anhyst.model.actuator import OPERATOR, ActuatorModel
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
+from anhyst.model.parameters import OPERATOR
 from anhyst.model.writer import write_model
 from anhyst.support.errors import InputError
 from tests.identify.truths import GAPS, loops_of, magnet, worst

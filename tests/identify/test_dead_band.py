@@ -12,7 +12,7 @@ import pytest
 from anhyst.data import LoopSet
 from anhyst.identify import IdentifyResult, identify
 from anhyst.identify.dead_band import COST, PARTS
-from anhyst.model.actuator import Law
+from anhyst.model.parameters import Law
 from anhyst.model.sources import ReadOptions
 from tests.identify.truths import core, largest, loops_of, magnet, predicted
 

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst.identify import IdentifyResult, identify
-from anhyst.model.actuator import ActuatorModel, GapMap, Law
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import Uncertainty
+from anhyst.model.parameters import GapMap, Law
 from anhyst.support.errors import InputError
 from tests.identify.truths import (
     GAPS,

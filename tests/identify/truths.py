@@ -9,7 +9,8 @@ import numpy as np
 
 from anhyst.data import History, Loop, LoopSet
 from anhyst.identify.response import LOCAL, Local
-from anhyst.model.actuator import ActuatorModel, GapMap, Law, Parameter
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import GapMap, Law, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
 

@@ -15,7 +15,8 @@ from anhyst.identify.gauge import AIR_CORE, form_of, physical
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import Form, Local
 from anhyst.identify.space import Space
-from anhyst.model.actuator import ActuatorModel, GapMap, Law, Parameter
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import GapMap, Law, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES, Quantity

@@ -12,8 +12,9 @@ from anhyst.cli.console import in_small_units, print_json, show, table
 from anhyst.cli.options import AsJson
 
 if TYPE_CHECKING:
-    from anhyst.model.actuator import ActuatorModel, Parameter
+    from anhyst.model.actuator import ActuatorModel
     from anhyst.model.diff import ModelDiff
+    from anhyst.model.parameters import Parameter
 
 
 def diff(

@@ -25,9 +25,10 @@ from anhyst.identify.result import IdentifyResult
 from anhyst.identify.run import Run
 from anhyst.identify.space import IN_SERIES
 from anhyst.identify.uncertainty import assess
-from anhyst.model.actuator import GAP_MAPS, LAWS, ActuatorModel
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CrossValidation, Provenance, ReductionStep, fit_figures
+from anhyst.model.parameters import GAP_MAPS, LAWS
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress

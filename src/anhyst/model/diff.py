@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anhyst.model.actuator import PARAMETERS, ActuatorModel, Parameter
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import PARAMETERS, Parameter
 from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:

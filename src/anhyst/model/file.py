@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from anhyst.data.history import History
 from anhyst.data.loop_set import Source
-from anhyst.model.actuator import ActuatorModel, Parameter, find_problems
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import (
     CrossValidation,
     FitFigures,
@@ -28,6 +28,7 @@ from anhyst.model.fit_record import (
     ValidRange,
 )
 from anhyst.model.keys import FORMAT, VERSION, Names, meant, section_names
+from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.schema import (
     FitTable,
     ModelTable,

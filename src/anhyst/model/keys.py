@@ -5,6 +5,7 @@ Apart from the schema, whose validation takes longer to import than a model to w
 
 from __future__ import annotations
 
+from anhyst.data.output_map import output_map
 from anhyst.support.units import Quantity
 
 FORMAT = "anhyst-model"
@@ -21,9 +22,9 @@ def column(name: str, unit: str) -> str:
 
 def parameter_names(given: Quantity, answer: Quantity) -> Names:
     """Return the keys of ``[parameters]`` for an input and an output."""
-    power = "2" if answer.name == "force" else ""
+    power = output_map(answer).power
     turns = {"A": "c_H_per_m", "A/m": "c_H"}.get(given.unit, f"c_H_A_per_m_{given.unit}")
-    ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power}"
+    ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power if power > 1 else ''}"
     return {
         **{name: (name, column(name, "A/m")) for name in ("M_s", "a", "k", "r_d")},
         **{name: (name, name) for name in ("c", "alpha", "rho")},

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from anhyst.model.actuator import PARAMETERS, ActuatorModel
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
 from anhyst.model.keys import FORMAT, VERSION, column, parameter_names
+from anhyst.model.parameters import PARAMETERS
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import Quantity

@@ -28,7 +28,8 @@ from anhyst.identify.paper.evolution import EvolutionStrategy
 from anhyst.identify.paper.seven import OFFSETS, Values, mean_over_gaps, variables_of
 from anhyst.identify.run import Run
 from anhyst.model.acceptance import GapCheck, check_over_gap
-from anhyst.model.actuator import MAY_VARY, ActuatorModel
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import MAY_VARY
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 

@@ -8,9 +8,9 @@ from types import MappingProxyType
 
 from markupsafe import Markup
 
-from anhyst.model.actuator import PARAMETERS
 from anhyst.model.fit_record import CrossValidation, Uncertainty
 from anhyst.model.keys import parameter_names
+from anhyst.model.parameters import PARAMETERS
 from anhyst.model.sources import PREFIX
 from anhyst.model.writer import MEANING
 from anhyst.report.model.figures import figure_correlation, figure_reduction
