@@ -19,6 +19,7 @@ import numpy as np
 from anhyst.data.output_map import OutputMap, output_map
 from anhyst.identify.response import Form, Local
 from anhyst.identify.space import IN_SERIES
+from anhyst.laws.jiles_atherton import dead_band, iron_parameters, shrink_field
 from anhyst.model.gap_map import Curve
 from anhyst.support.units import MU_0, Quantity
 
@@ -42,7 +43,7 @@ def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> Fo
     input_quantity, output_quantity : Quantity
         As the measurements name them.
     law : str
-        ``effective-field`` or ``jiles-atherton-1986``.
+        Name of the law.
 
     Returns
     -------
@@ -63,6 +64,7 @@ def physical(
     input_quantity: Quantity,
     output_quantity: Quantity,
     gaps: Sequence[float] = (),
+    play: float = 0.0,
 ) -> dict[str, Parameter]:
     """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.ActuatorModel`.
 
@@ -76,6 +78,8 @@ def physical(
         As measured.
     gaps : sequence of float
         Gap of each set, m; empty if it is not a gap that is scheduled.
+    play : float
+        Half-width of the dead band in parts of the pinning.
 
     Returns
     -------
@@ -95,6 +99,8 @@ def physical(
         vary = set()
     if gap_map in IN_SERIES:
         _lift_reluctance(table, gaps, answer.power)
+    for row in table:
+        row.update(dead_band(row, play))
     same = {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
     return {
         name: tuple(row[name] for row in table) if name in vary - same else table[0][name]
@@ -112,9 +118,7 @@ def _lift_reluctance(table: list[dict[str, float]], gaps: Sequence[float], power
     p = min(1.0 + least, 1.0)
     for row in table:
         row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)
-        row["alpha"] = 1.0 - p
-        row["a"] *= p
-        row["k"] *= p
+        shrink_field(row, p)
         row["c_out"] /= p**power
 
 
@@ -138,11 +142,7 @@ def _at_one_gap(local: Local, gap_map: str, input_name: str, answer: OutputMap) 
     if abs(c_out - 1.0) < 1e-12:
         c_out = 1.0  # flux density measured: but for rounding it is one by construction
     return {
-        "M_s": saturation,
-        "a": a,
-        "k": local.kappa * a,
-        "c": local.c,
-        "alpha": alpha,
+        **iron_parameters(saturation, a, local.kappa, local.c, alpha),
         "rho": rho,
         "c_H": a / unscaled,
         "c_out": c_out,

@@ -1,4 +1,4 @@
-"""The parameters of a model: their names, which may vary over the gap, and what is wrong with them."""
+"""The parameters of a model: those of its law, and those of what surrounds the iron."""
 
 from __future__ import annotations
 
@@ -9,34 +9,51 @@ from typing import Literal
 
 import numpy as np
 
+from anhyst.laws.law import ParameterSpec
+from anhyst.laws.registry import LAWS
+
 Parameter = float | tuple[float, ...]
-Law = Literal["effective-field", "jiles-atherton-1986"]
 GapMap = Literal["none", "scaling", "reluctance", "circuit", "free"]
 
-LAWS: tuple[Law, ...] = ("effective-field", "jiles-atherton-1986")
 GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "free")
 
-OPERATOR = ("M_s", "a", "k", "c", "alpha", "r_d")
-"""Parameters of the iron itself. While one of them changes, the state has no meaning."""
-
-DEFAULTS: Mapping[str, float] = MappingProxyType(
-    {"alpha": 0.0, "r_d": 0.0, "rho": 0.0, "gamma": 0.0, "in_0": 0.0, "out_0": 0.0}
+CIRCUIT = (
+    ParameterSpec("c_H", "drive of the iron for a unit of input", low=0.0, coordinate="reciprocal"),
+    ParameterSpec(
+        "rho",
+        "reluctance of the gap over that of an air-filled iron path",
+        low=0.0,
+        closed=True,
+        default=0.0,
+    ),
+    ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, closed=True, default=0.0),
+    ParameterSpec(
+        "c_out",
+        "output for a unit of flux density (squared for a force)",
+        low=0.0,
+        coordinate="log",
+    ),
+    ParameterSpec("in_0", "offset of the input", default=0.0),
+    ParameterSpec("out_0", "offset of the output", default=0.0),
 )
-"""Parameters that may be left out, and what they are then."""
+"""What surrounds the iron, the same whatever the law; units depend on input and output."""
 
-PARAMETERS = ("M_s", "a", "k", "c", "alpha", "r_d", "c_H", "rho", "gamma", "c_out", "in_0", "out_0")
-"""Every parameter, in the order of the file."""
+_SURROUNDS = frozenset({"c_out", "in_0", "out_0", "gamma"})
 
 MAY_VARY: Mapping[GapMap, frozenset[str]] = MappingProxyType(
     {
         "none": frozenset(),
-        "scaling": frozenset({"c_H", "c_out", "in_0", "out_0", "gamma"}),
-        "reluctance": frozenset({"rho", "c_out", "in_0", "out_0", "gamma"}),
-        "circuit": frozenset({"rho", "c_out", "in_0", "out_0", "gamma"}),
-        "free": frozenset(PARAMETERS),
+        "scaling": _SURROUNDS | {"c_H"},
+        "reluctance": _SURROUNDS | {"rho"},
+        "circuit": _SURROUNDS | {"rho"},
     }
 )
-"""What each gap map allows to run over the scheduling variable."""
+"""What each gap map but ``free`` allows to run over the scheduling variable; ``free`` allows all."""
+
+
+def specs_of(law: str) -> dict[str, ParameterSpec]:
+    """Return every parameter of a model with this law by name, in the order of the file."""
+    return {spec.name: spec for spec in (*LAWS[law].parameters, *CIRCUIT)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,30 +64,17 @@ class Problem:
     text: str
 
 
-def range_problem(name: str, value: float) -> str | None:
-    """Return what is wrong with one value of a parameter, if anything is."""
-    if not np.isfinite(value):
-        return "is not a finite number"
-    if name in {"M_s", "a", "k", "c_H", "c_out"} and value <= 0.0:
-        return f"must be above 0, is {value:g}"
-    if name in {"r_d", "gamma", "rho"} and value < 0.0:
-        return f"must not be negative, is {value:g}"
-    if name == "c" and not 0.0 <= value <= 1.0:
-        return f"must lie within 0 and 1, is {value:g}"
-    if name == "alpha" and value >= 1.0:
-        return f"must be below 1, is {value:g}"
-    return None
-
-
 def find_problems(
-    parameters: Mapping[str, Parameter], nodes: Sequence[float], gap_map: GapMap
+    law: str, parameters: Mapping[str, Parameter], nodes: Sequence[float], gap_map: GapMap
 ) -> list[Problem]:
     """Find everything that is wrong with a set of parameters.
 
     Parameters
     ----------
+    law : str
+        Name of the law.
     parameters : mapping of str to float or tuple of float
-        As in :class:`ActuatorModel`.
+        As in :class:`anhyst.model.record.ActuatorRecord`.
     nodes : sequence of float
         Nodes of the scheduling variable, SI.
     gap_map : str
@@ -87,10 +91,11 @@ def find_problems(
     steps = np.diff(np.asarray(nodes, dtype=np.float64))
     if not np.isfinite(steps).all() or (steps <= 0.0).any():
         problems.append(Problem("nodes", "must be finite and ascend, without repeats"))
-    for name in PARAMETERS:
+    specs = specs_of(law)
+    for name, spec in specs.items():
         value = parameters.get(name)
         if value is None:
-            if name not in DEFAULTS:
+            if spec.default is None:
                 problems.append(Problem(name, "is missing"))
             continue
         values = value if isinstance(value, tuple) else (value,)
@@ -98,10 +103,10 @@ def find_problems(
             if len(value) != len(nodes):
                 text = f"has {len(value)} values for {len(nodes)} nodes; give one for each node"
                 problems.append(Problem(name, text))
-            if name not in MAY_VARY[gap_map]:
+            if gap_map != "free" and name not in MAY_VARY[gap_map]:
                 text = f"may not vary with the gap map '{gap_map}'; give a single number"
                 problems.append(Problem(name, text))
-        texts = (range_problem(name, single) for single in values)
+        texts = (spec.problem(single) for single in values)
         problems.extend([Problem(name, text) for text in texts if text][:1])
-    problems.extend(Problem(name, "is unknown") for name in parameters if name not in PARAMETERS)
+    problems.extend(Problem(name, "is unknown") for name in parameters if name not in specs)
     return problems

@@ -9,8 +9,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anhyst._core import Iron, status_text
+from anhyst._core import status_text
 from anhyst.data.history import History
+from anhyst.laws.law import IronOperator
+from anhyst.laws.registry import LAWS
 from anhyst.model.circuit import Circuit
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.valid_range import Given, flag, warn_if_far
@@ -74,7 +76,7 @@ class Prediction:
         Field in the iron, A/m.
     valid : ndarray of bool
         Whether the sample lies inside the valid range of the model.
-    state : ndarray, shape (3,)
+    state : ndarray, shape (s,)
         State of the iron after the last sample (``x/a``, ``M_irr/M_s``, play ``/a``).
     cycles : int
         Repetitions it took to settle; 0 for another history.
@@ -302,7 +304,7 @@ def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray,
 
 
 def initial_state(
-    model: ActuatorRecord, iron: Iron, history: History, schedule: float | None
+    model: ActuatorRecord, iron: IronOperator, history: History, schedule: float | None
 ) -> FloatArray:
     """Return the state of the iron before the first sample.
 
@@ -310,7 +312,7 @@ def initial_state(
     ----------
     model : ActuatorRecord
         The model.
-    iron : Iron
+    iron : IronOperator
         Its iron at this value of the scheduling variable.
     history : History
         ``settled`` gives the demagnetised state, from which the cycle is then repeated.
@@ -319,10 +321,10 @@ def initial_state(
 
     Returns
     -------
-    ndarray, shape (3,)
+    ndarray, shape (s,)
         The state.
     """
-    state = np.zeros(3)
+    state = np.zeros(LAWS[model.law].states)
     if history.kind != "conditioned":
         return state
     # The exact step does not care how a path is cut: turning points say all.
@@ -336,12 +338,14 @@ def initial_state(
     return conditioned
 
 
-def _step(iron: Iron, kind: Given) -> _Step:
+def _step(iron: IronOperator, kind: Given) -> _Step:
     step: _Step = iron.forward if kind == "drive" else iron.inverse
     return step
 
 
-def _settle(iron: Iron, record: _Record, run: slice, start: FloatArray) -> tuple[FloatArray, int]:
+def _settle(
+    iron: IronOperator, record: _Record, run: slice, start: FloatArray
+) -> tuple[FloatArray, int]:
     """Repeat a cycle until the state returns."""
     kind, circuit = record.kind, record.circuit(run)
     core = record.core(run, circuit)

@@ -21,22 +21,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst._core import Iron
 from anhyst.data.history import History
 from anhyst.data.output_map import output_map
+from anhyst.laws.law import IronOperator, Law, ParameterSpec
+from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.circuit import Circuit
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.gap_map import Curve
+from anhyst.model.keys import Names, parameter_names
 from anhyst.model.parameters import (
-    DEFAULTS,
-    LAWS,
-    OPERATOR,
-    PARAMETERS,
+    CIRCUIT,
     GapMap,
-    Law,
     Parameter,
     find_problems,
-    range_problem,
+    specs_of,
 )
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -49,9 +47,9 @@ def _as_parameter(value: ArrayLike) -> Parameter:
 
 
 @lru_cache(maxsize=256)
-def _iron(m_s: float, a: float, k: float, c: float, alpha: float, r_d: float, law: Law) -> Iron:
+def _iron(law: Law, *parameters: float) -> IronOperator:
     try:
-        return Iron(m_s, a, k, c, alpha, r_d, law)
+        return law.iron(*parameters)
     except ValueError as error:
         raise InputError(f"model parameters: {error}") from error
 
@@ -65,14 +63,14 @@ class ActuatorRecord:
     name : str
         Free text.
     law : str
-        ``"effective-field"`` or ``"jiles-atherton-1986"``.
+        Name of the law, one of :data:`anhyst.laws.registry.LAWS`.
     input, output : Quantity
         What drives the actuator and what it answers with.
     parameters : mapping of str to float or tuple of float
-        SI; a tuple has one value for each node. ``M_s, a, k, r_d`` in A/m, ``c, alpha, rho``
-        pure numbers, ``c_H`` in A/m per unit of the input, ``gamma`` in A s/(m T), ``c_out`` in
-        units of the output per T (per T^2 for a force), ``in_0, out_0`` in units of input and
-        output. Those in :data:`DEFAULTS` may be left out.
+        SI; a tuple has one value for each node. Those of the law, and ``rho``, a pure number,
+        ``c_H`` in A/m per unit of the input, ``gamma`` in A s/(m T), ``c_out`` in units of the
+        output per T (per T^2 for a force), ``in_0, out_0`` in units of input and output. Those
+        with a default may be left out.
     gap_map : str
         ``"none"``, ``"scaling"``, ``"reluctance"``, ``"circuit"`` or ``"free"``.
     schedule : Quantity or None
@@ -96,7 +94,7 @@ class ActuatorRecord:
     input: Quantity
     output: Quantity
     parameters: Mapping[str, Parameter]
-    law: Law = "effective-field"
+    law: str = DEFAULT_LAW
     gap_map: GapMap = "none"
     schedule: Quantity | None = None
     nodes: tuple[float, ...] = ()
@@ -113,18 +111,31 @@ class ActuatorRecord:
         object.__setattr__(self, "nodes", nodes)
         if self.law not in LAWS:
             raise InputError(f"law: is {self.law!r}; use one of {', '.join(LAWS)}")
-        problems = find_problems(given, nodes, self.gap_map)
+        problems = find_problems(self.law, given, nodes, self.gap_map)
         if problems:
             raise InputError(f"model parameter {problems[0].key}: {problems[0].text}")
         if nodes and self.schedule is None:
             raise InputError("model: there are nodes but no scheduling variable; name it")
-        complete = {name: given.get(name, DEFAULTS.get(name, 0.0)) for name in PARAMETERS}
+        complete = {
+            name: given.get(name, 0.0 if spec.default is None else spec.default)
+            for name, spec in self.specs.items()
+        }
         object.__setattr__(self, "parameters", MappingProxyType(complete))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by value: caches and the read-only view of the parameters are not picklable."""
         kept = {f.name: getattr(self, f.name) for f in fields(self)}
         return _rebuild, (type(self), kept | {"parameters": dict(self.parameters)})
+
+    @property
+    def specs(self) -> Mapping[str, ParameterSpec]:
+        """Every parameter by name, in the order of the file."""
+        return specs_of(self.law)
+
+    @cached_property
+    def keys(self) -> Names:
+        """Names of the parameters in a file, bare and with their unit."""
+        return parameter_names(LAWS[self.law], self.input, self.output)
 
     @property
     def power(self) -> int:
@@ -143,7 +154,8 @@ class ActuatorRecord:
     @property
     def fixed_gap_only(self) -> bool:
         """Whether the scheduling variable must stand still during a run (a ``free`` gap map)."""
-        return any(name in OPERATOR for name in self.varying)
+        own = {spec.name for spec in LAWS[self.law].parameters}
+        return not own.isdisjoint(self.varying)
 
     @property
     def needs_schedule(self) -> bool:
@@ -154,7 +166,10 @@ class ActuatorRecord:
     def curves(self) -> Mapping[str, Curve]:
         """Every varying parameter as a curve over the scheduling variable."""
         nodes = np.array(self.nodes)
-        return {name: Curve(name, nodes, np.array(self.parameters[name])) for name in self.varying}
+        return {
+            name: Curve(name, nodes, np.array(self.parameters[name]), self.specs[name].coordinate)
+            for name in self.varying
+        }
 
     def over_schedule(self, name: str, at: ArrayLike) -> FloatArray:
         """Return one parameter at values of the scheduling variable.
@@ -162,7 +177,7 @@ class ActuatorRecord:
         Parameters
         ----------
         name : str
-            One of :data:`PARAMETERS`.
+            One of :attr:`specs`.
         at : array_like, shape (n,)
             Scheduling variable, SI.
 
@@ -180,7 +195,7 @@ class ActuatorRecord:
         if name in self.curves and query.size:
             values = self.curves[name](query)
             for extreme in (values.min(), values.max()):
-                if problem := range_problem(name, float(extreme)):
+                if problem := self.specs[name].problem(float(extreme)):
                     raise InputError(
                         f"{name} {problem}, in the straight line beyond the nodes "
                         f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay nearer to them"
@@ -208,7 +223,7 @@ class ActuatorRecord:
             The model needs the scheduling variable.
         """
         at = np.array([self.schedule_or_default(schedule)])
-        return {name: float(self.over_schedule(name, at)[0]) for name in PARAMETERS}
+        return {name: float(self.over_schedule(name, at)[0]) for name in self.specs}
 
     def schedule_or_default(self, schedule: float | None) -> float:
         """Return the scheduling variable, or any where it does not matter.
@@ -228,7 +243,7 @@ class ActuatorRecord:
             )
         return self.nodes[0] if self.nodes else 0.0
 
-    def iron_at(self, schedule: float | None = None) -> Iron:
+    def iron_at(self, schedule: float | None = None) -> IronOperator:
         """Return the iron of the core at one value of the scheduling variable.
 
         Parameters
@@ -238,7 +253,7 @@ class ActuatorRecord:
 
         Returns
         -------
-        Iron
+        IronOperator
             It keeps no state and may be shared.
 
         Raises
@@ -247,8 +262,9 @@ class ActuatorRecord:
             The core refuses the parameters.
         """
         at = np.array([self.schedule_or_default(schedule) if self.fixed_gap_only else 0.0])
-        values = (float(self.over_schedule(name, at)[0]) for name in OPERATOR)
-        return _iron(*values, law=self.law)
+        law = LAWS[self.law]
+        values = (float(self.over_schedule(spec.name, at)[0]) for spec in law.parameters)
+        return _iron(law, *values)
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
         """Return what surrounds the iron, sample by sample.
@@ -271,7 +287,7 @@ class ActuatorRecord:
             else schedule
         )
         c_h, rho, gamma, c_out, in_0, out_0 = (
-            self.over_schedule(name, at) for name in PARAMETERS[len(OPERATOR) :]
+            self.over_schedule(spec.name, at) for spec in CIRCUIT
         )
         return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
 

@@ -100,7 +100,7 @@ class Stepper:
 
     @property
     def state(self) -> FloatArray:
-        """State of the iron (``x/a``, ``M_irr/M_s``, play ``/a``), a copy of shape (3,)."""
+        """State of the iron a copy; what it holds is the law's."""
         return self._state.copy()
 
     @property

@@ -266,7 +266,7 @@ def model_at_nodes(stand: Stand, run: Run, loopset: LoopSet) -> ActuatorModel:
         input=loopset.input,
         output=loopset.output,
         parameters=parameters,
-        law=run.form.law,  # type: ignore[arg-type]
+        law=run.form.law,
         gap_map="none" if single else "scaling" if scaling else "free",
         schedule=loopset.schedule,
         nodes=tuple(float(node) for node in run.records.nodes),
