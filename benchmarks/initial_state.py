@@ -21,7 +21,7 @@ from anhyst.compensate.simplified import build_euler, build_simplified, fit_clos
 from anhyst.compensate.twin import Twin
 from anhyst.data.reading import read_loops
 from anhyst.identify import identify
-from anhyst.laws.explicit import ExplicitForm
+from anhyst.laws.oracle.explicit import ExplicitForm
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0

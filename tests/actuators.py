@@ -10,7 +10,8 @@ import numpy as np
 from anhyst.compensate.block import Block, Kind, Limits, Scales, Sizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified, fit_closed_form
-from anhyst.model.actuator import ActuatorModel, GapMap, Parameter
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
 

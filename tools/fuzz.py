@@ -20,8 +20,9 @@ from pathlib import Path
 from anhyst.compensate.plan import Request
 from anhyst.compile.output import compile_model
 from anhyst.link.firmware import actuator_defines
-from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import ValidRange
+from anhyst.model.parameters import Parameter
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 

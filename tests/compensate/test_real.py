@@ -18,8 +18,8 @@ from anhyst.compensate.twin import Twin
 from anhyst.compensate.words import Names
 from anhyst.compile.core import SINGLE
 from anhyst.compile.floating_source import c_parameters_f32, literal
-from anhyst.model.actuator import GapMap
 from anhyst.model.compilable import least_slope
+from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from anhyst.support.core_folder import core_folder
 from tests.actuators import (

@@ -1,6 +1,6 @@
 """The simplified law in fixed point: its closed form and the paper's Euler form.
 
-The oracle is :class:`anhyst.laws.linear_anhysteretic.LinearAnhysteretic`, which solves each step
+The oracle is :class:`anhyst.laws.oracle.linear_anhysteretic.LinearAnhysteretic`, which solves each step
 with the Lambert function in double precision.
 """
 
@@ -14,7 +14,7 @@ import pytest
 from anhyst.compensate.block import Block, Kind, Limits, Scales, Sizes
 from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified
 from anhyst.compensate.twin import Twin
-from anhyst.laws.linear_anhysteretic import LinearAnhysteretic
+from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 from tests.actuators import reversals, ring

@@ -15,8 +15,9 @@ from anhyst.identify.default import search_each_gap, search_one_gap
 from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
-from anhyst.model.actuator import ActuatorModel, GapMap
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import FitFigures
+from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES

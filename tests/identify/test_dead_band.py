@@ -12,7 +12,6 @@ import pytest
 from anhyst.data import LoopSet
 from anhyst.identify import IdentifyResult, identify
 from anhyst.identify.dead_band import COST, PARTS
-from anhyst.model.actuator import Law
 from anhyst.model.sources import ReadOptions
 from tests.identify.truths import core, largest, loops_of, magnet, predicted
 
@@ -63,7 +62,7 @@ def test_the_model_tells_how_wide_it_is_and_what_it_costs() -> None:
 
 
 @pytest.mark.parametrize("law", ["effective-field", "jiles-atherton-1986"])
-def test_loops_of_a_law_without_dead_band_allow_none(law: Law) -> None:
+def test_loops_of_a_law_without_dead_band_allow_none(law: str) -> None:
     result = identify(loops_of(core(law), "demagnetised", samples=48), law=law)
     assert result.model.parameters["r_d"] == 0.0
     assert "costs more than 3%" in str(result.model.provenance.settings["dead_band"])

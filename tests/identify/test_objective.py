@@ -18,7 +18,8 @@ from anhyst.identify.response import LOCAL, Local, NoResponseError
 from anhyst.identify.screening import sample_sets, screen, starts
 from anhyst.identify.space import PER_GAP, Space
 from anhyst.identify.uncertainty import memory
-from anhyst.model.actuator import ActuatorModel, GapMap
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from tests.identify.truths import GAPS, HISTORIES, core, gauge_free, largest, loops_of, magnet, path

@@ -19,7 +19,6 @@ def test_a_rig_file_has_every_option_of_the_command_by_the_same_name() -> None:
 
 def test_both_take_the_same_words() -> None:
     for words, ours in (
-        (command.Law, identifyoptions.Law),
         (command.GapMapChoice, identifyoptions.GapMap),
         (command.Search, identifyoptions.Search),
         (command.Weights, identifyoptions.Weights),

@@ -9,7 +9,8 @@ import numpy as np
 
 from anhyst.data import History, Loop, LoopSet
 from anhyst.identify.response import LOCAL, Local
-from anhyst.model.actuator import ActuatorModel, GapMap, Law, Parameter
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
 
@@ -58,7 +59,7 @@ def magnet(
     gap_map: GapMap = "reluctance",
     output: str = "force",
     gaps: Sequence[float] = GAPS,
-    law: Law = "effective-field",
+    law: str = "effective-field",
     **changes: Parameter,
 ) -> ActuatorModel:
     """Build an electromagnet driven by a current; a map other than 'none' has nodes at the gaps."""
@@ -81,7 +82,7 @@ def magnet(
     )
 
 
-def core(law: Law = "effective-field", **changes: Parameter) -> ActuatorModel:
+def core(law: str = "effective-field", **changes: Parameter) -> ActuatorModel:
     """Build a closed core driven by a field, seen by its flux density."""
     parameters = {**CORE, **changes}
     return ActuatorModel(

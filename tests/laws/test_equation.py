@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.laws.effective_field import EffectiveField, mean_lag, mean_lag_slope
-from anhyst.laws.equation import (
+from anhyst.laws.oracle.effective_field import EffectiveField, mean_lag, mean_lag_slope
+from anhyst.laws.oracle.equation import (
     NO_EDDY,
     Eddy,
     backward_euler,
@@ -20,9 +20,9 @@ from anhyst.laws.equation import (
     trapezoid,
     voltage_drive,
 )
-from anhyst.laws.iron import Iron
-from anhyst.laws.jiles_atherton_1986 import JilesAtherton1986
-from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.iron import Iron
+from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
+from anhyst.laws.oracle.operator import DEMAGNETISED, State
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
 

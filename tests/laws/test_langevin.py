@@ -7,7 +7,7 @@ from decimal import Decimal, getcontext
 import numpy as np
 import pytest
 
-from anhyst.laws.langevin import (
+from anhyst.laws.oracle.langevin import (
     inverse_langevin,
     inverse_langevin_scalar,
     langevin,

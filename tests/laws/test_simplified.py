@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.laws.explicit import ExplicitForm
-from anhyst.laws.linear_anhysteretic import LinearAnhysteretic
-from anhyst.laws.operator import State
+from anhyst.laws.oracle.explicit import ExplicitForm
+from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
+from anhyst.laws.oracle.operator import State
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
 

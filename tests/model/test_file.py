@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from anhyst.data.history import History
 from anhyst.data.loop_set import Source
-from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import (
     FitFigures,
@@ -22,6 +22,7 @@ from anhyst.model.fit_record import (
     Uncertainty,
     ValidRange,
 )
+from anhyst.model.parameters import Parameter
 from anhyst.model.writer import model_text, write_model
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import TomlFileError

@@ -7,12 +7,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anhyst.model.gap_map import Curve, coordinate_of
+from anhyst.laws.law import Coordinate
+from anhyst.laws.registry import DEFAULT_LAW
+from anhyst.model.gap_map import Curve
+from anhyst.model.parameters import specs_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
 GAPS = np.array([0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3])
-NAMES = ("c_H", "M_s", "k", "c_out", "rho", "alpha")
+COORDINATES: dict[str, Coordinate] = {
+    name: spec.coordinate
+    for name, spec in specs_of(DEFAULT_LAW).items()
+    if name in {"c_H", "M_s", "k", "c_out", "rho", "alpha"}
+}
 
 
 @st.composite
@@ -20,8 +27,8 @@ def curves(draw: st.DrawFn) -> Curve:
     size = draw(st.integers(1, 7))
     steps = draw(st.lists(st.floats(0.01, 10.0), min_size=size, max_size=size))
     values = draw(st.lists(st.floats(1e-3, 1e6), min_size=size, max_size=size))
-    name = draw(st.sampled_from(NAMES))
-    return Curve(name, 1e-4 * np.cumsum(steps), np.array(values))
+    name = draw(st.sampled_from(sorted(COORDINATES)))
+    return Curve(name, 1e-4 * np.cumsum(steps), np.array(values), COORDINATES[name])
 
 
 @given(curves(), st.integers(0, 5), st.floats(0.0, 1.0))
@@ -54,13 +61,13 @@ def test_monotone_values_give_a_monotone_curve() -> None:
 
 
 def test_two_nodes_of_c_h_are_straight_in_the_reciprocal() -> None:
-    curve = Curve("c_H", GAPS[:2], np.array([200.0, 100.0]))
+    curve = Curve("c_H", GAPS[:2], np.array([200.0, 100.0]), "reciprocal")
     at = np.array([0.2e-3, 0.35e-3, 0.5e-3])
     assert 1.0 / curve(at) == pytest.approx(1.0 / 200.0 + (at - 0.3e-3) * (0.005 / 0.1e-3))
 
 
 def test_two_nodes_of_a_scale_are_straight_in_the_logarithm() -> None:
-    curve = Curve("k", GAPS[:2], np.array([10.0, 1000.0]))
+    curve = Curve("k", GAPS[:2], np.array([10.0, 1000.0]), "log")
     assert curve(np.array([0.35e-3, 0.5e-3])) == pytest.approx([100.0, 1e5])
 
 
@@ -69,14 +76,14 @@ def test_one_node_is_a_constant() -> None:
     assert np.array_equal(curve(np.array([0.0, 1.0])), [3.0, 3.0])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", COORDINATES)
 def test_curve_goes_on_straight_beyond_the_last_node(name: str) -> None:
-    curve = Curve(name, GAPS, np.array([4.0, 3.0, 2.0, 1.5]))
+    curve = Curve(name, GAPS, np.array([4.0, 3.0, 2.0, 1.5]), COORDINATES[name])
     h = 1e-6
     inside, node, outside = curve(GAPS[-1] + np.array([-h, 0.0, h]))
 
     def straight(value: FloatArray) -> FloatArray:
-        match coordinate_of(name):
+        match COORDINATES[name]:
             case "reciprocal":
                 return 1.0 / value
             case "log":
@@ -91,7 +98,7 @@ def test_curve_goes_on_straight_beyond_the_last_node(name: str) -> None:
 
 
 def test_c_h_that_would_change_sign_is_refused() -> None:
-    curve = Curve("c_H", GAPS[:2], np.array([200.0, 100.0]))
+    curve = Curve("c_H", GAPS[:2], np.array([200.0, 100.0]), "reciprocal")
     with pytest.raises(InputError, match="c_H: the straight line beyond the nodes"):
         curve(np.array([0.1e-3]))
 
@@ -109,7 +116,7 @@ def test_c_h_that_would_change_sign_is_refused() -> None:
 )
 def test_a_bad_curve_is_refused(nodes: list[float], values: list[float], reason: str) -> None:
     with pytest.raises(InputError, match=reason):
-        Curve("c_H", np.array(nodes), np.array(values))
+        Curve("c_H", np.array(nodes), np.array(values), "reciprocal")
 
 
 def test_a_curve_cannot_be_changed_through_its_arrays() -> None:

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anhyst.data.history import History
-from anhyst.model.actuator import ActuatorModel, GapMap, Parameter
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import ValidRange
+from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.units import QUANTITIES

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import ActuatorModel, GapMap, Parameter
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import ValidRange
+from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
 

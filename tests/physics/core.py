@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst import _core
-from anhyst.laws.iron import Iron
-from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.iron import Iron
+from anhyst.laws.oracle.operator import DEMAGNETISED, State
 from anhyst.support.arrays import FloatArray
 
 

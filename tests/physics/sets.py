@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst.laws.effective_field import StepKind
-from anhyst.laws.iron import Iron, LawName
-from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.effective_field import StepKind
+from anhyst.laws.oracle.iron import Iron, LawName
+from anhyst.laws.oracle.operator import DEMAGNETISED, State
 from anhyst.support.arrays import FloatArray
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from anhyst.laws.equation import solve
-from anhyst.laws.explicit import ExplicitForm, Scheme
-from anhyst.laws.iron import Iron, LawName
-from anhyst.laws.linear_anhysteretic import LinearAnhysteretic
-from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.equation import solve
+from anhyst.laws.oracle.explicit import ExplicitForm, Scheme
+from anhyst.laws.oracle.iron import Iron, LawName
+from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
+from anhyst.laws.oracle.operator import DEMAGNETISED, State
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 

@@ -11,7 +11,7 @@ import pytest
 from anhyst.compensate.block import Limits, Scales, Sizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.twin import Twin
-from anhyst.model.actuator import GapMap
+from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from tests.actuators import (

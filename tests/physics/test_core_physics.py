@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from anhyst import _core
-from anhyst.laws.effective_field import StepKind
-from anhyst.laws.iron import Iron, LawName
-from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.effective_field import StepKind
+from anhyst.laws.oracle.iron import Iron, LawName
+from anhyst.laws.oracle.operator import DEMAGNETISED, State
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from anhyst import _core
-from anhyst.laws.effective_field import StepKind
-from anhyst.laws.iron import Iron, LawName
-from anhyst.laws.langevin import langevin, langevin_slope
-from anhyst.laws.operator import State
+from anhyst.laws.oracle.effective_field import StepKind
+from anhyst.laws.oracle.iron import Iron, LawName
+from anhyst.laws.oracle.langevin import langevin, langevin_slope
+from anhyst.laws.oracle.operator import State
 from anhyst.support.units import MU_0
 
 from . import core

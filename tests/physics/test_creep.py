@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from anhyst.laws.iron import Iron
-from anhyst.laws.operator import State
+from anhyst.laws.oracle.iron import Iron
+from anhyst.laws.oracle.operator import State
 
 from .sets import random_cases, sine
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.laws.effective_field import StepKind
-from anhyst.laws.iron import Iron, LawName
-from anhyst.laws.langevin import inverse_langevin_scalar, langevin_slope_scalar
-from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.effective_field import StepKind
+from anhyst.laws.oracle.iron import Iron, LawName
+from anhyst.laws.oracle.langevin import inverse_langevin_scalar, langevin_slope_scalar
+from anhyst.laws.oracle.operator import DEMAGNETISED, State
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.laws.effective_field import EffectiveField
-from anhyst.laws.equation import solve
-from anhyst.laws.iron import Iron
-from anhyst.laws.operator import DEMAGNETISED
+from anhyst.laws.oracle.effective_field import EffectiveField
+from anhyst.laws.oracle.equation import solve
+from anhyst.laws.oracle.iron import Iron
+from anhyst.laws.oracle.operator import DEMAGNETISED
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from anhyst.laws.effective_field import EffectiveField
-from anhyst.laws.iron import LawName
-from anhyst.laws.jiles_atherton_1986 import JilesAtherton1986
-from anhyst.laws.langevin import langevin_scalar, langevin_slope_scalar
-from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.effective_field import EffectiveField
+from anhyst.laws.oracle.iron import LawName
+from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
+from anhyst.laws.oracle.langevin import langevin_scalar, langevin_slope_scalar
+from anhyst.laws.oracle.operator import DEMAGNETISED, State
 from anhyst.support.arrays import FloatArray
 
 from .sets import random_cases, random_walk, sine, virgin_fold, wandered

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.laws.effective_field import StepKind
-from anhyst.laws.iron import Iron, LawName
+from anhyst.laws.oracle.effective_field import StepKind
+from anhyst.laws.oracle.iron import Iron, LawName
 from anhyst.support.units import MU_0
 
 from .sets import random_cases, random_walk, sine

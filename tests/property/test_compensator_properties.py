@@ -11,7 +11,7 @@ from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind, Limits, Scales
 from anhyst.compensate.full import build_full
 from anhyst.compensate.twin import Twin
-from anhyst.model.actuator import GapMap
+from anhyst.model.parameters import GapMap
 from tests.actuators import GAPS, compiled, largest_force, magnet, ring
 
 ONE = 2**30

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from anhyst.data import History, Loop, LoopSet, read_columns, write_csv
+from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import turning_points
 from anhyst.data.raw_table import Texts
 from anhyst.data.reading import read_loops
-from anhyst.support.units import INPUTS, OUTPUTS, QUANTITIES, UNITS, parse_header
+from anhyst.support.units import INPUTS, QUANTITIES, UNITS, parse_header
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=True)
 DIMENSION = {"displacement": "length", "gap": "length"}
@@ -95,7 +96,12 @@ def test_labels_survive_a_file(labels: list[str]) -> None:
 
 
 @settings(max_examples=50)
-@given(st.sampled_from(INPUTS), st.sampled_from(OUTPUTS), st.integers(3, 60), st.integers(0, 2**31))
+@given(
+    st.sampled_from(INPUTS),
+    st.sampled_from(list(OUTPUT_MAPS)),
+    st.integers(3, 60),
+    st.integers(0, 2**31),
+)
 def test_loops_survive_a_file(drive: str, answer: str, samples: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     loops = [

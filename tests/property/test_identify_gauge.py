@@ -15,7 +15,8 @@ from anhyst.identify.gauge import AIR_CORE, form_of, physical
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import Form, Local
 from anhyst.identify.space import Space
-from anhyst.model.actuator import ActuatorModel, GapMap, Law, Parameter
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES, Quantity
@@ -91,7 +92,7 @@ def space_of(form: Form, gap_map: GapMap, count: int) -> Space:
 
 
 def model_of(
-    sets: list[Local], gap_map: GapMap, law: Law, quantities: tuple[Quantity, Quantity]
+    sets: list[Local], gap_map: GapMap, law: str, quantities: tuple[Quantity, Quantity]
 ) -> ActuatorModel:
     return ActuatorModel(
         "model",
@@ -106,7 +107,7 @@ def model_of(
 
 
 def check_same_outputs(
-    sets: list[Local], gap_map: GapMap, law: Law, names: tuple[str, str]
+    sets: list[Local], gap_map: GapMap, law: str, names: tuple[str, str]
 ) -> ActuatorModel:
     quantities = (QUANTITIES[names[0]], QUANTITIES[names[1]])
     space = space_of(form_of(*quantities, law), gap_map, len(sets))
@@ -125,21 +126,21 @@ def check_same_outputs(
 
 @given(local_sets(1, "nothing"), QUANTITY_PAIRS, LAWS)
 def test_a_model_of_one_gap_gives_the_fitted_outputs(
-    sets: list[Local], names: tuple[str, str], law: Law
+    sets: list[Local], names: tuple[str, str], law: str
 ) -> None:
     check_same_outputs(sets, "none", law, names)
 
 
 @given(local_sets(3, "scale"), QUANTITY_PAIRS, LAWS)
 def test_a_scaling_model_gives_the_fitted_outputs(
-    sets: list[Local], names: tuple[str, str], law: Law
+    sets: list[Local], names: tuple[str, str], law: str
 ) -> None:
     check_same_outputs(sets, "scaling", law, names)
 
 
 @given(local_sets(3, "everything"), QUANTITY_PAIRS, LAWS)
 def test_a_free_model_gives_the_fitted_outputs(
-    sets: list[Local], names: tuple[str, str], law: Law
+    sets: list[Local], names: tuple[str, str], law: str
 ) -> None:
     check_same_outputs(sets, "free", law, names)
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from anhyst.compensate.block import Block, Limits, Sizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_simplified
-from anhyst.model.actuator import ActuatorModel, GapMap
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from tests.actuators import (
     GAPS,

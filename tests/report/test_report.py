@@ -15,8 +15,9 @@ from anhyst.cli import app as cli
 from anhyst.data.history import History
 from anhyst.data.loop_set import LoopSet, Source
 from anhyst.data.verdict import Level
-from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
+from anhyst.model.parameters import Parameter
 from anhyst.model.sources import ReadOptions
 from anhyst.model.writer import write_model
 from anhyst.report import write_plots, write_report

@@ -12,8 +12,9 @@ from anhyst.cli.console import in_small_units, print_json, show, table
 from anhyst.cli.options import AsJson
 
 if TYPE_CHECKING:
-    from anhyst.model.actuator import ActuatorModel, Parameter
+    from anhyst.model.actuator import ActuatorModel
     from anhyst.model.diff import ModelDiff
+    from anhyst.model.parameters import Parameter
 
 
 def diff(
@@ -36,16 +37,14 @@ def diff(
     if as_json:
         print_json(asdict(result) | {"same": result.same, "unit": one.output.unit})
     else:
-        _show(result, one)
+        _show(result, one, other)
 
 
-def _show(result: ModelDiff, model: ActuatorModel) -> None:
-    from anhyst.model.keys import parameter_names
-
+def _show(result: ModelDiff, model: ActuatorModel, other: ActuatorModel) -> None:
     if result.same:
         show("the two models compute the same")
         return
-    names = {name: key for name, (_, key) in parameter_names(model.input, model.output).items()}
+    names = {name: key for name, (_, key) in {**model.keys, **other.keys}.items()}
     changes = table("different", ["", "A", "B", "change"])
     for change in (*result.settings, *result.parameters):
         changes.add_row(

@@ -24,6 +24,7 @@ from anhyst.cli.options import (
     read_options,
 )
 from anhyst.cli.progress import progress_bar
+from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
@@ -31,13 +32,6 @@ if TYPE_CHECKING:
     from anhyst.model.actuator import ActuatorModel
 
 GO_ON = "the same command goes on from there"
-
-
-class Law(StrEnum):
-    """Hysteresis laws."""
-
-    EFFECTIVE_FIELD = "effective-field"
-    JILES_ATHERTON_1986 = "jiles-atherton-1986"
 
 
 class GapMapChoice(StrEnum):
@@ -66,9 +60,18 @@ class Search(StrEnum):
 
 
 Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Model file to write.")]
+
+
+def _known(law: str) -> str:
+    if law not in LAWS:
+        known = ", ".join(repr(name) for name in LAWS)
+        raise typer.BadParameter(f"{law!r} is not one of {known}.")
+    return law
+
+
 LawOption = Annotated[
-    Law,
-    typer.Option(metavar="LAW", help="The hysteresis law: effective-field or jiles-atherton-1986."),
+    str,
+    typer.Option(metavar="LAW", callback=_known, help=f"The hysteresis law: {' or '.join(LAWS)}."),
 ]
 GapMapOption = Annotated[
     GapMapChoice,
@@ -112,7 +115,7 @@ DeadBand = Annotated[
 def identify(
     loops: Loops,
     out: Out,
-    law: LawOption = Law.EFFECTIVE_FIELD,
+    law: LawOption = DEFAULT_LAW,
     gap_map: GapMapOption = GapMapChoice.AUTO,
     search: SearchOption = Search.DEFAULT,
     seed: Seed = 1,
@@ -155,7 +158,7 @@ def identify(
     with _stoppable(checkpoint), progress_bar("searching") as progress:
         result = find_model(
             measured,
-            law=law.value,
+            law=law,
             gap_map=gap_map.value,
             search=search.value,
             seed=seed,

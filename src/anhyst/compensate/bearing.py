@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import ValidRange
 from anhyst.support.errors import InputError
@@ -28,7 +29,7 @@ def bearing_model(
     InputError
         It is another actuator's, or does not say that it holds at these gaps.
     """
-    if (model.input.name, model.output.name) != ("current", "force") or model.power != 2:
+    if not is_electromagnet(model):
         raise InputError("model: a bearing needs one from current to force")
     if model.valid is None:
         raise InputError("model: does not say where it holds; identify it from loops")

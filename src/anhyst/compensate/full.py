@@ -25,8 +25,9 @@ from anhyst.compensate.scheduled import (
     pack_common,
     refuse_uncompilable,
 )
+from anhyst.laws.ascending_branch import ascending_branch
 from anhyst.model.actuator import ActuatorModel
-from anhyst.model.compilable import ascending_branch, least_slope
+from anhyst.model.compilable import least_slope
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 

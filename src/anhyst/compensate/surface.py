@@ -10,6 +10,7 @@ from scipy.signal import savgol_filter
 
 from anhyst.compensate.baselines import midway
 from anhyst.data import LoopSet
+from anhyst.data.output_map import is_electromagnet
 from anhyst.data.verdict import monotone_fit
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -94,8 +95,7 @@ def fit_surface(loops: LoopSet, force_high: float, gap_range: tuple[float, float
         The loops are no loops of force over current, do not span the gaps, or do not reach the
         forces at all.
     """
-    names = loops.input.name, loops.output.name, loops.schedule and loops.schedule.name
-    if names != ("current", "force", "gap"):
+    if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("loops: a bearing needs columns I_A, F_N and gap_m")
     groups = loops.by_schedule()
     nodes = np.array(list(groups))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.output_map import output_map
 from anhyst.data.path import turning_points
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import Quantity
@@ -125,7 +126,7 @@ def is_even(loopset: LoopSet) -> bool:
 
 def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
     """Whether an output cannot tell the sign of the input, as `is_even`."""
-    if output.name != "force":
+    if not output_map(output).even:
         return False
     bipolar = [loop for loop in loops if is_bipolar(loop.input)]
     return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar)

@@ -16,9 +16,9 @@ from anhyst.data.branches import (
     separation,
 )
 from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.output_map import output_map
 from anhyst.support.errors import InputError
 
-_MAGNETIC = ("force", "flux_density", "flux_linkage")
 _SWAP_ADVICE = "are the columns of current and force swapped?"
 _PLAUSIBLE: dict[str, tuple[float, float, str, str]] = {
     "current": (1e-5, 1e3, "A, not kA", "mA, not A"),
@@ -56,11 +56,11 @@ def check_plausible(loopset: LoopSet) -> tuple[str, ...]:
     warnings = _check_schedule(loopset) + _check_size(loopset)
     for loop in loopset.loops:
         name = loopset.describe(loop)
-        if loopset.output.name == "force":
+        if (answer := output_map(loopset.output)).even:
             _check_force_sign(loopset, loop, name)
             if loopset.input.name == "current":
                 warnings += _check_swap(loop, name)
-        elif loopset.output.name in _MAGNETIC:
+        elif answer.of_flux:
             _check_flux_sign(loopset, loop, name)
         warnings += _check_sense(loopset, loop, name)
         if not loop.reverses:
@@ -180,7 +180,7 @@ def _initial_steepness(loop: Loop) -> float | None:
 
 def _check_sense(loopset: LoopSet, loop: Loop, name: str) -> list[str]:
     """Warn of a settled cycle whose input runs ahead the wrong way: it would win energy."""
-    if loopset.output.name not in _MAGNETIC or not loop.reverses:
+    if not output_map(loopset.output).of_flux or not loop.reverses:
         return []
     size, answer = folded(loop, even=is_even(loopset))
     height = float(np.ptp(answer))

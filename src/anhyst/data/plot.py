@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anhyst.data.output_map import output_map
 from anhyst.data.verdict import largest_output, single_valued
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def plot_inspection(inspection: Inspection, loopset: LoopSet) -> Figure:
     noise = 100.0 * inspection.verdict.noise_relative
     right.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
     right.set_xlabel(loopset.input.label)
-    what = "range" if loopset.output.name == "displacement" else "largest"
+    what = output_map(loopset.output).reference
     right.set_ylabel(f"% of {what} {loopset.output.name.replace('_', ' ')}")
     right.set_title("left over by the best single-valued curve", loc="left", fontsize="medium")
     right.legend(frameon=False, fontsize="small")

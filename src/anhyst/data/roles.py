@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from anhyst.data.hints import map_one, mapping
+from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.sidecar import Reading
 from anhyst.support.errors import InputError
-from anhyst.support.units import INPUTS, OUTPUTS, QUANTITIES, Header, Quantity, parse_header
+from anhyst.support.units import INPUTS, QUANTITIES, Header, Quantity, parse_header
 
 _NO_SCHEDULE = "none"
 _INPUT_EXAMPLES = "'I_A', 'H_A_per_m' or 'u_V'"
@@ -142,12 +143,12 @@ def with_file_name(path: Path, told: Reading) -> Reading:
 
 def _pair(place: str, headers: Sequence[Header], skip: Collection[int]) -> tuple[int, int]:
     """Find input and output; what is missing is asked for together."""
-    found = [_first(place, headers, names) for names in (INPUTS, OUTPUTS)]
+    found = [_first(place, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
     drive, answer = found
     if drive is not None and answer is not None:
         return drive, answer
     field = drive is not None and headers[drive].name == "H"
-    outputs = ("flux_density", *OUTPUTS) if field else OUTPUTS
+    outputs = ("flux_density", *OUTPUT_MAPS) if field else tuple(OUTPUT_MAPS)
     missing = [
         names for index, names in zip(found, (INPUTS, outputs), strict=True) if index is None
     ]

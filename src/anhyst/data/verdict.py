@@ -11,6 +11,7 @@ import numpy as np
 from anhyst.data.branches import branches, folded, is_even, separation, smooth
 from anhyst.data.loop_set import Loop, LoopSet
 from anhyst.data.noise import noise
+from anhyst.data.output_map import output_map
 from anhyst.support.arrays import FloatArray
 
 Level = Literal["yes", "little", "no"]
@@ -160,7 +161,7 @@ def largest_output(loopset: LoopSet) -> float:
 
     A displacement has no natural zero: there it is the largest range.
     """
-    if loopset.output.name == "displacement":
+    if not output_map(loopset.output).from_zero:
         return max(float(np.ptp(loop.output)) for loop in loopset.loops) or 1.0
     return max(float(np.max(np.abs(loop.output))) for loop in loopset.loops) or 1.0
 
@@ -206,7 +207,8 @@ def judge(loopset: LoopSet) -> Verdict:
 def _worded(loopset: LoopSet, figures: Verdict) -> Verdict:
     drive, answer = loopset.input, loopset.output
     what = answer.name.replace("_", " ")
-    reference = f"range of the {what}" if what == "displacement" else f"largest {what}"
+    kind = output_map(answer).reference
+    reference = f"range of the {what}" if kind == "range" else f"largest {what}"
     conclusion = {
         "yes": "A hysteresis model is worth it",
         "little": "A hysteresis model gains little",

@@ -12,6 +12,7 @@ import numpy as np
 from anhyst.compensate.surface import Tangent, fit_plane, fit_surface
 from anhyst.data import Loop, LoopSet
 from anhyst.data.noise import noise
+from anhyst.data.output_map import is_electromagnet
 from anhyst.draft.rounding import nearest
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -128,9 +129,7 @@ def reach_of(loops: LoopSet) -> Reach:
     InputError
         They are none of force over current and gap, or no current above 0 was measured.
     """
-    if (loops.input.name, loops.output.name) != ("current", "force") or (
-        loops.schedule is None or loops.schedule.name != "gap"
-    ):
+    if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("a rig needs columns I_A, F_N and gap_m")
     groups = loops.by_schedule()
     current_high = min(max(float(one.input.max()) for one in group) for group in groups.values())

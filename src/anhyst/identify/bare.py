@@ -31,10 +31,9 @@ def model_of(found: Found, loopset: LoopSet) -> ActuatorModel:
     nodes = tuple(float(node) for node in space.records.nodes)
     single = len(nodes) < 2
     gaps = nodes if loopset.schedule is not None and loopset.schedule.name == "gap" else ()
-    parameters = physical(found.sets, space.gap_map, loopset.input, loopset.output, gaps)
-    pinning = np.asarray(parameters["k"])
-    play = space.form.dead_band * pinning
-    parameters["r_d"] = tuple(play.tolist()) if play.ndim else float(play)
+    parameters = physical(
+        found.sets, space.gap_map, loopset.input, loopset.output, gaps, space.form.dead_band
+    )
     for name, reading in (("in_0", space.records.rest.input), ("out_0", space.records.rest.output)):
         fitted = np.asarray(parameters[name]) + reading.offset
         parameters[name] = tuple(fitted.tolist()) if fitted.ndim else float(fitted)
@@ -43,7 +42,7 @@ def model_of(found: Found, loopset: LoopSet) -> ActuatorModel:
         input=loopset.input,
         output=loopset.output,
         parameters=parameters,
-        law=space.form.law,  # type: ignore[arg-type]
+        law=space.form.law,
         gap_map="none" if single else space.gap_map,  # type: ignore[arg-type]
         schedule=loopset.schedule,
         nodes=nodes,

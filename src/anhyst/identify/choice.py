@@ -150,7 +150,7 @@ def candidates_for(run: Run, loopset: LoopSet, wanted: str) -> list[Candidate]:
     if loopset.schedule is None or loopset.schedule.name != "gap":
         others = candidates_for(run, loopset, "free") if gaps >= 3 else []
         return found + [replace(one, rank=one.rank + 1) for one in others]
-    if run.form.law == "effective-field":
+    if not run.form.kernel.coupled:
         found.append(Candidate("reluctance", held))
         found += [Candidate("circuit", held, OFFSETS, rank=1)] if gaps >= 3 else []
     return found

@@ -57,7 +57,7 @@ class Evaluation:
 
     def __init__(self, objective: Objective) -> None:
         self.objective = objective
-        self.analytic = objective.space.form.law == "effective-field"
+        self.analytic = objective.space.form.kernel.differentiated
 
     def at(self, theta: FloatArray) -> Linear:
         """Linearise at a point; without any slope where the law has no answer."""

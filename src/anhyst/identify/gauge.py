@@ -16,8 +16,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from anhyst.data.output_map import OutputMap, output_map
 from anhyst.identify.response import Form, Local
 from anhyst.identify.space import IN_SERIES
+from anhyst.laws.jiles_atherton import dead_band, iron_parameters, shrink_field
 from anhyst.model.gap_map import Curve
 from anhyst.support.units import MU_0, Quantity
 
@@ -41,17 +43,17 @@ def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> Fo
     input_quantity, output_quantity : Quantity
         As the measurements name them.
     law : str
-        ``effective-field`` or ``jiles-atherton-1986``.
+        Name of the law.
 
     Returns
     -------
     Form
     """
-    tied = input_quantity.name == "field" and output_quantity.name == "flux_density"
+    answer = output_map(output_quantity)
     return Form(
-        power=2 if output_quantity.name == "force" else 1,
+        power=answer.power,
         law=law,
-        permeability=MU_0 if tied else 0.0,
+        permeability=MU_0 if answer.absolute and input_quantity.name == "field" else 0.0,
         h=AIR_CORE,
     )
 
@@ -62,6 +64,7 @@ def physical(
     input_quantity: Quantity,
     output_quantity: Quantity,
     gaps: Sequence[float] = (),
+    play: float = 0.0,
 ) -> dict[str, Parameter]:
     """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.ActuatorModel`.
 
@@ -75,17 +78,16 @@ def physical(
         As measured.
     gaps : sequence of float
         Gap of each set, m; empty if it is not a gap that is scheduled.
+    play : float
+        Half-width of the dead band in parts of the pinning.
 
     Returns
     -------
     dict of str to float or tuple of float
         SI; a tuple where the map lets a parameter differ from gap to gap.
     """
-    power = 2 if output_quantity.name == "force" else 1
-    table = [
-        _at_one_gap(local, gap_map, input_quantity.name, output_quantity.name, power)
-        for local in sets
-    ]
+    answer = output_map(output_quantity)
+    table = [_at_one_gap(local, gap_map, input_quantity.name, answer) for local in sets]
     vary = {
         "none": set(),
         "scaling": {"c_H"},
@@ -96,7 +98,9 @@ def physical(
     if len(sets) == 1:
         vary = set()
     if gap_map in IN_SERIES:
-        _lift_reluctance(table, gaps, power)
+        _lift_reluctance(table, gaps, answer.power)
+    for row in table:
+        row.update(dead_band(row, play))
     same = {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
     return {
         name: tuple(row[name] for row in table) if name in vary - same else table[0][name]
@@ -114,15 +118,11 @@ def _lift_reluctance(table: list[dict[str, float]], gaps: Sequence[float], power
     p = min(1.0 + least, 1.0)
     for row in table:
         row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)
-        row["alpha"] = 1.0 - p
-        row["a"] *= p
-        row["k"] *= p
+        shrink_field(row, p)
         row["c_out"] /= p**power
 
 
-def _at_one_gap(
-    local: Local, gap_map: str, input_name: str, output_name: str, power: int
-) -> dict[str, float]:
+def _at_one_gap(local: Local, gap_map: str, input_name: str, answer: OutputMap) -> dict[str, float]:
     h, omega = local.h, local.omega
     if gap_map in IN_SERIES:
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
@@ -132,21 +132,17 @@ def _at_one_gap(
     if input_name == "field" and gap_map != "scaling":
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
-    elif output_name == "flux_density" and gap_map != "circuit":
+    elif answer.absolute and gap_map != "circuit":
         saturation = local.gain / (MU_0 * (1.0 - alpha))
         a = h * saturation * (1.0 - alpha)
     else:
         saturation = SATURATION
         a = h * saturation * (1.0 - alpha)
-    c_out = local.gain / (MU_0 * saturation * (1.0 - alpha)) ** power
+    c_out = local.gain / (MU_0 * saturation * (1.0 - alpha)) ** answer.power
     if abs(c_out - 1.0) < 1e-12:
         c_out = 1.0  # flux density measured: but for rounding it is one by construction
     return {
-        "M_s": saturation,
-        "a": a,
-        "k": local.kappa * a,
-        "c": local.c,
-        "alpha": alpha,
+        **iron_parameters(saturation, a, local.kappa, local.c, alpha),
         "rho": rho,
         "c_H": a / unscaled,
         "c_out": c_out,

@@ -25,9 +25,11 @@ from anhyst.identify.result import IdentifyResult
 from anhyst.identify.run import Run
 from anhyst.identify.space import IN_SERIES
 from anhyst.identify.uncertainty import assess
-from anhyst.model.actuator import GAP_MAPS, LAWS, ActuatorModel
+from anhyst.laws.registry import DEFAULT_LAW, LAWS
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CrossValidation, Provenance, ReductionStep, fit_figures
+from anhyst.model.parameters import GAP_MAPS
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -42,7 +44,7 @@ FEWEST = 5
 def identify(
     loopset: LoopSet,
     *,
-    law: str = "effective-field",
+    law: str = DEFAULT_LAW,
     gap_map: str = "auto",
     search: str = "default",
     seed: int = 1,
@@ -59,7 +61,7 @@ def identify(
     loopset : LoopSet
         Loops at constant scheduling values; all are fitted together.
     law : str
-        ``effective-field`` or ``jiles-atherton-1986``.
+        One of :data:`anhyst.laws.registry.LAWS`.
     gap_map : str
         ``scaling``, ``reluctance``, ``circuit``, ``free`` or ``auto``, which tries those that a
         controller can use.
@@ -167,12 +169,13 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
     ):
         if value not in known:
             raise InputError(f"{what} '{value}' is unknown; use one of {', '.join(known)}")
-    if law == "jiles-atherton-1986" and gap_map in IN_SERIES:
+    kernel = LAWS[law].kernel
+    if kernel is not None and kernel.coupled and gap_map in IN_SERIES:
         # There alpha acts on the irreversible part alone, which a reluctance does not: one number
         # would be fitted for two.
         raise InputError(
-            f"gap map '{gap_map}' does not go with the law jiles-atherton-1986; use --law "
-            "effective-field, or --gap-map scaling"
+            f"gap map '{gap_map}' does not go with the law {law}; use --law {DEFAULT_LAW}, or "
+            "--gap-map scaling"
         )
     if search == "paper" and gap_map == "circuit":
         raise InputError(

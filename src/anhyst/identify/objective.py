@@ -47,11 +47,14 @@ class Objective:
     def _operators(self, sets: list[Local]) -> list[Operator]:
         """Laws at each gap; those that are the same are built once."""
         form = self.space.form
-        both = form.law != "effective-field"  # there omega changes the law too
         built: dict[tuple[float, ...], Operator] = {}
         found = []
         for local in sets:
-            key = (local.kappa, local.c, local.omega) if both else (local.kappa, local.c)
+            key = (
+                (local.kappa, local.c, local.omega)
+                if form.kernel.coupled
+                else (local.kappa, local.c)
+            )
             if key not in built:
                 built[key] = form.operator(local)
             found.append(built[key])

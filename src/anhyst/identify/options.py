@@ -9,11 +9,12 @@ from pydantic import AfterValidator, Field
 
 from anhyst.data.clean import STEPS
 from anhyst.data.history import History
+from anhyst.laws.registry import DEFAULT_LAW
+from anhyst.model.schema import LawName
 from anhyst.model.sources import ReadOptions
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import Table
 
-Law = Literal["effective-field", "jiles-atherton-1986"]
 GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
 Search = Literal["default", "paper"]
 Weights = Literal["loops", "points", "relative"]
@@ -43,7 +44,7 @@ class IdentifyTable(Table):
     What is left out is as on the command line, but for the gap map: whoever identifies says which.
     """
 
-    law: Law = "effective-field"
+    law: LawName = DEFAULT_LAW
     gap_map: GapMap | None = None
     search: Search = "default"
     seed: Annotated[int, Field(ge=0)] = 1

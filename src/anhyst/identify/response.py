@@ -16,6 +16,8 @@ import numpy as np
 
 from anhyst._core import Operator, demagnetised, langevin, status_text
 from anhyst.identify.fit_records import Drive
+from anhyst.laws.law import Kernel
+from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.support.arrays import FloatArray
 
 LOCAL = ("kappa", "c", "omega", "scale", "gain", "in_0", "out_0")
@@ -73,7 +75,7 @@ class Form:
     power
         2 for a force, else 1.
     law
-        ``effective-field`` or ``jiles-atherton-1986``.
+        Name of a law with a kernel.
     permeability
         mu_0 where field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0.
     h
@@ -84,10 +86,17 @@ class Form:
     """
 
     power: int
-    law: str = "effective-field"
+    law: str = DEFAULT_LAW
     permeability: float = 0.0
     h: float = 1e-3
     dead_band: float = 0.0
+
+    @property
+    def kernel(self) -> Kernel:
+        """How the core follows the law."""
+        kernel = LAWS[self.law].kernel
+        assert kernel is not None
+        return kernel
 
     def with_h(self, local: Local) -> Local:
         """Fill in h by the rule."""
@@ -101,9 +110,7 @@ class Form:
             raise NoResponseError("the curve would be all but as flat as the air core")
         try:
             play = self.dead_band * local.kappa
-            if self.law == "effective-field":
-                return Operator(local.kappa, local.c, play)
-            return Operator(local.kappa, local.c, play, -local.omega * local.c, self.law)
+            return self.kernel.operator(local.kappa, local.c, play, local.omega)
         except ValueError as error:
             raise NoResponseError(str(error)) from error
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from anhyst.identify.fit_records import Records
 from anhyst.identify.response import LOCAL, Form, Local
+from anhyst.laws.law import FitNumber
 from anhyst.support.arrays import FloatArray
 
 PER_GAP = {
@@ -32,15 +33,14 @@ of the input follows from it: ``scale = scale_0/(1 - h*omega)``; 1/(1 - h*omega)
 IN_SERIES = frozenset({"reluctance", "circuit"})
 """Gap maps that read omega as a reluctance in series with the iron."""
 
-_LIMITS = {
-    "kappa": (2e-3, 5e2),
-    "c": (0.0, 0.999),
-    "omega": (-30.0, 9e2),
-    "scale": (1e-5, 1e2),  # of the input span
-    "gain": (1e-3, 1e4),  # of the output span
-    "in_0": (-1.0, 1.0),  # of the input span
-    "out_0": (-2.0, 2.0),  # of the output span
-}
+AROUND = (
+    FitNumber("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
+    FitNumber("scale", "a/c_H", 1e-5, 1e2, "log", "input"),
+    FitNumber("gain", "output at saturation", 1e-3, 1e4, "log", "output"),
+    FitNumber("in_0", "input offset", -1.0, 1.0, of="input"),
+    FitNumber("out_0", "output offset", -2.0, 2.0, of="output"),
+)
+"""What a fit moves of what surrounds the law."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,24 @@ class Space:
                 found.append((name, None))
         return tuple(found)
 
+    def inward(self, name: str, value: float) -> float:
+        """Return the coordinate of a parameter, SI."""
+        number = self.numbers[name]
+        if number.coordinate == "log":
+            return float(np.log(value))
+        return float(np.arcsinh(value)) if number.coordinate == "asinh" else value / self.unit(name)
+
+    def outward(self, name: str, coordinate: float) -> tuple[float, float]:
+        """Return the parameter at a coordinate, SI, and its derivative by the coordinate."""
+        number = self.numbers[name]
+        if number.coordinate == "log":
+            value = float(np.exp(coordinate))
+            return value, value
+        if number.coordinate == "asinh":
+            return float(np.sinh(coordinate)), float(np.cosh(coordinate))
+        unit = self.unit(name)
+        return coordinate * unit, unit
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the coordinates, with the place of the gap where there is one for each."""
@@ -95,35 +113,23 @@ class Space:
         """Number of coordinates."""
         return len(self.entries)
 
+    @cached_property
+    def numbers(self) -> dict[str, FitNumber]:
+        """What may be moved, by name."""
+        return {number.name: number for number in (*self.form.kernel.numbers, *AROUND)}
+
     def unit(self, name: str) -> float:
         """Scale of a parameter in SI: span of the input or output, or 1."""
-        if name in {"scale", "in_0"}:
-            return self.records.input_span
-        return self.records.output_span if name in {"gain", "out_0"} else 1.0
+        spans = {"input": self.records.input_span, "output": self.records.output_span}
+        return spans.get(self.numbers[name].of, 1.0)
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of the coordinates."""
-        low = [self._inward(name, _LIMITS[name][0] * self.unit(name)) for name, _ in self.entries]
-        high = [self._inward(name, _LIMITS[name][1] * self.unit(name)) for name, _ in self.entries]
+        numbers = [self.numbers[name] for name, _ in self.entries]
+        low = [self.inward(one.name, one.low * self.unit(one.name)) for one in numbers]
+        high = [self.inward(one.name, one.high * self.unit(one.name)) for one in numbers]
         return np.array(low), np.array(high)
-
-    def _inward(self, name: str, value: float) -> float:
-        if name in {"kappa", "scale", "gain"}:
-            return float(np.log(value))
-        if name == "omega":
-            return float(np.arcsinh(value))
-        return value / self.unit(name)
-
-    def _outward(self, name: str, coordinate: float) -> tuple[float, float]:
-        """Parameter and its derivative by the coordinate."""
-        if name in {"kappa", "scale", "gain"}:
-            value = float(np.exp(coordinate))
-            return value, value
-        if name == "omega":
-            return float(np.sinh(coordinate)), float(np.cosh(coordinate))
-        unit = self.unit(name)
-        return coordinate * unit, unit
 
     def pack(self, sets: list[Local]) -> FloatArray:
         """Coordinates of parameters given for each gap; shared ones are taken from the first."""
@@ -133,7 +139,7 @@ class Space:
             value = getattr(local, name)
             if name == "scale" and self.gap_map in IN_SERIES:
                 value *= 1.0 - self.form.h * local.omega
-            theta.append(self._inward(name, value))
+            theta.append(self.inward(name, value))
         return np.asarray(np.clip(np.array(theta), *self.bounds))
 
     def without(self, left_out: Collection[int]) -> tuple[Space, NDArray[np.intp]]:
@@ -151,7 +157,7 @@ class Space:
         shared: dict[str, tuple[int, float, float]] = {}
         single: dict[tuple[str, int], tuple[int, float, float]] = {}
         for place, ((name, gap), coordinate) in enumerate(zip(self.entries, theta, strict=True)):
-            value, slope = self._outward(name, float(coordinate))
+            value, slope = self.outward(name, float(coordinate))
             if gap is None:
                 shared[name] = (place, value, slope)
             else:

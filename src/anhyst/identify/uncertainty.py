@@ -11,6 +11,7 @@ from anhyst.identify.default import Found
 from anhyst.identify.fitting import Evaluation
 from anhyst.identify.objective import Objective
 from anhyst.identify.space import IN_SERIES, Space
+from anhyst.laws.law import FitNumber
 from anhyst.model.fit_record import Uncertainty
 from anhyst.support.arrays import FloatArray
 
@@ -19,16 +20,6 @@ _LOOSE = 0.2
 
 _TIED = 0.95
 """Correlation above which two numbers are told only together."""
-
-_MEANING = {
-    "kappa": "k/a",
-    "c": "c",
-    "omega": "(w*M_s)/a",
-    "scale": "a/c_H",
-    "gain": "output at saturation",
-    "in_0": "input offset",
-    "out_0": "output offset",
-}
 
 
 def memory(deviations: FloatArray) -> float:
@@ -86,26 +77,23 @@ def assess(found: Found, loopset: LoopSet) -> Uncertainty:
     covariance = _covariance(found)
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
-    units = {
-        "scale": loopset.input.unit,
-        "in_0": loopset.input.unit,
-        "gain": loopset.output.unit,
-        "out_0": loopset.output.unit,
-    }
+    units = {"input": loopset.input.unit, "output": loopset.output.unit}
     readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
     for (name, gap), coordinate, std in zip(space.entries, found.theta, deviation, strict=True):
         value = float(getattr(found.sets[gap or 0], name))
-        label = _label(name, units)
+        number = space.numbers[name]
+        label = _label(number, units)
         if gap is not None and loopset.schedule is not None:
             label += f" at {loopset.schedule.show(float(space.records.nodes[gap]))}"
         names.append(label)
-        stds.append(float(std * _slope(name, float(coordinate), value, space.unit(name))))
+        _, slope = space.outward(name, float(coordinate))
+        stds.append(float(std * (abs(value) if number.coordinate == "log" else slope)))
         values.append(value + (readings[name].offset if name in readings else 0.0))
     said = _statements(found, names, values, stds, correlation)
     for name, reading in readings.items():
         if name in space.held and reading.std is not None and reading.offset != 0.0:
-            names.append(_label(name, units))
+            names.append(_label(space.numbers[name], units))
             values.append(reading.offset)
             stds.append(reading.std)
             said.append(f"{names[-1]}: what the sensor reads at rest, not fitted")
@@ -120,15 +108,8 @@ def assess(found: Found, loopset: LoopSet) -> Uncertainty:
     )
 
 
-def _label(name: str, units: Mapping[str, str]) -> str:
-    return _MEANING[name] + (f" ({units[name]})" if name in units else "")
-
-
-def _slope(name: str, coordinate: float, value: float, unit: float) -> float:
-    """Give the derivative of a parameter by its coordinate."""
-    if name == "omega":
-        return float(np.cosh(coordinate))
-    return abs(value) if name in {"kappa", "scale", "gain"} else unit
+def _label(number: FitNumber, units: Mapping[str, str]) -> str:
+    return f"{number.meaning} ({units[number.of]})" if number.of else number.meaning
 
 
 def _statements(

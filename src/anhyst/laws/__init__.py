@@ -1,1 +1,1 @@
-"""Readable double-precision references of the hysteresis laws: the oracle of the C core."""
+"""Hysteresis laws: the record of each, the registry of all, and readable oracles for tests."""

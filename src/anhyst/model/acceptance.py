@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anhyst.data.output_map import output_map
+from anhyst.model.predict import predict
+from anhyst.model.record import ActuatorRecord
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
-
-if TYPE_CHECKING:
-    from anhyst.model.actuator import ActuatorModel
 
 GAPS_BETWEEN_NODES = 20
 DRIVES_A_BRANCH = 100
@@ -132,7 +131,7 @@ class DriveCheck:
         )
 
 
-def check_over_drive(model: ActuatorModel) -> DriveCheck | None:
+def check_over_drive(model: ActuatorRecord) -> DriveCheck | None:
     """Test that at any fixed gap the force never falls as the drive rises from rest.
 
     From the demagnetised state, and from what remains after the largest drive, at 100 drives up to
@@ -141,15 +140,15 @@ def check_over_drive(model: ActuatorModel) -> DriveCheck | None:
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model. Its largest drive is that of its valid range.
 
     Returns
     -------
     DriveCheck or None
-        None for another output than a force, or without a valid range.
+        None for an output that does not pull, or without a valid range.
     """
-    if model.power != 2 or model.valid is None:
+    if not output_map(model.output).even or model.valid is None:
         return None
     largest = _largest_drive(model)
     start = _rest(model, OFFSET)
@@ -164,7 +163,7 @@ def check_over_drive(model: ActuatorModel) -> DriveCheck | None:
         for history, words in states.items():
             place = words if gap is None else f"at {_shown(model, gap)} {words}"
             try:
-                output = model.predict(rise, gap, _slow(rise.size), history).output
+                output = predict(model, rise, gap, _slow(rise.size), history).output
             except (InputError, NegativeResult) as error:
                 return DriveCheck(np.inf, start, place, str(error))
             falls = np.maximum.accumulate(output) - output
@@ -175,7 +174,7 @@ def check_over_drive(model: ActuatorModel) -> DriveCheck | None:
     return worst
 
 
-def _gaps(model: ActuatorModel) -> list[float | None]:
+def _gaps(model: ActuatorRecord) -> list[float | None]:
     nodes = np.array(model.nodes)
     if not model.needs_schedule:
         return [None]
@@ -183,7 +182,7 @@ def _gaps(model: ActuatorModel) -> list[float | None]:
     return [float(gap) for gap in np.sort(np.concatenate([nodes, between]))]
 
 
-def _shown(model: ActuatorModel, gap: float) -> str:
+def _shown(model: ActuatorRecord, gap: float) -> str:
     assert model.schedule is not None
     return model.schedule.show(gap)
 
@@ -208,13 +207,13 @@ class Acceptance:
         return "; ".join(check.text(unit) for check in failed or checks)
 
 
-def check_acceptance(model: ActuatorModel) -> Acceptance:
+def check_acceptance(model: ActuatorRecord) -> Acceptance:
     """Run both tests."""
     return Acceptance(check_over_gap(model), check_over_drive(model))
 
 
 def check_over_gap(
-    model: ActuatorModel, at: Callable[[float], ActuatorModel] | None = None
+    model: ActuatorRecord, at: Callable[[float], ActuatorRecord] | None = None
 ) -> GapCheck | None:
     """Test that at any fixed drive the output rises as the gap closes.
 
@@ -224,7 +223,7 @@ def check_over_gap(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model. Its largest drive is that of its valid range.
     at : callable, optional
         Gives the model of a single gap, for another interpolation than the model's own.
@@ -244,15 +243,17 @@ def check_over_gap(
     gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
     half = np.linspace(_rest(model), _largest_drive(model), DRIVES_A_BRANCH)
     drive = np.concatenate([half, half[-2::-1]])
-    towards = -1.0 if model.power == 1 and half[-1] < 0.0 else 1.0  # "rises" means: in magnitude
+    towards = (
+        -1.0 if not output_map(model.output).even and half[-1] < 0.0 else 1.0
+    )  # "rises" means: in magnitude
     output = np.full((gaps.size, drive.size), np.nan)
     troubles: list[tuple[float, str]] = []
     for place, gap in enumerate(gaps.tolist()):
         try:
             if at is None:
-                found = model.predict(drive, gap, _slow(drive.size), "settled")
+                found = predict(model, drive, gap, _slow(drive.size), "settled")
             else:
-                found = at(gap).predict(drive, None, _slow(drive.size), "settled")
+                found = predict(at(gap), drive, None, _slow(drive.size), "settled")
         except (InputError, NegativeResult) as error:
             troubles.append((gap, str(error)))
         else:
@@ -263,13 +264,13 @@ def check_over_gap(
     return _judge(gaps, drive, output, towards)
 
 
-def _largest_drive(model: ActuatorModel) -> float:
+def _largest_drive(model: ActuatorRecord) -> float:
     assert model.valid is not None
     low, high = model.valid.input
     return high if abs(high) >= abs(low) else low
 
 
-def _rest(model: ActuatorModel, most: float = 0.5) -> float:
+def _rest(model: ActuatorRecord, most: float = 0.5) -> float:
     """Return the drive from which on none is negative: above zero by a part of the largest."""
     largest = _largest_drive(model)
     shares = np.atleast_1d(model.parameters["in_0"]) / largest

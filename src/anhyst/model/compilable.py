@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anhyst._core import Operator, langevin
+from anhyst.laws.registry import LAWS, laws_with_compensator
 from anhyst.support.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 LEAST_SLOPE = 1e-3
 """Of the slope without iron: nearer to a jump, no measured loop and no 16-bit word tells the one
 from the other."""
-
-STEEP_UNTIL = 20.0
-"""Field over the shape field up to which the steepest place of a branch is looked for."""
 
 GAPS = 65
 """Places over the gap at which a model is looked at, beside its nodes."""
@@ -42,10 +39,11 @@ def obstacle(model: ActuatorModel) -> str | None:
     str or None
         One sentence; None for a model that can be compiled.
     """
-    if model.law != "effective-field":
+    law = LAWS[model.law]
+    if law.least_slope is None:
         return (
-            f"law {model.law!r} cannot be compiled: its step has no closed form; "
-            "identify with --law effective-field"
+            f"law {model.law!r} cannot be compiled: {law.obstacle}; "
+            f"identify with {laws_with_compensator()}"
         )
     if model.fixed_gap_only:
         return (
@@ -57,48 +55,13 @@ def obstacle(model: ActuatorModel) -> str | None:
     return _jump(model)
 
 
-def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
-    """Return the irreversible part after a rise from far below, in units of the law.
-
-    Parameters
-    ----------
-    kappa : float
-        ``k/a``.
-    x : ndarray, shape (n,)
-        Ascending fields over ``a``.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Over ``M_s``, -1..1.
-    """
-    start = float(x[0]) - 60.0 * kappa - 1.0
-    pinned = Operator(kappa, 0.0)
-    state = np.array([start, langevin(np.array([start]))[0][0], start])
-    _, m, _, status, _ = pinned.run(np.zeros(x.size), np.ascontiguousarray(x), state)
-    assert status == 0
-    return np.asarray(m)
-
-
-def steepest_slope(kappa: float, c: float) -> float:
-    """Return the largest slope that a law ever has, in units of the law; at most 1/3.
-
-    A lag that has forgotten less of its past has risen less, and a play takes the two parts of the
-    slope further apart: no path is steeper than the ascending branch without a play.
-    """
-    x = np.linspace(0.0, STEEP_UNTIL, 401)
-    level, slope = langevin(x)
-    irreversible = (level - ascending_branch(kappa, x)) / kappa
-    return float(((1.0 - c) * irreversible + c * slope).max())
-
-
 def least_slope(model: ActuatorModel, at: FloatArray) -> FloatArray:
     """Return ``1 + w*S``: the least slope of the drive over the field, of that without iron.
 
     Parameters
     ----------
     model : ActuatorModel
-        Of the effective-field law; its iron must not change with the gap.
+        Of a law with a compensator; its iron must not change with the gap.
     at : ndarray, shape (n,)
         Scheduling variable, SI.
 
@@ -107,10 +70,9 @@ def least_slope(model: ActuatorModel, at: FloatArray) -> FloatArray:
     ndarray, shape (n,)
         At 0 and below the law jumps there; above 1 where the gap outweighs the coupling.
     """
-    iron = model.parameters_at(float(at[0]))
-    steepest = steepest_slope(iron["k"] / iron["a"], iron["c"]) * iron["M_s"] / iron["a"]
-    rho = model.over_schedule("rho", at)
-    return np.asarray(1.0 + (rho / (1.0 + rho) - iron["alpha"]) * steepest)
+    least = LAWS[model.law].least_slope
+    assert least is not None
+    return least(model.parameters_at(float(at[0])), model.over_schedule("rho", at))
 
 
 def _jump(model: ActuatorModel) -> str | None:

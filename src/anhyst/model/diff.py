@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anhyst.model.actuator import PARAMETERS, ActuatorModel, Parameter
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import Parameter
 from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
@@ -112,9 +113,9 @@ def diff(first: ActuatorModel, second: ActuatorModel) -> ModelDiff:
         Change(name, one, other) for name, one, other in _settings(first, second) if one != other
     )
     parameters = tuple(
-        Change(name, first.parameters[name], second.parameters[name])
-        for name in PARAMETERS
-        if first.parameters[name] != second.parameters[name]
+        Change(name, first.parameters.get(name), second.parameters.get(name))
+        for name in {**first.specs, **second.specs}
+        if first.parameters.get(name) != second.parameters.get(name)
     )
     try:
         drive = _common([m.valid.input for m in (first, second) if m.valid], "input")

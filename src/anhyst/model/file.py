@@ -17,7 +17,8 @@ from pydantic import ValidationError
 
 from anhyst.data.history import History
 from anhyst.data.loop_set import Source
-from anhyst.model.actuator import ActuatorModel, Parameter, find_problems
+from anhyst.laws.registry import LAWS
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import (
     CrossValidation,
     FitFigures,
@@ -28,11 +29,13 @@ from anhyst.model.fit_record import (
     ValidRange,
 )
 from anhyst.model.keys import FORMAT, VERSION, Names, meant, section_names
+from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.schema import (
     FitTable,
     ModelTable,
     QuantityTable,
     UncertaintyTable,
+    model_table,
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -109,10 +112,12 @@ class _Reader:
         self._stop_if_wrong()
         assert given is not None
         assert answer is not None
-        self.names = section_names(given, answer, schedule)
+        law = content.get("law")
+        known = LAWS.get(law) if isinstance(law, str) else None
+        self.names = section_names(known, given, answer, schedule)
         self._strip_units(content, ())
         try:
-            table = ModelTable.model_validate(content)
+            table = model_table(law).model_validate(content)
         except ValidationError as error:
             self._collect(error)
             table = None
@@ -219,7 +224,7 @@ class _Reader:
             for name, value in parameters.items()
         }
         nodes = content.get("schedule", {}).get("nodes", [])
-        for problem in find_problems(values, nodes, content["gap_map"]):
+        for problem in find_problems(content["law"], values, nodes, content["gap_map"]):
             self._add(self._file_path(_place_of(problem.key)), problem.text)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
@@ -255,7 +260,7 @@ class _Reader:
             output=answer,
             parameters={
                 name: tuple(value) if isinstance(value, list) else value
-                for name, value in table.parameters
+                for name, value in dict(table.parameters).items()
             },
             law=table.law,
             gap_map=table.gap_map,

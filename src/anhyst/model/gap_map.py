@@ -17,46 +17,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
 from anhyst._core import exp, log
+from anhyst.laws.law import Coordinate
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
-Coordinate = Literal["reciprocal", "log", "plain"]
-
-COORDINATES: dict[str, Coordinate] = {
-    "c_H": "reciprocal",
-    "M_s": "log",
-    "a": "log",
-    "k": "log",
-    "c_out": "log",
-}
-
 LARGEST_LOGARITHM = 700.0  # exp overflows at 709.8
-
-
-def coordinate_of(parameter: str) -> Coordinate:
-    """Return the coordinate in which a parameter is interpolated.
-
-    Parameters
-    ----------
-    parameter : str
-        Name of the parameter as in :class:`anhyst.model.actuator.ActuatorModel`.
-
-    Returns
-    -------
-    str
-        ``"reciprocal"``, ``"log"`` or ``"plain"``.
-
-    Examples
-    --------
-    >>> coordinate_of("c_H"), coordinate_of("k"), coordinate_of("rho")
-    ('reciprocal', 'log', 'plain')
-    """
-    return COORDINATES.get(parameter, "plain")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +35,13 @@ class Curve:
     Parameters
     ----------
     name : str
-        The parameter; decides the coordinate of the interpolation.
+        The parameter, for messages.
     nodes : ndarray, shape (g,)
         Values of the scheduling variable, strictly ascending, SI.
     values : ndarray, shape (g,)
         The parameter at the nodes, SI. Positive unless the coordinate is ``"plain"``.
+    coordinate : str
+        In which it is interpolated.
 
     Raises
     ------
@@ -80,7 +51,7 @@ class Curve:
 
     Examples
     --------
-    >>> curve = Curve("c_H", np.array([0.3e-3, 0.6e-3]), np.array([200.0, 100.0]))
+    >>> curve = Curve("c_H", np.array([0.3e-3, 0.6e-3]), np.array([200.0, 100.0]), "reciprocal")
     >>> curve(np.array([0.45e-3])).round(6)  # the reciprocal is straight
     array([133.333333])
     """
@@ -88,6 +59,7 @@ class Curve:
     name: str
     nodes: FloatArray
     values: FloatArray
+    coordinate: Coordinate = "plain"
 
     def __post_init__(self) -> None:
         for field in ("nodes", "values"):
@@ -106,7 +78,7 @@ class Curve:
             raise InputError(f"{self.name}: a node or value is not finite; give plain numbers")
         if (np.diff(self.nodes) <= 0.0).any():
             raise InputError(f"{self.name}: the nodes do not ascend; sort them and drop repeats")
-        if coordinate_of(self.name) != "plain" and (self.values <= 0.0).any():
+        if self.coordinate != "plain" and (self.values <= 0.0).any():
             raise InputError(f"{self.name}: must be positive at every node")
 
     def __call__(self, at: FloatArray) -> FloatArray:
@@ -161,7 +133,7 @@ class Curve:
         )
 
     def _to_straight(self, values: FloatArray) -> FloatArray:
-        match coordinate_of(self.name):
+        match self.coordinate:
             case "reciprocal":
                 return 1.0 / values
             case "log":
@@ -170,7 +142,7 @@ class Curve:
                 return values
 
     def _from_straight(self, straight: FloatArray) -> FloatArray:
-        match coordinate_of(self.name):
+        match self.coordinate:
             case "reciprocal":
                 if (straight <= 0.0).any():
                     raise self._too_far()

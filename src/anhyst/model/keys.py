@@ -5,6 +5,8 @@ Apart from the schema, whose validation takes longer to import than a model to w
 
 from __future__ import annotations
 
+from anhyst.data.output_map import output_map
+from anhyst.laws.law import Law
 from anhyst.support.units import Quantity
 
 FORMAT = "anhyst-model"
@@ -19,14 +21,17 @@ def column(name: str, unit: str) -> str:
     return Quantity("", name, unit).column
 
 
-def parameter_names(given: Quantity, answer: Quantity) -> Names:
-    """Return the keys of ``[parameters]`` for an input and an output."""
-    power = "2" if answer.name == "force" else ""
+def parameter_names(law: Law | None, given: Quantity, answer: Quantity) -> Names:
+    """Return the keys of ``[parameters]`` for a law, if it is known, an input and an output."""
+    power = output_map(answer).power
     turns = {"A": "c_H_per_m", "A/m": "c_H"}.get(given.unit, f"c_H_A_per_m_{given.unit}")
-    ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power}"
+    ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power if power > 1 else ''}"
     return {
-        **{name: (name, column(name, "A/m")) for name in ("M_s", "a", "k", "r_d")},
-        **{name: (name, name) for name in ("c", "alpha", "rho")},
+        **{
+            spec.name: (spec.name, column(spec.name, spec.unit) if spec.unit != "1" else spec.name)
+            for spec in (law.parameters if law else ())
+        },
+        "rho": ("rho", "rho"),
         "c_H": ("c_H", turns),
         "gamma": ("gamma", "gamma_A_s_per_m_T"),
         "c_out": (f"c_{answer.symbol}", "c_B" if answer.unit == "T" else ratio),
@@ -36,7 +41,7 @@ def parameter_names(given: Quantity, answer: Quantity) -> Names:
 
 
 def section_names(
-    given: Quantity, answer: Quantity, schedule: Quantity | None
+    law: Law | None, given: Quantity, answer: Quantity, schedule: Quantity | None
 ) -> dict[tuple[str, ...], Names]:
     """Return the keys that carry units, table by table (``[[fit.loop]]`` as ``fit, loop``)."""
     deviations = {
@@ -51,7 +56,7 @@ def section_names(
     at = {"schedule": ranges["schedule"]} if schedule is not None else {}
     return {
         ("schedule",): nodes,
-        ("parameters",): parameter_names(given, answer),
+        ("parameters",): parameter_names(law, given, answer),
         ("valid",): ranges,
         ("fit",): deviations,
         ("fit", "loop"): deviations | at,

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anhyst._core import status_text
 from anhyst.data.history import History
+from anhyst.laws.law import IronOperator
+from anhyst.laws.registry import LAWS
+from anhyst.model.circuit import Circuit
+from anhyst.model.record import ActuatorRecord
 from anhyst.model.valid_range import Given, flag, warn_if_far
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
 
-if TYPE_CHECKING:
-    from anhyst._core import Iron
-    from anhyst.model.actuator import ActuatorModel, Circuit
 BoolArray = NDArray[np.bool_]
 
 OK = 0
@@ -76,7 +76,7 @@ class Prediction:
         Field in the iron, A/m.
     valid : ndarray of bool
         Whether the sample lies inside the valid range of the model.
-    state : ndarray, shape (3,)
+    state : ndarray, shape (s,)
         State of the iron after the last sample (``x/a``, ``M_irr/M_s``, play ``/a``).
     cycles : int
         Repetitions it took to settle; 0 for another history.
@@ -110,7 +110,7 @@ class Prediction:
 class _Record:
     """A record on its way through the core: what is given, and room for what is found."""
 
-    model: ActuatorModel
+    model: ActuatorRecord
     kind: Given
     given: FloatArray
     schedule: FloatArray | None
@@ -135,7 +135,7 @@ class _Record:
 
 
 def predict(
-    model: ActuatorModel,
+    model: ActuatorRecord,
     drive: ArrayLike,
     schedule: ArrayLike | None = None,
     time: ArrayLike | None = None,
@@ -145,7 +145,7 @@ def predict(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model.
     drive : array_like, shape (n,)
         Input of the actuator, in units of the input (A for a current).
@@ -182,7 +182,7 @@ def predict(
 
 
 def invert(
-    model: ActuatorModel,
+    model: ActuatorRecord,
     demand: ArrayLike,
     schedule: ArrayLike | None = None,
     time: ArrayLike | None = None,
@@ -196,7 +196,7 @@ def invert(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model.
     demand : array_like, shape (n,)
         Wanted output, in units of the output (N for a force).
@@ -219,7 +219,7 @@ def invert(
 
 
 def run_through(
-    model: ActuatorModel,
+    model: ActuatorRecord,
     kind: Given,
     values: ArrayLike,
     schedule: ArrayLike | None,
@@ -304,15 +304,15 @@ def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray,
 
 
 def initial_state(
-    model: ActuatorModel, iron: Iron, history: History, schedule: float | None
+    model: ActuatorRecord, iron: IronOperator, history: History, schedule: float | None
 ) -> FloatArray:
     """Return the state of the iron before the first sample.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model.
-    iron : Iron
+    iron : IronOperator
         Its iron at this value of the scheduling variable.
     history : History
         ``settled`` gives the demagnetised state, from which the cycle is then repeated.
@@ -321,10 +321,10 @@ def initial_state(
 
     Returns
     -------
-    ndarray, shape (3,)
+    ndarray, shape (s,)
         The state.
     """
-    state = np.zeros(3)
+    state = np.zeros(LAWS[model.law].states)
     if history.kind != "conditioned":
         return state
     # The exact step does not care how a path is cut: turning points say all.
@@ -338,12 +338,14 @@ def initial_state(
     return conditioned
 
 
-def _step(iron: Iron, kind: Given) -> _Step:
+def _step(iron: IronOperator, kind: Given) -> _Step:
     step: _Step = iron.forward if kind == "drive" else iron.inverse
     return step
 
 
-def _settle(iron: Iron, record: _Record, run: slice, start: FloatArray) -> tuple[FloatArray, int]:
+def _settle(
+    iron: IronOperator, record: _Record, run: slice, start: FloatArray
+) -> tuple[FloatArray, int]:
     """Repeat a cycle until the state returns."""
     kind, circuit = record.kind, record.circuit(run)
     core = record.core(run, circuit)
@@ -395,14 +397,14 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
     return array
 
 
-def as_history(history: History | str | None, model: ActuatorModel) -> History:
+def as_history(history: History | str | None, model: ActuatorRecord) -> History:
     """Return the history that a call asks for, or that of the model."""
     if history is None:
         return model.history
     return History.parse(history) if isinstance(history, str) else history
 
 
-def eddy_rate(model: ActuatorModel, time: ArrayLike | None, size: int) -> FloatArray | None:
+def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> FloatArray | None:
     """Return 1/dt of each sample, 1/s (0 for the first); None for a model without eddy currents.
 
     Raises
@@ -430,7 +432,7 @@ def check(status: int, name: str, index: int, given: FloatArray) -> None:
     raise NegativeResult(str(error)) if status in {NOT_CONVERGED, NOT_SETTLED} else error
 
 
-def _runs(model: ActuatorModel, schedule: FloatArray | None, size: int) -> Iterator[slice]:
+def _runs(model: ActuatorRecord, schedule: FloatArray | None, size: int) -> Iterator[slice]:
     """Cut a record where it cannot be run through: only where the iron itself would change."""
     if schedule is None or not model.fixed_gap_only:
         yield slice(0, size)

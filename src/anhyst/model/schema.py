@@ -5,8 +5,19 @@ from __future__ import annotations
 import sys
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PlainValidator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    PlainValidator,
+    create_model,
+)
 from pydantic_core import PydanticCustomError
+
+from anhyst.laws.registry import LAWS
+from anhyst.model.parameters import specs_of
 
 
 def _is_number(value: object) -> bool:
@@ -28,6 +39,17 @@ def _setting(value: Any) -> Any:
     raise PydanticCustomError("setting", "must be a text, a truth value or a finite number")
 
 
+def _law(name: str) -> str:
+    if name not in LAWS:
+        known = [repr(law) for law in LAWS]
+        raise PydanticCustomError(
+            "law",
+            f"Input should be {', '.join(known[:-1])} or {known[-1]}",
+        )
+    return name
+
+
+LawName = Annotated[str, AfterValidator(_law)]
 Number = Annotated[float | list[float], PlainValidator(_number)]
 Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
 Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
@@ -51,23 +73,6 @@ class ScheduleTable(QuantityTable):
     """``[schedule]``: the scheduling variable and its nodes."""
 
     nodes: list[FiniteFloat] = []
-
-
-class ParameterTable(Table):
-    """``[parameters]``: one number, or one for each node."""
-
-    M_s: Number
-    a: Number
-    k: Number
-    c: Number
-    alpha: Number = 0.0
-    r_d: Number = 0.0
-    c_H: Number  # noqa: N815
-    rho: Number = 0.0
-    gamma: Number = 0.0
-    c_out: Number
-    in_0: Number = 0.0
-    out_0: Number = 0.0
 
 
 class ValidTable(Table):
@@ -153,15 +158,27 @@ class ModelTable(Table):
     format: Literal["anhyst-model"]
     version: Literal[1]
     name: str
-    law: Literal["effective-field", "jiles-atherton-1986"]
+    law: LawName
     gap_map: Literal["none", "scaling", "reluctance", "circuit", "free"]
     history: str
     input: QuantityTable
     output: QuantityTable
     schedule: ScheduleTable | None = None
-    parameters: ParameterTable
+    parameters: dict[str, Any]
     valid: ValidTable | None = None
     fit: FitTable | None = None
     uncertainty: UncertaintyTable | None = None
     reduction: list[ReductionTable] = []
     provenance: ProvenanceTable = ProvenanceTable()
+
+
+def model_table(law: object) -> type[ModelTable]:
+    """Return the whole file with the parameters of its law: one number, or one for each node."""
+    if not isinstance(law, str) or law not in LAWS:
+        return ModelTable  # which then refuses the law
+    fields: dict[str, Any] = {
+        spec.name: (Number, ... if spec.default is None else spec.default)
+        for spec in specs_of(law).values()
+    }
+    parameters = create_model("ParameterTable", __base__=Table, **fields)
+    return create_model("ModelTable", __base__=ModelTable, parameters=(parameters, ...))

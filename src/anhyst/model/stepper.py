@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anhyst.data.history import History
+from anhyst.model.circuit import Circuit
 from anhyst.model.predict import as_history, as_samples, check, initial_state, run_through
+from anhyst.model.record import ActuatorRecord
 from anhyst.model.valid_range import flag, warn_if_far
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-
-if TYPE_CHECKING:
-    from anhyst.model.actuator import ActuatorModel, Circuit
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +45,7 @@ class Stepper:
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model.
     schedule : float, optional
         Scheduling variable at the start, SI; needed where parameters run over it.
@@ -74,7 +72,7 @@ class Stepper:
 
     def __init__(
         self,
-        model: ActuatorModel,
+        model: ActuatorRecord,
         schedule: float | None = None,
         history: History | str | None = None,
     ) -> None:
@@ -102,7 +100,7 @@ class Stepper:
 
     @property
     def state(self) -> FloatArray:
-        """State of the iron (``x/a``, ``M_irr/M_s``, play ``/a``), a copy of shape (3,)."""
+        """State of the iron a copy; what it holds is the law's."""
         return self._state.copy()
 
     @property

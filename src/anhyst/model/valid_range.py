@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from anhyst.model.record import ActuatorRecord
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import ImplausibleWarning
 from anhyst.support.units import DIMENSIONS, UNITS, Quantity
 
-if TYPE_CHECKING:
-    from anhyst.model.actuator import ActuatorModel
 BoolArray = NDArray[np.bool_]
 Given = Literal["drive", "demand"]
 
@@ -28,7 +27,7 @@ FAR = 20.0
 
 
 def flag(
-    model: ActuatorModel,
+    model: ActuatorRecord,
     kind: Given,
     drive: FloatArray,
     output: FloatArray,
@@ -40,7 +39,7 @@ def flag(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model.
     kind : str
         What was given: ``"drive"`` or ``"demand"``; the other one was computed.
@@ -151,7 +150,7 @@ def likely_unit(quantity: Quantity, times: float) -> str:
 
 
 def warn_if_far(
-    model: ActuatorModel,
+    model: ActuatorRecord,
     given: Quantity,
     values: FloatArray,
     schedule: ArrayLike | None,
@@ -160,7 +159,7 @@ def warn_if_far(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model.
     given : Quantity
         Its input or its output.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
-from anhyst.model.actuator import PARAMETERS, ActuatorModel
+from anhyst.laws.registry import LAWS
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
-from anhyst.model.keys import FORMAT, VERSION, column, parameter_names
+from anhyst.model.keys import FORMAT, VERSION, column
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import Quantity
@@ -14,10 +16,6 @@ from anhyst.support.units import Quantity
 HEAD = """\
 # Model of an actuator. Written by anhyst to be read, edited and compared by people: all values are
 # SI, the unit stands in the key (k_A_per_m is k in A/m), and every key is checked on reading.
-"""
-LAW = """
-# The hysteresis law, "effective-field" or "jiles-atherton-1986". The parameters mean nothing under
-# the other one.
 """
 GAP_MAP = """
 # How the scheduling variable enters. "none": not at all; "scaling": it scales the field, c_H runs
@@ -49,20 +47,6 @@ CROSS_VALIDATION = """
 UNCERTAINTY = """
 # Estimates and standard deviations of what was fitted; inf where the data say nothing.
 """
-MEANING = {
-    "M_s": "saturation magnetisation",
-    "a": "shape of the anhysteretic curve",
-    "k": "pinning, about the half-width of the loop of the iron",
-    "c": "reversible fraction, 0 to 1",
-    "alpha": "interaction, below 1",
-    "r_d": "half-width of the dead band against creep, 0 for none",
-    "c_H": "drive of the iron for a unit of input",
-    "rho": "reluctance of the gap over that of an air-filled iron path",
-    "gamma": "eddy currents, 0 for none",
-    "c_out": "output for a unit of flux density (squared for a force)",
-    "in_0": "offset of the input",
-    "out_0": "offset of the output",
-}
 
 
 def write_model(model: ActuatorModel, path: PathLike) -> None:
@@ -100,7 +84,7 @@ def model_text(model: ActuatorModel) -> str:
     """
     sections = [
         HEAD + _keys({"format": FORMAT, "version": VERSION, "name": model.name}),
-        LAW + _keys({"law": model.law}),
+        _law(model.law),
         GAP_MAP + _keys({"gap_map": model.gap_map}),
         HISTORY + _keys({"history": str(model.history)}),
         "\n[input]\n" + _quantity(model.input),
@@ -137,6 +121,13 @@ def _keys(table: Mapping[str, object]) -> str:
     )
 
 
+def _law(name: str) -> str:
+    known = " or ".join(f'"{law}"' for law in LAWS)
+    text = f"The hysteresis law, {known}. The parameters mean nothing under the other one."
+    lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
+    return "\n" + "\n".join(lines) + "\n" + _keys({"law": name})
+
+
 def _quantity(quantity: Quantity) -> str:
     return _keys({"quantity": quantity.name, "symbol": quantity.symbol, "unit": quantity.unit})
 
@@ -149,12 +140,12 @@ def _schedule(model: ActuatorModel) -> str:
 
 
 def _parameters(model: ActuatorModel) -> str:
-    names = parameter_names(model.input, model.output)
+    names = model.keys
     lines = []
-    for name in PARAMETERS:
+    for name, spec in model.specs.items():
         value = model.parameters[name]
         written = toml_value(list(value) if isinstance(value, tuple) else value)
-        lines.append((f"{names[name][1]} = {written}", MEANING[name]))
+        lines.append((f"{names[name][1]} = {written}", spec.meaning))
     width = min(max(len(line) for line, _ in lines), 48)
     return "".join(f"{line:<{width}}  # {meaning}\n" for line, meaning in lines)
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from anhyst.data import LoopSet
+from anhyst.data.output_map import is_electromagnet
 from anhyst.data.reading import files_read
 from anhyst.identify import identify
 from anhyst.identify.identify import check_wanted
@@ -93,7 +94,7 @@ class Measured:
         if not self.files:
             raise InputError(f"{self.text}: no loops")
         loops = self.options.reading(self.rig.parent).read(self.places)
-        if (loops.input.name, loops.output.name) != ("current", "force") or loops.schedule is None:
+        if not is_electromagnet(loops) or loops.schedule is None:
             raise InputError(f"{self.text}: a rig needs columns I_A, F_N and gap_m")
         return loops
 

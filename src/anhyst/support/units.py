@@ -162,9 +162,6 @@ QUANTITIES = MappingProxyType(
 INPUTS = ("current", "field", "voltage")
 """Names of the quantities that drive a loop, first choice first."""
 
-OUTPUTS = ("force", "flux_density", "flux_linkage", "displacement")
-"""Names of the quantities that answer, first choice first."""
-
 GAP_ADVICE = "gaps count from contact, 0 and up"
 
 LABEL = "loop"

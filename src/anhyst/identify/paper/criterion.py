@@ -83,7 +83,7 @@ class Criterion:
 
     def _operator(self, local: Local) -> Operator:
         """Build the law, unless it is the one built last: often only c_H or c_out moves."""
-        key = (local.kappa, local.c, local.omega if self._form.law != "effective-field" else 0.0)
+        key = (local.kappa, local.c, local.omega if self._form.kernel.coupled else 0.0)
         if self._built is None or self._built[0] != key:
             self._built = (key, self._form.operator(local))
         return self._built[1]

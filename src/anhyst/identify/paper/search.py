@@ -28,7 +28,8 @@ from anhyst.identify.paper.evolution import EvolutionStrategy
 from anhyst.identify.paper.seven import OFFSETS, Values, mean_over_gaps, variables_of
 from anhyst.identify.run import Run
 from anhyst.model.acceptance import GapCheck, check_over_gap
-from anhyst.model.actuator import MAY_VARY, ActuatorModel
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import MAY_VARY
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -265,7 +266,7 @@ def model_at_nodes(stand: Stand, run: Run, loopset: LoopSet) -> ActuatorModel:
         input=loopset.input,
         output=loopset.output,
         parameters=parameters,
-        law=run.form.law,  # type: ignore[arg-type]
+        law=run.form.law,
         gap_map="none" if single else "scaling" if scaling else "free",
         schedule=loopset.schedule,
         nodes=tuple(float(node) for node in run.records.nodes),

@@ -141,7 +141,7 @@ def _may_be_reluctance(bench: Bench, wanted: str) -> bool:
     """
     schedule = bench.loopset.schedule
     of_a_gap = wanted == "reluctance" or (schedule is not None and schedule.name == "gap")
-    circuit = "c_H" in bench.searched and bench.run.form.law == "effective-field"
+    circuit = "c_H" in bench.searched and not bench.run.form.kernel.coupled
     return of_a_gap and circuit and bench.gaps > 1
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anhyst.data.output_map import output_map
 from anhyst.identify.fit_records import Records
 from anhyst.identify.response import Local
 from anhyst.support.arrays import FloatArray
@@ -140,10 +141,10 @@ def variables_of(
     if given.name == "field":
         known["c_H"] = 1.0
         shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
-    if answer.name == "flux_density":
+    if output_map(answer).absolute:
         known["c_out"] = 1.0
         saturation = (0.8 * records.output_span / MU_0, 30.0 * records.output_span / MU_0)
-    power = 2 if answer.name == "force" else 1
+    power = output_map(answer).power
     bounds = {
         "M_s": saturation,
         "a": shape,

@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 
 from anhyst.model.acceptance import GapCheck
 from anhyst.model.actuator import ActuatorModel
-from anhyst.model.keys import parameter_names
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.page.numbers import GREEK, Scale, label, name_of, number, scale_for, scale_of
@@ -34,16 +33,12 @@ def parameter_unit(model: ActuatorModel, name: str) -> str:
     turns = {"A": "1/m", "A/m": "1"}.get(drive, f"A/(m {drive})")
     ratio = "1" if answer == "T" else f"{answer}/T" + ("²" if model.power == 2 else "")
     return {
-        "M_s": "A/m",
-        "a": "A/m",
-        "k": "A/m",
-        "r_d": "A/m",
         "c_H": turns,
         "gamma": "A s/(m T)",
         "c_out": ratio,
         "in_0": drive,
         "out_0": answer,
-    }.get(name, "1")
+    }.get(name, model.specs[name].unit)
 
 
 def running(model: ActuatorModel) -> tuple[str, ...]:
@@ -72,7 +67,7 @@ def figure_parameters(model: ActuatorModel) -> Figure | None:
     shown = running(model)
     if not shown or model.schedule is None:
         return None
-    names = parameter_names(model.input, model.output)
+    names = model.keys
     columns = columns_of(len(shown))
     rows = -(-len(shown) // columns)
     figure = new_figure(

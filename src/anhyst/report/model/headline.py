@@ -6,17 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anhyst.laws.registry import LAWS
 from anhyst.report.model.subject import Subject
 from anhyst.support.page.blocks import Cell, Note, Table, table
 from anhyst.support.page.numbers import MINUS, Scale, name_of, number, percent, symbol_of
 
 _RMS_OF_MEAN = float(np.sqrt(0.5 * np.pi))
 """Standard deviation of a normal variable over its mean absolute value."""
-
-LAWS = {
-    "effective-field": "effective-field Jiles-Atherton law",
-    "jiles-atherton-1986": "Jiles-Atherton law of 1986",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +43,7 @@ def headline(subject: Subject) -> Headline:
     over = f" over the {subject.over}" if model.varying else ""
     what = (
         f"From {subject.drive} {symbol_of(model.input)} to {subject.answer} "
-        f"{symbol_of(model.output)}{over}: {LAWS[model.law]}"
+        f"{symbol_of(model.output)}{over}: {LAWS[model.law].title}"
         + (f", map “{model.gap_map}”." if model.varying else ".")
     )
     notes = [Note("warn", "Note", text[:1].upper() + text[1:]) for text in subject.warnings]

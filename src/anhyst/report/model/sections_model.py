@@ -8,11 +8,9 @@ from types import MappingProxyType
 
 from markupsafe import Markup
 
-from anhyst.model.actuator import PARAMETERS
+from anhyst.laws.registry import LAWS
 from anhyst.model.fit_record import CrossValidation, Uncertainty
-from anhyst.model.keys import parameter_names
 from anhyst.model.sources import PREFIX
-from anhyst.model.writer import MEANING
 from anhyst.report.model.figures import figure_correlation, figure_reduction
 from anhyst.report.model.figures_over_schedule import (
     SHARES,
@@ -22,7 +20,7 @@ from anhyst.report.model.figures_over_schedule import (
     parameter_unit,
     running,
 )
-from anhyst.report.model.headline import LAWS, acceptance
+from anhyst.report.model.headline import acceptance
 from anhyst.report.model.subject import Subject
 from anhyst.support.page.blocks import (
     Block,
@@ -79,7 +77,7 @@ def section_parameters_over(subject: Subject) -> Section | None:
     figure = figure_parameters(model)
     if figure is None:
         return None
-    names = parameter_names(model.input, model.output)
+    names = model.keys
     varying = ", ".join(names[name][0] for name in running(model))
     nodes = ", ".join(subject.schedule_scale.number(node, 4, short=True) for node in model.nodes)
     alt = (
@@ -100,7 +98,7 @@ def section_parameters_over(subject: Subject) -> Section | None:
 
 def _node_table(subject: Subject) -> Table:
     model = subject.model
-    names = parameter_names(model.input, model.output)
+    names = model.keys
     head, columns = [subject.schedule_scale.head(subject.over)], []
     for name in running(model):
         values = model.over_schedule(name, model.nodes).tolist()
@@ -122,10 +120,7 @@ def section_reduction(subject: Subject) -> Section | None:
         return None
     first, last = steps[0].cost_before, steps[-1].cost_after
     model = subject.model
-    names = {
-        name: GREEK.get(bare, bare)
-        for name, (bare, _) in parameter_names(model.input, model.output).items()
-    }
+    names = {name: GREEK.get(bare, bare) for name, (bare, _) in model.keys.items()}
     text = (
         f"After the best sets for each {subject.over or 'node'} were found, one parameter after "
         "the other was replaced by its mean and the rest searched again. In each round every "
@@ -259,16 +254,16 @@ def _expected(subject: Subject, found: CrossValidation) -> str:
 def section_parameters(subject: Subject) -> Section:
     """All parameters with units and meaning, what the data say about them, and what not."""
     model = subject.model
-    names = parameter_names(model.input, model.output)
+    names = model.keys
     rows: list[list[str | Cell]] = []
-    for name in PARAMETERS:
+    for name, spec in model.specs.items():
         values = model.parameters[name]
         several = values if isinstance(values, tuple) else (values,)
         scale = scale_of(parameter_unit(model, name), several)
         text = scale.number(several[0], 5, short=True)
         if name in running(model):
             text = f"{scale.number(min(several), 5)} to {scale.number(max(several), 5)}"
-        meaning = MEANING[name]
+        meaning = spec.meaning
         if name == "rho" and subject.over != "gap":
             meaning = "reluctance in series with the iron, over that of an air-filled iron path"
         bare, key = names[name]
@@ -276,7 +271,7 @@ def section_parameters(subject: Subject) -> Section:
             [symbol(bare), Cell(key, code=True), meaning, f"{text}{NBSP}{scale.unit}".strip()]
         )
     blocks: list[Block] = [
-        Text(f"Law: {LAWS[model.law]}. The parameters mean nothing under another one."),
+        Text(f"Law: {LAWS[model.law].title}. The parameters mean nothing under another one."),
         Text(equations(subject)),
         table("All parameters", ["", "in the file", "meaning", "value"], rows, "", texts=3),
     ]
@@ -288,9 +283,7 @@ def section_parameters(subject: Subject) -> Section:
 def equations(subject: Subject) -> Markup:
     """Write how input and output hang together, without the terms that are zero."""
     model = subject.model
-    names = {
-        name: symbol(bare) for name, (bare, _) in parameter_names(model.input, model.output).items()
-    }
+    names = {name: symbol(bare) for name, (bare, _) in model.keys.items()}
     drive, answer = symbol(model.input.symbol), symbol(model.output.symbol)
 
     def there(name: str) -> bool:

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from anhyst.data import LoopSet
-from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import Parameter
 from anhyst.rig.force.file import Rig
 from anhyst.rig.loop_files import identify_loops
 from anhyst.support.errors import InputError

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from anhyst._core import Coil, Iron, Magnet
+from anhyst.laws.law import IronOperator
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -167,22 +168,31 @@ def flux_table_of(
     return FluxTable(current, gap, np.array(psi))
 
 
-def law_magnet(poles: Poles, iron: Iron, rows: FloatArray, eddy: float, table: FluxTable) -> Magnet:
+def law_magnet(
+    poles: Poles, iron: IronOperator, rows: FloatArray, eddy: float, table: FluxTable
+) -> Magnet:
     """Return a magnet whose pull an identified law makes and whose flux linkage a table.
 
     Parameters
     ----------
     poles : Poles
         Turns and resistance count.
-    iron : Iron
-        The law.
+    iron : IronOperator
+        The law; one of the core.
     rows : ndarray, shape (n, 5)
         In equal steps over the gaps of the table: c_H, rho, c_out, output at no flux, current at
         no drive.
     eddy : float
         gamma of the law, A s/(m T).
     table : FluxTable
+
+    Raises
+    ------
+    InputError
+        A law that the core does not have.
     """
+    if not isinstance(iron, Iron):
+        raise InputError("model: the core does not have its law, and a virtual magnet runs there")
     numbers = {
         "eddy": eddy,
         "current_high": float(table.current[-1]),

@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass, fields, replace
 import numpy as np
 
 from anhyst._core import Bearing
-from anhyst.model.actuator import ActuatorModel, Parameter
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
+from anhyst.model.parameters import Parameter
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_bearing, make_magnet
 from anhyst.rig.bearing.tables import DriftTable

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data import LoopSet
+from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.controller_check import check_controller
@@ -108,7 +109,7 @@ def _controller_model(controller: ControllerFile, rig: BearingRig) -> ActuatorMo
     if controller.model is None:
         return None
     model = read_model(controller.model)
-    if (model.input.name, model.output.name) != ("current", "force") or not model.needs_schedule:
+    if not is_electromagnet(model) or not model.needs_schedule:
         raise InputError(
             f"{controller.model}: a bearing needs a model of force over current and gap; identify "
             f"one from {rig.measured.text}"

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-from anhyst.laws.operator import Operator, State, Step
+from anhyst.laws.oracle.operator import Operator, State, Step
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
 

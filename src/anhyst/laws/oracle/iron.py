@@ -14,10 +14,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst.laws.effective_field import EffectiveField, StepKind
-from anhyst.laws.equation import NO_EDDY, Eddy, Use, forward_use, inverse_use, solve
-from anhyst.laws.jiles_atherton_1986 import JilesAtherton1986
-from anhyst.laws.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.effective_field import EffectiveField, StepKind
+from anhyst.laws.oracle.equation import NO_EDDY, Eddy, Use, forward_use, inverse_use, solve
+from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
+from anhyst.laws.oracle.operator import DEMAGNETISED, State
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.special import exp1, expi
 
-from anhyst.laws.langevin import langevin
+from anhyst.laws.oracle.langevin import langevin
 from anhyst.support.arrays import FloatArray
 
 _EDGE = 30.0

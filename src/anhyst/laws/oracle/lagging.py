@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 
-from anhyst.laws.langevin import LARGEST_SLOPE, langevin_scalar, langevin_slope_scalar
-from anhyst.laws.operator import State, Step
+from anhyst.laws.oracle.langevin import LARGEST_SLOPE, langevin_scalar, langevin_slope_scalar
+from anhyst.laws.oracle.operator import State, Step
 from anhyst.support.errors import InputError
 
 _ROUNDING = 1e-9

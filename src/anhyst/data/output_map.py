@@ -1,0 +1,82 @@
+"""What an output makes of the flux density in the iron: known of the quantity, and asked of it once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import Quantity
+
+
+@dataclass(frozen=True, slots=True)
+class OutputMap:
+    """Output over flux density, ``c_out * B**power + out_0``.
+
+    Attributes
+    ----------
+    quantity
+        Name of the output.
+    power
+        Power of the flux density; an even one cannot tell the sign of the input.
+    of_flux
+        Whether the output grows with the flux of the iron, and encloses energy with the input.
+    absolute
+        Whether the output is the flux density itself, ``c_out = 1``.
+    from_zero
+        Whether the output has a natural zero; else deviations refer to its range.
+    """
+
+    quantity: str
+    power: int = 1
+    of_flux: bool = False
+    absolute: bool = False
+    from_zero: bool = True
+
+    @property
+    def even(self) -> bool:
+        """Whether the output is the same for a flux density and its negative."""
+        return self.power % 2 == 0
+
+    @property
+    def reference(self) -> str:
+        """What deviations refer to, in a word."""
+        return "largest" if self.from_zero else "range"
+
+    def shape(self, flux_density: FloatArray) -> FloatArray:
+        """Return the flux density to the power of the output."""
+        return flux_density * flux_density if self.power == 2 else flux_density**self.power
+
+
+OUTPUT_MAPS = {
+    each.quantity: each
+    for each in (
+        OutputMap("force", power=2, of_flux=True),
+        OutputMap("flux_density", of_flux=True, absolute=True),
+        OutputMap("flux_linkage", of_flux=True),
+        OutputMap("displacement", from_zero=False),
+    )
+}
+"""By the name of the quantity, first choice of an output first."""
+
+
+def output_map(output: Quantity) -> OutputMap:
+    """Return the map of an output; in proportion to the flux density if nothing else is known."""
+    return OUTPUT_MAPS.get(output.name) or OutputMap(output.name)
+
+
+class Device(Protocol):
+    """Loops, or a model: anything with an input and an output."""
+
+    @property
+    def input(self) -> Quantity:
+        """What drives it."""
+
+    @property
+    def output(self) -> Quantity:
+        """What it answers with."""
+
+
+def is_electromagnet(device: Device) -> bool:
+    """Whether a current pulls: what a bearing and a force controller are made of."""
+    return device.input.name == "current" and output_map(device.output).even

@@ -1,0 +1,178 @@
+"""What the rest of anhyst knows of a hysteresis law: its parameters, and how to run and to fit it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol
+
+if TYPE_CHECKING:
+    from anhyst._core import Operator
+    from anhyst.support.arrays import FloatArray
+
+Coordinate = Literal["reciprocal", "log", "plain"]
+"""In what a parameter is nearest to straight over a gap, and a search moves it."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSpec:
+    """One parameter of a model.
+
+    Attributes
+    ----------
+    name
+        As in a model file, without its unit.
+    meaning
+        In a few words.
+    unit
+        SI; "1" for a pure number.
+    low, high
+        Range. ``closed`` says whether the ends belong to it.
+    default
+        What it is where it is left out; None: it must be given.
+    coordinate
+        Of the curve over the scheduling variable.
+    search
+        Range of a search without a kernel in the core, of ``A/m`` in parts of the largest field
+        that is applied; None: held at its default.
+    """
+
+    name: str
+    meaning: str
+    unit: str = "1"
+    low: float = -math.inf
+    high: float = math.inf
+    closed: bool = False
+    default: float | None = None
+    coordinate: Coordinate = "plain"
+    search: tuple[float, float] | None = None
+
+    def problem(self, value: float) -> str | None:
+        """Return what is wrong with a value, if anything is."""
+        if not math.isfinite(value):
+            return "is not a finite number"
+        inside = self.low <= value <= self.high if self.closed else self.low < value < self.high
+        if inside:
+            return None
+        if math.isfinite(self.low) and math.isfinite(self.high):
+            return f"must lie within {self.low:g} and {self.high:g}, is {value:g}"
+        if math.isfinite(self.high):
+            return f"must be below {self.high:g}, is {value:g}"
+        if self.closed:
+            return f"must not be negative, is {value:g}"
+        return f"must be above {self.low:g}, is {value:g}"
+
+
+class IronOperator(Protocol):
+    """The iron of a model over whole records; `anhyst._core.Iron` is one.
+
+    ``rho`` is the reluctance ratio of the gap and ``eddy`` the rate ``gamma/dt`` of each sample.
+    Status 0 is success, other codes those of the core; ``index`` is the first sample without a
+    result.
+    """
+
+    def forward(
+        self, drive: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray, /
+    ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
+        """From the drive, A/m: return flux density (T), field (A/m), state after, status, index."""
+
+    def inverse(
+        self, flux_density: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray, /
+    ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
+        """From the flux density, T: return drive (A/m), field (A/m), state after, status, index."""
+
+    def settle(
+        self,
+        given: FloatArray,
+        rho: FloatArray,
+        eddy: FloatArray,
+        state: FloatArray,
+        inverse: bool = False,
+        max_cycles: int = 10000,
+        tol: float = 1e-12,
+        /,
+    ) -> tuple[FloatArray, int, int]:
+        """Repeat a cycle till it closes; return state, cycles, status."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitNumber:
+    """One number that a fit moves.
+
+    Attributes
+    ----------
+    name, meaning
+        Of the number; the meaning in the symbols of a model file, or in words.
+    low, high
+        Bounds of a search, in units of ``of``.
+    coordinate
+        In which it is moved: its logarithm, its inverse hyperbolic sine, or itself over its unit.
+    of
+        Its unit is the span of the measured input or output; nothing for a pure number.
+    """
+
+    name: str
+    meaning: str
+    low: float
+    high: float
+    coordinate: Literal["log", "asinh", "plain"] = "plain"
+    of: Literal["input", "output", ""] = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """How the core follows a law in units of its own, where ``M_s = a = 1``, for the fast fit.
+
+    Attributes
+    ----------
+    operator
+        Builds it from ``kappa = k/a``, ``c``, the half-width of its play and ``omega``.
+    numbers
+        What a fit moves of the law itself: ``kappa`` and ``c``.
+    differentiated
+        Whether the core gives its derivatives; else differences stand for them.
+    coupled
+        Whether the interaction enters the law itself: then a reluctance in series with the iron is
+        not the same as less interaction.
+    """
+
+    operator: Callable[[float, float, float, float], Operator]
+    numbers: tuple[FitNumber, ...]
+    differentiated: bool
+    coupled: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A hysteresis law.
+
+    Attributes
+    ----------
+    name
+        As in model files and on the command line.
+    title
+        For a reader.
+    parameters
+        Of the iron, in the order of the file.
+    iron
+        Builds the iron from its parameters, in that order; ValueError where they are refused.
+    states
+        Numbers that the iron remembers; all are zero where it is demagnetised.
+    kernel
+        For the fast fit; without one, any law is fitted through its iron, by differences.
+    least_slope
+        From the parameters of the iron and the reluctance ratios of the gap: the least slope of the
+        drive over the field, in that without iron. Without it there is no compensator.
+    obstacle
+        Why there is none, to complete the sentence "cannot be compiled: ...".
+    """
+
+    name: str
+    title: str
+    parameters: tuple[ParameterSpec, ...]
+    iron: Callable[..., IronOperator]
+    states: int = 3
+    kernel: Kernel | None = None
+    least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
+    obstacle: str = "there is no compensator for it"

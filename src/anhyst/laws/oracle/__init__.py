@@ -1,0 +1,1 @@
+"""Readable double-precision references of the hysteresis laws: the oracle of the C core."""

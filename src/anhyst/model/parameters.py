@@ -1,0 +1,112 @@
+"""The parameters of a model: those of its law, and those of what surrounds the iron."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from anhyst.laws.law import ParameterSpec
+from anhyst.laws.registry import LAWS
+
+Parameter = float | tuple[float, ...]
+GapMap = Literal["none", "scaling", "reluctance", "circuit", "free"]
+
+GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "free")
+
+CIRCUIT = (
+    ParameterSpec("c_H", "drive of the iron for a unit of input", low=0.0, coordinate="reciprocal"),
+    ParameterSpec(
+        "rho",
+        "reluctance of the gap over that of an air-filled iron path",
+        low=0.0,
+        closed=True,
+        default=0.0,
+    ),
+    ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, closed=True, default=0.0),
+    ParameterSpec(
+        "c_out",
+        "output for a unit of flux density (squared for a force)",
+        low=0.0,
+        coordinate="log",
+    ),
+    ParameterSpec("in_0", "offset of the input", default=0.0),
+    ParameterSpec("out_0", "offset of the output", default=0.0),
+)
+"""What surrounds the iron, the same whatever the law; units depend on input and output."""
+
+_SURROUNDS = frozenset({"c_out", "in_0", "out_0", "gamma"})
+
+MAY_VARY: Mapping[GapMap, frozenset[str]] = MappingProxyType(
+    {
+        "none": frozenset(),
+        "scaling": _SURROUNDS | {"c_H"},
+        "reluctance": _SURROUNDS | {"rho"},
+        "circuit": _SURROUNDS | {"rho"},
+    }
+)
+"""What each gap map but ``free`` allows to run over the scheduling variable; ``free`` allows all."""
+
+
+def specs_of(law: str) -> dict[str, ParameterSpec]:
+    """Return every parameter of a model with this law by name, in the order of the file."""
+    return {spec.name: spec for spec in (*LAWS[law].parameters, *CIRCUIT)}
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing wrong with a set of parameters."""
+
+    key: str
+    text: str
+
+
+def find_problems(
+    law: str, parameters: Mapping[str, Parameter], nodes: Sequence[float], gap_map: GapMap
+) -> list[Problem]:
+    """Find everything that is wrong with a set of parameters.
+
+    Parameters
+    ----------
+    law : str
+        Name of the law.
+    parameters : mapping of str to float or tuple of float
+        As in :class:`anhyst.model.record.ActuatorRecord`.
+    nodes : sequence of float
+        Nodes of the scheduling variable, SI.
+    gap_map : str
+        One of :data:`GAP_MAPS`.
+
+    Returns
+    -------
+    list of Problem
+        Empty if nothing is wrong. The key is a parameter, ``"nodes"`` or ``"gap_map"``.
+    """
+    problems = []
+    if gap_map not in GAP_MAPS:
+        return [Problem("gap_map", f"is {gap_map!r}; use one of {', '.join(GAP_MAPS)}")]
+    steps = np.diff(np.asarray(nodes, dtype=np.float64))
+    if not np.isfinite(steps).all() or (steps <= 0.0).any():
+        problems.append(Problem("nodes", "must be finite and ascend, without repeats"))
+    specs = specs_of(law)
+    for name, spec in specs.items():
+        value = parameters.get(name)
+        if value is None:
+            if spec.default is None:
+                problems.append(Problem(name, "is missing"))
+            continue
+        values = value if isinstance(value, tuple) else (value,)
+        if isinstance(value, tuple):
+            if len(value) != len(nodes):
+                text = f"has {len(value)} values for {len(nodes)} nodes; give one for each node"
+                problems.append(Problem(name, text))
+            if gap_map != "free" and name not in MAY_VARY[gap_map]:
+                text = f"may not vary with the gap map '{gap_map}'; give a single number"
+                problems.append(Problem(name, text))
+        texts = (spec.problem(single) for single in values)
+        problems.extend([Problem(name, text) for text in texts if text][:1])
+    problems.extend(Problem(name, "is unknown") for name in parameters if name not in specs)
+    return problems

@@ -1,0 +1,296 @@
+"""The model of an actuator: what identification gives, and what every use of it starts from.
+
+Around the iron, whose law lives in the core, a model knows how drive and output reach it
+(docs/theory.md)::
+
+    c_H(gap) * (input - in_0) = H + rho(gap) * B / mu0 + gamma * dB/dt
+    output                    = c_out(gap) * B**power + out_0
+
+with ``power`` 2 for a force and 1 for everything else. A parameter is a number, or one number for
+each node of the scheduling variable (:mod:`anhyst.model.gap_map` says what runs between the nodes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property, lru_cache
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from anhyst.data.history import History
+from anhyst.data.output_map import output_map
+from anhyst.laws.law import IronOperator, Law, ParameterSpec
+from anhyst.laws.registry import DEFAULT_LAW, LAWS
+from anhyst.model.circuit import Circuit
+from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
+from anhyst.model.gap_map import Curve
+from anhyst.model.keys import Names, parameter_names
+from anhyst.model.parameters import (
+    CIRCUIT,
+    GapMap,
+    Parameter,
+    find_problems,
+    specs_of,
+)
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import Quantity
+
+
+def _as_parameter(value: ArrayLike) -> Parameter:
+    numbers = np.asarray(value, dtype=np.float64)
+    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
+
+
+@lru_cache(maxsize=256)
+def _iron(law: Law, *parameters: float) -> IronOperator:
+    try:
+        return law.iron(*parameters)
+    except ValueError as error:
+        raise InputError(f"model parameters: {error}") from error
+
+
+@dataclass(frozen=True)
+class ActuatorRecord:
+    """A complete model: law, parameters, gap map, output map, history, valid range, origin.
+
+    Parameters
+    ----------
+    name : str
+        Free text.
+    law : str
+        Name of the law, one of :data:`anhyst.laws.registry.LAWS`.
+    input, output : Quantity
+        What drives the actuator and what it answers with.
+    parameters : mapping of str to float or tuple of float
+        SI; a tuple has one value for each node. Those of the law, and ``rho``, a pure number,
+        ``c_H`` in A/m per unit of the input, ``gamma`` in A s/(m T), ``c_out`` in units of the
+        output per T (per T^2 for a force), ``in_0, out_0`` in units of input and output. Those
+        with a default may be left out.
+    gap_map : str
+        ``"none"``, ``"scaling"``, ``"reluctance"``, ``"circuit"`` or ``"free"``.
+    schedule : Quantity or None
+        The scheduling variable.
+    nodes : tuple of float
+        Its values at which parameters were found, ascending, SI.
+    history : History
+        What happened before the first sample, unless a call says otherwise.
+    valid : ValidRange or None
+        Where the model was seen to hold.
+    fit, uncertainty, reduction, provenance
+        Records of the identification; see :mod:`anhyst.model.fit_record`.
+
+    Raises
+    ------
+    InputError
+        A parameter is missing, unknown, out of range or has the wrong number of values.
+    """
+
+    name: str
+    input: Quantity
+    output: Quantity
+    parameters: Mapping[str, Parameter]
+    law: str = DEFAULT_LAW
+    gap_map: GapMap = "none"
+    schedule: Quantity | None = None
+    nodes: tuple[float, ...] = ()
+    history: History = field(default_factory=lambda: History("demagnetised"))
+    valid: ValidRange | None = None
+    fit: FitFigures | None = None
+    uncertainty: Uncertainty | None = None
+    reduction: tuple[ReductionStep, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        given = {name: _as_parameter(value) for name, value in self.parameters.items()}
+        nodes = tuple(float(node) for node in self.nodes)
+        object.__setattr__(self, "nodes", nodes)
+        if self.law not in LAWS:
+            raise InputError(f"law: is {self.law!r}; use one of {', '.join(LAWS)}")
+        problems = find_problems(self.law, given, nodes, self.gap_map)
+        if problems:
+            raise InputError(f"model parameter {problems[0].key}: {problems[0].text}")
+        if nodes and self.schedule is None:
+            raise InputError("model: there are nodes but no scheduling variable; name it")
+        complete = {
+            name: given.get(name, 0.0 if spec.default is None else spec.default)
+            for name, spec in self.specs.items()
+        }
+        object.__setattr__(self, "parameters", MappingProxyType(complete))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by value: caches and the read-only view of the parameters are not picklable."""
+        kept = {f.name: getattr(self, f.name) for f in fields(self)}
+        return _rebuild, (type(self), kept | {"parameters": dict(self.parameters)})
+
+    @property
+    def specs(self) -> Mapping[str, ParameterSpec]:
+        """Every parameter by name, in the order of the file."""
+        return specs_of(self.law)
+
+    @cached_property
+    def keys(self) -> Names:
+        """Names of the parameters in a file, bare and with their unit."""
+        return parameter_names(LAWS[self.law], self.input, self.output)
+
+    @property
+    def power(self) -> int:
+        """Power of the flux density in the output."""
+        return output_map(self.output).power
+
+    @property
+    def varying(self) -> tuple[str, ...]:
+        """Names of the parameters that really differ between nodes."""
+        return tuple(
+            name
+            for name, value in self.parameters.items()
+            if isinstance(value, tuple) and len(set(value)) > 1
+        )
+
+    @property
+    def fixed_gap_only(self) -> bool:
+        """Whether the scheduling variable must stand still during a run (a ``free`` gap map)."""
+        own = {spec.name for spec in LAWS[self.law].parameters}
+        return not own.isdisjoint(self.varying)
+
+    @property
+    def needs_schedule(self) -> bool:
+        """Whether a run has to say where the scheduling variable was."""
+        return bool(self.varying)
+
+    @cached_property
+    def curves(self) -> Mapping[str, Curve]:
+        """Every varying parameter as a curve over the scheduling variable."""
+        nodes = np.array(self.nodes)
+        return {
+            name: Curve(name, nodes, np.array(self.parameters[name]), self.specs[name].coordinate)
+            for name in self.varying
+        }
+
+    def over_schedule(self, name: str, at: ArrayLike) -> FloatArray:
+        """Return one parameter at values of the scheduling variable.
+
+        Parameters
+        ----------
+        name : str
+            One of :attr:`specs`.
+        at : array_like, shape (n,)
+            Scheduling variable, SI.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The parameter, SI.
+
+        Raises
+        ------
+        InputError
+            So far outside the nodes that the parameter leaves its range.
+        """
+        query = np.atleast_1d(np.asarray(at, dtype=np.float64))
+        if name in self.curves and query.size:
+            values = self.curves[name](query)
+            for extreme in (values.min(), values.max()):
+                if problem := self.specs[name].problem(float(extreme)):
+                    raise InputError(
+                        f"{name} {problem}, in the straight line beyond the nodes "
+                        f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay nearer to them"
+                    )
+            return values
+        value = self.parameters[name]
+        return np.full(query.shape, value[0] if isinstance(value, tuple) else value)
+
+    def parameters_at(self, schedule: float | None = None) -> dict[str, float]:
+        """Return all parameters at one value of the scheduling variable.
+
+        Parameters
+        ----------
+        schedule : float, optional
+            Scheduling variable, SI; may be left out where nothing varies.
+
+        Returns
+        -------
+        dict of str to float
+            SI.
+
+        Raises
+        ------
+        InputError
+            The model needs the scheduling variable.
+        """
+        at = np.array([self.schedule_or_default(schedule)])
+        return {name: float(self.over_schedule(name, at)[0]) for name in self.specs}
+
+    def schedule_or_default(self, schedule: float | None) -> float:
+        """Return the scheduling variable, or any where it does not matter.
+
+        Raises
+        ------
+        InputError
+            It matters and was not given.
+        """
+        if schedule is not None:
+            return float(schedule)
+        if self.needs_schedule:
+            assert self.schedule is not None
+            raise InputError(
+                f"the model runs over {self.schedule.name}: give it, in a file as column "
+                f"{self.schedule.column}"
+            )
+        return self.nodes[0] if self.nodes else 0.0
+
+    def iron_at(self, schedule: float | None = None) -> IronOperator:
+        """Return the iron of the core at one value of the scheduling variable.
+
+        Parameters
+        ----------
+        schedule : float, optional
+            Scheduling variable, SI; matters only for a ``free`` gap map.
+
+        Returns
+        -------
+        IronOperator
+            It keeps no state and may be shared.
+
+        Raises
+        ------
+        InputError
+            The core refuses the parameters.
+        """
+        at = np.array([self.schedule_or_default(schedule) if self.fixed_gap_only else 0.0])
+        law = LAWS[self.law]
+        values = (float(self.over_schedule(spec.name, at)[0]) for spec in law.parameters)
+        return _iron(law, *values)
+
+    def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
+        """Return what surrounds the iron, sample by sample.
+
+        Parameters
+        ----------
+        schedule : ndarray, shape (n,), or None
+            Scheduling variable, SI.
+        eddy_rate : ndarray, shape (n,)
+            1/dt of each sample, 1/s; 0 where eddy currents do not count.
+
+        Returns
+        -------
+        Circuit
+            Arrays of shape (n,).
+        """
+        at = (
+            np.full(eddy_rate.shape, self.schedule_or_default(None))
+            if schedule is None
+            else schedule
+        )
+        c_h, rho, gamma, c_out, in_0, out_0 = (
+            self.over_schedule(spec.name, at) for spec in CIRCUIT
+        )
+        return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
+
+
+def _rebuild(kind: type[ActuatorRecord], kept: dict[str, Any]) -> ActuatorRecord:
+    return kind(**kept)
