@@ -81,11 +81,11 @@ static int are_sound_q31(const anhyst_position_limits_q31 *limits,
          limits->release >= limits->current_step;
 }
 
-static void demagnetise_q31(anhyst_drive_q31 *drive)
+static void demagnetise_q31(anhyst_force_controller_q31 *magnet)
 {
   const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
-  drive->compensator.memory = demagnetised;
-  drive->compensator.solved = 0;
+  magnet->compensator.memory = demagnetised;
+  magnet->compensator.solved = 0;
 }
 
 #include "generic/position.h"
@@ -101,7 +101,7 @@ static void want_again(anhyst_position_q31 *c, int32_t *wanted)
     break; /* on the ramp to zero from what is driven, whatever the block */
   case ANHYST_PHASE_CONDITION:
     for (int i = 0; i < magnets_q31(c); i++) {
-      wanted[i] = anhyst_drive_conditioning_q31(c->drive[i], 0);
+      wanted[i] = anhyst_force_controller_conditioning_q31(c->magnet[i], 0);
     }
     break;
   default:
@@ -115,7 +115,7 @@ void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
   anhyst_supervisor *supervisor = &c->levitation.supervisor;
   int32_t wanted[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
   for (int i = 0; i < magnets_q31(c); i++) {
-    anhyst_compensator_swap(&c->drive[i]->compensator, words);
+    anhyst_compensator_swap(&c->magnet[i]->compensator, words);
   }
   if (supervisor->conditioning != 0U) {
     supervisor->step = -1; /* begins anew */

@@ -15,13 +15,14 @@ static void forget_sensors(app_body *body)
   }
 }
 
-/* Starts the drive of a magnet with the block built in; without words where that is not sound. */
-static void start_drive(anhyst_drive_q31 *drive, const app_board *board)
+/* Starts the force controller of a magnet with the block built in; without words where that is not
+ * sound. */
+static void start_magnet(anhyst_force_controller_q31 *magnet, const app_board *board)
 {
-  if (anhyst_drive_init_compensator_q31(drive, board->kernel, board->words,
-                                        board->words_capacity) != ANHYST_OK ||
+  if (anhyst_force_controller_init_compensator_q31(magnet, board->kernel, board->words,
+                                                   board->words_capacity) != ANHYST_OK ||
       anhyst_block_misfit(board->words, board->scales) != 0U) {
-    drive->compensator.words = NULL;
+    magnet->compensator.words = NULL;
   }
 }
 
@@ -34,11 +35,11 @@ void app_body_start(app_body *body, const app_board *board)
   body->answer = nothing;
   forget_sensors(body);
   for (uint16_t i = 0; i < plan->magnets; i++) {
-    start_drive(&body->drive[i], board);
+    start_magnet(&body->magnet[i], board);
   }
-  if (anhyst_position_init_q31(&body->position, plan->limits, plan->settings, &body->drive[0],
-                               plan->magnets == 2U ? &body->drive[1] : NULL) != ANHYST_OK) {
-    body->drive[0].compensator.words = NULL;
+  if (anhyst_position_init_q31(&body->position, plan->limits, plan->settings, &body->magnet[0],
+                               plan->magnets == 2U ? &body->magnet[1] : NULL) != ANHYST_OK) {
+    body->magnet[0].compensator.words = NULL;
   }
 }
 
@@ -54,7 +55,7 @@ const anhyst_supervisor *app_body_states(const app_body *body)
 
 anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet)
 {
-  return magnet < body->board->plan->magnets ? &body->drive[magnet].compensator : NULL;
+  return magnet < body->board->plan->magnets ? &body->magnet[magnet].compensator : NULL;
 }
 
 uint16_t app_body_command(app_body *body, uint16_t command)
@@ -165,7 +166,7 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
     in.current[i] = app_sensor_q31(body->current[i].value);
     in.flux[i] = ANHYST_NO_FLUX;
   }
-  if (body->drive[0].compensator.words == NULL) {
+  if (body->magnet[0].compensator.words == NULL) {
     currents[0] = 0;
     currents[1] = 0;
     return 0;
@@ -192,7 +193,7 @@ void app_body_status(const app_body *body, link_status *status)
 
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)
 {
-  const anhyst_compensator *compensator = &body->drive[0].compensator;
+  const anhyst_compensator *compensator = &body->magnet[0].compensator;
   signals[LINK_SIGNAL_DEMAND] = body->answer.demand;
   signals[LINK_SIGNAL_FORCE] = 0;
   signals[LINK_SIGNAL_GAP] = body->position.gap[0];

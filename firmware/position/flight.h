@@ -25,7 +25,7 @@ typedef struct {
 struct app_body {
   const app_board *board;
   anhyst_position_q31 position;
-  anhyst_drive_q31 drive[ANHYST_POSITION_MAGNETS];
+  anhyst_force_controller_q31 magnet[ANHYST_POSITION_MAGNETS];
   anhyst_position_answer_q31 answer; /* of the last tick */
   int32_t target;                    /* position to go to */
   app_stillness still;

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A whole tick of the controller of a levitating armature, or a swap of blocks: any sound limits
-   and settings, any state, any sample, one magnet or two. Levitation, PIDD2 and drives give way to
-   what their own proofs show of them: each call is shown to be allowed, and answers anything. The
-   currents stay within the limits of the board. PART names the function that is proved. */
+   and settings, any state, any sample, one magnet or two. Levitation, PIDD2 and force controllers
+   give way to what their own proofs show of them: each call is shown to be allowed, and answers
+   anything. The currents stay within the limits of the board. PART names the function that is
+   proved. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
@@ -119,20 +120,26 @@ void anhyst_compensator_swap(anhyst_compensator *compensator, const int16_t *wor
   compensator->solved = 0;
 }
 
-int32_t anhyst_drive_solve_q31(anhyst_drive_q31 *drive, int32_t demand, int32_t gap, int32_t flux)
+int32_t anhyst_force_controller_solve_q31(anhyst_force_controller_q31 *magnet, int32_t demand,
+                                          int32_t gap, int32_t flux)
 {
-  drive->flags = nondet_u16();
+  magnet->flags = nondet_u16();
   return nondet_i32();
 }
 
-int32_t anhyst_drive_commit_q31(anhyst_drive_q31 *drive, int32_t applied, int32_t gap)
+int32_t anhyst_force_controller_commit_q31(anhyst_force_controller_q31 *magnet, int32_t applied,
+                                           int32_t gap)
 {
   return nondet_i32();
 }
 
-int32_t anhyst_drive_conditioning_length_q31(const anhyst_drive_q31 *drive) { return nondet_i32(); }
+int32_t anhyst_force_controller_conditioning_length_q31(const anhyst_force_controller_q31 *magnet)
+{
+  return nondet_i32();
+}
 
-int32_t anhyst_drive_conditioning_q31(const anhyst_drive_q31 *drive, int32_t tick)
+int32_t anhyst_force_controller_conditioning_q31(const anhyst_force_controller_q31 *magnet,
+                                                 int32_t tick)
 {
   return nondet_i32();
 }
@@ -141,7 +148,7 @@ int32_t anhyst_drive_conditioning_q31(const anhyst_drive_q31 *drive, int32_t tic
 
 static void show_state(const anhyst_position_q31 *c)
 {
-  SHOW(is_current(c->current[0]) && (c->drive[1] == NULL || is_current(c->current[1])));
+  SHOW(is_current(c->current[0]) && (c->magnet[1] == NULL || is_current(c->current[1])));
   SHOW(position_holds(&c->state));
   SHOW(c->pending == 0U || position_holds(&c->candidate.next));
 }
@@ -151,15 +158,15 @@ static void prove_tick(anhyst_position_q31 *c)
   anhyst_position_sample_q31 sample; /* any */
   anhyst_position_answer_q31 answer;
   anhyst_position_tick_q31(c, &sample, &answer);
-  SHOW(is_current(answer.current[0]) && (c->drive[1] == NULL || is_current(answer.current[1])));
+  SHOW(is_current(answer.current[0]) && (c->magnet[1] == NULL || is_current(answer.current[1])));
 }
 
 static void prove_swap(anhyst_position_q31 *c) { anhyst_position_swap_q31(c, NULL); }
 
 int main(void)
 {
-  anhyst_drive_q31 first;
-  anhyst_drive_q31 second;
+  anhyst_force_controller_q31 first;
+  anhyst_force_controller_q31 second;
   anhyst_position_q31 c;
   anhyst_position_limits_q31 any_limits;
   anhyst_position_settings_q31 any_settings;
@@ -178,7 +185,7 @@ int main(void)
   c.fading[0] = nondet_i32();
   c.fading[1] = nondet_i32();
   c.current[0] = any_within(limits.current_low, limits.current_high);
-  c.current[1] = c.drive[1] == NULL ? 0 : any_within(limits.current_low, limits.current_high);
+  c.current[1] = c.magnet[1] == NULL ? 0 : any_within(limits.current_low, limits.current_high);
   PART(&c);
   show_state(&c);
   return 0;

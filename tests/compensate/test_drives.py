@@ -14,12 +14,12 @@ from scipy.interpolate import RegularGridInterpolator
 
 from anhyst._core import (
     Compensator,
-    Drive,
     FixedCompensator,
-    FixedDrive,
+    FixedForceController,
+    ForceController,
+    ForceControllerF32,
     Parameters,
-    SingleDrive,
-    SingleParameters,
+    ParametersF32,
 )
 from anhyst.compensate.floating import RealKind, build_real
 from anhyst.support.arrays import FloatArray
@@ -43,7 +43,7 @@ LOW, HIGH = 0.1, 3.0
 NAN = math.nan
 DEMAND_LIMITED, CURRENT_LIMITED = 1, 2
 KINDS: tuple[RealKind, ...] = ("full", "simplified")
-Real = Drive | SingleDrive
+Real = ForceController | ForceControllerF32
 
 
 def table(rows: int = 5, columns: int = 9) -> FloatArray:
@@ -57,27 +57,31 @@ def densities(rows: int = 5, columns: int = 9) -> FloatArray:
     return np.ascontiguousarray(np.tile(0.8 * np.linspace(0.0, 1.0, columns), (rows, 1)))
 
 
-def of_map(drive: type[Drive] | type[SingleDrive]) -> Real:
+def of_map(drive: type[ForceController] | type[ForceControllerF32]) -> Real:
     return drive.map(table(), FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
 
 
-def of_flux(*loop: float, high: float = HIGH) -> Drive:
-    return Drive.flux(
+def of_flux(*loop: float, high: float = HIGH) -> ForceController:
+    return ForceController.flux(
         table(), densities(), np.array(loop), FORCE, GAP_LOW, GAP_HIGH, 0.0, high
     )  # fmt: skip
 
 
-def parameters(kind: RealKind) -> tuple[Parameters, SingleParameters]:
+def parameters(kind: RealKind) -> tuple[Parameters, ParametersF32]:
     law = closed_form("reluctance") if kind == "simplified" else None
     block = build_real(magnet(), kind, *ranges("reluctance"), SIZES, law=law)
     return block.double, block.single
 
 
 def every_real() -> list[Real]:
-    drives: list[Real] = [of_map(Drive), of_map(SingleDrive), of_flux(0.5, 0.1, 0.2, 0.5)]
+    drives: list[Real] = [
+        of_map(ForceController),
+        of_map(ForceControllerF32),
+        of_flux(0.5, 0.1, 0.2, 0.5),
+    ]
     for kind in KINDS:
         double, single = parameters(kind)
-        drives += [Drive.compensator(double), SingleDrive.compensator(single)]
+        drives += [ForceController.compensator(double), ForceControllerF32.compensator(single)]
     return drives
 
 
@@ -85,19 +89,22 @@ def words(values: FloatArray, one: float) -> NDArray[np.int16]:
     return np.rint(values / one * 32768.0).astype(np.int16)
 
 
-def every_fixed() -> list[FixedDrive]:
+def every_fixed() -> list[FixedForceController]:
     entries, wanted = words(table(), 4.0), words(densities(), 1.0)
     loop = np.array([[20000, 0], [20000, -3], [20000, 0], [-30000, 1]], dtype=np.int16)
-    drives = [FixedDrive.map(entries, 0, ONE - 1), FixedDrive.flux(entries, wanted, loop, 0, 2**30)]
-    return drives + [FixedDrive.compensator(kind, compiled(kind).words) for kind in KINDS]
+    drives = [
+        FixedForceController.map(entries, 0, ONE - 1),
+        FixedForceController.flux(entries, wanted, loop, 0, 2**30),
+    ]
+    return drives + [FixedForceController.compensator(kind, compiled(kind).words) for kind in KINDS]
 
 
 # Maps
 
 
-@pytest.mark.parametrize(("drive", "bound"), [(Drive, 1e-14), (SingleDrive, 1e-6)])
+@pytest.mark.parametrize(("drive", "bound"), [(ForceController, 1e-14), (ForceControllerF32, 1e-6)])
 def test_a_map_is_straight_between_its_entries(
-    drive: type[Drive] | type[SingleDrive], bound: float
+    drive: type[ForceController] | type[ForceControllerF32], bound: float
 ) -> None:
     axes = np.linspace(GAP_LOW, GAP_HIGH, 5), np.linspace(0.0, FORCE, 9)
     between = RegularGridInterpolator(axes, table())
@@ -108,8 +115,10 @@ def test_a_map_is_straight_between_its_entries(
     assert found == pytest.approx(between(points), abs=bound * 3.0)
 
 
-@pytest.mark.parametrize("drive", [Drive, SingleDrive])
-def test_a_map_ends_where_its_table_does(drive: type[Drive] | type[SingleDrive]) -> None:
+@pytest.mark.parametrize("drive", [ForceController, ForceControllerF32])
+def test_a_map_ends_where_its_table_does(
+    drive: type[ForceController] | type[ForceControllerF32],
+) -> None:
     wide = drive.map(table(), FORCE, GAP_LOW, GAP_HIGH, -9.0, 9.0)
     corner = wide.solve(FORCE, GAP_HIGH, NAN)
     assert wide.solve(FORCE, 1.0, NAN) == corner == pytest.approx(3.0)
@@ -134,7 +143,7 @@ def test_the_fixed_map_against_exact_rational_arithmetic(
     rng = np.random.default_rng(seed)
     steps = rng.integers(0, 32767 >> (n + 1), (2**m + 1, 2**n + 1), endpoint=True)
     entries = (np.cumsum(steps, axis=1) - rng.integers(0, 16384)).clip(-32767, 32767)
-    drive = FixedDrive.map(entries.astype(np.int16), -ONE, ONE - 1)
+    drive = FixedForceController.map(entries.astype(np.int16), -ONE, ONE - 1)
 
     def value(at: int) -> Fraction:
         column = _place(at, n)
@@ -207,7 +216,7 @@ def test_so_it_is_in_fixed_point(place: int) -> None:
 
 
 def test_a_current_other_than_the_solved_one_is_told_as_force() -> None:
-    drive = of_map(Drive)
+    drive = of_map(ForceController)
     current = drive.solve(150.0, WIDE, NAN)
     between = drive.solve(120.0, WIDE, NAN)
     drive.solve(150.0, WIDE, NAN)
@@ -216,8 +225,8 @@ def test_a_current_other_than_the_solved_one_is_told_as_force() -> None:
 
 
 def test_what_a_limit_took_away_is_told_as_force() -> None:
-    drive = of_map(Drive)
-    narrow = Drive.map(table(), FORCE, GAP_LOW, GAP_HIGH, LOW, 1.0)
+    drive = of_map(ForceController)
+    narrow = ForceController.map(table(), FORCE, GAP_LOW, GAP_HIGH, LOW, 1.0)
     most = narrow.solve(190.0, WIDE, NAN)
     assert (most, narrow.flags) == (1.0, CURRENT_LIMITED)
     expected = narrow.commit(most, WIDE)
@@ -228,10 +237,10 @@ def test_what_a_limit_took_away_is_told_as_force() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_compensator_in_a_drive_is_that_compensator(kind: RealKind) -> None:
     double, _ = parameters(kind)
-    bare, drive = Compensator(double), Drive.compensator(double)
+    bare, drive = Compensator(double), ForceController.compensator(double)
     fixed, fixed_drive = (
         FixedCompensator(kind, compiled(kind).words),
-        FixedDrive.compensator(kind, compiled(kind).words),
+        FixedForceController.compensator(kind, compiled(kind).words),
     )
     share = 0.98
     for demand in reversals(5.0, 0.9 * largest_force("reluctance", 0.0, GAPS[-1]), 80, 2).tolist():
@@ -247,7 +256,7 @@ def test_a_compensator_in_a_drive_is_that_compensator(kind: RealKind) -> None:
 
 
 def test_what_a_compensator_expects_of_an_applied_current_is_what_the_magnet_gives() -> None:
-    drive = Drive.compensator(parameters("full")[0])
+    drive = ForceController.compensator(parameters("full")[0])
     high = 0.9 * largest_force("reluctance", 0.0, GAPS[-1])
     applied, expected = [], []
     for demand in reversals(0.1 * high, high, 100, 4).tolist():
@@ -262,7 +271,7 @@ def test_what_a_compensator_expects_of_an_applied_current_is_what_the_magnet_giv
 def test_rounding_of_a_converter_leaves_no_bias_in_what_is_expected(kind: RealKind) -> None:
     """The way back from flux to force is short of digits in fixed point: an integral that it
     reached would pull the position away."""
-    drive = FixedDrive.compensator(kind, compiled(kind).words)
+    drive = FixedForceController.compensator(kind, compiled(kind).words)
     fixed = FixedCompensator(kind, compiled(kind).words)
     rng = np.random.default_rng(3)
     step = ONE >> 15
@@ -278,8 +287,8 @@ def test_rounding_of_a_converter_leaves_no_bias_in_what_is_expected(kind: RealKi
 
 
 def test_conditioning_comes_from_the_compensator_alone() -> None:
-    drive = Drive.compensator(parameters("full")[0])
-    fixed = FixedDrive.compensator("full", compiled("full").words)
+    drive = ForceController.compensator(parameters("full")[0])
+    fixed = FixedForceController.compensator("full", compiled("full").words)
     ticks = drive.conditioning_length()
     assert fixed.conditioning_length() == ticks > 0
     currents = [drive.conditioning(tick) for tick in range(ticks)]
@@ -288,7 +297,7 @@ def test_conditioning_comes_from_the_compensator_alone() -> None:
     assert [scale * fixed.conditioning(tick) for tick in range(ticks)] == pytest.approx(
         currents, abs=2e-4
     )
-    for without in (of_map(Drive), of_flux(0.5, 0.1, 0.2, 0.5), every_fixed()[0]):
+    for without in (of_map(ForceController), of_flux(0.5, 0.1, 0.2, 0.5), every_fixed()[0]):
         assert without.conditioning_length() == 0
         assert without.conditioning(0) == 0.0
 
@@ -304,13 +313,13 @@ def test_the_flux_loop_brings_the_flux_to_where_it_is_wanted() -> None:
     for _ in range(600):
         current = drive.solve(demand, WIDE, density)
         drive.commit(current, WIDE)
-        density = 0.9 * wanted * current / of_map(Drive).solve(demand, WIDE, NAN)
+        density = 0.9 * wanted * current / of_map(ForceController).solve(demand, WIDE, NAN)
     assert density == pytest.approx(wanted, rel=1e-9)
 
 
 def test_a_flux_that_follows_as_expected_asks_for_no_correction() -> None:
     share = 0.4
-    drive, plain = of_flux(0.5, 0.1, 0.2, share), of_map(Drive)
+    drive, plain = of_flux(0.5, 0.1, 0.2, share), of_map(ForceController)
     density = 0.0
     for demand in reversals(40.0, 120.0, 100, 9).tolist():
         current = drive.solve(demand, WIDE, density)
@@ -320,7 +329,7 @@ def test_a_flux_that_follows_as_expected_asks_for_no_correction() -> None:
 
 
 def test_without_a_sample_of_the_probe_the_correction_stands_still() -> None:
-    drive, plain = of_flux(0.0, 0.1, 0.2, 1.0), of_map(Drive)
+    drive, plain = of_flux(0.0, 0.1, 0.2, 1.0), of_map(ForceController)
     for _ in range(50):
         drive.commit(drive.solve(100.0, WIDE, 0.3), WIDE)
     held = drive.solve(100.0, WIDE, NAN)
@@ -350,7 +359,7 @@ def test_a_shunt_that_reads_wrong_leaves_the_flux_where_it_is_wanted(shunt: floa
     for _ in range(600):
         current = drive.solve(120.0, WIDE, density)
         drive.commit(shunt * current, WIDE)
-        density = 0.5 * current / of_map(Drive).solve(120.0, WIDE, NAN)
+        density = 0.5 * current / of_map(ForceController).solve(120.0, WIDE, NAN)
     assert density == pytest.approx(0.8 * 120.0 / FORCE, rel=1e-9)
 
 
@@ -363,8 +372,8 @@ def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers(limi
     factors = loop[:, 0] / 65536.0 * 2.0 ** loop[:, 1]
     across = current_scale / flux_scale
     exact = [factors[0] * across, factors[1] * across, factors[2], -factors[3]]
-    fixed = FixedDrive.flux(entries, wanted, loop, 0, int(limit * (ONE - 1)))
-    real = Drive.flux(
+    fixed = FixedForceController.flux(entries, wanted, loop, 0, int(limit * (ONE - 1)))
+    real = ForceController.flux(
         entries / 32768.0 * current_scale,
         wanted / 32768.0 * flux_scale,
         np.array(exact),
@@ -394,19 +403,19 @@ def test_what_is_not_sound_is_refused() -> None:
     falling = table()
     falling[2, 3] = falling[2, 4] + 0.1
     with pytest.raises(ValueError, match="not sound"):
-        Drive.map(falling, FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
+        ForceController.map(falling, FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
     with pytest.raises(ValueError, match="not sound"):
-        Drive.map(table(), FORCE, GAP_HIGH, GAP_LOW, LOW, HIGH)
+        ForceController.map(table(), FORCE, GAP_HIGH, GAP_LOW, LOW, HIGH)
     with pytest.raises(ValueError, match="not sound"):
-        SingleDrive.map(table(), 0.0, GAP_LOW, GAP_HIGH, LOW, HIGH)
+        ForceControllerF32.map(table(), 0.0, GAP_LOW, GAP_HIGH, LOW, HIGH)
     with pytest.raises(ValueError, match="not sound"):
-        Drive.map(table(), FORCE, GAP_LOW, GAP_HIGH, HIGH, LOW)
+        ForceController.map(table(), FORCE, GAP_LOW, GAP_HIGH, HIGH, LOW)
     with pytest.raises(ValueError, match="2 to 65 rows"):
-        Drive.map(table(rows=1), FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
+        ForceController.map(table(rows=1), FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
     for loop in ((NAN, 0.1, 0.2, 0.5), (0.5, 0.1, 1.2, 0.5), (0.5, 0.1, 0.2, 0.0)):
         with pytest.raises(ValueError, match="not sound"):
             of_flux(*loop)
     with pytest.raises(ValueError, match="2\\^n"):
-        FixedDrive.map(words(table(rows=4), 4.0), 0, 1)
+        FixedForceController.map(words(table(rows=4), 4.0), 0, 1)
     with pytest.raises(ValueError, match="not sound"):
-        FixedDrive.compensator("full", np.zeros(60, dtype=np.int16))
+        FixedForceController.compensator("full", np.zeros(60, dtype=np.int16))

@@ -8,7 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst._core import Drive, FixedDrive, FixedPosition, Position, SingleDrive, SinglePosition
+from anhyst._core import (
+    FixedForceController,
+    FixedPosition,
+    ForceController,
+    ForceControllerF32,
+    Position,
+    PositionF32,
+)
 from anhyst.control import (
     Converter,
     DriveScales,
@@ -30,7 +37,7 @@ FORMATS: tuple[Format, ...] = ("f64", "f32", "fixed")
 SCALES = DriveScales(demand=300.0, current=5.0, gap_low=0.3e-3, gap_high=0.6e-3)
 Q31 = 2.0**31
 Tick = tuple[float, float, float, float, int, int]
-AnyPosition = Position | SinglePosition | FixedPosition
+AnyPosition = Position | PositionF32 | FixedPosition
 
 GAINS = design(MASS, 120.0, 1.0, 0.0)
 CONTROL = PositionControl(
@@ -83,22 +90,24 @@ def table() -> FloatArray:
     return np.asarray(np.sqrt(forces / CONSTANT) * gaps[:, None])
 
 
-def make_drive(number_format: Format) -> Drive | SingleDrive | FixedDrive:
+def make_drive(
+    number_format: Format,
+) -> ForceController | ForceControllerF32 | FixedForceController:
     if number_format == "fixed":
         words = np.round(table() / SCALES.current * 2.0**15).clip(max=2**15 - 1)
-        return FixedDrive.map(words.astype(np.int16), 0, 2**31 - 1)
-    kind = Drive if number_format == "f64" else SingleDrive
+        return FixedForceController.map(words.astype(np.int16), 0, 2**31 - 1)
+    kind = ForceController if number_format == "f64" else ForceControllerF32
     return kind.map(table(), SCALES.demand, SCALES.gap_low, SCALES.gap_high, 0.0, 5.0)
 
 
 def make(number_format: Format, control: PositionControl = CONTROL) -> AnyPosition:
     """Return the controller, just switched on."""
-    kinds = {"f64": Position, "f32": SinglePosition, "fixed": FixedPosition}
+    kinds = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
     magnets = 1 if control.gap_total is None else 2
     drives = [make_drive(number_format) for _ in range(magnets)]
     settings = dict(control.settings(number_format))
     made = kinds[number_format](control.gains(number_format), drives, settings)
-    assert isinstance(made, (Position, SinglePosition, FixedPosition))
+    assert isinstance(made, (Position, PositionF32, FixedPosition))
     return made
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import FixedDrive
+from anhyst._core import FixedForceController
 
 LOW, HIGH = -(2**31), 2**31 - 1
 MISSING, RANGE, STEP, NO_LIFT, STOPPED = 17, 18, 19, 21, 22
@@ -239,7 +239,10 @@ class Oracle:
     """``anhyst_position_q31``, one magnet or two."""
 
     def __init__(
-        self, gains: NDArray[np.int32], drives: list[FixedDrive], settings: Mapping[str, float]
+        self,
+        gains: NDArray[np.int32],
+        drives: list[FixedForceController],
+        settings: Mapping[str, float],
     ) -> None:
         self.given, self.drives = settings, drives
         self.pidd2 = Pidd2([int(word) for word in gains])

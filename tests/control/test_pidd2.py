@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import signal
 
-from anhyst._core import Controller, FixedController, SingleController
+from anhyst._core import Controller, ControllerF32, FixedController
 from anhyst.control import FullScales, Pidd2
 from anhyst.control.reference import respond
 from anhyst.support.errors import InputError
@@ -50,7 +50,7 @@ def physical(rows: Rows) -> list[NDArray[Any]]:
     return [row * (scale / Q31) for row, scale in zip(rows, scales, strict=True)]
 
 
-@pytest.mark.parametrize("kind", [Controller, SingleController])
+@pytest.mark.parametrize("kind", [Controller, ControllerF32])
 def test_core_follows_the_textbook_in_floating_point(kind: type[Controller]) -> None:
     gains = replace(GAINS, low=-120.0, high=150.0)
     rows = physical(record())

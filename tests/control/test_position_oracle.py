@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from anhyst._core import FixedDrive, FixedPosition
+from anhyst._core import FixedForceController, FixedPosition
 from anhyst.control import PositionControl
 from anhyst.control.states import Command, Phase, State
 from tests.control.levitating import (
@@ -36,7 +36,7 @@ class Twin(FixedPosition):
         settings = dict(control.settings("fixed"))
         gains = cast(NDArray[np.int32], control.gains("fixed"))
         magnets = 1 if control.gap_total is None else 2
-        drives = [cast(FixedDrive, make_drive("fixed")) for _ in range(2 * magnets)]
+        drives = [cast(FixedForceController, make_drive("fixed")) for _ in range(2 * magnets)]
         super().__init__(gains, drives[:magnets], settings)
         self.oracle = Oracle(gains, drives[magnets:], settings)
         self.scale = settings

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst._core import Drive, FixedDrive, FixedPosition, Position
+from anhyst._core import FixedForceController, FixedPosition, ForceController, Position
 from anhyst.compensate.floating import build_real
 from anhyst.control import Converter, DriveScales, PositionControl
 from anhyst.control.position import Format
@@ -53,17 +53,17 @@ def test_settings_are_checked_by_name(
 
 
 def test_drives_are_those_of_the_format() -> None:
-    with pytest.raises(ValueError, match="one drive, or two"):
+    with pytest.raises(ValueError, match="one force controller, or two"):
         build("fixed", {}, drives=0)
-    with pytest.raises(ValueError, match="one drive, or two"):
+    with pytest.raises(ValueError, match="one force controller, or two"):
         build("f64", {}, drives=3)
     with pytest.raises(ValueError, match="setting 'gap_offset_2' is missing"):
         build("f64", {}, drives=2)
     settings = dict(PAIR.settings("f64"))
     drive = make_drive("f64")
-    with pytest.raises(ValueError, match="a drive of its own"):
+    with pytest.raises(ValueError, match="a force controller of its own"):
         Position(PAIR.gains("f64"), [drive, drive], settings)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="drive of this number format"):
+    with pytest.raises(ValueError, match="force controller of this number format"):
         Position(PAIR.gains("f64"), [make_drive("fixed")], settings)  # type: ignore[arg-type]
 
 
@@ -141,19 +141,19 @@ def with_hysteresis(number_format: Format) -> tuple[Any, Any]:
         limits=replace(CONTROL.limits, current_low=CURRENTS[0], current_high=CURRENTS[1]),
         pidd2=replace(CONTROL.pidd2, K_load=0.0, high=limits.demand[1]),
     )
-    drive: Drive | FixedDrive
+    drive: ForceController | FixedForceController
     if number_format == "fixed":
-        drive = FixedDrive.compensator("full", compiled("full").words)
+        drive = FixedForceController.compensator("full", compiled("full").words)
         kind: Any = FixedPosition
     else:
-        drive = Drive.compensator(build_real(magnet(), "full", scales, limits).double)
+        drive = ForceController.compensator(build_real(magnet(), "full", scales, limits).double)
         kind = Position
     return kind(control.gains(number_format), [drive], dict(control.settings(number_format))), drive
 
 
-def probe(drive: Drive | FixedDrive) -> float:
+def probe(drive: ForceController | FixedForceController) -> float:
     """Return the current for some force at a middle gap; changes nothing at rest."""
-    if isinstance(drive, FixedDrive):
+    if isinstance(drive, FixedForceController):
         return drive.solve(2**29, 2**30, -(2**31)) / 2.0**31 * ranges("reluctance")[0].current
     return drive.solve(0.25 * ranges("reluctance")[0].demand, 0.45e-3, math.nan)
 

@@ -47,12 +47,12 @@ int position_flight(const int32_t *numbers, const int16_t *entries, int32_t magn
   const anhyst_position_limits_q31 limits = read_limits(numbers);
   const anhyst_position_settings_q31 settings = read_settings(numbers + 10);
   const anhyst_map_q31 map = {entries, 8, 5};
-  anhyst_drive_q31 drive[ANHYST_POSITION_MAGNETS];
+  anhyst_force_controller_q31 magnet[ANHYST_POSITION_MAGNETS];
   anhyst_position_q31 controller;
-  (void)anhyst_drive_init_map_q31(&drive[0], &map, 0, ANHYST_Q31_MAX);
-  (void)anhyst_drive_init_map_q31(&drive[1], &map, 0, ANHYST_Q31_MAX);
-  if (anhyst_position_init_q31(&controller, &limits, &settings, &drive[0],
-                               magnets == 2 ? &drive[1] : 0) != ANHYST_OK) {
+  (void)anhyst_force_controller_init_map_q31(&magnet[0], &map, 0, ANHYST_Q31_MAX);
+  (void)anhyst_force_controller_init_map_q31(&magnet[1], &map, 0, ANHYST_Q31_MAX);
+  if (anhyst_position_init_q31(&controller, &limits, &settings, &magnet[0],
+                               magnets == 2 ? &magnet[1] : 0) != ANHYST_OK) {
     return 1;
   }
   for (int32_t i = 0; i < n; i++) {

@@ -125,13 +125,14 @@ static void any_signal_is_answered_within_the_limits(void)
     const anhyst_map_q31 map = any_map(entries, (uint16_t)(i % 5), (uint16_t)(i % 3), 8000);
     const anhyst_position_limits_q31 limits = any_limits();
     const anhyst_position_settings_q31 settings = any_settings();
-    anhyst_drive_q31 drive[2];
+    anhyst_force_controller_q31 magnet[2];
     anhyst_position_q31 controller;
     const int pair = i % 2;
-    CHECK(anhyst_drive_init_map_q31(&drive[0], &map, ANHYST_Q31_MIN, any_code()) == ANHYST_OK);
-    CHECK(anhyst_drive_init_map_q31(&drive[1], &map, 0, ANHYST_Q31_MAX) == ANHYST_OK);
-    CHECK(anhyst_position_init_q31(&controller, &limits, &settings, &drive[0],
-                                   pair ? &drive[1] : 0) == ANHYST_OK);
+    CHECK(anhyst_force_controller_init_map_q31(&magnet[0], &map, ANHYST_Q31_MIN, any_code()) ==
+          ANHYST_OK);
+    CHECK(anhyst_force_controller_init_map_q31(&magnet[1], &map, 0, ANHYST_Q31_MAX) == ANHYST_OK);
+    CHECK(anhyst_position_init_q31(&controller, &limits, &settings, &magnet[0],
+                                   pair ? &magnet[1] : 0) == ANHYST_OK);
     run(&controller, &limits, pair);
   }
   for (unsigned phase = ANHYST_PHASE_REST; phase <= ANHYST_PHASE_FALL; phase++) {
@@ -146,12 +147,12 @@ static int are_refused(const anhyst_position_limits_q31 *limits,
                        const anhyst_position_settings_q31 *settings)
 {
   const anhyst_map_q31 map = any_map(entries_of_one, 3, 2, 1000);
-  anhyst_drive_q31 drive;
+  anhyst_force_controller_q31 drive;
   anhyst_position_q31 controller;
   anhyst_position_q31 untouched;
   memset(&controller, 0x55, sizeof controller);
   memcpy(&untouched, &controller, sizeof controller);
-  CHECK(anhyst_drive_init_map_q31(&drive, &map, 0, 1) == ANHYST_OK);
+  CHECK(anhyst_force_controller_init_map_q31(&drive, &map, 0, 1) == ANHYST_OK);
   return anhyst_position_init_q31(&controller, limits, settings, &drive, 0) ==
              ANHYST_BAD_PARAMETER &&
          memcmp(&controller, &untouched, sizeof controller) == 0;

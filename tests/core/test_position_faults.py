@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from anhyst._core import FixedDrive
+from anhyst._core import FixedForceController
 from anhyst.control import PositionControl
 from tests.control.levitating import CONTROL, PAIR, REST, SCALES, TARGET, make_drive, table
 from tests.control.position_oracle import LOW, Oracle, Sample
@@ -23,7 +23,7 @@ from tests.control.position_oracle import LOW, Oracle, Sample
 from .test_c_core import HERE, ROOT, tool
 
 SOURCES = (
-    *("position", "levitation", "supervisor", "drive", "map", "pidd2"),
+    *("position", "levitation", "supervisor", "force_controller", "map", "pidd2"),
     *("compensator", "block", "closed"),
 )
 LIMITS = (
@@ -86,7 +86,7 @@ def samples_of(seed: int) -> list[Sample]:
 def answers_of(flight: int) -> NDArray[np.int32]:
     """Return what the oracle answers."""
     control = FLIGHTS[flight]
-    drives = [cast(FixedDrive, make_drive("fixed")) for _ in range(magnets_of(control))]
+    drives = [cast(FixedForceController, make_drive("fixed")) for _ in range(magnets_of(control))]
     gains = cast(NDArray[np.int32], control.gains("fixed"))
     oracle = Oracle(gains, drives, control.settings("fixed"))
     rows = []

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from anhyst._core import FixedCompensator, FixedController, FixedDrive
+from anhyst._core import FixedCompensator, FixedController, FixedForceController
 from anhyst.compensate.block import Block
 from anhyst.compensate.drive import CompensatorLaw
 from anhyst.control.controller_file import Variant
@@ -49,7 +49,7 @@ class Pieces:
         assert gains.dtype == np.int32
         self.controller = FixedController(gains.astype(np.int32))
         drive = setup.drive.fresh().native
-        assert isinstance(drive, FixedDrive)
+        assert isinstance(drive, FixedForceController)
         self.drive = drive
         self.compensator = flashed(setup)
         self.demand = 0

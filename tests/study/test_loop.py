@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from anhyst._core import FixedPosition, Position, SinglePosition
+from anhyst._core import FixedPosition, Position, PositionF32
 from anhyst.control.controller_file import Format
 from anhyst.control.states import Command
 from anhyst.rig.bearing.plant import current_loop, make_bearing
@@ -67,7 +67,7 @@ def by_hand(setup: Setup, scenario: Scenario, seed: int) -> dict[str, list[float
     """Step a bearing and its controller from Python, tick by tick."""
     rig = setup.rig
     bearing, controller = make_bearing(rig, seed), make_position(setup)
-    assert isinstance(controller, Position | SinglePosition | FixedPosition)
+    assert isinstance(controller, Position | PositionF32 | FixedPosition)
     has_hall = rig.settings.hall_probe is not None
     inner, integral = current_loop(rig), 0.0
     found: dict[str, list[float]] = {name: [] for name in COLUMNS}

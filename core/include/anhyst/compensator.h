@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator of a controller: wanted output (force) in, drive (current) out, in fixed point.
+/* The compensator of a controller: wanted output (force) in, current out, in fixed point.
 
    At every tick: solve once or more, limit and apply the current, then commit what was really
    applied. solve does not touch the memory of the iron; commit advances it.

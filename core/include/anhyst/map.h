@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A number over force and gap without memory, in fixed point: the current of a drive that knows no
-   hysteresis, or the flux density that belongs to a force.
+/* A number over force and gap without memory, in fixed point: the current where no hysteresis is
+   known, or the flux density that belongs to a force.
 
    A table of equal segments, 2^n over a force of 0..1.0 and 2^m over a gap of 0..1.0, interpolated
    in straight lines along both. It never falls along the force. Error against exact arithmetic with

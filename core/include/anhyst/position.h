@@ -1,25 +1,27 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The controller of a levitating armature, in fixed point: position in, currents out. It joins
-   levitation (what to do when), PIDD2 (position to force) and a drive for each magnet (force to
-   current). One magnet pulls against a load, or two pull against each other around a bias:
+   levitation (what to do when), PIDD2 (position to force) and a force controller for each magnet
+   (force to current). One magnet pulls against a load, or two pull against each other around a
+   bias:
 
      F_1 = bias + u/2, F_2 = F_1 - u
 
-   At every tick: solve PIDD2 and drives, limit the currents and round them to the grid of the
-   converter, and commit to the drives what is applied. The integral of PIDD2 learns from the force
-   that the drives expect wherever a limit was in the way; a rounded current is no limit, for the
-   error of a model would then show as an error of the position.
+   At every tick: solve PIDD2 and force controllers, limit the currents and round them to the grid
+   of the converter, and commit to the force controllers what is applied. The integral of PIDD2
+   learns from the force that the force controllers expect wherever a limit was in the way; a
+   rounded current is no limit, for the error of a model would then show as an error of the
+   position.
 
    Applied is what is driven or, if the settings say so, the current measured at the next tick.
 
    Signals are q31: position, load, force, current and flux density over their full scales. The full
-   scale of the demand is that of the drives' force, so that codes pass unchanged. Nothing here
-   allocates, waits, or loops a number of times that depends on a signal. Declarations are in
-   generic/position.h. */
+   scale of the demand is that of the force controllers' force, so that codes pass unchanged.
+   Nothing here allocates, waits, or loops a number of times that depends on a signal. Declarations
+   are in generic/position.h. */
 #ifndef ANHYST_POSITION_H
 #define ANHYST_POSITION_H
 
-#include "anhyst/drive.h"
+#include "anhyst/force_controller.h"
 #include "anhyst/levitation.h"
 #include "anhyst/pidd2.h"
 
@@ -29,7 +31,7 @@
 extern "C" {
 #endif
 
-/* How a position becomes a gap of a drive, 0..1.0 over its range: offset + 2*factor*position. */
+/* How a position becomes a gap of a magnet, 0..1.0 over its range: offset + 2*factor*position. */
 typedef struct {
   int32_t offset;
   anhyst_factor factor;

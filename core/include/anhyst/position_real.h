@@ -4,7 +4,7 @@
 #ifndef ANHYST_POSITION_REAL_H
 #define ANHYST_POSITION_REAL_H
 
-#include "anhyst/drive_real.h"
+#include "anhyst/force_controller_real.h"
 #include "anhyst/levitation.h"
 #include "anhyst/pidd2_real.h"
 

@@ -5,7 +5,7 @@
 
 static int ANHYST_NAME(magnets)(const ANHYST_NAME(anhyst_position) *c)
 {
-  return c->drive[1] != NULL ? 2 : 1;
+  return c->magnet[1] != NULL ? 2 : 1;
 }
 
 /* What counts as no current: of those that can be driven the nearest to it. */
@@ -17,8 +17,8 @@ static ANHYST_REAL ANHYST_NAME(zero)(const ANHYST_NAME(anhyst_position_limits) *
 
 anhyst_status ANHYST_NAME(anhyst_position_init)(
     ANHYST_NAME(anhyst_position) *c, const ANHYST_NAME(anhyst_position_limits) *limits,
-    const ANHYST_NAME(anhyst_position_settings) *settings, ANHYST_NAME(anhyst_drive) *drive,
-    ANHYST_NAME(anhyst_drive) *drive_2)
+    const ANHYST_NAME(anhyst_position_settings) *settings,
+    ANHYST_NAME(anhyst_force_controller) *magnet, ANHYST_NAME(anhyst_force_controller) *magnet_2)
 {
   const ANHYST_NAME(anhyst_position) fresh = {0};
   if (anhyst_levitation_check(&limits->levitation, &settings->levitation) != ANHYST_OK ||
@@ -29,8 +29,8 @@ anhyst_status ANHYST_NAME(anhyst_position_init)(
   *c = fresh;
   c->limits = limits;
   c->settings = settings;
-  c->drive[0] = drive;
-  c->drive[1] = drive_2;
+  c->magnet[0] = magnet;
+  c->magnet[1] = magnet_2;
   for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
     c->current[i] = ANHYST_NAME(zero)(limits);
   }
@@ -42,7 +42,7 @@ anhyst_status ANHYST_NAME(anhyst_position_init)(
 static uint16_t ANHYST_NAME(is_at_zero)(const ANHYST_NAME(anhyst_position) *c)
 {
   const ANHYST_REAL zero = ANHYST_NAME(zero)(c->limits);
-  return c->current[0] == zero && (c->drive[1] == NULL || c->current[1] == zero) ? 1U : 0U;
+  return c->current[0] == zero && (c->magnet[1] == NULL || c->current[1] == zero) ? 1U : 0U;
 }
 
 uint16_t ANHYST_NAME(anhyst_position_command)(ANHYST_NAME(anhyst_position) *c, uint16_t command)
@@ -51,18 +51,18 @@ uint16_t ANHYST_NAME(anhyst_position_command)(ANHYST_NAME(anhyst_position) *c, u
       anhyst_levitation_command(&c->levitation, command, ANHYST_NAME(is_at_zero)(c));
   if (refused == ANHYST_REFUSED_NOT && command == ANHYST_COMMAND_DEMAGNETISED) {
     for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
-      ANHYST_NAME(demagnetise)(c->drive[i]);
+      ANHYST_NAME(demagnetise)(c->magnet[i]);
     }
   }
   return refused;
 }
 
-/* Ticks until both drives are through with their conditioning. */
+/* Ticks until both magnets are through with their conditioning. */
 static int32_t ANHYST_NAME(conditioning)(const ANHYST_NAME(anhyst_position) *c)
 {
   int32_t length = 0;
   for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
-    const int32_t one = ANHYST_NAME(anhyst_drive_conditioning_length)(c->drive[i]);
+    const int32_t one = ANHYST_NAME(anhyst_force_controller_conditioning_length)(c->magnet[i]);
     length = one > length ? one : length;
   }
   return length;
@@ -117,8 +117,9 @@ static void ANHYST_NAME(solve)(ANHYST_NAME(anhyst_position) *c,
     force[1] = ANHYST_NAME(difference)(force[0], c->demand);
   }
   for (int i = 0; i < magnets; i++) {
-    wanted[i] = ANHYST_NAME(anhyst_drive_solve)(c->drive[i], force[i], c->gap[i], sample->flux[i]);
-    c->flags |= c->drive[i]->flags;
+    wanted[i] = ANHYST_NAME(anhyst_force_controller_solve)(c->magnet[i], force[i], c->gap[i],
+                                                           sample->flux[i]);
+    c->flags |= c->magnet[i]->flags;
   }
 }
 
@@ -135,7 +136,7 @@ static ANHYST_REAL ANHYST_NAME(release)(const ANHYST_NAME(anhyst_position) *c, A
   if (c->levitation.let_go != 0U) {
     const ANHYST_REAL eighth = ANHYST_NAME(half)(
         ANHYST_NAME(half)(ANHYST_NAME(half)(ANHYST_NAME(difference)(current, zero))));
-    from = c->drive[1] != NULL ? zero : ANHYST_NAME(difference)(current, eighth);
+    from = c->magnet[1] != NULL ? zero : ANHYST_NAME(difference)(current, eighth);
   }
   return ANHYST_NAME(within)(zero, ANHYST_NAME(difference)(from, release),
                              ANHYST_NAME(sum)(from, release));
@@ -157,8 +158,8 @@ static void ANHYST_NAME(want)(ANHYST_NAME(anhyst_position) *c,
   } else if (phase == ANHYST_PHASE_CONDITION) {
     c->demand = 0;
     for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
-      wanted[i] =
-          ANHYST_NAME(anhyst_drive_conditioning)(c->drive[i], c->levitation.supervisor.step);
+      wanted[i] = ANHYST_NAME(anhyst_force_controller_conditioning)(c->magnet[i],
+                                                                    c->levitation.supervisor.step);
     }
   } else {
     c->demand = anhyst_levitation_controls(&c->levitation)
@@ -182,8 +183,8 @@ static ANHYST_REAL ANHYST_NAME(faded)(ANHYST_NAME(anhyst_position) *c, int magne
   return ANHYST_NAME(sum)(wanted, c->fading[magnet]);
 }
 
-/* Drives what is wanted as far as the board lets it. */
-static void ANHYST_NAME(drive)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REAL *wanted)
+/* Applies what is wanted as far as the board lets it. */
+static void ANHYST_NAME(apply)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REAL *wanted)
 {
   const ANHYST_NAME(anhyst_position_limits) *limits = c->limits;
   for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
@@ -198,13 +199,14 @@ static void ANHYST_NAME(drive)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REA
   c->limited = c->flags & (ANHYST_DEMAND_LIMITED | ANHYST_CURRENT_LIMITED | ANHYST_FLUX_LIMITED);
 }
 
-/* Tells drives and PIDD2 what was applied. */
+/* Commits to force controllers and PIDD2 what was applied. */
 static void ANHYST_NAME(commit)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REAL *applied)
 {
-  ANHYST_REAL force = ANHYST_NAME(anhyst_drive_commit)(c->drive[0], applied[0], c->gap[0]);
-  if (c->drive[1] != NULL) {
+  ANHYST_REAL force =
+      ANHYST_NAME(anhyst_force_controller_commit)(c->magnet[0], applied[0], c->gap[0]);
+  if (c->magnet[1] != NULL) {
     force = ANHYST_NAME(difference)(
-        force, ANHYST_NAME(anhyst_drive_commit)(c->drive[1], applied[1], c->gap[1]));
+        force, ANHYST_NAME(anhyst_force_controller_commit)(c->magnet[1], applied[1], c->gap[1]));
   }
   if (c->pending != 0U) {
     ANHYST_NAME(anhyst_pidd2_commit)(&c->settings->gains, &c->state, &c->candidate,
@@ -226,7 +228,7 @@ void ANHYST_NAME(anhyst_position_tick)(ANHYST_NAME(anhyst_position) *c,
     ANHYST_NAME(commit)(c, sample->current);
   }
   ANHYST_NAME(want)(c, sample, wanted);
-  ANHYST_NAME(drive)(c, wanted);
+  ANHYST_NAME(apply)(c, wanted);
   if (measured == 0U) {
     ANHYST_NAME(commit)(c, c->current);
   }

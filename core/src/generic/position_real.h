@@ -104,9 +104,9 @@ static int ANHYST_NAME(are_sound)(const ANHYST_NAME(anhyst_position_limits) *lim
          limits->release >= limits->current_step;
 }
 
-static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_drive) *drive)
+static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_force_controller) *magnet)
 {
   const ANHYST_NAME(anhyst_memory) demagnetised = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};
-  drive->compensator.memory = demagnetised;
-  drive->compensator.solved = 0;
+  magnet->compensator.memory = demagnetised;
+  magnet->compensator.solved = 0;
 }

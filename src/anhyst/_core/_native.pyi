@@ -176,7 +176,7 @@ class Controller:
     def state(self) -> tuple[float, float, float]:
         """Filtered position, velocity a tick, integral."""
 
-class SingleController(Controller):
+class ControllerF32(Controller):
     """The same in single precision."""
 
 class FixedController:
@@ -225,7 +225,7 @@ class Parameters:
         self, kind: str, numbers: dict[str, float], gaps: _Array, tables: dict[str, _Array]
     ) -> None: ...
 
-class SingleParameters:
+class ParametersF32:
     """``anhyst_parameters_f32``: the same, rounded to single precision."""
 
     def __init__(
@@ -236,12 +236,12 @@ class Compensator(_RealCompensator):
     def __init__(self, parameters: Parameters) -> None: ...
     def swap(self, parameters: Parameters) -> None: ...
 
-class SingleCompensator(_RealCompensator):
-    def __init__(self, parameters: SingleParameters) -> None: ...
-    def swap(self, parameters: SingleParameters) -> None: ...
+class CompensatorF32(_RealCompensator):
+    def __init__(self, parameters: ParametersF32) -> None: ...
+    def swap(self, parameters: ParametersF32) -> None: ...
 
-class _RealDrive:
-    """A drive of core/include/anhyst/drive_real.h, bit for bit; signals in the model's units.
+class _RealForceController:
+    """A controller of force_controller_real.h, bit for bit; signals in the model's units.
 
     Rows of a map stand for gaps from the lowest to the highest, its columns for forces from 0 to
     `force_high`; `low` and `high` are the limits of the current. `loop` holds proportional,
@@ -281,21 +281,21 @@ class _RealDrive:
     def conditioning_length(self) -> int: ...
     def conditioning(self, tick: int) -> float: ...
 
-class Drive(_RealDrive):
+class ForceController(_RealForceController):
     @staticmethod
-    def compensator(parameters: Parameters) -> Drive: ...
+    def compensator(parameters: Parameters) -> ForceController: ...
 
-class SingleDrive(_RealDrive):
+class ForceControllerF32(_RealForceController):
     @staticmethod
-    def compensator(parameters: SingleParameters) -> SingleDrive: ...
+    def compensator(parameters: ParametersF32) -> ForceControllerF32: ...
 
-class FixedDrive:
-    """The same in fixed point, drive.h; signals are q31, entries of a map q15."""
+class FixedForceController:
+    """The same in fixed point, force_controller.h; signals are q31, entries of a map q15."""
 
     @staticmethod
-    def map(entries: NDArray[np.int16], low: int, high: int) -> FixedDrive: ...
+    def map(entries: NDArray[np.int16], low: int, high: int) -> FixedForceController: ...
     @staticmethod
-    def compensator(kind: str, words: NDArray[np.int16]) -> FixedDrive: ...
+    def compensator(kind: str, words: NDArray[np.int16]) -> FixedForceController: ...
     @staticmethod
     def flux(
         entries: NDArray[np.int16],
@@ -303,7 +303,7 @@ class FixedDrive:
         loop: NDArray[np.int16],
         low: int,
         high: int,
-    ) -> FixedDrive:
+    ) -> FixedForceController:
         """Make one; a row of `loop` is mantissa and shift of a factor."""
 
     def solve(self, demand: int, gap: int, flux: int) -> int:
@@ -402,7 +402,10 @@ class LoopController:
 
 class _RealPosition(LoopController):
     def __init__(
-        self, gains: _Array, drives: list[Drive] | list[SingleDrive], settings: Mapping[str, float]
+        self,
+        gains: _Array,
+        magnets: list[ForceController] | list[ForceControllerF32],
+        settings: Mapping[str, float],
     ) -> None: ...
     def tick(
         self,
@@ -420,13 +423,13 @@ class _RealPosition(LoopController):
         """First reason of a fault, levitation.h."""
 
 class Position(_RealPosition):
-    """A controller of position_real.h with its drives, one or two; ValueError if not sound.
+    """A controller of position_real.h with its force controllers, one or two; ValueError if not sound.
 
     ``gains`` is ``PositionControl.gains``, ``settings`` is ``PositionControl.settings``.
     """
 
-class SinglePosition(_RealPosition):
-    """The same in single precision, with drives of that."""
+class PositionF32(_RealPosition):
+    """The same in single precision, with force controllers of that."""
 
 class FixedPosition(LoopController):
     """The same in fixed point, position.h; signals of `tick` are SI here too."""
@@ -434,7 +437,7 @@ class FixedPosition(LoopController):
     def __init__(
         self,
         gains: NDArray[np.int32],
-        drives: list[FixedDrive],
+        magnets: list[FixedForceController],
         settings: Mapping[str, float],
     ) -> None: ...
     def tick(

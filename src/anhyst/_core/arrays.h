@@ -69,7 +69,7 @@ void bind_identification(nb::module_ &m);
 void bind_compensator(nb::module_ &m);
 void bind_real_compensator(nb::module_ &m);
 void bind_control(nb::module_ &m);
-void bind_drives(nb::module_ &m);
+void bind_force_controllers(nb::module_ &m);
 void bind_plant(nb::module_ &m);
 void bind_loop(nb::module_ &m);
 void bind_position(nb::module_ &m);

@@ -105,7 +105,7 @@ NB_MODULE(_native, m)
   bind_compensator(m);
   bind_real_compensator(m);
   bind_control(m);
-  bind_drives(m);
+  bind_force_controllers(m);
   bind_plant(m);
   bind_position(m);
   bind_loop(m);

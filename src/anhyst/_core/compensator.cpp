@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "arrays.h"
-#include "drives.h"
+#include "force_controllers.h"
 
 const anhyst_kernel *to_kernel(const std::string &kind)
 {

@@ -61,5 +61,5 @@ void bind_control(nb::module_ &m)
 {
   bind<GainsQ31>(m, "FixedController");
   bind<GainsF64>(m, "Controller");
-  bind<GainsF32>(m, "SingleController");
+  bind<GainsF32>(m, "ControllerF32");
 }

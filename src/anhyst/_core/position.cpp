@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "anhyst_plant/position.h"
-#include "drives.h"
+#include "force_controllers.h"
 #include "gains.h"
 #include "settings.h"
 
@@ -18,7 +18,7 @@ namespace {
 struct FixedFormat {
   using Number = int32_t;
   using Gains = GainsQ31;
-  using Drive = FixedDrive;
+  using ForceController = FixedForceController;
   using State = anhyst_position_q31;
   using Limits = anhyst_position_limits_q31;
   using Chosen = anhyst_position_settings_q31;
@@ -57,9 +57,9 @@ template <class N> struct RealFormat {
   }
 };
 
-struct DoubleFormat : RealFormat<double> {
+struct FormatF64 : RealFormat<double> {
   using Gains = GainsF64;
-  using Drive = RealDrive<DriveF64>;
+  using ForceController = RealForceController<ForceControllerF64>;
   using State = anhyst_position_f64;
   using Limits = anhyst_position_limits_f64;
   using Chosen = anhyst_position_settings_f64;
@@ -68,9 +68,9 @@ struct DoubleFormat : RealFormat<double> {
   static constexpr auto tick = anhyst_position_adapter_tick_f64;
 };
 
-struct SingleFormat : RealFormat<float> {
+struct FormatF32 : RealFormat<float> {
   using Gains = GainsF32;
-  using Drive = RealDrive<DriveF32>;
+  using ForceController = RealForceController<ForceControllerF32>;
   using State = anhyst_position_f32;
   using Limits = anhyst_position_limits_f32;
   using Chosen = anhyst_position_settings_f32;
@@ -98,18 +98,19 @@ template <class F> class Position : public LoopController {
 public:
   using Number = typename F::Number;
 
-  Position(const typename F::Gains::row &gains, const nb::list &drives, const nb::dict &settings)
+  Position(const typename F::Gains::row &gains, const nb::list &magnets, const nb::dict &settings)
   {
-    if (drives.size() != 1 && drives.size() != 2) {
-      throw std::invalid_argument("a controller has one drive, or two of a pair of magnets");
+    if (magnets.size() != 1 && magnets.size() != 2) {
+      throw std::invalid_argument(
+          "a controller has one force controller, or two of a pair of magnets");
     }
-    std::array<decltype(drive_state(drives[0])), 2> states{};
-    for (size_t i = 0; i < drives.size(); i++) {
-      drives_.push_back(nb::borrow(drives[i]));
-      states[i] = drive_state(drives[i]);
+    std::array<decltype(force_controller_state(magnets[0])), 2> states{};
+    for (size_t i = 0; i < magnets.size(); i++) {
+      magnets_.push_back(nb::borrow(magnets[i]));
+      states[i] = force_controller_state(magnets[i]);
     }
     if (states[0] == states[1]) {
-      throw std::invalid_argument("each magnet of a pair has a drive of its own");
+      throw std::invalid_argument("each magnet of a pair has a force controller of its own");
     }
     read(gains, settings);
     if (F::init(&state_, &limits_, &chosen_, states[0], states[1]) != ANHYST_OK) {
@@ -135,11 +136,11 @@ public:
   int fault() const { return state_.levitation.supervisor.fault; }
 
 private:
-  static auto drive_state(nb::handle drive)
+  static auto force_controller_state(nb::handle magnet)
   {
-    typename F::Drive *found = nullptr;
-    if (!nb::try_cast<typename F::Drive *>(drive, found) || found == nullptr) {
-      throw std::invalid_argument("each drive is a drive of this number format");
+    typename F::ForceController *found = nullptr;
+    if (!nb::try_cast<typename F::ForceController *>(magnet, found) || found == nullptr) {
+      throw std::invalid_argument("each magnet has a force controller of this number format");
     }
     return found->get();
   }
@@ -157,14 +158,14 @@ private:
     chosen_.gains = sound_gains<typename F::Gains>(gains);
     chosen_.bias = static_cast<Number>(number("bias"));
     chosen_.measured = from.take<bool>("measured") ? 1 : 0;
-    F::units(from, chosen_, adapter_.scales, drives_.size());
+    F::units(from, chosen_, adapter_.scales, magnets_.size());
     from.finish();
   }
 
   // What Python hands over: floats are rounded to the format.
   using Wide = std::conditional_t<std::is_integral_v<Number>, int32_t, double>;
 
-  std::vector<nb::object> drives_;
+  std::vector<nb::object> magnets_;
   typename F::Limits limits_{};
   typename F::Chosen chosen_{};
   typename F::State state_{};
@@ -177,7 +178,7 @@ template <class F> void bind(nb::module_ &m, const char *name)
   const double none = std::numeric_limits<double>::quiet_NaN();
   nb::class_<Bound, LoopController>(m, name)
       .def(nb::init<const typename F::Gains::row &, const nb::list &, const nb::dict &>(),
-           "gains"_a.noconvert(), "drives"_a, "settings"_a)
+           "gains"_a.noconvert(), "magnets"_a, "settings"_a)
       .def("tick", &Bound::tick, "gap"_a, "target"_a, "load"_a = 0.0,
            "current"_a = std::pair(0.0, 0.0), "flux"_a = std::pair(none, none), "command"_a = 0)
       .def_prop_ro("fault", &Bound::fault);
@@ -188,7 +189,7 @@ template <class F> void bind(nb::module_ &m, const char *name)
 void bind_position(nb::module_ &m)
 {
   nb::class_<LoopController>(m, "LoopController");
-  bind<DoubleFormat>(m, "Position");
-  bind<SingleFormat>(m, "SinglePosition");
+  bind<FormatF64>(m, "Position");
+  bind<FormatF32>(m, "PositionF32");
   bind<FixedFormat>(m, "FixedPosition");
 }

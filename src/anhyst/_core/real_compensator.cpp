@@ -101,6 +101,6 @@ template <class F> void bind(nb::module_ &m, const char *parameters, const char 
 
 void bind_real_compensator(nb::module_ &m)
 {
-  bind<Double>(m, "Parameters", "Compensator");
-  bind<Single>(m, "SingleParameters", "SingleCompensator");
+  bind<F64>(m, "Parameters", "Compensator");
+  bind<F32>(m, "ParametersF32", "CompensatorF32");
 }

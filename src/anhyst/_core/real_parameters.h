@@ -9,7 +9,7 @@
 #include "arrays.h"
 
 // The C types and functions of one number format.
-struct Double {
+struct F64 {
   using Real = double;
   using AtGap = anhyst_at_gap_f64;
   using Full = anhyst_full_law_f64;
@@ -29,7 +29,7 @@ struct Double {
   static constexpr auto conditioning = anhyst_conditioning_f64;
 };
 
-struct Single {
+struct F32 {
   using Real = float;
   using AtGap = anhyst_at_gap_f32;
   using Full = anhyst_full_law_f32;

@@ -19,7 +19,7 @@ from anhyst.control.controller_file import Format, Variant
 from anhyst.control.pidd2 import as_factor, as_smoothing
 from anhyst.support.arrays import FloatArray
 
-Native = _core.Drive | _core.SingleDrive | _core.FixedDrive
+Native = _core.ForceController | _core.ForceControllerF32 | _core.FixedForceController
 
 _Q31 = 2.0**31
 _NO_FLUX = -(2**31)
@@ -179,7 +179,7 @@ class Drive:
             A.
         """
         native, scales = self.native, self.scales
-        if not isinstance(native, _core.FixedDrive):
+        if not isinstance(native, _core.FixedForceController):
             return native.solve(demand, gap, flux)
         density = _NO_FLUX if math.isnan(flux) else code(flux, self.flux_full_scale)
         found = native.solve(code(demand, scales.demand), self.gap_code(gap), density)
@@ -201,7 +201,7 @@ class Drive:
             Force to expect, N.
         """
         native, scales = self.native, self.scales
-        if not isinstance(native, _core.FixedDrive):
+        if not isinstance(native, _core.FixedForceController):
             return native.commit(applied, gap)
         expected = native.commit(code(applied, scales.current), self.gap_code(gap))
         return expected / _Q31 * scales.demand
@@ -221,8 +221,8 @@ def _words(values: FloatArray, one: float, name: str) -> NDArray[np.int16]:
     return np.array(words, dtype=np.int16)
 
 
-def _real(law: Law, *, single: bool) -> _core.Drive | _core.SingleDrive:
-    drive = _core.SingleDrive if single else _core.Drive
+def _real(law: Law, *, single: bool) -> _core.ForceController | _core.ForceControllerF32:
+    drive = _core.ForceControllerF32 if single else _core.ForceController
     if isinstance(law, MapLaw):
         return drive.map(law.entries, *law.real())
     if isinstance(law, FluxLaw):
@@ -231,16 +231,16 @@ def _real(law: Law, *, single: bool) -> _core.Drive | _core.SingleDrive:
     assert isinstance(block, RealBlock)
     given = block.kind, block.numbers, block.gaps, block.tables
     if single:
-        return _core.SingleDrive.compensator(_core.SingleParameters(*given))
-    return _core.Drive.compensator(_core.Parameters(*given))
+        return _core.ForceControllerF32.compensator(_core.ParametersF32(*given))
+    return _core.ForceController.compensator(_core.Parameters(*given))
 
 
-def _fixed(law: Law) -> _core.FixedDrive:
+def _fixed(law: Law) -> _core.FixedForceController:
     if isinstance(law, MapLaw):
-        return _core.FixedDrive.map(law.words(), *law.codes())
+        return _core.FixedForceController.map(law.words(), *law.codes())
     if isinstance(law, FluxLaw):
         given = law.map.words(), law.words(), law.factors()
-        return _core.FixedDrive.flux(*given, *law.map.codes())
+        return _core.FixedForceController.flux(*given, *law.map.codes())
     block = law.block
     assert isinstance(block, Block)
-    return _core.FixedDrive.compensator(block.kind, block.words)
+    return _core.FixedForceController.compensator(block.kind, block.words)

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst._core import Compensator, Parameters, SingleCompensator, SingleParameters
+from anhyst._core import Compensator, CompensatorF32, Parameters, ParametersF32
 from anhyst.compensate.block import Conditioning, Limits, Scales, Sizes
 from anhyst.compensate.full import full_tables, normal
 from anhyst.compensate.scheduled import (
@@ -68,9 +68,9 @@ class RealBlock:
         return self.gaps.size + sum(table.size for table in self.tables.values())
 
     @cached_property
-    def single(self) -> SingleParameters:
+    def single(self) -> ParametersF32:
         """For C in single precision."""
-        return SingleParameters(self.kind, self.numbers, self.gaps, self.tables)
+        return ParametersF32(self.kind, self.numbers, self.gaps, self.tables)
 
     @cached_property
     def double(self) -> Parameters:
@@ -210,7 +210,7 @@ class RealTwin:
     def __init__(self, block: RealBlock, io: RealIo = "f32") -> None:
         self.block = block
         self.io = io
-        self._core = SingleCompensator(block.single) if io == "f32" else Compensator(block.double)
+        self._core = CompensatorF32(block.single) if io == "f32" else Compensator(block.double)
 
     def _gap(self, gap: float | None) -> float:
         return self.block.scales.gap_low if gap is None else gap

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import FixedDrive, FixedPosition
+from anhyst._core import FixedForceController, FixedPosition
 from anhyst.compensate.bearing import bearing_model
 from anhyst.compensate.block import Block
 from anhyst.compensate.plan import Plan, Request
@@ -142,7 +142,8 @@ class ControllerPlan:
     def start(self) -> FixedPosition:
         """Return the very controller, just switched on, with drives that remember nothing."""
         drives = [
-            FixedDrive.compensator(self.block.kind, self.block.words) for _ in range(self.magnets)
+            FixedForceController.compensator(self.block.kind, self.block.words)
+            for _ in range(self.magnets)
         ]
         return FixedPosition(self.gains, drives, dict(self.settings))
 

@@ -33,13 +33,15 @@ def state_bytes(block: AnyBlock) -> int:
 
 
 def controller_bytes(magnets: int) -> int:
-    """Return the size of everything that changes in a position controller and its drives."""
-    headers = ("supervisor.h", "levitation.h", "pidd2.h", "compensator.h", "drive.h", "position.h")
-    generic = _in_q31(read_core("include/anhyst/generic/position.h"))
+    """Return the size of everything that changes in a position controller and its force controllers."""
+    headers = ("supervisor.h", "levitation.h", "pidd2.h", "compensator.h", "force_controller.h")
+    generic = ("force_controller.h", "position.h")
     sizes = _structures(
-        *(read_core(f"include/anhyst/{name}") for name in headers), generic, MAGNETS=2
+        *(read_core(f"include/anhyst/{name}") for name in headers),
+        *(_in_q31(read_core(f"include/anhyst/generic/{name}")) for name in generic),
+        MAGNETS=2,
     )
-    return sizes["anhyst_position_q31"] + magnets * sizes["anhyst_drive_q31"]
+    return sizes["anhyst_position_q31"] + magnets * sizes["anhyst_force_controller_q31"]
 
 
 def _in_q31(text: str) -> str:
@@ -60,6 +62,7 @@ def _structures(*texts: str, **numbers: int) -> dict[str, int]:
     sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2}
     for text in texts:
         plain = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+        sizes |= {name: sizes[same] for same, name in re.findall(r"typedef (\w+) (\w+);", plain)}
         for members, name in re.findall(r"typedef struct \{([^}]*)\} (\w+);", plain):
             sizes[name] = -(-sum(_members(members, sizes, numbers)) // 4) * 4
     return sizes

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import FixedCompensator, SingleCompensator
+from anhyst._core import CompensatorF32, FixedCompensator
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.plan import Plan
 
@@ -58,7 +58,7 @@ def _steps(plan: Plan) -> tuple[Step, Step]:
     """Return solve and commit of a fresh compensator, in what its interface takes."""
     block, io = plan.block, plan.request.io
     if isinstance(block, RealBlock):
-        single = SingleCompensator(block.single)
+        single = CompensatorF32(block.single)
         return single.solve, single.commit
     core = FixedCompensator(block.kind, block.words)
     return (core.solve_q15, core.commit_q15) if io == "q15" else (core.solve_q31, core.commit_q31)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator of a controller in floating point: wanted output (force) in, drive (current) out,
+/* The compensator of a controller in floating point: wanted output (force) in, current out,
    in the units of the model.
 
    At every tick: solve once or more, limit and apply the current, then commit what was really

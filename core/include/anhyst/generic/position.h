@@ -25,9 +25,10 @@ typedef struct {
   ANHYST_REAL target;                           /* wanted */
   ANHYST_REAL load;                             /* that is fed forward */
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* measured */
-  ANHYST_REAL flux[ANHYST_POSITION_MAGNETS];    /* density, measured; see drive.h for none */
-  uint16_t dropped;                             /* whether there is no position */
-  uint16_t command;                             /* done first; see states.h */
+  ANHYST_REAL
+  flux[ANHYST_POSITION_MAGNETS]; /* density, measured, or none: see force_controller.h */
+  uint16_t dropped;              /* whether there is no position */
+  uint16_t command;              /* done first; see states.h */
 } ANHYST_NAME(anhyst_position_sample);
 
 /* What follows. */
@@ -36,14 +37,15 @@ typedef struct {
   ANHYST_REAL reference;                        /* position now controlled to */
   ANHYST_REAL demand;                           /* wanted net force */
   uint16_t state;                               /* 16*state + phase, see states.h */
-  uint16_t flags;                               /* see flags.h, or-ed over the drives */
+  uint16_t flags;                               /* see flags.h, or-ed over the magnets */
 } ANHYST_NAME(anhyst_position_answer);
 
 /* One controller. */
 typedef struct {
   const ANHYST_NAME(anhyst_position_limits) *limits;
   const ANHYST_NAME(anhyst_position_settings) *settings;
-  ANHYST_NAME(anhyst_drive) *drive[ANHYST_POSITION_MAGNETS]; /* the second: 0 without a pair */
+  ANHYST_NAME(anhyst_force_controller)
+  *magnet[ANHYST_POSITION_MAGNETS]; /* the second: 0 without a pair */
   anhyst_levitation levitation;
   ANHYST_NAME(anhyst_pidd2_state) state;
   ANHYST_NAME(anhyst_pidd2_candidate) candidate;
@@ -57,13 +59,13 @@ typedef struct {
   uint16_t pending;                             /* whether the candidate is to be committed */
 } ANHYST_NAME(anhyst_position);
 
-/* Starts in init, without current. drive_2 is 0 for a single magnet. ANHYST_OK, or
+/* Starts in init, without current. magnet_2 is 0 for a single magnet. ANHYST_OK, or
    ANHYST_BAD_PARAMETER where limits or settings are not sound; nothing is changed then. What is
    pointed to must live as long as the controller. */
 anhyst_status ANHYST_NAME(anhyst_position_init)(
     ANHYST_NAME(anhyst_position) *c, const ANHYST_NAME(anhyst_position_limits) *limits,
-    const ANHYST_NAME(anhyst_position_settings) *settings, ANHYST_NAME(anhyst_drive) *drive,
-    ANHYST_NAME(anhyst_drive) *drive_2);
+    const ANHYST_NAME(anhyst_position_settings) *settings,
+    ANHYST_NAME(anhyst_force_controller) *magnet, ANHYST_NAME(anhyst_force_controller) *magnet_2);
 
 /* Does a command between two ticks, or says why it cannot: ANHYST_REFUSED_... of supervisor.h. */
 uint16_t ANHYST_NAME(anhyst_position_command)(ANHYST_NAME(anhyst_position) *c, uint16_t command);

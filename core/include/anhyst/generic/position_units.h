@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* How a position becomes a gap of a drive: offset + factor*position. */
+/* How a position becomes a gap of a magnet: offset + factor*position. */
 typedef struct {
   ANHYST_REAL offset;
   ANHYST_REAL factor; /* -1, or 1 for the second magnet of a pair */

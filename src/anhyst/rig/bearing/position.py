@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from anhyst._core import FixedPosition, LoopController, Position, SinglePosition
+from anhyst._core import FixedPosition, LoopController, Position, PositionF32
 from anhyst.control.position import Converter, DriveScales, PositionControl
 from anhyst.rig.bearing.controller_check import pair_of
 
 if TYPE_CHECKING:
     from anhyst.rig.bearing.setup import Setup
 
-_CLASSES = {"f64": Position, "f32": SinglePosition, "fixed": FixedPosition}
+_CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
 
 
 def make_position(setup: Setup) -> LoopController:

@@ -1,89 +1,89 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drives with the tables they point to, one class for each number format.
+// Force controllers with the tables they point to, one class for each number format.
 #pragma once
 
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "anhyst/drive.h"
-#include "anhyst/drive_real.h"
+#include "anhyst/force_controller.h"
+#include "anhyst/force_controller_real.h"
 #include "arrays.h"
 #include "real_parameters.h"
 
-struct DriveF64 {
+struct ForceControllerF64 {
   using Real = double;
-  using Format = Double;
+  using Format = F64;
   using Map = anhyst_map_f64;
   using Loop = anhyst_flux_loop_f64;
-  using State = anhyst_drive_f64;
-  static constexpr auto init_map = anhyst_drive_init_map_f64;
-  static constexpr auto init_compensator = anhyst_drive_init_compensator_f64;
-  static constexpr auto init_flux = anhyst_drive_init_flux_f64;
-  static constexpr auto solve = anhyst_drive_solve_f64;
-  static constexpr auto commit = anhyst_drive_commit_f64;
-  static constexpr auto conditioning_length = anhyst_drive_conditioning_length_f64;
-  static constexpr auto conditioning = anhyst_drive_conditioning_f64;
+  using State = anhyst_force_controller_f64;
+  static constexpr auto init_map = anhyst_force_controller_init_map_f64;
+  static constexpr auto init_compensator = anhyst_force_controller_init_compensator_f64;
+  static constexpr auto init_flux = anhyst_force_controller_init_flux_f64;
+  static constexpr auto solve = anhyst_force_controller_solve_f64;
+  static constexpr auto commit = anhyst_force_controller_commit_f64;
+  static constexpr auto conditioning_length = anhyst_force_controller_conditioning_length_f64;
+  static constexpr auto conditioning = anhyst_force_controller_conditioning_f64;
 };
 
-struct DriveF32 {
+struct ForceControllerF32 {
   using Real = float;
-  using Format = Single;
+  using Format = F32;
   using Map = anhyst_map_f32;
   using Loop = anhyst_flux_loop_f32;
-  using State = anhyst_drive_f32;
-  static constexpr auto init_map = anhyst_drive_init_map_f32;
-  static constexpr auto init_compensator = anhyst_drive_init_compensator_f32;
-  static constexpr auto init_flux = anhyst_drive_init_flux_f32;
-  static constexpr auto solve = anhyst_drive_solve_f32;
-  static constexpr auto commit = anhyst_drive_commit_f32;
-  static constexpr auto conditioning_length = anhyst_drive_conditioning_length_f32;
-  static constexpr auto conditioning = anhyst_drive_conditioning_f32;
+  using State = anhyst_force_controller_f32;
+  static constexpr auto init_map = anhyst_force_controller_init_map_f32;
+  static constexpr auto init_compensator = anhyst_force_controller_init_compensator_f32;
+  static constexpr auto init_flux = anhyst_force_controller_init_flux_f32;
+  static constexpr auto solve = anhyst_force_controller_solve_f32;
+  static constexpr auto commit = anhyst_force_controller_commit_f32;
+  static constexpr auto conditioning_length = anhyst_force_controller_conditioning_length_f32;
+  static constexpr auto conditioning = anhyst_force_controller_conditioning_f32;
 };
 
-inline void sound_drive(anhyst_status status)
+inline void check_controller(anhyst_status status)
 {
   if (status != ANHYST_OK) {
-    throw std::invalid_argument("the parameters of the drive are not sound");
+    throw std::invalid_argument("the parameters of the force controller are not sound");
   }
 }
 
 // In floating point.
-template <class F> class RealDrive {
+template <class F> class RealForceController {
 public:
   using Real = typename F::Real;
-  using Made = std::unique_ptr<RealDrive>;
+  using Made = std::unique_ptr<RealForceController>;
 
-  RealDrive(const RealDrive &) = delete;
-  RealDrive &operator=(const RealDrive &) = delete;
+  RealForceController(const RealForceController &) = delete;
+  RealForceController &operator=(const RealForceController &) = delete;
 
   static Made map(const InTable &entries, double force_high, double gap_low, double gap_high,
                   double low, double high)
   {
-    Made drive(new RealDrive);
-    drive->current_ = drive->table(entries, force_high, gap_low, gap_high);
-    sound_drive(F::init_map(&drive->state_, &drive->current_, real(low), real(high)));
-    return drive;
+    Made made(new RealForceController);
+    made->current_ = made->table(entries, force_high, gap_low, gap_high);
+    check_controller(F::init_map(&made->state_, &made->current_, real(low), real(high)));
+    return made;
   }
 
   static Made compensator(const Owned<typename F::Format> &parameters)
   {
-    Made drive(new RealDrive);
-    sound_drive(F::init_compensator(&drive->state_, parameters.get()));
-    return drive;
+    Made made(new RealForceController);
+    check_controller(F::init_compensator(&made->state_, parameters.get()));
+    return made;
   }
 
   static Made flux(const InTable &entries, const InTable &wanted, const In &loop, double force_high,
                    double gap_low, double gap_high, double low, double high)
   {
     same_length(4, loop.shape(0), "loop");
-    Made drive(new RealDrive);
-    drive->current_ = drive->table(entries, force_high, gap_low, gap_high);
-    drive->loop_ = {drive->table(wanted, force_high, gap_low, gap_high), real(loop(0)),
-                    real(loop(1)), real(loop(2)), real(loop(3))};
-    sound_drive(
-        F::init_flux(&drive->state_, &drive->current_, &drive->loop_, real(low), real(high)));
-    return drive;
+    Made made(new RealForceController);
+    made->current_ = made->table(entries, force_high, gap_low, gap_high);
+    made->loop_ = {made->table(wanted, force_high, gap_low, gap_high), real(loop(0)), real(loop(1)),
+                   real(loop(2)), real(loop(3))};
+    check_controller(
+        F::init_flux(&made->state_, &made->current_, &made->loop_, real(low), real(high)));
+    return made;
   }
 
   Real solve(double demand, double gap, double density)
@@ -98,7 +98,7 @@ public:
   typename F::State *get() { return &state_; }
 
 private:
-  RealDrive() = default;
+  RealForceController() = default;
 
   static Real real(double value) { return static_cast<Real>(value); }
 
@@ -128,15 +128,15 @@ private:
 };
 
 // In fixed point, all signals q31.
-class FixedDrive {
+class FixedForceController {
 public:
-  using Made = std::unique_ptr<FixedDrive>;
+  using Made = std::unique_ptr<FixedForceController>;
   using Entries = nb::ndarray<const int16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
   using Words = nb::ndarray<const int16_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
   using Factors = nb::ndarray<const int16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-  FixedDrive(const FixedDrive &) = delete;
-  FixedDrive &operator=(const FixedDrive &) = delete;
+  FixedForceController(const FixedForceController &) = delete;
+  FixedForceController &operator=(const FixedForceController &) = delete;
 
   static Made map(const Entries &entries, int32_t low, int32_t high);
   static Made compensator(const std::string &kind, const Words &words);
@@ -145,24 +145,30 @@ public:
 
   int32_t solve(int32_t demand, int32_t gap, int32_t density)
   {
-    return anhyst_drive_solve_q31(&state_, demand, gap, density);
+    return anhyst_force_controller_solve_q31(&state_, demand, gap, density);
   }
   int32_t commit(int32_t applied, int32_t gap)
   {
-    return anhyst_drive_commit_q31(&state_, applied, gap);
+    return anhyst_force_controller_commit_q31(&state_, applied, gap);
   }
   int flags() const { return state_.flags; }
-  int32_t conditioning_length() const { return anhyst_drive_conditioning_length_q31(&state_); }
-  int32_t conditioning(int32_t tick) const { return anhyst_drive_conditioning_q31(&state_, tick); }
+  int32_t conditioning_length() const
+  {
+    return anhyst_force_controller_conditioning_length_q31(&state_);
+  }
+  int32_t conditioning(int32_t tick) const
+  {
+    return anhyst_force_controller_conditioning_q31(&state_, tick);
+  }
   // For a controller that runs it; lives as long as this object.
-  anhyst_drive_q31 *get() { return &state_; }
+  anhyst_force_controller_q31 *get() { return &state_; }
 
 private:
-  FixedDrive() = default;
+  FixedForceController() = default;
 
   anhyst_map_q31 table(const Entries &entries);
 
-  anhyst_drive_q31 state_{};
+  anhyst_force_controller_q31 state_{};
   anhyst_map_q31 current_{};
   anhyst_flux_loop_q31 loop_{};
   std::vector<std::vector<int16_t>> tables_;

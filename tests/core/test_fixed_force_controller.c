@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the drive in fixed point, of the kinds map and flux. */
-#include "anhyst/drive.h"
+#include "anhyst/force_controller.h"
 
 #include "check.h"
 #include "maps.h"
@@ -8,17 +8,17 @@
 static int16_t entries[MOST_COLUMNS * MOST_ROWS];
 static int16_t densities[MOST_COLUMNS * MOST_ROWS];
 
-static void check_tick(anhyst_drive_q31 *drive, int tick)
+static void check_tick(anhyst_force_controller_q31 *drive, int tick)
 {
   const int32_t gap = any_code();
   const int32_t demand = any_code();
   const int32_t flux = tick % 5 == 0 ? ANHYST_NO_FLUX : any_code();
-  const int32_t current = anhyst_drive_solve_q31(drive, demand, gap, flux);
+  const int32_t current = anhyst_force_controller_solve_q31(drive, demand, gap, flux);
   CHECK(current >= drive->low && current <= drive->high);
-  CHECK(current == anhyst_drive_solve_q31(drive, demand, gap, flux));
+  CHECK(current == anhyst_force_controller_solve_q31(drive, demand, gap, flux));
   const int free = (drive->flags & ANHYST_CURRENT_LIMITED) == 0U;
   const int32_t applied = tick % 3 == 0 ? any_code() : current;
-  const int32_t output = anhyst_drive_commit_q31(drive, applied, gap);
+  const int32_t output = anhyst_force_controller_commit_q31(drive, applied, gap);
   CHECK(output >= 0);
   CHECK(!free || applied != current || output == (demand > 0 ? demand : 0));
 }
@@ -35,9 +35,9 @@ static void any_signal_is_answered_within_the_limits(void)
                                        {(int16_t)any_within(0, 32767), 1},
                                        {(int16_t)any_within(-32768, 0), (int16_t)(i % 2)}};
     const int32_t low = any_code() / 2;
-    anhyst_drive_q31 drive;
-    CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, low, any_within(low, ANHYST_Q31_MAX)) ==
-          ANHYST_OK);
+    anhyst_force_controller_q31 drive;
+    CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, low,
+                                                any_within(low, ANHYST_Q31_MAX)) == ANHYST_OK);
     for (int tick = 0; tick < SIGNALS; tick++) {
       check_tick(&drive, tick);
     }
@@ -51,21 +51,22 @@ static void unsound_drives_are_refused(void)
   const anhyst_factor through = {-32768, 1};
   const anhyst_flux_loop_q31 sound = {any_map(densities, 3, 2, 1000), one, one, one, through};
   anhyst_flux_loop_q31 loop = sound;
-  anhyst_drive_q31 drive;
-  CHECK(anhyst_drive_init_map_q31(&drive, &map, 1, 0) == ANHYST_BAD_PARAMETER);
-  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_OK);
+  anhyst_force_controller_q31 drive;
+  CHECK(anhyst_force_controller_init_map_q31(&drive, &map, 1, 0) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_OK);
   loop.proportional.shift = 17;
-  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
   loop = sound;
   loop.back.mantissa = -1;
-  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
   loop = sound;
   loop.smoothing.mantissa = 1;
-  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
   loop = sound;
   loop.wanted.entries = 0;
-  CHECK(anhyst_drive_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
-  CHECK(anhyst_drive_init_flux_q31(&drive, &sound.wanted, &sound, 1, 0) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_force_controller_init_flux_q31(&drive, &sound.wanted, &sound, 1, 0) ==
+        ANHYST_BAD_PARAMETER);
 }
 
 int main(void)

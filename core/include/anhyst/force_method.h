@@ -1,0 +1,10 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* How a force controller finds its current, in every number format; see force_controller.h. */
+#ifndef ANHYST_FORCE_METHOD_H
+#define ANHYST_FORCE_METHOD_H
+
+#define ANHYST_FORCE_BY_MAP 1U
+#define ANHYST_FORCE_BY_COMPENSATOR 2U
+#define ANHYST_FORCE_BY_FLUX 3U
+
+#endif

@@ -1,0 +1,10 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+/* How the measured flux corrects the current; constant. T is the length of a tick. */
+typedef struct {
+  ANHYST_NAME(anhyst_map) wanted; /* flux density of a force */
+  ANHYST_REAL proportional;       /* k_p, current for a unit of flux density */
+  ANHYST_REAL integral;           /* k_i*T */
+  ANHYST_REAL back;               /* share of applied - solved that the integral takes, 0..1 */
+  ANHYST_REAL smoothing; /* share of a step that is expected to show in a tick, 0 < .. <= 1 */
+} ANHYST_NAME(anhyst_flux_loop);

@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+anhyst_status ANHYST_NAME(anhyst_force_controller_init_compensator)(
+    ANHYST_NAME(anhyst_force_controller) *c, const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  ANHYST_NAME(anhyst_force_controller) found = {0};
+  found.method = ANHYST_FORCE_BY_COMPENSATOR;
+  const anhyst_status status = ANHYST_NAME(anhyst_compensator_init)(&found.compensator, parameters);
+  if (status == ANHYST_OK) {
+    *c = found;
+  }
+  return status;
+}
+
+/* Whether it is a number that can be reckoned with. */
+static int ANHYST_NAME(is_known)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+
+static int ANHYST_NAME(is_valid)(const ANHYST_NAME(anhyst_flux_loop) *loop)
+{
+  return ANHYST_NAME(is_known)(loop->proportional) && ANHYST_NAME(is_known)(loop->integral) &&
+         loop->back >= R(0.0) && loop->back <= R(1.0) && loop->smoothing > R(0.0) &&
+         loop->smoothing <= R(1.0);
+}
+
+static ANHYST_REAL ANHYST_NAME(sum)(ANHYST_REAL a, ANHYST_REAL b) { return a + b; }
+
+static ANHYST_REAL ANHYST_NAME(difference)(ANHYST_REAL a, ANHYST_REAL b) { return a - b; }
+
+static ANHYST_REAL ANHYST_NAME(within)(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
+{
+  return ANHYST_NAME(anhyst_limited)(a, low, high);
+}
+
+/* The nearest force of the map, which only pulls. */
+static ANHYST_REAL ANHYST_NAME(pulling)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL demand)
+{
+  return ANHYST_NAME(anhyst_limited)(demand, R(0.0), map->force_high);
+}
+
+/* What the integral of the measured flux adds to the current. */
+static ANHYST_REAL ANHYST_NAME(held)(const ANHYST_NAME(anhyst_force_controller) *c)
+{
+  return c->integral;
+}
+
+static int32_t ANHYST_NAME(conditioning_length)(const ANHYST_NAME(anhyst_compensator) *compensator)
+{
+  return ANHYST_NAME(anhyst_conditioning_length)(compensator);
+}
+
+/* What the measured flux adds to the current. Compared is what should show by now, not what is
+   wanted: the difference between those is delay, which no current removes. */
+static void ANHYST_NAME(correct)(ANHYST_NAME(anhyst_force_controller) *c, ANHYST_REAL gap,
+                                 ANHYST_REAL flux)
+{
+  c->flux = ANHYST_NAME(anhyst_map_value)(&c->loop->wanted, c->demand, gap);
+  c->error = ANHYST_NAME(is_known)(flux) ? c->expected - flux : R(0.0);
+  c->correction = c->loop->proportional * c->error + c->integral;
+}
+
+/* Only a limit leads the integral back: a current that was measured differs from the wanted one by
+   the error of its sensor too, and by how far the amplifier is behind. */
+static void ANHYST_NAME(advance_flux)(ANHYST_NAME(anhyst_force_controller) *c, ANHYST_REAL applied)
+{
+  const ANHYST_NAME(anhyst_flux_loop) *loop = c->loop;
+  c->expected += loop->smoothing * (c->flux - c->expected);
+  c->integral += loop->integral * c->error;
+  if ((c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
+    c->integral += loop->back * (applied - c->wanted);
+  }
+}

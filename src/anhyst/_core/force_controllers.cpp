@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// The force controller of a magnet in Python, in every format: the very functions that run on a
+// controller.
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+
+#include "force_controllers.h"
+
+namespace {
+
+// n of 2^n segments.
+uint16_t exponent(size_t entries)
+{
+  uint16_t n = 0;
+  while ((size_t{1} << n) + 1 < entries) {
+    n++;
+  }
+  same_length((size_t{1} << n) + 1, entries, "a row or column of a map, 2^n + 1,");
+  return n;
+}
+
+template <class F> void bind_real(nb::module_ &m, const char *name)
+{
+  using Bound = RealForceController<F>;
+  nb::class_<Bound>(m, name)
+      .def_static("map", &Bound::map, "entries"_a.noconvert(), "force_high"_a, "gap_low"_a,
+                  "gap_high"_a, "low"_a, "high"_a)
+      .def_static("compensator", &Bound::compensator, "parameters"_a, nb::keep_alive<0, 1>())
+      .def_static("flux", &Bound::flux, "entries"_a.noconvert(), "wanted"_a.noconvert(),
+                  "loop"_a.noconvert(), "force_high"_a, "gap_low"_a, "gap_high"_a, "low"_a,
+                  "high"_a)
+      .def("solve", &Bound::solve, "demand"_a, "gap"_a, "flux"_a)
+      .def("commit", &Bound::commit, "applied"_a, "gap"_a)
+      .def_prop_ro("flags", &Bound::flags)
+      .def("conditioning_length", &Bound::conditioning_length)
+      .def("conditioning", &Bound::conditioning, "tick"_a);
+}
+
+} // namespace
+
+anhyst_map_q31 FixedForceController::table(const Entries &entries)
+{
+  tables_.emplace_back(entries.data(), entries.data() + entries.size());
+  return {tables_.back().data(), exponent(entries.shape(1)), exponent(entries.shape(0))};
+}
+
+FixedForceController::Made FixedForceController::map(const Entries &entries, int32_t low,
+                                                     int32_t high)
+{
+  Made made(new FixedForceController);
+  made->current_ = made->table(entries);
+  check_controller(anhyst_force_controller_init_map_q31(&made->state_, &made->current_, low, high));
+  return made;
+}
+
+FixedForceController::Made FixedForceController::compensator(const std::string &kind,
+                                                             const Words &words)
+{
+  Made made(new FixedForceController);
+  made->tables_.emplace_back(words.data(), words.data() + words.size());
+  check_controller(anhyst_force_controller_init_compensator_q31(
+      &made->state_, to_kernel(kind), made->tables_.back().data(),
+      static_cast<uint16_t>(words.size())));
+  return made;
+}
+
+FixedForceController::Made FixedForceController::flux(const Entries &entries, const Entries &wanted,
+                                                      const Factors &loop, int32_t low,
+                                                      int32_t high)
+{
+  same_length(4, loop.shape(0), "loop");
+  same_length(2, loop.shape(1), "a factor of the loop");
+  const auto factor = [&](size_t i) { return anhyst_factor{loop(i, 0), loop(i, 1)}; };
+  Made made(new FixedForceController);
+  made->current_ = made->table(entries);
+  made->loop_ = {made->table(wanted), factor(0), factor(1), factor(2), factor(3)};
+  check_controller(anhyst_force_controller_init_flux_q31(&made->state_, &made->current_,
+                                                         &made->loop_, low, high));
+  return made;
+}
+
+void bind_force_controllers(nb::module_ &m)
+{
+  bind_real<ForceControllerF64>(m, "ForceController");
+  bind_real<ForceControllerF32>(m, "ForceControllerF32");
+  nb::class_<FixedForceController>(m, "FixedForceController")
+      .def_static("map", &FixedForceController::map, "entries"_a.noconvert(), "low"_a, "high"_a)
+      .def_static("compensator", &FixedForceController::compensator, "kind"_a,
+                  "words"_a.noconvert())
+      .def_static("flux", &FixedForceController::flux, "entries"_a.noconvert(),
+                  "wanted"_a.noconvert(), "loop"_a.noconvert(), "low"_a, "high"_a)
+      .def("solve", &FixedForceController::solve, "demand"_a, "gap"_a, "flux"_a)
+      .def("commit", &FixedForceController::commit, "applied"_a, "gap"_a)
+      .def_prop_ro("flags", &FixedForceController::flags)
+      .def("conditioning_length", &FixedForceController::conditioning_length)
+      .def("conditioning", &FixedForceController::conditioning, "tick"_a);
+}
