@@ -166,7 +166,101 @@ static int kappa_allowed(double kappa)
   return kappa >= ANHYST_KAPPA_MIN && kappa <= ANHYST_KAPPA_MAX;
 }
 
-#include "anhyst/f64.h"
-#include "generic/branch.h"
-#include "anhyst/f32.h"
-#include "generic/branch.h"
+static void store(double piece[6], jet from, jet to)
+{
+  double exact[6];
+  quintic(from, to, exact);
+  for (int i = 0; i < 6; i++) {
+    piece[i] = (double)exact[i];
+  }
+}
+
+/* Tables are built in double precision for both formats: it is done once a parameter set. */
+static void tabulate(anhyst_pieces_f64 *pieces, double kappa, jet (*read)(const walker *))
+{
+  const double inner_width = 1.0 / ANHYST_BRANCH_PER_UNIT;
+  walker w = walker_start(kappa);
+  double x = -outer_node(ANHYST_BRANCH_OUTER);
+  walker_advance(&w, x);
+  jet last = outer_jet(read(&w), x);
+  for (int i = ANHYST_BRANCH_OUTER - 1; i >= 0; i--) {
+    x = -outer_node(i);
+    walker_advance(&w, x);
+    const jet next = outer_jet(read(&w), x);
+    store(pieces->left[i], next, last);
+    last = next;
+  }
+  last = by_place(read(&w), inner_width, 0.0);
+  for (int i = 0; i < ANHYST_BRANCH_INNER; i++) {
+    walker_advance(&w, -ANHYST_BRANCH_EDGE + (i + 1) * inner_width);
+    const jet next = by_place(read(&w), inner_width, 0.0);
+    store(pieces->inner[i], last, next);
+    last = next;
+  }
+  last = outer_jet(read(&w), outer_node(0));
+  for (int i = 0; i < ANHYST_BRANCH_OUTER; i++) {
+    x = outer_node(i + 1);
+    walker_advance(&w, x);
+    const jet next = outer_jet(read(&w), x);
+    store(pieces->right[i], last, next);
+    last = next;
+  }
+}
+
+static double piece_at(const double c[6], double t)
+{
+  return c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))));
+}
+
+static double pieces_at(const anhyst_pieces_f64 *pieces, double x)
+{
+  const double size = fabs(x);
+  if (size < 30.0) {
+    const double place = (x + 30.0) * (double)ANHYST_BRANCH_PER_UNIT;
+    const int i = (int)place;
+    if (i < ANHYST_BRANCH_INNER) {
+      return piece_at(pieces->inner[i], place - (double)i);
+    }
+  }
+  double place = anhyst_log_f64(size / 30.0) * (double)ANHYST_BRANCH_PER_LOG;
+  if (!(place > 0.0)) {
+    place = 0.0;
+  }
+  if (!(place < (double)ANHYST_BRANCH_OUTER)) {
+    place = (double)ANHYST_BRANCH_OUTER;
+  }
+  int i = (int)place;
+  if (i == ANHYST_BRANCH_OUTER) {
+    i--;
+  }
+  return piece_at(x < 0.0 ? pieces->left[i] : pieces->right[i], place - (double)i);
+}
+
+anhyst_status anhyst_branch_build_f64(anhyst_branch_f64 *branch, double kappa)
+{
+  if (!kappa_allowed((double)kappa)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  branch->kappa = kappa;
+  tabulate(&branch->value, (double)kappa, walker_value);
+  return ANHYST_OK;
+}
+
+anhyst_status anhyst_branch_slope_build_f64(anhyst_branch_slope_f64 *slope, double kappa)
+{
+  if (!kappa_allowed((double)kappa)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  tabulate(&slope->value, (double)kappa, walker_tilted);
+  return ANHYST_OK;
+}
+
+double anhyst_branch_at_f64(const anhyst_branch_f64 *branch, double x)
+{
+  return pieces_at(&branch->value, x);
+}
+
+double anhyst_branch_slope_at_f64(const anhyst_branch_slope_f64 *slope, double x)
+{
+  return pieces_at(&slope->value, x);
+}

@@ -311,7 +311,3 @@ double anhyst_atan_f64(double x)
   const double high = (1.0 / 7.0 - u2 * (1.0 / 9.0)) + u4 * (1.0 / 11.0);
   return copysign(at.value + (u + ((at.rest - u3 * low) - (u3 * u4) * high)), x);
 }
-
-float anhyst_exp_f32(float x) { return (float)anhyst_exp_f64((double)x); }
-
-float anhyst_log_f32(float x) { return (float)anhyst_log_f64((double)x); }

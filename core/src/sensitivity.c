@@ -6,9 +6,7 @@
 #include "anhyst/elementary.h"
 #include "anhyst/langevin.h"
 
-#include "anhyst/f64.h"
-#include "generic/weights.h"
-#include "anhyst/no_format.h"
+#include "weights.h"
 
 /* How one step depends on what went in, the same for all directions:
    y1_t = by_y*y0_t + by_p0*p0_t + by_p1*p1_t + by_kappa*kappa_t. */
@@ -59,7 +57,7 @@ static void partials_linear(const anhyst_path_f64 *path, const anhyst_answer_f64
   const double rise = m1 - m0;
   d->by_p1 = y_slope;
   if (path->sign * start >= 0.0) {
-    const weights_f64 w = weights_at_f64(s);
+    const weights w = weights_at(s);
     const double by_s = start * (1.0 - w.e) + rise * w.g_slope;
     d->by_y = 1.0 - w.e;
     d->by_p0 = (w.e - w.g) * p0_slope - path->sign * by_s / kappa;
@@ -68,7 +66,7 @@ static void partials_linear(const anhyst_path_f64 *path, const anhyst_answer_f64
   }
   const double ahead = m1 - path->from.y;
   const double share = s * ahead / rise;
-  const weights_f64 w = weights_at_f64(share);
+  const weights w = weights_at(share);
   const double by_share = ahead * w.g_slope * share;
   d->by_y = 1.0 - w.g - w.g_slope * share;
   d->by_p0 = by_share * (p0_slope / rise - 1.0 / way);

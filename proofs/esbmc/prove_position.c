@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A whole tick of the controller of a levitating armature, or a swap of blocks: any sound limits
-   and settings, any state, any sample, one magnet or two. Levitation, PIDD2 and force controllers give way to
-   what their own proofs show of them: each call is shown to be allowed, and answers anything. The
-   currents stay within the limits of the board. PART names the function that is proved. */
+   and settings, any state, any sample, one magnet or two. Levitation, PIDD2 and force controllers
+   give way to what their own proofs show of them: each call is shown to be allowed, and answers
+   anything. The currents stay within the limits of the board. PART names the function that is
+   proved. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
@@ -119,20 +120,26 @@ void anhyst_compensator_swap(anhyst_compensator *compensator, const int16_t *wor
   compensator->solved = 0;
 }
 
-int32_t anhyst_force_controller_solve_q31(anhyst_force_controller_q31 *magnet, int32_t demand, int32_t gap, int32_t flux)
+int32_t anhyst_force_controller_solve_q31(anhyst_force_controller_q31 *magnet, int32_t demand,
+                                          int32_t gap, int32_t flux)
 {
   magnet->flags = nondet_u16();
   return nondet_i32();
 }
 
-int32_t anhyst_force_controller_commit_q31(anhyst_force_controller_q31 *magnet, int32_t applied, int32_t gap)
+int32_t anhyst_force_controller_commit_q31(anhyst_force_controller_q31 *magnet, int32_t applied,
+                                           int32_t gap)
 {
   return nondet_i32();
 }
 
-int32_t anhyst_force_controller_conditioning_length_q31(const anhyst_force_controller_q31 *magnet) { return nondet_i32(); }
+int32_t anhyst_force_controller_conditioning_length_q31(const anhyst_force_controller_q31 *magnet)
+{
+  return nondet_i32();
+}
 
-int32_t anhyst_force_controller_conditioning_q31(const anhyst_force_controller_q31 *magnet, int32_t tick)
+int32_t anhyst_force_controller_conditioning_q31(const anhyst_force_controller_q31 *magnet,
+                                                 int32_t tick)
 {
   return nondet_i32();
 }

@@ -5,15 +5,14 @@
 
 #include "anhyst/circuit.h"
 
-#include "format.h"
 #include "truth.h"
 
 /* What a set may contain. */
 enum { MAY_JUMP = 1, WITH_PLAY = 2, EXTREME = 4 };
 
 typedef struct {
-  ANHYST_NAME(anhyst_iron) iron;
-  ANHYST_NAME(anhyst_branch) branch;
+  anhyst_iron_f64 iron;
+  anhyst_branch_f64 branch;
   double amplitude; /* of the field to drive it with, A/m */
 } sample_iron;
 
@@ -38,29 +37,28 @@ static inline int draw_iron(uint64_t *seed, anhyst_step step, int what, sample_i
   if (alpha >= 0.999 || c * coupling > 0.95) {
     return 0;
   }
-  const real pinning = (real)(kappa * shape);
-  const real play = (real)((what & WITH_PLAY) ? shape * kappa * uniform(seed, 0.01, 0.5) : 0.0);
+  const double pinning = (kappa * shape);
+  const double play = ((what & WITH_PLAY) ? shape * kappa * uniform(seed, 0.01, 0.5) : 0.0);
   if (step == ANHYST_STEP_EXACT) {
-    ANHYST_NAME(anhyst_branch_build)(&out->branch, pinning / (real)shape);
+    anhyst_branch_build_f64(&out->branch, pinning / shape);
   }
   const double shear = shape + (alpha < 0.0 ? -alpha * saturation / 3.0 : 0.0);
   out->amplitude = log_uniform(seed, 0.3, extreme ? 300.0 : 30.0) * shear;
-  return ANHYST_NAME(anhyst_iron_init)(&out->iron, step, (real)saturation, (real)shape, pinning,
-                                       (real)c, (real)alpha, play, &out->branch) == ANHYST_OK;
+  return anhyst_iron_init_f64(&out->iron, step, saturation, shape, pinning, c, alpha, play,
+                              &out->branch) == ANHYST_OK;
 }
 
 /* A state reached by wandering from the demagnetised one, by effective field. */
-static inline ANHYST_NAME(anhyst_state)
-wander(uint64_t *seed, const ANHYST_NAME(anhyst_operator) *law, double spread)
+static inline anhyst_state_f64 wander(uint64_t *seed, const anhyst_operator_f64 *law, double spread)
 {
-  ANHYST_NAME(anhyst_state) state = {R(0.0), R(0.0), R(0.0)};
+  anhyst_state_f64 state = {0.0, 0.0, 0.0};
   const int steps = (int)(random_bits(seed) % 8);
   for (int i = 0; i < steps; i++) {
-    ANHYST_NAME(anhyst_path) path;
-    ANHYST_NAME(anhyst_answer) answer;
-    const real x = (real)uniform(seed, -spread, spread);
-    ANHYST_NAME(anhyst_path_begin)(&path, law, &state, x < state.x ? R(-1.0) : R(1.0), &answer);
-    ANHYST_NAME(anhyst_path_at)(&path, x, &answer);
+    anhyst_path_f64 path;
+    anhyst_answer_f64 answer;
+    const double x = uniform(seed, -spread, spread);
+    anhyst_path_begin_f64(&path, law, &state, x < state.x ? -1.0 : 1.0, &answer);
+    anhyst_path_at_f64(&path, x, &answer);
     state = answer.state;
   }
   return state;

@@ -1,4 +1,4 @@
-"""The C tests: built for every number format, with and without sanitizers, and run."""
+"""The C tests: built with and without sanitizers, and run."""
 
 from __future__ import annotations
 
@@ -17,11 +17,7 @@ ROOT = HERE.parents[1]
 
 
 def program_names() -> list[str]:
-    names = []
-    for file in sorted(HERE.glob("test_*.c")):
-        single = file.stem.endswith("_f64") or file.stem.startswith("test_fixed_")
-        names += [file.stem] if single else [f"{file.stem}_f64", f"{file.stem}_f32"]
-    return names
+    return [file.stem for file in sorted(HERE.glob("test_*.c"))]
 
 
 def tool(*names: str) -> str:

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Forward and inverse undo each other, for thousands of sets at 12 samples a loop.
-   Both formats are also held against what their numbers can say: last places of H_max + B_max/mu0,
+   They are also held against what double precision can say: last places of H_max + B_max/mu0,
    since a rounded flux density tells no more than that about the field. Most sets stay below 20 of
    them; where M is held and M_s/a is 1e6, the rounding of y counts a thousandfold. For the extreme
    sets this is the only claim: with B_max/mu0 = 1e7*H_max, B itself has no digits left. */
+#include <float.h>
 #include <string.h>
 
 #include "check.h"
@@ -22,37 +23,37 @@ typedef struct {
   int sets, jumping, saturated;
 } outcome;
 
-static void drive_of(uint64_t *seed, real drive[SAMPLES])
+static void drive_of(uint64_t *seed, double drive[SAMPLES])
 {
   const int wandering = random_bits(seed) % 2 == 0;
   for (int i = 0; i < SAMPLES; i++) {
     const double sine = sin(2.0 * 3.14159265358979 * (double)(i + 1) / 12.0);
     const double walk = uniform(seed, -1.0, 1.0) * uniform(seed, 0.0, 1.0);
-    drive[i] = (real)(sample.amplitude * (wandering ? walk : sine));
+    drive[i] = sample.amplitude * (wandering ? walk : sine);
   }
 }
 
 static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out)
 {
-  const ANHYST_NAME(anhyst_state) start = {R(0.0), R(0.0), R(0.0)};
-  ANHYST_NAME(anhyst_state) there = start;
-  ANHYST_NAME(anhyst_state) back = start;
-  real drive[SAMPLES];
-  real flux[SAMPLES];
-  real again[SAMPLES];
-  real field[SAMPLES];
-  real gap_ratio[SAMPLES];
-  real eddies[SAMPLES];
+  const anhyst_state_f64 start = {0.0, 0.0, 0.0};
+  anhyst_state_f64 there = start;
+  anhyst_state_f64 back = start;
+  double drive[SAMPLES];
+  double flux[SAMPLES];
+  double again[SAMPLES];
+  double field[SAMPLES];
+  double gap_ratio[SAMPLES];
+  double eddies[SAMPLES];
   size_t index = 0;
   drive_of(seed, drive);
   for (int i = 0; i < SAMPLES; i++) {
-    gap_ratio[i] = (real)(rho * (1.0 + 0.4 * sin((double)i)));
-    eddies[i] = (real)eddy;
+    gap_ratio[i] = rho * (1.0 + 0.4 * sin((double)i));
+    eddies[i] = eddy;
   }
-  const anhyst_status forward = ANHYST_NAME(anhyst_record)(&sample.iron, &there, 0, SAMPLES, drive,
-                                                           gap_ratio, eddies, flux, field, &index);
-  const anhyst_status inverse = ANHYST_NAME(anhyst_record)(&sample.iron, &back, 1, SAMPLES, flux,
-                                                           gap_ratio, eddies, again, field, &index);
+  const anhyst_status forward = anhyst_record_f64(&sample.iron, &there, 0, SAMPLES, drive,
+                                                  gap_ratio, eddies, flux, field, &index);
+  const anhyst_status inverse = anhyst_record_f64(&sample.iron, &back, 1, SAMPLES, flux, gap_ratio,
+                                                  eddies, again, field, &index);
   CHECK(forward == ANHYST_OK && inverse == ANHYST_OK);
   if (forward != ANHYST_OK || inverse != ANHYST_OK) {
     return;
@@ -61,19 +62,18 @@ static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out
   double worst = 0.0;
   double most_flux = 0.0;
   for (int i = 0; i < SAMPLES; i++) {
-    keep_worst(&largest, fabs((double)drive[i]));
-    keep_worst(&most_flux, fabs((double)flux[i]));
-    keep_worst(&worst, fabs((double)(again[i] - drive[i])));
+    keep_worst(&largest, fabs(drive[i]));
+    keep_worst(&most_flux, fabs(flux[i]));
+    keep_worst(&worst, fabs(again[i] - drive[i]));
   }
   /* Everything the drive is the sum of: field, gap, eddy currents. */
   const double terms = largest + most_flux * (1.0 / ANHYST_MU0 * (1.0 + rho) + eddy);
   keep_worst(&out->field, worst / largest);
-  keep_worst(&out->units, worst / terms / (double)ANHYST_EPS);
-  keep_worst(&out->state, fabs((double)(there.y - back.y)));
+  keep_worst(&out->units, worst / terms / DBL_EPSILON);
+  keep_worst(&out->state, fabs(there.y - back.y));
   out->sets++;
-  out->jumping += (double)sample.iron.interaction * (double)sample.iron.saturation >
-                  3.0 * (double)sample.iron.shape;
-  out->saturated += most_flux > 0.9 * ANHYST_MU0 * (double)sample.iron.saturation;
+  out->jumping += sample.iron.interaction * sample.iron.saturation > 3.0 * sample.iron.shape;
+  out->saturated += most_flux > 0.9 * ANHYST_MU0 * sample.iron.saturation;
 }
 
 static void inverse_of_forward_gives_the_field_back(anhyst_step step, int what, int count)
@@ -89,7 +89,7 @@ static void inverse_of_forward_gives_the_field_back(anhyst_step step, int what, 
   printf("step %d, options %d: %d sets, %d jump, %d saturate\n", (int)step, what, out.sets,
          out.jumping, out.saturated);
   CHECK(out.sets > count / 5);
-  if (sizeof(real) == sizeof(double) && (what & EXTREME) == 0) {
+  if ((what & EXTREME) == 0) {
     CHECK_BELOW("  field, over H_max", out.field, 1e-9);
     CHECK_BELOW("  y afterwards", out.state, 1e-9);
   }
@@ -105,14 +105,12 @@ static void moving_gap_and_eddy_currents_are_undone_too(anhyst_step step, int co
     if (draw_iron(&seed, step, WITH_PLAY, &sample)) {
       const double rho = log_uniform(&seed, 1e-4, 0.1);
       const double eddy = log_uniform(&seed, 1e-5, 0.1) / ANHYST_MU0;
-      sample.amplitude *= 1.0 + (double)sample.iron.saturation / sample.amplitude * rho;
+      sample.amplitude *= 1.0 + sample.iron.saturation / sample.amplitude * rho;
       there_and_back(&seed, rho, eddy, &out);
     }
   }
   printf("step %d, moving gap: %d sets\n", (int)step, out.sets);
-  if (sizeof(real) == sizeof(double)) {
-    CHECK_BELOW("  drive, over its largest", out.field, 1e-9);
-  }
+  CHECK_BELOW("  drive, over its largest", out.field, 1e-9);
   CHECK_BELOW("  drive, in last places of its terms", out.units, most_units);
 }
 

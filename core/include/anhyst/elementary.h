@@ -10,12 +10,10 @@ extern "C" {
 #endif
 
 /* Any argument, with the limits and NaN of the C library. Error, in units of the last place: 0.6
-   for exp (0.8 below the normal numbers), 0.7 for atan, 1.1 for log; single precision 0.501. */
+   for exp (0.8 below the normal numbers), 0.7 for atan, 1.1 for log. */
 double anhyst_exp_f64(double x);
 double anhyst_log_f64(double x);
 double anhyst_atan_f64(double x);
-float anhyst_exp_f32(float x);
-float anhyst_log_f32(float x);
 
 #ifdef __cplusplus
 }

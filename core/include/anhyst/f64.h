@@ -4,16 +4,12 @@
    side under their own names (_f64, _f32). */
 #undef ANHYST_REAL
 #undef ANHYST_NAME
-#undef ANHYST_EXP
-#undef ANHYST_LOG
 #undef ANHYST_SQRT
 #undef ANHYST_FABS
 #undef ANHYST_EPS
 #undef R
 #define ANHYST_REAL double
 #define ANHYST_NAME(base) base##_f64
-#define ANHYST_EXP anhyst_exp_f64
-#define ANHYST_LOG anhyst_log_f64
 #define ANHYST_SQRT sqrt
 #define ANHYST_FABS fabs
 #define ANHYST_EPS 2.220446049250313e-16

@@ -183,7 +183,7 @@ static ANHYST_REAL ANHYST_NAME(faded)(ANHYST_NAME(anhyst_position) *c, int magne
   return ANHYST_NAME(sum)(wanted, c->fading[magnet]);
 }
 
-/* Drives what is wanted as far as the board lets it. */
+/* Applies what is wanted as far as the board lets it. */
 static void ANHYST_NAME(apply)(ANHYST_NAME(anhyst_position) *c, const ANHYST_REAL *wanted)
 {
   const ANHYST_NAME(anhyst_position_limits) *limits = c->limits;

@@ -26,9 +26,9 @@ typedef struct {
   ANHYST_REAL load;                             /* that is fed forward */
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* measured */
   ANHYST_REAL
-      flux[ANHYST_POSITION_MAGNETS]; /* density, measured, or none: see force_controller.h */
-  uint16_t dropped;                  /* whether there is no position */
-  uint16_t command;                  /* done first; see states.h */
+  flux[ANHYST_POSITION_MAGNETS]; /* density, measured, or none: see force_controller.h */
+  uint16_t dropped;              /* whether there is no position */
+  uint16_t command;              /* done first; see states.h */
 } ANHYST_NAME(anhyst_position_sample);
 
 /* What follows. */
@@ -45,7 +45,7 @@ typedef struct {
   const ANHYST_NAME(anhyst_position_limits) *limits;
   const ANHYST_NAME(anhyst_position_settings) *settings;
   ANHYST_NAME(anhyst_force_controller)
-      *magnet[ANHYST_POSITION_MAGNETS]; /* the second: 0 without a pair */
+  *magnet[ANHYST_POSITION_MAGNETS]; /* the second: 0 without a pair */
   anhyst_levitation levitation;
   ANHYST_NAME(anhyst_pidd2_state) state;
   ANHYST_NAME(anhyst_pidd2_candidate) candidate;
