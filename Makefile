@@ -4,7 +4,7 @@
 #   make test-all  every test, the slow ones too
 #   make prove   proofs of the fixed-point C
 #   make bench   the table of figures           make format  lay out Python and C sources
-#   make build   compile the core anew          make clean   remove what make made, .venv too
+#   make build   compile the core again          make clean   remove what make made, .venv too
 #   make fuzz    ten million inputs to the firmware; RUNS=n for another number
 PYTHON ?= python3
 BIN := .venv/bin

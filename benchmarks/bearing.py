@@ -180,14 +180,14 @@ def _claims(irons: Sequence[Iron], results: Sequence[Sequence[Cell]]) -> list[Ro
     found = []
     for iron, cells in zip(irons, results, strict=True):
         full = overshoot(cells, "full")
-        told = {name: overshoot(cells, name) for name in VARIANTS}
-        ratios = [a / b for a, b in zip(full, told["ratio"], strict=True)]
+        reported = {name: overshoot(cells, name) for name in VARIANTS}
+        ratios = [a / b for a, b in zip(full, reported["ratio"], strict=True)]
         found.append(
             Row(
                 f"bearing, same gains, iron {iron.title}: overshoot of full over ratio",
                 "<= 0.5 at every height",
                 f"{max(ratios):.2f} at worst; "
-                + ", ".join(f"{name} {max(values):.2f} %" for name, values in told.items()),
+                + ", ".join(f"{name} {max(values):.2f} %" for name, values in reported.items()),
                 all(ratio <= 0.5 for ratio in ratios),
             )
         )
@@ -203,14 +203,14 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
         }
         tried = experiments.of_all(experiments.stand_still, setups, default_seeds(iron.rig), None)
         full = tried["full"]
-        told = ", ".join(_standstill_text(name, one) for name, one in tried.items())
+        reported = ", ".join(_standstill_text(name, one) for name, one in tried.items())
         reached = not full["lost"] and full["rms_m"]["mean"] <= 10e-9 and not full["limit_cycles"]
         asked = iron.rig.settings.magnet.iron is not None and iron is not irons[0]
         found.append(
             Row(
                 f"bearing, standstill with a 5 nm sensor, iron {iron.title}",
                 "full <= 10 nm rms, no limit cycle" if asked else "",
-                told,
+                reported,
                 reached if asked else None,
             )
         )
@@ -227,7 +227,7 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
     variants: tuple[Variant, ...] = ("static", "simplified", "full")
     formats: tuple[Format, ...] = ("f64", "f32", "fixed")
     gap, load = iron.rig.settings.simulate.gap_m, iron.rig.settings.load.force_N
-    worst, told = 0.0, []
+    worst, reported = 0.0, []
     for variant in variants:
         setups = {name: in_format(iron, controller, variant, name) for name in formats}
         seeds = default_seeds(iron.rig)
@@ -244,7 +244,7 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
             for one in (setups["f64"], setups["fixed"])
         ]
         worst = max(worst, apart / 0.5, abs(still[1] / still[0] - 1.0) / 0.1)
-        told.append(
+        reported.append(
             f"{variant}: {apart:.3f} points, standstill {1e9 * still[0]:.1f} and "
             f"{1e9 * still[1]:.1f} nm"
         )
@@ -252,7 +252,7 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
         Row(
             "bearing, fixed point against f64 in the same loop",
             "overshoot within 0.5 points, standstill within 10 %",
-            "; ".join(told),
+            "; ".join(reported),
             worst <= 1.0,
         )
     ]
@@ -264,7 +264,7 @@ def _events(iron: Iron) -> list[Row]:
         seeds = default_seeds(iron.rig)
         tried = experiments.of_all(experiments.recover, iron.setups, seeds, event)
         key = "recovery_s" if event == "overload" else "excess_s"
-        told = ", ".join(
+        reported = ", ".join(
             f"{name} {_tried(one, key, 1e3, '.1f', 'ms')}" for name, one in tried.items()
         )
         what = "back within 1 um after" if event == "overload" else "shows for"
@@ -272,7 +272,7 @@ def _events(iron: Iron) -> list[Row]:
             Row(
                 f"bearing, {event}: {what}",
                 "no loss of levitation",
-                told,
+                reported,
                 all(one["lost"] == 0 for one in tried.values()),
             )
         )

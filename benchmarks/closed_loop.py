@@ -1,6 +1,6 @@
 """How much faster than real time a controlled bearing is simulated, beside SciPy and numba.
 
-All three fly the bearing of ``examples/bearing`` through the same steps for the same simulated
+All three take the bearing of ``examples/bearing`` through the same steps for the same simulated
 time, in one run on one core, in processor time. ``python benchmarks/closed_loop.py`` prints more
 than the table does: accuracies, and what each tolerance of ``solve_ivp`` costs.
 """
@@ -27,7 +27,7 @@ from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.ready import make_ready
 from anhyst.support.arrays import FloatArray
-from rival_bearing import ByNumba, ByScipy, Control, Flight, Method, Plant
+from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
 from rows import ROOT, Row
 
 Array = FloatArray
@@ -43,10 +43,10 @@ TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 
 
 class Flier(Protocol):
-    """What both rivals do."""
+    """What both baselines do."""
 
     def start(self, gap: float, current: float, load: float) -> float:
-        """Hang still; return the pull."""
+        """Hold position; return the pull."""
 
     def advance(self, command: float, load: float) -> tuple[float, float]:
         """Go on by one tick; gap and force."""
@@ -87,7 +87,7 @@ def example() -> Case:
 
 
 def plant_of(rig: BearingRig) -> Plant:
-    """Hand the numbers of a rig file to the rivals."""
+    """Hand the numbers of a rig file to the baselines."""
     magnet, mechanics = rig.settings.magnet, rig.settings.mechanics
     poles = magnet.poles
     steel, sensor = magnet.steel.steel(), rig.settings.position_sensor.sensor()
@@ -124,7 +124,7 @@ def plant_of(rig: BearingRig) -> Plant:
 
 
 def control_of(setup: Setup) -> Control:
-    """Hand gains and map to the rivals."""
+    """Hand gains and map to the baselines."""
     gains = setup.controller.pidd2().per_tick
     law, amplifier = setup.drive.law, setup.rig.settings.amplifier
     assert isinstance(law, MapLaw)
@@ -151,17 +151,19 @@ def control_of(setup: Setup) -> Control:
 
 
 def memory_of(control: Control, gap: float, force: float) -> Array:
-    """Return the memory of a PIDD2 that hangs still and gives a force."""
+    """Return the memory of a PIDD2 that holds its position and gives a force."""
     at = control.middle - gap
     return np.array([at, 0.0, force - control.proportional * (control.weight - 1.0) * at])
 
 
-def hanging(flier: Flier, gap: float, load: float) -> float:
-    """Hang a rival in balance; return the current."""
+def hanging(simulator: Flier, gap: float, load: float) -> float:
+    """Put a baseline in balance; return the current."""
     low, high = 0.0, 10.0
     for _ in range(60):
         current = 0.5 * (low + high)
-        low, high = (current, high) if flier.start(gap, current, load) < load else (low, current)
+        low, high = (
+            (current, high) if simulator.start(gap, current, load) < load else (low, current)
+        )
     return current
 
 
@@ -202,39 +204,39 @@ def ours(case: Case, variant: Variant, number_format: Format) -> Measured:
         loop = Loop(setup)
         loop.run(lift)
         began = time.process_time()
-        flight = loop.run(scenario)
+        run = loop.run(scenario)
         best = min(best, time.process_time() - began)
-        gap = flight["gap_m"]
+        gap = run["gap_m"]
     return Measured(f"{variant} in {number_format}", SECONDS / best, overshoot(case, gap))
 
 
-def rival(case: Case, flier: ByScipy | ByNumba, name: str, repetitions: int) -> Measured:
-    """Simulate with a rival; compiling is not counted."""
+def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: int) -> Measured:
+    """Simulate with a baseline; compiling is not counted."""
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
     control = control_of(case.setup("static", "f64"))
     noise = rig.settings.position_sensor.sensor().noise
     drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
-    current = hanging(flier, gap, load)
-    best, flight = math.inf, Flight(np.empty(0), np.empty(0))
+    current = hanging(simulator, gap, load)
+    best, run = math.inf, LevitationRun(np.empty(0), np.empty(0))
     for _ in range(repetitions):
-        flier.start(gap, current, load)
+        simulator.start(gap, current, load)
         memory = memory_of(control, gap, load)
         began = time.process_time()
-        flight = flier.run(control, memory, scenario.target, scenario.load, drawn)
+        run = simulator.run(control, memory, scenario.target, scenario.load, drawn)
         best = min(best, time.process_time() - began)
-    return Measured(name, SECONDS / best, overshoot(case, flight.gap))
+    return Measured(name, SECONDS / best, overshoot(case, run.gap))
 
 
-def open_loop(flier: Flier, current: float, load: float, gap: float) -> Array:
+def open_loop(simulator: Flier, current: float, load: float, gap: float) -> Array:
     """Return gap and force at each tick of 3 ms of moving commands."""
-    flier.start(gap, current, load)
+    simulator.start(gap, current, load)
     moves = [current + 0.4 * math.sin(0.9 * tick) for tick in range(60)]
-    return np.array([flier.advance(command, load) for command in moves])
+    return np.array([simulator.advance(command, load) for command in moves])
 
 
 class Own:
-    """The plant of this project as the rivals are."""
+    """The plant of this project as the baselines are."""
 
     def __init__(self, rig: BearingRig, substeps: int) -> None:
         timing = rig.settings.timing.model_copy(update={"substeps": substeps})
@@ -244,7 +246,7 @@ class Own:
         self._rig = replace(rig, settings=rig.settings.model_copy(update=update))
 
     def start(self, gap: float, current: float, load: float) -> float:
-        """Hang still, the load given as weight; return the pull."""
+        """Hold position, the load given as weight; return the pull."""
         mechanics = self._rig.settings.mechanics
         weight = mechanics.model_copy(update={"gravity_m_per_s2": load / mechanics.mass_kg})
         settings = self._rig.settings.model_copy(update={"mechanics": weight})
@@ -267,8 +269,8 @@ def errors(rig: BearingRig, fliers: dict[str, Flier]) -> dict[str, float]:
     current = hanging(exact, gap, load)
     truth = open_loop(exact, current, load, gap)[:, 1]
     found = {}
-    for name, flier in fliers.items():
-        force = open_loop(flier, current, load, gap)[:, 1]
+    for name, simulator in fliers.items():
+        force = open_loop(simulator, current, load, gap)[:, 1]
         found[name] = float(np.sqrt(np.mean((force - truth) ** 2)) / np.ptp(truth))
     return found
 
@@ -293,10 +295,10 @@ def tried(rig: BearingRig) -> list[Trial]:
     trials = []
     for method in METHODS:
         for tolerance in TOLERANCES:
-            flier = ByScipy(plant, method, tolerance)
-            error = errors(rig, {"": flier})[""]
+            simulator = ByScipy(plant, method, tolerance)
+            error = errors(rig, {"": simulator})[""]
             best = min(
-                seconds(lambda: open_loop(flier, current, load, gap))  # noqa: B023
+                seconds(lambda: open_loop(simulator, current, load, gap))  # noqa: B023
                 for _ in range(3)
             )
             trials.append(Trial(method, tolerance, error, best))
@@ -328,21 +330,21 @@ def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
         ("static", "f64"),
     ]
     found = [ours(case, *variant) for variant in variants]
-    found.append(rival(case, numba, "numba, map", REPETITIONS))
+    found.append(baseline(case, numba, "numba, map", REPETITIONS))
     scipy = ByScipy(plant, taken.method, taken.tolerance)
-    found.append(rival(case, scipy, f"SciPy {taken.method} {taken.tolerance:g}, map", 1))
+    found.append(baseline(case, scipy, f"SciPy {taken.method} {taken.tolerance:g}, map", 1))
     return found, accuracy, trials, taken
 
 
 def rows() -> list[Row]:
-    """Ours with the compiled `full` compensator beside rivals with a map."""
+    """Ours with the compiled `full` compensator beside baselines with a map."""
     found, accuracy, _, taken = measure()
     full, *_, plain, numba, scipy = found
     return [
         Row(
             "closed loop, 20 kHz, 4 sub-steps, 24 cells, `full` in fixed point: times real time",
-            ">= 25 (goal 50), rivals beside it",
-            f"{full.factor:.1f}; with a map as the rivals {plain.factor:.1f}, "
+            ">= 25 (goal 50), baselines beside it",
+            f"{full.factor:.1f}; with a map as the baselines {plain.factor:.1f}, "
             f"numba {numba.factor:.1f}, SciPy ({taken.method}, {taken.tolerance:g}) "
             f"{scipy.factor:.3f}; `full` against numba {full.factor / numba.factor:.2f}, "
             f"against SciPy {full.factor / scipy.factor:.0f}",

@@ -116,20 +116,20 @@ def costs(model: Path, folder: Path) -> list[Row]:
         found = verify(folder / kind, TARGETS)
         rows += _ticks(found, kind)
         for target in ("cortex-m0plus", "avr", "msp430"):
-            told = ", ".join(
+            reported = ", ".join(
                 f"{part} {_most(found, target, part)}"
                 for part in ("solve", "commit, rounded", "commit, other")
             )
-            rows.append(Row(f"'{kind}' on {target}, worst case", "reported", told, None))
+            rows.append(Row(f"'{kind}' on {target}, worst case", "reported", reported, None))
         estimates = [one for one in found.estimates if one.part == "solve"]
-        told = ", ".join(
+        reported = ", ".join(
             f"{one.cycles} cycles, {one.rate / 1e3:.1f} kHz ({one.prices})" for one in estimates
         )
         rows.append(
             Row(
                 f"'{kind}' on a 60 MHz DSC, solve, estimated (docs/verify.md)",
                 "reported",
-                told,
+                reported,
                 None,
             )
         )
@@ -155,7 +155,7 @@ def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) ->
     law = fit_closed_form(model, limits, nodes(model, scales, sizes), sizes)
     fine = replace(sizes, octaves=14, octave_segments=5)
     exact = Twin(build_simplified(model, scales, limits, fine, law=law))
-    told = []
+    reported = []
     for name, demand in _demands(scales, limits).items():
         wanted = exact.run(demand, scales.gap_high)
         off = []
@@ -166,7 +166,7 @@ def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) ->
             apart = np.abs(current - wanted)[RAMP:]
             off.append(100.0 * float(apart.max()) / limits.current[1])
             exact = Twin(build_simplified(model, scales, limits, fine, law=law))
-        told.append(f"{name}: {off[0]:.3f} against {off[1]:.3f} %")
+        reported.append(f"{name}: {off[0]:.3f} against {off[1]:.3f} %")
     counts = []
     for kind in ("simplified", "euler"):
         if kind == "euler":
@@ -177,7 +177,7 @@ def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) ->
         Row(
             "closed form against one Euler step a sample: worst error of the current",
             "reported",
-            "; ".join(told) + " of I_max",
+            "; ".join(reported) + " of I_max",
             None,
         ),
         Row("closed form against Euler: solve on Cortex-M4", "reported", "; ".join(counts), None),

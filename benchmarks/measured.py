@@ -9,7 +9,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-import rival_scipy_de as rival
+import baseline_scipy_de as baseline
 from anhyst.data import Loop, LoopSet
 from anhyst.data.clean import thin
 from anhyst.data.reading import read_loops
@@ -49,7 +49,7 @@ _with_jacobian = Objective.with_jacobian
 
 def ferrite(folder: Path) -> list[Row]:
     """Four nested loops of a MnZn ferrite, one parameter set, against differential evolution."""
-    loops = read_loops(folder / rival.FILE, history="settled")
+    loops = read_loops(folder / baseline.FILE, history="settled")
     records = records_of(loops, "points")
     form = form_of(loops.input, loops.output, "effective-field")
     samples = sum(loop.n for loop in loops.loops)
@@ -62,8 +62,8 @@ def ferrite(folder: Path) -> list[Row]:
         spent.append(time.process_time() - clock.began)
         to_same.append(clock.reached)
         sums.append(found.cost * records.output_span**2 * samples)
-    rivals = [rival.run(seed, folder=folder) for seed in range(SEEDS)]
-    theirs = [rival.seconds_to_reach(result, SAME_ERROR) for result in rivals]
+    baselines = [baseline.run(seed, folder=folder) for seed in range(SEEDS)]
+    theirs = [baseline.seconds_to_reach(result, SAME_ERROR) for result in baselines]
     rms = 100.0 * np.sqrt(max(sums) / samples) / records.output_span
     same = sum(one <= min(sums) * 1.0001 for one in sums)
     return [

@@ -1,6 +1,6 @@
 """The table of figures: ``make bench``.
 
-Each line says what must be reached and what was measured, the rival in the same run where there is
+Each line says what must be reached and what was measured, the baseline in the same run where there is
 one. A timing never decides a test; this table is where timings are looked at. Processor times are
 given in yardsticks too, so that machines can be compared. The table is written to ``build/`` as
 ``bench.md`` and ``bench.json``. Names of files of this folder as arguments: their lines alone.
@@ -32,7 +32,7 @@ from machine import Machine, this_machine
 from rows import ROOT, Row, Stopwatch, measurements
 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
-           "flight", "closed_loop", "tuned", "measured")  # fmt: skip
+           "levitation", "closed_loop", "tuned", "measured")  # fmt: skip
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 
 

@@ -34,7 +34,7 @@ BITS_A_BYTE = 10
 
 
 class Coil:
-    """A current that does as it is told; sensors with a little noise."""
+    """A current that follows its commands; sensors with a little noise."""
 
     def __init__(self) -> None:
         self._random = Random(1)

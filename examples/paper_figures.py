@@ -132,7 +132,7 @@ def by_map(model: ActuatorModel) -> Answer:
     return lambda drive, gap: model.predict(drive, gap).output
 
 
-def tell(found: IdentifyResult, what: str, truth: LoopSet) -> None:
+def report(found: IdentifyResult, what: str, truth: LoopSet) -> None:
     model, fit = found.model, found.model.fit
     assert fit is not None
     print(f"{what}: {found.seconds:.0f} s, gap map {model.gap_map}")
@@ -180,8 +180,8 @@ def main() -> None:
     print(f"splines through the free sets: {found.splines.text('A')}")
     failing, all_gaps = len(found.splines.failing), found.splines.gaps.size
     print(f"  they fail at {failing} of {all_gaps} gaps")
-    tell(found, "order found", truth)
-    tell(paper, "c_H kept to the last", truth)
+    report(found, "order found", truth)
+    report(paper, "c_H kept to the last", truth)
     print(f"figures in {options.out}")
 
 

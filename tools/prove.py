@@ -129,7 +129,7 @@ def replace_once(file: Path, right: str, wrong: str) -> None:
 
 
 def leave_to_contract(file: Path, function: str) -> None:
-    """Turn a static function into a declaration, so that the harness can define it anew."""
+    """Turn a static function into a declaration, so that the harness can define it again."""
     text = file.read_text(encoding="utf-8")
     head = re.compile(rf"^(static [^;{{}}()]*\b){function}(\([^;{{}}]*\))\n\{{", re.MULTILINE)
     if len(head.findall(text)) != 1:

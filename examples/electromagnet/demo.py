@@ -6,7 +6,7 @@ writes models, reports, plots and a table, and turns the better model into fixed
 emulated Cortex-M4 runs bit for bit like the PC. ``make demo`` runs it; all goes to ``demo/``.
 
 The baseline is a single-valued curve, and the best there can be: it is fitted to true loops of the
-very gap it is judged at, where the model has to get along with what other gaps tell.
+very gap it is judged at, where the model has to get along with what other gaps show.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def table_of(models: dict[str, ActuatorModel], truth: LoopSet, seconds: dict[str
 
 
 def compiled_and_verified(model: Path, folder: Path) -> str:
-    """Turn a model into C and run that on an emulated Cortex-M4; tell what came out."""
+    """Turn a model into C and run that on an emulated Cortex-M4; report what came out."""
     compiled = compile_model(
         model, folder, Request("full", "q15", rate=20e3, accuracy=0.2, name="electromagnet")
     )

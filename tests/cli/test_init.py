@@ -124,12 +124,12 @@ def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
 def test_how_loops_are_read_goes_into_the_rig(tmp_path: Path) -> None:
     text = loops_text(0.3e-3, 0.5e-3).replace("I_A", "drive").replace("F_N", "U_V")
     (tmp_path / "loops.csv").write_text(text)
-    (tmp_path / "told.toml").write_text('[columns]\ndrive = "I_A"\nU_V = "F_N"\n')
+    (tmp_path / "columns.toml").write_text('[columns]\ndrive = "I_A"\nU_V = "F_N"\n')
     my = init(tmp_path, "loops.csv", "--columns", "drive=I_A,U_V=F_N", "--history", "demagnetised")
     read = tomllib.loads((my / "rig.toml").read_text())["identify"]
     assert read == {"columns": "drive=I_A,U_V=F_N", "history": "demagnetised"}
     shutil.rmtree(my)
-    init(tmp_path, "loops.csv", "--sidecar", "told.toml")
+    init(tmp_path, "loops.csv", "--sidecar", "columns.toml")
     assert read_bearing(my / "rig.toml").measured.read().output.name == "force"
 
 

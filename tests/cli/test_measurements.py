@@ -178,23 +178,27 @@ def test_a_gap_map_needs_two_gaps(tmp_path: Path) -> None:
 
 def test_one_gap_alone_is_warned_of(tmp_path: Path) -> None:
     write(tmp_path, table(rows(GAPS[:1])))
-    told = fitted(quick("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
-    assert any("loops at one gap only: the model holds there and nowhere else" in t for t in told)
-    assert any("one loop only" in text for text in told)
+    reported = fitted(quick("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
+    assert any(
+        "loops at one gap only: the model holds there and nowhere else" in t for t in reported
+    )
+    assert any("one loop only" in text for text in reported)
 
 
 def test_millimetres_in_a_column_of_metres_are_warned_of(tmp_path: Path) -> None:
     write(tmp_path, each(lambda row: [*row[:3], row[3].replace("e-3", "")]))
     for verb in (["inspect", "loops.csv"], ["identify", "loops.csv", "-o", "model.toml"]):
-        told = fitted(quick(*verb, cwd=tmp_path))
+        reported = fitted(quick(*verb, cwd=tmp_path))
         advice = "anhyst: warning: gaps up to 500 mm are very wide for an electromagnet; if the"
-        assert any(text.startswith(advice) and "name the column 'gap_mm'" in text for text in told)
+        assert any(
+            text.startswith(advice) and "name the column 'gap_mm'" in text for text in reported
+        )
 
 
 def test_gaps_that_are_all_but_the_same_are_warned_of(tmp_path: Path) -> None:
     write(tmp_path, table(rows((0.3, 0.30001, 0.5))))
-    told = fitted(quick("inspect", "loops.csv", cwd=tmp_path))
-    assert any("gap 0.0003 and 0.00030001 m are all but the same" in text for text in told)
+    reported = fitted(quick("inspect", "loops.csv", cwd=tmp_path))
+    assert any("gap 0.0003 and 0.00030001 m are all but the same" in text for text in reported)
 
 
 def test_a_gap_that_comes_again_must_be_told_apart(tmp_path: Path) -> None:
@@ -213,8 +217,8 @@ def test_a_counter_of_rows_is_no_label_of_loops(tmp_path: Path) -> None:
     lines = [[str(place), *row[1:3]] for place, row in enumerate(rows() * 60)]
     said = identify(write(tmp_path, table(lines, "loop,I_A,F_N")))
     assert said.startswith("loops.csv: holds more than 2000 loops; is the column 'loop' a counter")
-    told = ["--columns", "loop=", "--clean", "none", "--history", "settled"]
-    assert fitted(quick("inspect", "loops.csv", *told, cwd=tmp_path)) == []
+    reported = ["--columns", "loop=", "--clean", "none", "--history", "settled"]
+    assert fitted(quick("inspect", "loops.csv", *reported, cwd=tmp_path)) == []
 
 
 def test_two_files_at_one_gap_must_be_told_apart(tmp_path: Path) -> None:
@@ -261,8 +265,8 @@ def test_a_gap_that_moves_is_not_fitted(tmp_path: Path) -> None:
 def test_few_samples_are_warned_of(tmp_path: Path) -> None:
     lines = rows(GAPS[:1])
     write(tmp_path, table([*lines[:40:10], lines[39], *lines[40::10]]))
-    told = fitted(quick("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
-    assert any("samples for" in text and "record more samples" in text for text in told)
+    reported = fitted(quick("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
+    assert any("samples for" in text and "record more samples" in text for text in reported)
 
 
 @pytest.mark.parametrize(

@@ -121,9 +121,9 @@ def test_a_wrong_value_is_told_with_its_line_and_key(
 )  # fmt: skip
 def test_a_wrong_key_is_told(folder: Path, old: str, new: str, said: str) -> None:
     assert old in GOOD
-    told = refused(*VERBS["predict"], cwd=damage(folder, GOOD.replace(old, new, 1)))
-    assert told.startswith("model.toml:")
-    assert said in told
+    reported = refused(*VERBS["predict"], cwd=damage(folder, GOOD.replace(old, new, 1)))
+    assert reported.startswith("model.toml:")
+    assert said in reported
 
 
 @pytest.mark.parametrize(

@@ -69,8 +69,8 @@ def test_what_is_read_is_not_written_over(folder: Path) -> None:
     for out in ("loops.csv", "link.csv", "loops.toml", "../" + folder.name + "/loops.csv"):
         assert refused("identify", "loops.csv", "-o", out, cwd=folder) == f"{out}: {said}"
     for out in ("loops.csv", "model.toml"):
-        told = refused("predict", "model.toml", "loops.csv", "-o", out, cwd=folder)
-        assert told == f"{out}: {said}"
+        reported = refused("predict", "model.toml", "loops.csv", "-o", out, cwd=folder)
+        assert reported == f"{out}: {said}"
     assert refused("report", "model.toml", "-o", "model.toml", cwd=folder) == f"model.toml: {said}"
 
 

@@ -1,4 +1,4 @@
-"""The same files, seed and version give the same model and flights on every processor."""
+"""The same files, seed and version give the same model and recordings on every processor."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def expected(path: str, value: Any) -> Any:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("force", ["cells", "model"])
-def test_every_processor_flies_the_same_flight_bit_for_bit(force: str, tmp_path: Path) -> None:
+def test_every_processor_records_the_same_run_bit_for_bit(force: str, tmp_path: Path) -> None:
     write_files(tmp_path, force)
     recordings, figures = [], []
     for level in batch_levels():

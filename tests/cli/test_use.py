@@ -72,8 +72,8 @@ def test_current_goes_to_force_and_back(folder: Path) -> None:
 def test_history_and_columns_are_told_on_the_command_line(folder: Path) -> None:
     text = (folder / "drive.csv").read_text().replace("I_A,gap_mm", "X,Y")
     (folder / "drive.csv").write_text(text)
-    told = ["--columns", "X=I_A,Y=gap_mm", "--history", "conditioned:0,2,0"]
-    result = anhyst("predict", "model.toml", "drive.csv", "-o", "f.csv", *told, cwd=folder)
+    reported = ["--columns", "X=I_A,Y=gap_mm", "--history", "conditioned:0,2,0"]
+    result = anhyst("predict", "model.toml", "drive.csv", "-o", "f.csv", *reported, cwd=folder)
     assert result.returncode == 0, result.stderr
     drive = np.loadtxt(folder / "f.csv", delimiter=",", skiprows=1)
     model = read_model(folder / "model.toml")

@@ -150,9 +150,9 @@ def test_compile_warns_of_a_held_force_that_drifts(creeping: Path, tmp_path: Pat
     budget = json.loads((tmp_path / "c" / "budget.json").read_text())
     assert budget["drift"]["worst_percent"] == accuracy["drift_percent"]
     assert max(one["drift_percent"] for one in budget["held"]) == accuracy["drift_percent"]
-    told = f"it drifts by {accuracy['drift_percent']:.2g} %"
-    assert told in (tmp_path / "c" / "DROP_IN.md").read_text()
-    assert told in (tmp_path / "c" / "budget.html").read_text()
+    reported = f"it drifts by {accuracy['drift_percent']:.2g} %"
+    assert reported in (tmp_path / "c" / "DROP_IN.md").read_text()
+    assert reported in (tmp_path / "c" / "budget.html").read_text()
 
 
 def test_an_accuracy_that_is_asked_for_is_kept_by_a_held_force_or_refused(

@@ -166,7 +166,7 @@ def eventful(setup: Setup) -> Scenario:
 
 
 def as_rows(recording: Recording, scenario: Scenario, compiled: Compiled) -> str:
-    """Write what a simulated controller was told and answered as rows of ``controller.csv``."""
+    """Write what a simulated controller was reported and answered as rows of ``controller.csv``."""
     signals = compiled.manifest["controller"]["signals"]
     middle = signals["position"]["zero_gap"]
 

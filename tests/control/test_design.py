@@ -62,7 +62,7 @@ def test_the_names_are_those_of_the_controller() -> None:
 
 
 @pytest.mark.parametrize(
-    ("numbers", "told"),
+    ("numbers", "reported"),
     [
         ((0.0, 120.0, 1.0), "mass: 0.0 kg"),
         ((2.0, -1.0, 1.0), "bandwidth: -1.0 Hz"),
@@ -72,8 +72,8 @@ def test_the_names_are_those_of_the_controller() -> None:
         ((2.0, 120.0, 1.0, np.inf), "virtual_mass: inf kg"),
     ],
 )
-def test_numbers_out_of_range_are_named(numbers: tuple[float, ...], told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_numbers_out_of_range_are_named(numbers: tuple[float, ...], reported: str) -> None:
+    with pytest.raises(InputError, match=reported):
         design(*numbers)
 
 

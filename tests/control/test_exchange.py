@@ -168,7 +168,7 @@ def _function(num: list[float], den: list[float], tick: float = 1.0 / RATE) -> o
 
 
 @pytest.mark.parametrize(
-    ("transfer", "told"),
+    ("transfer", "reported"),
     [
         (control.TransferFunction([1.0], [1.0, 1.0]), "continuous; discretise it"),
         (_function([1.0], [1.0, -1.0], 1e-3), "its tick is 0.001 s"),
@@ -182,8 +182,8 @@ def _function(num: list[float], den: list[float], tick: float = 1.0 / RATE) -> o
         (to_control(GAINS)[0, :2], "has 2 inputs and 1 outputs"),
     ],
 )
-def test_what_is_no_pidd2_is_refused(transfer: object, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_what_is_no_pidd2_is_refused(transfer: object, reported: str) -> None:
+    with pytest.raises(InputError, match=reported):
         from_control(transfer, RATE)
 
 

@@ -177,7 +177,7 @@ def test_conditioning_drives_the_sequence_and_makes_ready(number_format: Format)
     assert driven == pytest.approx(wanted, abs=2.0 * (CURRENTS[1] - CURRENTS[0]) / 65535)
     assert (min(driven), max(driven)) == pytest.approx(CURRENTS, abs=2e-4)
     assert rows[-1][0] == pytest.approx(0.0, abs=2e-5)
-    # The iron remembers it, until it is told otherwise.
+    # The iron remembers it, until it is reported otherwise.
     conditioned = probe(drive)
     assert abs(conditioned - fresh) > 5e-4
     controller.tick(REST, TARGET, command=Command.DEMAGNETISED)

@@ -128,7 +128,7 @@ def test_the_numbers_in_the_text(rig: BearingRig) -> None:
     path = np.array([*PAST, 2.85, 2.852])
     linkage = static_map(rig, path, np.full(path.size, gap))[1]
     inductance = (linkage[-1] - linkage[-2]) / 2e-3
-    told = re.search(r"\((\d+) mH\) changes the current by (\d+) A/s", README)
-    assert told
-    assert inductance == pytest.approx(1e-3 * float(told[1]), rel=0.05)
-    assert settings.amplifier.supply_V / inductance == pytest.approx(float(told[2]), rel=0.05)
+    reported = re.search(r"\((\d+) mH\) changes the current by (\d+) A/s", README)
+    assert reported
+    assert inductance == pytest.approx(1e-3 * float(reported[1]), rel=0.05)
+    assert settings.amplifier.supply_V / inductance == pytest.approx(float(reported[2]), rel=0.05)

@@ -76,9 +76,9 @@ def test_the_table_of_positions(rig: Rig) -> None:
         level = LEVELS * rising[-1]
         opening = np.interp(level, rising, current) - np.interp(level, falling, current)
         percent = 100.0 * opening / CURRENT_MAX
-        told = [float(number) for number in re.findall(r"[\d.]+(?= %)", width)]
-        assert percent.max() == pytest.approx(told[0], abs=0.06)
-        assert percent.mean() == pytest.approx(told[1], abs=0.06)
+        reported = [float(number) for number in re.findall(r"[\d.]+(?= %)", width)]
+        assert percent.max() == pytest.approx(reported[0], abs=0.06)
+        assert percent.mean() == pytest.approx(reported[1], abs=0.06)
         assert percent.max() >= 4.0
         assert rising[-1] >= rig.settings.force_control.force_max_N
         assert (where == "`loops.csv`") == (gap in measured)

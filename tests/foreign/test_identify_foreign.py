@@ -55,29 +55,29 @@ def missed(model: ActuatorModel, magnet: ForeignMagnet) -> list[float]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_default_can_be_compiled_and_passes_its_acceptance_test(place: Path, name: str) -> None:
-    model, told = found(place, name)
+    model, reported = found(place, name)
     assert model.gap_map in {"scaling", "reluctance", "circuit"}
-    assert set(told["fit"]["left_out"]) == {"scaling", "reluctance", "circuit"}
+    assert set(reported["fit"]["left_out"]) == {"scaling", "reluctance", "circuit"}
     assert model.acceptance().passed is True
-    assert not any("compiled" in text for text in told["warnings"])
+    assert not any("compiled" in text for text in reported["warnings"])
 
 
 @pytest.mark.parametrize("name", ["u", "soft"])
 def test_no_offset_is_invented_where_there_is_none(place: Path, name: str) -> None:
-    model, told = found(place, name)
+    model, reported = found(place, name)
     assert not np.any(model.parameters["in_0"])
     assert not np.any(model.parameters["out_0"])
-    assert not any("offset" in text for text in told["uncertainty"]["names"])
+    assert not any("offset" in text for text in reported["uncertainty"]["names"])
     for gap in model.nodes:
         rest = model.predict([0.0], gap, history="demagnetised").output
-        assert abs(rest[0]) < 1e-9 * told["fit"]["largest_output"]
+        assert abs(rest[0]) < 1e-9 * reported["fit"]["largest_output"]
 
 
 def test_the_offset_of_the_current_sensor_is_read_at_rest(place: Path) -> None:
-    model, told = found(place, "hard")
+    model, reported = found(place, "hard")
     true = MAGNETS["hard"].sensors.current_offset
     assert model.parameters["in_0"] == pytest.approx(true, abs=3e-3)
-    unsure = told["uncertainty"]
+    unsure = reported["uncertainty"]
     std = dict(zip(unsure["names"], unsure["std"], strict=True))["input offset (A)"]
     assert 1e-4 < std < 5e-3
     assert abs(model.parameters["in_0"] - true) < 4.0 * std  # type: ignore[operator]
@@ -89,21 +89,21 @@ def test_an_offset_of_the_force_is_read_before_the_iron_is_magnetised(
 ) -> None:
     u = MAGNETS["u"]
     magnet = replace(u, name="tared", sensors=replace(u.sensors, force_offset=offset))
-    model, told = identified(place, magnet, "--gap-map", "reluctance")
+    model, reported = identified(place, magnet, "--gap-map", "reluctance")
     assert model.parameters["out_0"] == pytest.approx(offset, abs=0.4)
     assert not np.any(model.parameters["in_0"])
-    assert "output offset (N)" in told["uncertainty"]["names"]
+    assert "output offset (N)" in reported["uncertainty"]["names"]
     none, _ = identified(place, magnet, "--gap-map", "reluctance", "--no-offsets")
     assert none.parameters["out_0"] == 0.0
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_promised_between_the_gaps_is_kept(place: Path, name: str) -> None:
-    model, told = found(place, name)
+    model, reported = found(place, name)
     assert model.fit is not None
     promised = model.fit.cross_validation
     assert promised is not None
-    assert told["fit"]["cross_validation"]["error"] == promised.error
+    assert reported["fit"]["cross_validation"]["error"] == promised.error
     for error in missed(model, MAGNETS[name]):
         # Promised from fits without a dead band; the model, with one, may be better.
         assert 0.5 * promised.low < error < promised.high

@@ -1,4 +1,4 @@
-"""A drafted rig flies: for magnets that nobody here made the package for, and the bundled ones."""
+"""A drafted rig levitates: for magnets that nobody here made the package for, and the bundled ones."""
 
 from __future__ import annotations
 

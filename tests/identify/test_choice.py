@@ -62,7 +62,7 @@ def test_auto_finds_the_map_that_made_the_loops(gap_map: GapMap, output: str) ->
 
 def test_a_left_out_error_is_that_of_a_fit_without_that_gap() -> None:
     loops = loops_of(magnet("scaling"), noise=NOISE, samples=60)
-    told = fit_of(identify(loops, gap_map="reluctance")).left_out["reluctance"]
+    reported = fit_of(identify(loops, gap_map="reluctance")).left_out["reluctance"]
     missed = []
     for gap in GAPS[1:-1]:
         others = identify(loops.without(gap), gap_map="reluctance")
@@ -71,7 +71,7 @@ def test_a_left_out_error_is_that_of_a_fit_without_that_gap() -> None:
             [loop.output for loop in seen.loops]
         )
         missed.append(float(np.mean(np.abs(off))) / largest(loops))
-    assert told == pytest.approx(np.mean(missed), rel=0.02)
+    assert reported == pytest.approx(np.mean(missed), rel=0.02)
 
 
 def test_gaps_in_any_order_give_the_same_model() -> None:
@@ -243,12 +243,12 @@ def test_provenance_tells_the_settings(tmp_path: Path) -> None:
     made.to_csv(tmp_path / "two_gaps.csv")
     loops = read_loops(tmp_path / "two_gaps.csv", history="settled")
     result = identify(loops, gap_map="scaling", seed=7, weights="relative", offsets=False)
-    told = result.model.provenance
-    assert told.seed == 7
-    assert told.sources == loops.sources
-    assert told.settings["weights"] == "relative"
-    assert told.settings["offsets"] is False
-    assert told.settings["gap_map_wanted"] == "scaling"
+    reported = result.model.provenance
+    assert reported.seed == 7
+    assert reported.sources == loops.sources
+    assert reported.settings["weights"] == "relative"
+    assert reported.settings["offsets"] is False
+    assert reported.settings["gap_map_wanted"] == "scaling"
     assert result.model.name == "two_gaps"
     assert str(result.model.history) == "settled"
     valid = result.model.valid

@@ -51,10 +51,10 @@ def test_a_model_has_a_dead_band_that_costs_no_more_than_it_may(name: str) -> No
 
 def test_the_model_tells_how_wide_it_is_and_what_it_costs() -> None:
     given, without = (found("electromagnet", dead_band=wanted) for wanted in (True, False))
-    told = str(given.model.provenance.settings["dead_band"])
-    assert told.startswith(f"r_d = {part_of_pinning(given):g}*k")
+    reported = str(given.model.provenance.settings["dead_band"])
+    assert reported.startswith(f"r_d = {part_of_pinning(given):g}*k")
     change = 100.0 * (rms(given) / rms(without) - 1.0)
-    assert float(told.split()[-2]) == pytest.approx(change, abs=4.0)  # loops weigh alike there
+    assert float(reported.split()[-2]) == pytest.approx(change, abs=4.0)  # loops weigh alike there
     assert "not wanted" in str(without.model.provenance.settings["dead_band"])
     for result in (given, without):
         assert result.model.uncertainty is not None

@@ -118,9 +118,11 @@ def test_a_simplex_begun_at_a_bound_turns_inward() -> None:
 
 
 @pytest.mark.parametrize(
-    ("high", "parents", "children", "told"),
+    ("high", "parents", "children", "reported"),
     [(0.0, 3, 20, "lower bound"), (1.0, 20, 20, "children"), (1.0, 0, 20, "children")],
 )
-def test_refuses_what_cannot_evolve(high: float, parents: int, children: int, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_refuses_what_cannot_evolve(
+    high: float, parents: int, children: int, reported: str
+) -> None:
+    with pytest.raises(InputError, match=reported):
         EvolutionStrategy(np.zeros(2), np.full(2, high), 1, parents, children)

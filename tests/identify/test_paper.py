@@ -177,8 +177,8 @@ def test_cost_of_the_last_step_is_that_of_the_model(
     quick: IdentifyResult, two_gaps: LoopSet
 ) -> None:
     outputs = np.concatenate(quick.fitted)
-    told = mean_deviation(records_of(two_gaps), outputs)
-    assert told == pytest.approx(quick.model.reduction[-1].cost_after, rel=0.02)
+    reported = mean_deviation(records_of(two_gaps), outputs)
+    assert reported == pytest.approx(quick.model.reduction[-1].cost_after, rel=0.02)
 
 
 @pytest.fixture(scope="module")

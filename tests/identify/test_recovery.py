@@ -144,9 +144,9 @@ def scores(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     for seed in range(20):
         loops = noisy(clean, NOISE, seed)
         result = identify(loops, gap_map=wanted_map(truth), dead_band=False)  # the truth has none
-        told = uncertainty_of(result)
-        off = np.array(told.values) - np.array(truths_in_order(truth))
-        rows.append(off / np.array(told.std))
+        reported = uncertainty_of(result)
+        off = np.array(reported.values) - np.array(truths_in_order(truth))
+        rows.append(off / np.array(reported.std))
     return np.array(rows)
 
 
@@ -178,12 +178,12 @@ def test_uncertainty_grows_with_the_noise_and_shrinks_with_samples() -> None:
 
 
 def test_what_loops_cannot_tell_is_said() -> None:
-    told = uncertainty_of(identify(loops_of(magnet(), noise=NOISE), gap_map="reluctance"))
-    assert any("told only together" in text for text in told.statements)
-    assert any("air core" in text for text in told.statements)
-    assert any("alpha and an offset of rho" in text for text in told.statements)
-    size = len(told.names)
-    matrix = np.array(told.correlation)
+    reported = uncertainty_of(identify(loops_of(magnet(), noise=NOISE), gap_map="reluctance"))
+    assert any("reported only together" in text for text in reported.statements)
+    assert any("air core" in text for text in reported.statements)
+    assert any("alpha and an offset of rho" in text for text in reported.statements)
+    size = len(reported.names)
+    matrix = np.array(reported.correlation)
     assert matrix.shape == (size, size)
     assert np.allclose(np.diag(matrix), 1.0)
     assert np.allclose(matrix, matrix.T, atol=1e-9)
@@ -191,8 +191,8 @@ def test_what_loops_cannot_tell_is_said() -> None:
 
 
 def test_flux_over_field_tells_the_air_core() -> None:
-    told = uncertainty_of(identify(loops_of(core(), noise=NOISE)))
-    assert not any("air core" in text for text in told.statements)
+    reported = uncertainty_of(identify(loops_of(core(), noise=NOISE)))
+    assert not any("air core" in text for text in reported.statements)
 
 
 @pytest.mark.parametrize("in_0", [-0.1, 0.0, 0.06])

@@ -194,7 +194,7 @@ class Chip:
     def _program(
         self, _cpu: object, _access: int, address: int, size: int, value: int, _: object
     ) -> None:
-        """Bits fall, and stay: only where the flash was told so, a word at a time."""
+        """Bits fall, and stay: only where the flash was unlocked for it, a word at a time."""
         assert self._keys[-2:] == KEYS
         assert self.written[FLASH_CR] == PG | PSIZE_32
         assert (size, self._word(address)) == (4, 0xFFFFFFFF)

@@ -10,7 +10,7 @@ NOISE = 1e-4
 
 
 class NoisyPlant:
-    """Force proportional to the current, a gap that stands still, sensors with noise.
+    """Force proportional to the current, a gap that is held, sensors with noise.
 
     Attributes
     ----------

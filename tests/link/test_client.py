@@ -128,7 +128,7 @@ def test_a_corrupted_block_is_rejected_and_the_old_one_stays(
     old = controller.read_block()
     spoilt = regenerate(old, 7)
     spoilt[at] ^= 1
-    with pytest.raises(Refused, match="not sound") as refused:
+    with pytest.raises(Refused, match="not valid") as refused:
         controller.write_block(spoilt)
     assert refused.value.reason is Reason.BLOCK
     assert controller.status().generation == 0

@@ -46,7 +46,7 @@ def session(firmware: Path, line: Disturbance) -> Iterator[tuple[Running, ForceC
 
 
 def other(line: Disturbance) -> Disturbance:
-    """The same damage, counted anew."""
+    """The same damage, counted again."""
     return Disturbance(line.flip, line.drop, line.duplicate, line.reorder, line.insert)
 
 

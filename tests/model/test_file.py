@@ -53,7 +53,7 @@ COMPLETE = ActuatorModel(
         values=(300.0, 0.0),
         std=(1.5, float("inf")),
         correlation=((1.0, -0.2), (-0.2, 1.0)),
-        statements=("alpha cannot be told from the offset of rho.",),
+        statements=("alpha cannot be reported from the offset of rho.",),
     ),
     reduction=(
         ReductionStep("k", 0.0017, 0.0018, {"k": 0.0018, "a": 0.0021}),

@@ -65,9 +65,9 @@ def test_measurements_come_back_as_they_were_read(tmp_path: Path) -> None:
 def test_default_options_leave_no_trace() -> None:
     assert ReadOptions().as_settings() == {}
     assert ReadOptions.from_text(clean="none").as_settings() == {"read_clean": "none"}
-    told = ReadOptions.from_text(columns="a=b=I_A,c=", clean="drift", loop="n").as_settings()
-    assert told == {"read_columns": "a=b=I_A,c=", "read_clean": "drift", "read_loop": "n"}
-    plain = {name.removeprefix("read_"): str(value) for name, value in told.items()}
+    reported = ReadOptions.from_text(columns="a=b=I_A,c=", clean="drift", loop="n").as_settings()
+    assert reported == {"read_columns": "a=b=I_A,c=", "read_clean": "drift", "read_loop": "n"}
+    plain = {name.removeprefix("read_"): str(value) for name, value in reported.items()}
     assert ReadOptions.from_text(**plain).columns == {"a=b": "I_A", "c": ""}
 
 

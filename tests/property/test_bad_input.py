@@ -102,7 +102,7 @@ def odd_numbers(draw: st.DrawFn) -> bytes:
 
 
 def holds_or_is_refused(name: str, content: bytes, use: Callable[[Path], object]) -> None:
-    """Use a file; nothing but an error of its own may come out, told in one printable line."""
+    """Use a file; nothing but an error of its own may come out, reported in one printable line."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # overflow of absurd numbers
         path = Path(folder) / name

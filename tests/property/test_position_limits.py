@@ -1,4 +1,4 @@
-"""Whatever a controller of the position is told, its currents are those that may be driven."""
+"""Whatever a controller of the position is reported, its currents are those that may be driven."""
 
 from __future__ import annotations
 

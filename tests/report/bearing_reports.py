@@ -1,4 +1,4 @@
-"""A simulation that was not flown: all that its report can hold, for the tests of the report."""
+"""A simulation that never ran: all that its report can hold, for the tests of the report."""
 
 from __future__ import annotations
 
@@ -115,8 +115,10 @@ def subject() -> Subject:
     overshoot = {name: Interval(*OVERSHOOT[name][0], 20) for name in SHOWN}
     current = np.concatenate([np.linspace(0.0, 4.0, 40), np.linspace(4.0, 0.0, 40)])
     benefit = tuple(
-        BenefitCell("overshoot", against, rival, width, share, share < 0.1, height, ratio, outcome)
-        for against, rival, base in (("ratio", "ratio", 0.3), ("the strongest", "static", 0.9))
+        BenefitCell(
+            "overshoot", against, baseline, width, share, share < 0.1, height, ratio, outcome
+        )
+        for against, baseline, base in (("ratio", "ratio", 0.3), ("the strongest", "static", 0.9))
         for width, share, ratio in ((0.02, 0.05, base), (0.05, 0.15, base + 0.08))
         for height in (10e-6, 50e-6)
         for outcome in (("gain" if ratio < 0.95 else "no gain"),)

@@ -72,7 +72,7 @@ def texts_of(figure: Figure) -> list[str]:
 def test_the_diagram_holds_the_numbers_of_the_files(
     rig: BearingRig, controller: ControllerTable
 ) -> None:
-    told = texts_of(figure_structure(rig, controller))
+    reported = texts_of(figure_structure(rig, controller))
     gains = controller.law()
     for text in (
         f"K_d {gains.K_d:.0f} N s/m", "full hysteresis compensator", "fixed point",
@@ -80,7 +80,7 @@ def test_the_diagram_holds_the_numbers_of_the_files(
         "reversible fraction 0.15", "mass 2 kg", "stops at 0.35 and 0.55 mm", "150 N, 500 Hz",
         "encoder: step 50 nm", "noise 5 nm rms, 20 kHz",
     ):  # fmt: skip
-        assert text in told
+        assert text in reported
     heavier = rig.settings.mechanics.model_copy(update={"mass_kg": 3.5})
     other = replace(rig, settings=rig.settings.model_copy(update={"mechanics": heavier}))
     assert "mass 3.5 kg" in texts_of(figure_structure(other, controller))

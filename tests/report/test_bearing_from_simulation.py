@@ -139,18 +139,20 @@ def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
         gains = sum(cell.ratio[measure].outcome == "gain" for cell in found.cells)  # type: ignore[index]
         assert f"{title} against ratio: a certain gain in {gains} of 2 cells" in page.text
         gains = sum(cell.strongest[measure].outcome == "gain" for cell in found.cells)  # type: ignore[index]
-        assert f"{title} against the strongest rival: a certain gain in {gains} of 2" in page.text
+        assert (
+            f"{title} against the strongest baseline: a certain gain in {gains} of 2" in page.text
+        )
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (["--out", "map.csv", "--benefit"], "map.csv: the map is written as .json"),
         (["--out", "map.json", "--benefit", "--monte-carlo", "2"], "do not go together"),
     ],
 )
 def test_a_map_that_cannot_be_made_is_refused_at_once(
-    small: Path, arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    small: Path, arguments: list[str], reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["simulate", str(small / "rig.toml"), *arguments]) == 2
-    assert told in capsys.readouterr().err
+    assert reported in capsys.readouterr().err

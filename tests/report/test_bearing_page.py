@@ -1,4 +1,4 @@
-"""The report of a simulation tells what it was given, needs nothing else, and can be read."""
+"""The report of a simulation shows what it was given, needs nothing else, and can be read."""
 
 from __future__ import annotations
 
@@ -83,9 +83,11 @@ def test_the_page_is_well_formed_with_figures_told_in_words(html: str, page: Pag
     ids = [given["id"] for _, given in page.tags if given.get("id")]
     assert len(ids) == len(set(ids))
     drawn = re.findall(r"<svg\b.*?</svg>", html, flags=re.DOTALL)
-    told = [given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"]
-    assert len(drawn) == len(told) == 12
-    assert all(len(text) > 40 for text in told)
+    reported = [
+        given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"
+    ]
+    assert len(drawn) == len(reported) == 12
+    assert all(len(text) > 40 for text in reported)
     for text in drawn:
         assert ET.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"
 
@@ -98,13 +100,13 @@ def every_variant(subject: Subject) -> Subject:
     """Steps at three gaps with every variant, and remarks beside many of them."""
     (one,) = (cell for cell in cells() if cell.variant == "full" and cell.height == 10e-6)
     noise = {**one.figures, "noise_percent": Interval(20.0, 0.05, 20)}
-    flown = [
+    steps = [
         replace(one, variant=name, gap=gap, height=height, figures=noise)
         for name in COLOURS
         for gap in (0.42e-3, GAP, 0.48e-3)
         for height in (10e-6, 100e-6)
     ]
-    return replace(subject, steps=grouped(flown))
+    return replace(subject, steps=grouped(steps))
 
 
 def test_tables_with_every_variant_wrap_and_narrow_ones_do_not(subject: Subject) -> None:
@@ -155,8 +157,8 @@ def test_what_comes_from_outside_is_escaped(html: str, page: Page) -> None:
 
 
 def test_figures_stand_with_their_intervals(page: Page) -> None:
-    for told in ("30.25 ± 0.40", "10.00 ± 0.30", "12.10 ± 0.25", "6.25 ± 0.10", "14.25 ± 0.50"):
-        assert told in page.text
+    for reported in ("30.25 ± 0.40", "10.00 ± 0.30", "12.10 ± 0.25", "6.25 ± 0.10", "14.25 ± 0.50"):
+        assert reported in page.text
     assert "Mean and 95 % confidence interval over 20 noise seeds" in page.text
     assert "3 of 20 lost" in page.text  # the variant that fell
     assert "The encoder of 50 nm limits." in page.text

@@ -1,4 +1,4 @@
-"""The report is one page that needs nothing else, and tells bad news loudly."""
+"""The report is one page that needs nothing else, and reports bad news loudly."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def magnet(folder: Path, **changes: object) -> ActuatorModel:
             (0.75, 0.15, 0.0),
             (0.02, 0.08, 0.01),
             ((1.0, 0.96, 0.1), (0.96, 1.0, 0.2), (0.1, 0.2, 1.0)),
-            ("c is hardly told by these <loops>: uncertain by 53 %",),
+            ("c is hardly determined by these <loops>: uncertain by 53 %",),
         ),
         reduction=(
             ReductionStep("alpha", 0.0017, 0.0018, {"alpha": 0.0018, "k": 0.0035, "c_out": 0.003}),
@@ -187,17 +187,19 @@ def test_the_page_is_well_formed_and_small(html: str, page: Page) -> None:
 
 
 def test_every_figure_says_in_words_what_it_shows(page: Page) -> None:
-    told = [given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"]
+    reported = [
+        given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"
+    ]
     pictures = [given for tag, given in page.tags if tag == "svg"]
-    assert len(told) == len(pictures) == 8
-    assert all(len(text) > 60 for text in told)
+    assert len(reported) == len(pictures) == 8
+    assert all(len(text) > 60 for text in reported)
     assert all(given["aria-hidden"] == "true" for given in pictures)
 
 
 def test_hysteresis_is_drawn_by_itself(subject: Subject) -> None:
     evidence = subject.evidence
     assert evidence is not None
-    figure = figure_differences(evidence.loops, evidence.fitted, evidence.rival)
+    figure = figure_differences(evidence.loops, evidence.fitted, evidence.baseline)
     largest = max(float(np.abs(loop.output).max()) for loop in evidence.loops.loops)
     drawn = [np.asarray(line.get_ydata()) for ax in figure.axes for line in ax.lines]
     most = max(float(np.abs(values).max()) for values in drawn)
@@ -222,7 +224,7 @@ def test_the_head_tells_figures_verdict_and_acceptance(page: Page) -> None:
 def test_the_page_tells_reduction_uncertainty_and_origin(page: Page, folder: Path) -> None:
     assert "c_F 0.30 %, k 0.35 %" in page.text
     assert "0.150 ± 0.080 53 %" in page.text
-    assert "What the data cannot tell" in page.text
+    assert "What the data leave open" in page.text
     assert "It predicts best." in page.text
     assert "anhyst 1.2.3" in page.text
     for source in magnet(folder).provenance.sources:
@@ -340,10 +342,12 @@ def test_a_model_worse_than_a_curve_without_memory_says_so(subject: Subject, fol
 def test_the_verdict_is_that_of_the_measurement(subject: Subject, level: Level, title: str) -> None:
     assert subject.evidence is not None
     judged = replace(subject.evidence.verdict, level=level)
-    told = headline(replace(subject, evidence=replace(subject.evidence, verdict=judged))).notes[0]
-    assert told.title == title
-    assert told.tone == ("good" if level == "yes" else "warn")
-    assert "% of that error away" in told.text.replace("\xa0", " ")
+    reported = headline(replace(subject, evidence=replace(subject.evidence, verdict=judged))).notes[
+        0
+    ]
+    assert reported.title == title
+    assert reported.tone == ("good" if level == "yes" else "warn")
+    assert "% of that error away" in reported.text.replace("\xa0", " ")
 
 
 def test_a_model_that_cannot_be_run_over_its_loops_is_still_reported(

@@ -1,4 +1,4 @@
-"""The virtual plants obey physics, whatever a model says of them."""
+"""The virtual plants follow physics, whatever a model says of them."""
 
 from __future__ import annotations
 

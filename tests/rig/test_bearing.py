@@ -31,10 +31,10 @@ Changes = dict[str, Any]
 FULL = bearings.single
 
 
-def fly(
+def levitate(
     rig: BearingRig, seconds: float = 0.3, setup: Setup | None = None
 ) -> tuple[Recording, Recording]:
-    """Lift, hang, step up, land; return what is in the air and what hangs still."""
+    """Lift, hold, step up, land; return what is in the air and what holds its position."""
     setup = setup or Setup(rig, FULL().controller, FULL().drive)
     script = bearings.lifted(setup)
     begin = script.ticks
@@ -43,7 +43,7 @@ def fly(
     script.step(GAP - 10e-6, 0.2)
     down = script.ticks
     script.command(Command.LAND).hold(0.5)
-    recording = bearings.fly(setup, script)
+    recording = bearings.run_plant(setup, script)
     assert len(recording) == script.ticks
     assert lost_at(rig, recording.part(0, down), script.build().lifted) is None
     assert recording["state"][-1] == READY
@@ -52,7 +52,7 @@ def fly(
     return recording, recording.part(begin, stepped)
 
 
-def hangs(still: Recording, load: float, most: float) -> None:
+def holds(still: Recording, load: float, most: float) -> None:
     """Hold the gap within `most`, carry the load."""
     assert set(still["state"]) == {HOVER}
     assert np.abs(still["gap_m"] - GAP).max() < most
@@ -73,8 +73,8 @@ def test_the_measured_flux_hangs_still(changes: Changes, number_format: Format) 
     rig = changed(bearings.example(), changes)
     table = bearings.controller().settings
     setup = make_setup(rig, table, bearings.knowledge(), "flux", number_format)
-    _, still = fly(rig, setup=setup)
-    hangs(still, 150.0, 0.1e-6)
+    _, still = levitate(rig, setup=setup)
+    holds(still, 150.0, 0.1e-6)
     assert still["flux_density_T"].std() < 2e-3
 
 
@@ -97,16 +97,16 @@ def test_the_measured_flux_hangs_still(changes: Changes, number_format: Format) 
 def test_it_hangs_still(changes: Changes) -> None:
     rig = changed(bearings.example(), changes)
     find_operating_point(rig)
-    _, still = fly(rig)
-    hangs(still, 150.0, 0.3e-6)
+    _, still = levitate(rig)
+    holds(still, 150.0, 0.3e-6)
     assert np.abs(still["voltage_V"]).max() <= rig.settings.amplifier.supply_V
 
 
 def test_weight_counts_as_load() -> None:
     weight = 2.0 * 9.81
     changes = {"mechanics.gravity_m_per_s2": 9.81, "load.force_N": 150.0 - weight}
-    _, still = fly(changed(bearings.example(), changes))
-    hangs(still, 150.0, 0.3e-6)
+    _, still = levitate(changed(bearings.example(), changes))
+    holds(still, 150.0, 0.3e-6)
     assert still["load_N"].mean() == pytest.approx(150.0 - weight, abs=0.1)
 
 
@@ -115,7 +115,7 @@ def test_a_sharper_sensor_makes_a_quieter_hover() -> None:
     spread = []
     for kind in ("lvdt", "encoder", "capacitive", "laser"):
         rig = changed(bearings.example(), {"position_sensor": bearings.sensor(kind)})
-        spread.append(float(fly(rig)[1]["gap_m"].std()))
+        spread.append(float(levitate(rig)[1]["gap_m"].std()))
     assert spread == sorted(spread, reverse=True)
     assert spread[0] > 20.0 * spread[-1]
 
@@ -123,7 +123,7 @@ def test_a_sharper_sensor_makes_a_quieter_hover() -> None:
 def test_a_late_amplifier_is_a_late_output() -> None:
     """Half a tick of computing and half a tick of amplifier are one tick: to the bit."""
     late = {"timing.delay_ticks": 0.5, "amplifier.delay_s": 25e-6}
-    records = [fly(rig)[0] for rig in (bearings.example(), changed(bearings.example(), late))]
+    records = [levitate(rig)[0] for rig in (bearings.example(), changed(bearings.example(), late))]
     assert np.array_equal(records[0].table, records[1].table, equal_nan=True)
 
 
@@ -133,7 +133,7 @@ def test_disturbances_push_as_they_say() -> None:
     def pushed(kind: str, force: float, frequency: float | None = None) -> Recording:
         given = {"kind": kind, "force_N": force, "start_s": begin, "frequency_Hz": frequency}
         one = DisturbanceTable.model_validate(given)
-        recording, _ = fly(changed(bearings.example(), {"load.disturbance": [one]}), 1.0)
+        recording, _ = levitate(changed(bearings.example(), {"load.disturbance": [one]}), 1.0)
         before = recording.part(9200, 9990)
         assert np.ptp(before["load_N"]) < 1e-9
         return recording.part(10400, 28000)
@@ -156,7 +156,7 @@ def test_disturbances_push_as_they_say() -> None:
 def test_a_rendered_load_pushes_back() -> None:
     """Its stiffness pulls the armature to where it rests; its damping takes from a movement."""
     changes = {"load.stiffness_N_per_m": 5e4}
-    recording, _ = fly(changed(bearings.example(), changes))
+    recording, _ = levitate(changed(bearings.example(), changes))
     up = recording.part(len(recording) - 10000 - 2000, len(recording) - 10000)
     away = up["gap_m"].mean() - bearings.example().settings.simulate.gap_m
     assert up["load_N"].mean() == pytest.approx(150.0 - 5e4 * away, abs=0.05)
@@ -200,15 +200,15 @@ def test_an_identified_law_makes_the_force(
     at, own = find_operating_point(rig), find_operating_point(bearings.example())
     assert at.point.k_i == pytest.approx(own.point.k_i, rel=0.05)
     assert at.point.inductance == pytest.approx(own.point.inductance, rel=0.05)
-    recording, still = fly(rig)
-    hangs(still, 150.0, 0.3e-6)
+    recording, still = levitate(rig)
+    holds(still, 150.0, 0.3e-6)
     mine = still["demand_N"].mean() - still["force_N"].mean()
-    _, other = fly(bearings.example())
+    _, other = levitate(bearings.example())
     assert abs(mine) < 0.2 * abs(other["demand_N"].mean() - other["force_N"].mean())
     assert recording["flux_Wb"].max() > 0.01
 
 
 def test_a_measured_flux_table_is_the_one_it_was_made_from(law: BearingRig) -> None:
-    made, measured = fly(law)[0], fly(with_table(law))[0]
+    made, measured = levitate(law)[0], levitate(with_table(law))[0]
     assert np.abs(made["gap_m"] - measured["gap_m"]).max() < 1e-6
     assert np.abs(made["flux_Wb"] - measured["flux_Wb"]).max() < 1e-4

@@ -1,4 +1,4 @@
-"""Files of a bearing: read whole, written back, and told by line where they are wrong."""
+"""Files of a bearing: read whole, written back, and reported by line where they are wrong."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def change(path: Path, old: str, new: str) -> int:
     return text[: text.index(old)].count("\n") + 1
 
 
-def told(caught: pytest.ExceptionInfo[InputError]) -> str:
+def reported(caught: pytest.ExceptionInfo[InputError]) -> str:
     text = str(caught.value)
     assert "\n" not in text
     return text
@@ -205,7 +205,7 @@ def test_what_is_wrong_with_a_rig_is_told_by_line(
     change(path, old, new)
     with pytest.raises(InputError) as caught:
         read_bearing(path)
-    text = told(caught)
+    text = reported(caught)
     assert f": {key}: " in text
     assert what in text
     line = re.match(re.escape(str(path)) + r":(\d+): ", text)
@@ -332,7 +332,7 @@ def test_what_is_wrong_with_a_controller_is_told_by_line(
     rig = read_bearing(folder / "rig.toml")
     with pytest.raises(TomlFileError) as caught:
         check_controller(read_controller(path), rig)
-    text = told(caught)
+    text = reported(caught)
     assert re.match(re.escape(str(path)) + r":\d+: " + re.escape(key) + ": ", text)
     assert what in text
     if key not in {"design", "limits", "converter.bits"}:
@@ -436,7 +436,7 @@ def test_a_flux_table_that_is_none_is_told_by_line_or_point(
     path = grid(tmp_path / "psi.csv", rows)
     with pytest.raises(InputError) as caught:
         read_flux_table(path)
-    assert what in told(caught)
+    assert what in reported(caught)
 
 
 def test_a_flux_table_reaches_as_far_as_the_plant(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Rig files: read whole, and told by line and key where something is wrong with them."""
+"""Rig files: read whole, and reported by line and key where something is wrong with them."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_key_inside_a_list_of_tables_is_told_too(rig: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "reported"),
     [
         ('format = "anhyst-rig"', 'format = "rig"', "format: must be 'anhyst-rig'"),
         ("rate_Hz = 1000.0", "rate_Hz = 3.0", "rate_Hz: must be greater than or equal to 100"),
@@ -74,9 +74,9 @@ def test_a_key_inside_a_list_of_tables_is_told_too(rig: Path) -> None:
         ('name = "inner"', 'name = "wide open"', r"demand\[2\]\.name: string should match"),
     ],
 )
-def test_a_wrong_value_is_told(rig: Path, old: str, new: str, told: str) -> None:
+def test_a_wrong_value_is_told(rig: Path, old: str, new: str, reported: str) -> None:
     change(rig, old, new)
-    with pytest.raises(TomlFileError, match=told):
+    with pytest.raises(TomlFileError, match=reported):
         read_rig(rig)
 
 

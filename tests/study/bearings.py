@@ -103,5 +103,5 @@ def run(setup: Setup, scenario: Scenario, seed: int = 0) -> Recording:
     return Loop(setup, seed).run(scenario)
 
 
-def fly(setup: Setup, script: Script, seed: int = 0) -> Recording:
+def run_plant(setup: Setup, script: Script, seed: int = 0) -> Recording:
     return Loop(setup, seed).run(script.build())

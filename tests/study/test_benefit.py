@@ -13,7 +13,7 @@ from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.reversal import reversal_share
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.study.bearing.benefit import RIVALS, Benefit, Cell, Comparison, benefit
+from anhyst.study.bearing.benefit import BASELINES, Benefit, Cell, Comparison, benefit
 from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.ratio import quotient
@@ -68,18 +68,18 @@ def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BearingRig) -> N
 def test_against_a_constant_ratio_compensation_gains_everywhere(found: Benefit) -> None:
     for one in found.cells:
         against = one.ratio["overshoot_percent"]
-        assert against.rival == "ratio"
+        assert against.baseline == "ratio"
         assert against.outcome == "gain"
         assert against.quotient is not None
         assert against.quotient.high < 1.0
 
 
 @pytest.mark.slow
-def test_the_strongest_rival_is_the_one_with_the_least_of_that_figure(found: Benefit) -> None:
+def test_the_strongest_baseline_is_the_one_with_the_least_of_that_figure(found: Benefit) -> None:
     for one in found.cells:
         for measure, against in one.strongest.items():
-            means = {name: one.figures[name][measure].mean for name in RIVALS}
-            assert against.rival == min(means, key=lambda name: means[name])
+            means = {name: one.figures[name][measure].mean for name in BASELINES}
+            assert against.baseline == min(means, key=lambda name: means[name])
             assert against.quotient is not None
             own = one.figures["full"][measure].mean
             assert against.quotient.value == pytest.approx(own / min(means.values()))
@@ -89,18 +89,18 @@ def test_the_strongest_rival_is_the_one_with_the_least_of_that_figure(found: Ben
 def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
     for one in found.cells:
         for measure, against in one.flux.items():
-            assert against.rival == "flux"
+            assert against.baseline == "flux"
             assert against.quotient is not None
             figures = {name: rows[measure].mean for name, rows in one.figures.items()}
             assert against.quotient.value == pytest.approx(figures["full"] / figures["flux"])
-            assert one.strongest[measure].rival != "flux"
+            assert one.strongest[measure].baseline != "flux"
 
 
 def test_without_a_probe_there_is_no_flux(rig: BearingRig, controller: ControllerFile) -> None:
     bare = changed(rig, {"hall_probe": None})
     (one,) = benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells
     assert one.flux == {}
-    assert set(one.figures) == set(one.standstill) == {*RIVALS, "full"}
+    assert set(one.figures) == set(one.standstill) == {*BASELINES, "full"}
 
 
 @pytest.mark.slow
@@ -109,13 +109,13 @@ def test_what_is_no_overshoot_is_told_in_metres(found: Benefit) -> None:
     for one in found.cells:
         for against in (one.ratio, one.strongest, one.flux):
             overshoot = against["overshoot_percent"]
-            assert overshoot.rival is not None
+            assert overshoot.baseline is not None
             assert overshoot.floor is not None
-            still = max(one.standstill["full"], one.standstill[overshoot.rival])
+            still = max(one.standstill["full"], one.standstill[overshoot.baseline])
             assert overshoot.floor == pytest.approx(300.0 * still / one.height)
             assert 5e-9 < still < 100e-9
             means = [
-                one.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.rival)
+                one.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.baseline)
             ]
             assert (overshoot.outcome == "nothing to gain") == (max(means) < overshoot.floor)
             assert against["settling_in_noise_s"].floor is None
@@ -126,7 +126,7 @@ def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
     """Where nothing overshoots there is nothing to gain; with wide, pathological loops there is."""
     nothing = cell(found, 1.0, 0.3, 10e-6).strongest["overshoot_percent"]
     assert nothing.outcome == "nothing to gain"
-    assert nothing.rival in ("linearised", "static")
+    assert nothing.baseline in ("linearised", "static")
     wide = cell(found, 2.0, 0.05, 10e-6)
     assert wide.iron.label == "pathological"
     assert wide.figures["linearised"]["overshoot_percent"].mean > 10.0
@@ -156,7 +156,7 @@ def test_it_is_written_as_json(found: Benefit) -> None:
     assert against["ratio_low"] <= against["ratio"] <= against["ratio_high"]
     assert against["outcome"] in ("gain", "nothing to gain", "no gain", "loss")
     assert against["floor_percent"] > 0.0
-    assert row["against_flux"]["settling_in_noise_s"]["rival"] == "flux"
+    assert row["against_flux"]["settling_in_noise_s"]["baseline"] == "flux"
 
 
 def test_a_law_is_no_iron_to_vary(rig: BearingRig, controller: ControllerFile) -> None:
@@ -165,7 +165,7 @@ def test_a_law_is_no_iron_to_vary(rig: BearingRig, controller: ControllerFile) -
         benefit(law, controller)
 
 
-def test_what_is_lost_does_not_count_as_a_rival() -> None:
+def test_what_is_lost_does_not_count_as_a_baseline() -> None:
     lost = Comparison(None, None, None)
     assert lost.outcome == "no gain"
     certain = Comparison("static", quotient([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
@@ -219,17 +219,17 @@ def test_measured_loops_tell_the_slope_after_a_reversal(
     rig: BearingRig, scale: float, fraction: float
 ) -> None:
     other = with_iron(rig, fraction, scale)
-    told = reversal_share(measure_loops(other))
-    assert told == pytest.approx(find_operating_point(other).slopes.share, abs=0.08)
+    reported = reversal_share(measure_loops(other))
+    assert reported == pytest.approx(find_operating_point(other).slopes.share, abs=0.08)
 
 
 def test_wide_loops_tell_it_less_well_but_in_order(rig: BearingRig) -> None:
-    told = [
+    reported = [
         reversal_share(measure_loops(with_iron(rig, fraction, 2.0))) for fraction in (0.05, 0.15)
     ]
-    assert told[0] is not None
-    assert told[1] is not None
-    assert 0.08 < told[0] < 0.3 < told[1] < 0.5
+    assert reported[0] is not None
+    assert reported[1] is not None
+    assert 0.08 < reported[0] < 0.3 < reported[1] < 0.5
 
 
 def test_loops_without_reversals_near_enough_tell_nothing(rig: BearingRig) -> None:

@@ -1,4 +1,4 @@
-"""The firmware flies the bearing: what the simulation flies, to the bit, and what breaks it."""
+"""The firmware levitates the bearing: what the simulation levitates, to the bit, and what breaks it."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import Refused
 from anhyst.link.frames import DemandRequest, Reason, Signal, StatusAnswer, TargetRequest
 from anhyst.link.recorder import read_recording, start_recording
-from anhyst.rig.bearing.board import BearingPlant, BoardFlight, board_flight
+from anhyst.rig.bearing.board import BearingPlant, FirmwareRun, firmware_run
 from anhyst.rig.bearing.loop import Loop
 from anhyst.rig.bearing.scenario import DROP, Script, land_time
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.force.session import BOARDS
-from anhyst.study.bearing.board_faults import Ending, FaultFlights, Injection, injections
-from anhyst.study.bearing.on_board import build_flight, count_differences, fly_board
+from anhyst.study.bearing.board_faults import Ending, FaultRuns, Injection, injections
+from anhyst.study.bearing.on_board import build_firmware, count_differences, run_board
 from anhyst.support.errors import InputError
 from tests.once import made_once
 from tests.study import bearings
@@ -58,14 +58,14 @@ def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     def make(folder: Path) -> None:
         rig, file = bearings.example(), bearings.controller()
-        build_flight(rig, file, bearings.knowledge(), "host", folder)
+        build_firmware(rig, file, bearings.knowledge(), "host", folder)
 
-    return made_once(tmp_path_factory, "flight", make) / "firmware"
+    return made_once(tmp_path_factory, "running", make) / "firmware"
 
 
 @pytest.fixture
-def flight(firmware: Path) -> Iterator[BoardFlight]:
-    with board_flight(firmware, BearingPlant(bearings.single()), "host") as started:
+def running(firmware: Path) -> Iterator[FirmwareRun]:
+    with firmware_run(firmware, BearingPlant(bearings.single()), "host") as started:
         yield started
 
 
@@ -76,35 +76,35 @@ def hop(setup: Setup) -> Script:
     return script.command(Command.LAND).hold(land_time(setup.rig, setup.controller))
 
 
-def hover(flight: BoardFlight) -> None:
+def hover(running: FirmwareRun) -> None:
     script = bearings.lifted(bearings.single())
-    flight.fly(script.build())
-    assert Phase(flight.link.status().codes.phase) is Phase.HOVER
+    running.run(script.build())
+    assert Phase(running.link.status().codes.phase) is Phase.HOVER
 
 
-def test_the_firmware_flies_what_the_simulation_flies(flight: BoardFlight) -> None:
+def test_the_firmware_does_what_the_simulation_does(running: FirmwareRun) -> None:
     setup = bearings.single()
     scenario = hop(setup).build()
     simulated = Loop(setup).run(scenario)
-    flown = flight.fly(scenario)
-    assert count_differences(simulated, flown) == 0
-    assert (flown[:, 1] == simulated["gap_m"]).all()
-    assert flight.state is State.READY
-    assert flown[-1, 3] == 0.0
-    assert flown[-1, 1] > setup.rig.settings.mechanics.stop_high_m - 1e-6
+    recorded = running.run(scenario)
+    assert count_differences(simulated, recorded) == 0
+    assert (recorded[:, 1] == simulated["gap_m"]).all()
+    assert running.state is State.READY
+    assert recorded[-1, 3] == 0.0
+    assert recorded[-1, 1] > setup.rig.settings.mechanics.stop_high_m - 1e-6
 
 
-def test_another_flight_is_told_from_it(flight: BoardFlight) -> None:
+def test_another_run_differs_from_it(running: FirmwareRun) -> None:
     setup = bearings.single()
     scenario = bearings.lifted(setup).build()
     other = Loop(setup, seed=1).run(scenario)
-    assert count_differences(other, flight.fly(scenario)) > 100
+    assert count_differences(other, running.run(scenario)) > 100
 
 
 def endings(firmware: Path, setup: Setup, chosen: list[Injection]) -> list[Ending]:
-    with board_flight(firmware, BearingPlant(setup), "host") as flight:
-        flights = FaultFlights(setup, flight)
-        return [flights.run(injection) for injection in chosen]
+    with firmware_run(firmware, BearingPlant(setup), "host") as running:
+        runs = FaultRuns(setup, running)
+        return [runs.run(injection) for injection in chosen]
 
 
 def check_endings(found: list[Ending]) -> None:
@@ -112,7 +112,7 @@ def check_endings(found: list[Ending]) -> None:
         name = one.injection.name
         assert one.as_expected, (name, one)
         assert one.magnet_speed == 0.0, name
-        if not one.flies:
+        if not one.levitates:
             assert one.rest_speed < (SOFT if name in LANDS else FALL), (name, one.rest_speed)
 
 
@@ -137,11 +137,11 @@ def test_a_million_ticks_differ_in_none(firmware: Path) -> None:
             script.set_load(load).step(gap, 0.1)
     scenario = script.command(Command.LAND).hold(landing * setup.rig.dt).build()
     simulated = Loop(setup).run(scenario)
-    with board_flight(firmware, BearingPlant(setup), "host") as started:
-        flown = started.fly(scenario)
+    with firmware_run(firmware, BearingPlant(setup), "host") as started:
+        recorded = started.run(scenario)
         assert started.state is State.READY
-    assert len(flown) >= 1_000_000
-    assert count_differences(simulated, flown) == 0
+    assert len(recorded) >= 1_000_000
+    assert count_differences(simulated, recorded) == 0
 
 
 @pytest.mark.slow
@@ -160,72 +160,72 @@ def test_a_pair_flies_the_same(tmp_path: Path, measured: bool) -> None:
     )
     write_controller(tmp_path / "controller.toml", table, "a pair")
     file = ControllerFile(tmp_path / "controller.toml", table)
-    setup, program = build_flight(rig, file, bearings.knowledge(), "host", tmp_path)
+    setup, program = build_firmware(rig, file, bearings.knowledge(), "host", tmp_path)
     script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).step(GAP, 0.02)
     scenario = script.command(Command.LAND).hold(land_time(rig, table)).build()
     simulated = Loop(setup).run(scenario)
-    with board_flight(program, BearingPlant(setup), "host") as started:
+    with firmware_run(program, BearingPlant(setup), "host") as started:
         assert started.link.info.magnets == 2
-        flown = started.fly(scenario)
+        recorded = started.run(scenario)
         assert started.state is State.READY
-    assert flown[:, 4].max() > 0.5
-    assert count_differences(simulated, flown) == 0
+    assert recorded[:, 4].max() > 0.5
+    assert count_differences(simulated, recorded) == 0
 
 
-def test_the_recorder_follows_position_reference_and_phase(flight: BoardFlight) -> None:
+def test_the_recorder_follows_position_reference_and_phase(running: FirmwareRun) -> None:
     wanted = (Signal.POSITION, Signal.REFERENCE, Signal.PHASE, Signal.DRIVE)
-    hover(flight)
-    flight.aim(GAP - 20e-6)
-    start_recording(flight.link, wanted, records=400)
-    flight.bus.step(400)
-    found = read_recording(flight.link)
+    hover(running)
+    running.aim(GAP - 20e-6)
+    start_recording(running.link, wanted, records=400)
+    running.bus.step(400)
+    found = read_recording(running.link)
     position, reference, phase, drive = (found.signals[name] for name in wanted)
-    goal = flight.plant.position_code(GAP - 20e-6)
+    goal = running.plant.position_code(GAP - 20e-6)
     assert set(phase) == {Phase.HOVER}
     assert reference[-1] == goal
     assert abs(int(position[-1]) - goal) < abs(int(position[0]) - goal)
     assert len(set(drive)) > 10
 
 
-def test_targets_stay_within_the_positions_that_can_be(flight: BoardFlight) -> None:
+def test_targets_stay_within_the_positions_that_can_be(running: FirmwareRun) -> None:
     for code, allowed in ((0, True), (1 << 30, True), ((1 << 31) - 1, False), (-(1 << 31), False)):
         if allowed:
-            flight.link.request(TargetRequest(code), StatusAnswer)
+            running.link.request(TargetRequest(code), StatusAnswer)
             continue
         with pytest.raises(Refused) as refused:
-            flight.link.request(TargetRequest(code), StatusAnswer)
+            running.link.request(TargetRequest(code), StatusAnswer)
         assert refused.value.reason is Reason.VALUE
 
 
-def test_a_position_has_no_demand_and_a_flight_no_run(flight: BoardFlight) -> None:
+def test_a_position_has_no_demand_and_levitation_no_run(running: FirmwareRun) -> None:
     with pytest.raises(Refused) as refused:
-        flight.link.request(DemandRequest(5), StatusAnswer)
+        running.link.request(DemandRequest(5), StatusAnswer)
     assert refused.value.reason is Reason.TYPE
-    flight.bus.step(40)
-    flight.command(Command.DEMAGNETISED)
-    flight.bus.step()
+    running.bus.step(40)
+    running.command(Command.DEMAGNETISED)
+    running.bus.step()
     with pytest.raises(Refused) as refused:
-        flight.command(Command.RUN)
+        running.command(Command.RUN)
     assert refused.value.reason is Reason.VALUE
 
 
-def test_the_pc_may_come_and_go_on_the_ground_alone(flight: BoardFlight) -> None:
+def test_the_pc_may_come_and_go_on_the_ground_alone(running: FirmwareRun) -> None:
     for _ in range(5000):
-        flight.tick(beats=False)
-    assert flight.state is not State.FAULT
-    hover(flight)
+        running.tick(beats=False)
+    assert running.state is not State.FAULT
+    hover(running)
     for _ in range(2100):
-        flight.tick(beats=False)
-    assert flight.fault is Fault.LINK_LOST
+        running.tick(beats=False)
+    assert running.fault is Fault.LINK_LOST
 
 
-def test_what_cannot_be_flown_is_refused(tmp_path: Path) -> None:
+def test_what_cannot_run_is_refused(tmp_path: Path) -> None:
     rig = bearings.EXAMPLE / "rig.toml"
     with pytest.raises(InputError, match=r"is written as \.json"):
-        fly_board(rig, tmp_path / "flight.csv", BOARDS[0])
+        run_board(rig, tmp_path / "running.csv", BOARDS[0])
     own = bearings.controller().settings
     chosen = own.compensation.model_copy(update={"variant": "static"})
     other = tmp_path / "controller.toml"
     write_controller(other, own.model_copy(update={"compensation": chosen}), "other")
     with pytest.raises(InputError, match="variant"):
-        fly_board(rig, tmp_path / "flight.json", BOARDS[0], other)
+        run_board(rig, tmp_path / "run.json", BOARDS[0], other)

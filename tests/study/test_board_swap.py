@@ -14,11 +14,11 @@ from anhyst.compensate.drive import CompensatorLaw
 from anhyst.control.controller_file import ControllerFile, Variant, write_controller
 from anhyst.control.states import Command, Phase, State
 from anhyst.link.blocks import regenerate
-from anhyst.rig.bearing.board import BearingPlant, board_flight
+from anhyst.rig.bearing.board import BearingPlant, firmware_run
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.on_board import build_flight
+from anhyst.study.bearing.on_board import build_firmware
 from anhyst.support.arrays import FloatArray
 from tests.once import made_once
 from tests.study import bearings
@@ -34,7 +34,7 @@ AWAY = 6e-6
 
 @dataclass(frozen=True)
 class Built:
-    """A firmware and what it flies."""
+    """A firmware and what it levitates."""
 
     program: Path
     setup: Setup
@@ -74,9 +74,9 @@ def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     def make(folder: Path) -> None:
         write_controller(folder / "controller.toml", table, variant)
         file = ControllerFile(folder / "controller.toml", table)
-        build_flight(rig, file, known, "host", folder)
+        build_firmware(rig, file, known, "host", folder)
 
-    folder = made_once(tmp_path_factory, f"flight-{variant}", make)
+    folder = made_once(tmp_path_factory, f"run-{variant}", make)
     return Built(folder / "firmware", make_setup(rig, table, known, variant, "fixed"), variant)
 
 
@@ -87,14 +87,14 @@ def usual(built: Built) -> FloatArray:
 
 def hovering(built: Built, other: Block | None) -> FloatArray:
     """Hover for 0.1 s, with another block from the second tick on or as before."""
-    with board_flight(built.program, BearingPlant(built.setup), "host") as flight:
-        flight.fly(bearings.lifted(built.setup).hold(0.02).build())
-        rows = [flight.tick()]
+    with firmware_run(built.program, BearingPlant(built.setup), "host") as running:
+        running.run(bearings.lifted(built.setup).hold(0.02).build())
+        rows = [running.tick()]
         if other is not None:
-            flight.link.write_block(regenerate(other.words.tolist(), 9))
-        rows += [flight.tick() for _ in range(2000)]
-        assert flight.state is State.RUN
-        assert Phase(flight.link.status().codes.phase) is Phase.HOVER
+            running.link.write_block(regenerate(other.words.tolist(), 9))
+        rows += [running.tick() for _ in range(2000)]
+        assert running.state is State.RUN
+        assert Phase(running.link.status().codes.phase) is Phase.HOVER
     return np.array(rows)
 
 
@@ -116,14 +116,14 @@ def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
 
 def test_a_swap_while_conditioning_begins_it_anew_along_the_ramp(built: Built) -> None:
     other = built.block(OTHERS["less pinning, a tenth more current"])
-    with board_flight(built.program, BearingPlant(built.setup), "host") as flight:
+    with firmware_run(built.program, BearingPlant(built.setup), "host") as running:
         for _ in range(200):
-            flight.tick()
-        flight.command(Command.CONDITION)
-        before = np.array([flight.tick()[3] for _ in range(1500)])
+            running.tick()
+        running.command(Command.CONDITION)
+        before = np.array([running.tick()[3] for _ in range(1500)])
         assert before[-1] > 0.5
         slope = np.abs(np.diff(before)).max()
-        flight.link.write_block(regenerate(other.words.tolist(), 9))
-        after = np.array([flight.tick()[3] for _ in range(3000)])
+        running.link.write_block(regenerate(other.words.tolist(), 9))
+        after = np.array([running.tick()[3] for _ in range(3000)])
     assert np.abs(np.diff(after, prepend=before[-1])).max() <= slope + built.step
     assert after.min() >= 0.0

@@ -29,7 +29,7 @@ READY = 16 * 3
 BREAKAWAY, RISE, DESCEND, SET_DOWN = (16 * RUN + phase for phase in (1, 2, 4, 5))
 
 
-def flight(setup: Setup) -> Scenario:
+def steps(setup: Setup) -> Scenario:
     """Everything that may be in the way: steps, a lost sample, a load beyond the largest force."""
     script = bearings.lifted(setup)
     for gap in (GAP - 50e-6, GAP + 50e-6, GAP):
@@ -133,7 +133,7 @@ def differs_at(setup: Setup, recording: Recording) -> int | None:
 @pytest.mark.parametrize("variant", ["full", "simplified", "static"])
 def test_the_pieces_give_every_current_of_the_loop(variant: Variant) -> None:
     setup = bearings.single(variant)
-    scenario = flight(setup)
+    scenario = steps(setup)
     recording = bearings.run(setup, scenario, seed=2)
     assert len(recording) == scenario.ticks
     assert recording["state"][-1] == READY
@@ -145,7 +145,7 @@ def test_the_pieces_give_every_current_of_the_loop(variant: Variant) -> None:
 
 def test_a_single_step_of_the_encoder_is_noticed() -> None:
     setup = bearings.single("full")
-    recording = bearings.fly(setup, bearings.lifted(setup))
+    recording = bearings.run_plant(setup, bearings.lifted(setup))
     table = recording.table.copy()
     table[8000, COLUMNS.index("gap_read_m")] += 50e-9
     assert differs_at(setup, Recording(table)) == 8000

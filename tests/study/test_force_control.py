@@ -215,7 +215,7 @@ def test_an_emulated_controller_does_the_same(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "reported"),
     [
         ("end_m = 1.0e-3", "end_m = 1.1e-3", "force_control.end_m: no loops at 0.0011 m"),
         ("force_max_N = 40.0", "force_max_N = 48.4", "do not reach 48.4 N; lower force_max_N"),
@@ -224,7 +224,12 @@ def test_an_emulated_controller_does_the_same(
     ],
 )
 def test_a_wrong_rig_is_one_line_and_exit_code_2(
-    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, told: str
+    small: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    old: str,
+    new: str,
+    reported: str,
 ) -> None:
     for name in ("solenoid.toml", "loops.csv", "loops.toml"):
         shutil.copy(small.parent / name, tmp_path)
@@ -236,11 +241,11 @@ def test_a_wrong_rig_is_one_line_and_exit_code_2(
     error = capsys.readouterr().err
     assert error.startswith("anhyst: error: ")
     assert error.count("\n") == 1
-    assert told in error
+    assert reported in error
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("t_s,F_N\n0,0\n1,41\n", "sample 1: 41 N is beyond 0 to 40 N"),
         ("t_s,F_N\n0,0\n200,10\n", "lasts 200 s; give a demand of up to 120 s"),
@@ -248,10 +253,10 @@ def test_a_wrong_rig_is_one_line_and_exit_code_2(
     ],
 )
 def test_a_wrong_demand_is_refused(
-    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, told: str
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, reported: str
 ) -> None:
     demand = tmp_path / "demand.csv"
     demand.write_text(text)
     arguments = ["force-control", str(small), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--demand", str(demand)]) == 2
-    assert told in capsys.readouterr().err
+    assert reported in capsys.readouterr().err

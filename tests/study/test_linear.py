@@ -261,7 +261,7 @@ def in_laplace(point: Point, amplifier: Amplifier, s: complex) -> complex:
 
 
 @pytest.mark.parametrize("eddy_time", [0.0, 30e-6, 300e-6])
-def test_the_plant_obeys_its_equations(eddy_time: float) -> None:
+def test_the_plant_follows_its_equations(eddy_time: float) -> None:
     rate = 1e6
     point = replace(POINT, eddy_time=eddy_time)
     amplifier = Amplifier(300.0, 5e4)

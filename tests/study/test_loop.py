@@ -36,7 +36,7 @@ def test_it_hovers_at_every_gap_and_lands_again(arrangement: str, number_format:
     for gap in GAPS:
         script = bearings.lifted(setup, gap).hold(0.1)
         down = script.ticks
-        recording = bearings.fly(setup, script.command(Command.LAND).hold(0.6))
+        recording = bearings.run_plant(setup, script.command(Command.LAND).hold(0.6))
         assert len(recording) == script.ticks
         still = recording.part(down - script.count(0.1), down)
         assert set(still["state"]) == {HOVER}
@@ -137,7 +137,7 @@ def test_the_loop_is_the_bearing_and_the_controller_bit_for_bit(setup: object) -
 
 def steps(seed: int) -> Recording:
     setup = bearings.single("static")
-    return bearings.fly(setup, bearings.lifted(setup).step(GAP - 50e-6, 0.05), seed)
+    return bearings.run_plant(setup, bearings.lifted(setup).step(GAP - 50e-6, 0.05), seed)
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_one_others() -> None:
@@ -159,7 +159,7 @@ def test_processes_make_no_difference() -> None:
 def test_noise_is_of_the_seed_alone() -> None:
     """Variants are compared under the same noise: they see the same as long as they do the same."""
     idle = [
-        bearings.fly(setup, Script(setup.rig, GAP).hold(0.05), seed=4)
+        bearings.run_plant(setup, Script(setup.rig, GAP).hold(0.05), seed=4)
         for setup in map(bearings.single, ("static", "full"))
     ]
     assert np.array_equal(idle[0].table, idle[1].table, equal_nan=True)
@@ -183,7 +183,7 @@ def test_a_pair_is_symmetrical(number_format: Format) -> None:
     for height in (20e-6, 0.0, -20e-6, 0.0) * 3:
         begins.append(script.ticks)
         script.step(GAP + height, 0.1)
-    recording = bearings.fly(setup, script)
+    recording = bearings.run_plant(setup, script)
     halves = [recording.part(begin, end) for begin, end in pairwise([*begins[::2], script.ticks])]
     apart = [
         np.abs(out["gap_m"] + back["gap_m"] - 2.0 * GAP).max()

@@ -1,4 +1,4 @@
-"""Drifted plants: each its own, the same whoever flies it and when, and none is flown twice."""
+"""Drifted plants: each its own, the same whoever runs it and when, and none is run twice."""
 
 from __future__ import annotations
 
@@ -81,14 +81,14 @@ def test_a_plant_depends_on_seed_and_number_alone(
 ) -> None:
     few = monte_carlo(rig, controller, tmp_path / "a", 3, ("linearised", "full"), jobs=2)
     assert few.drifts == whole.drifts[:3]
-    for name, flights in few.flights.items():
-        assert flights == whole.flights[name][:3]
+    for name, runs in few.runs.items():
+        assert runs == whole.runs[name][:3]
     other = monte_carlo(rig, controller, tmp_path / "b", 3, ("linearised",), seed=12, jobs=1)
     assert not set(other.drifts) & set(whole.drifts)
     assert len({one.mass for one in whole.drifts}) == 5
 
 
-def test_what_was_flown_is_not_flown_again(
+def test_what_was_run_is_not_run_again(
     rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
 ) -> None:
     path = tmp_path / "plants.jsonl"
@@ -99,9 +99,9 @@ def test_what_was_flown_is_not_flown_again(
     torn = lines[2][: len(lines[2]) // 2]
     path.write_text("\n".join([header, json.dumps(marked), lines[1], torn]))
     found = monte_carlo(rig, controller, path, 5, ("linearised", "full"), jobs=2)
-    assert found.flights["full"][0].standstill == 1.0
-    assert found.flights["full"][1:] == whole.flights["full"][1:]
-    assert found.flights["linearised"] == whole.flights["linearised"]
+    assert found.runs["full"][0].standstill == 1.0
+    assert found.runs["full"][1:] == whole.runs["full"][1:]
+    assert found.runs["linearised"] == whole.runs["linearised"]
     plants = [json.loads(line)["plant"] for line in path.read_text().splitlines()[1:]]
     assert sorted(plants) == [0, 1, 2, 3, 4]
 
@@ -122,7 +122,7 @@ def test_an_interrupt_loses_nothing(
         monte_carlo(rig, controller, path, 5, variants, progress=stop, jobs=jobs)
     assert len(path.read_text().splitlines()) == 3
     found = monte_carlo(rig, controller, path, 5, variants, jobs=1)
-    assert found.flights == whole.flights
+    assert found.runs == whole.runs
 
 
 def change_rig(rig: BearingRig, controller: ControllerFile) -> tuple[BearingRig, ControllerFile]:
@@ -191,17 +191,17 @@ def test_a_damaged_file_is_told_with_its_line(
         monte_carlo(rig, controller, path, 2, ("linearised",), jobs=1)
 
 
-FLIGHT = {
+RUN = {
     "lost_s": None,
     "overshoot_percent": [1.0, 1.0, 1.0, 1.0],
     "settling_s": [0.01, None, 0.01, 0.01],
     "standstill_rms_m": 1e-8,
 }
-LINE = {"plant": 0, "drift": {"pinning_percent": 1.0}, "variants": {"linearised": FLIGHT}}
+LINE = {"plant": 0, "drift": {"pinning_percent": 1.0}, "variants": {"linearised": RUN}}
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "reported"),
     [
         ({"drift": None}, "drift: "),
         ({"variants": None}, "variants: "),
@@ -218,14 +218,16 @@ LINE = {"plant": 0, "drift": {"pinning_percent": 1.0}, "variants": {"linearised"
         ({"standstill_rms_m": -1.0}, "variants.linearised.standstill_rms_m: "),
     ],
 )
-def test_a_line_that_is_no_result_is_told_with_its_key(changes: dict[str, Any], told: str) -> None:
+def test_a_line_that_is_no_result_is_told_with_its_key(
+    changes: dict[str, Any], reported: str
+) -> None:
     assert fault_of(LINE, ("linearised",), 4) is None
     whole = {key: changes.get(key, value) for key, value in LINE.items()}
     if not set(changes) & set(LINE):
-        whole["variants"] = {"linearised": FLIGHT | changes}
+        whole["variants"] = {"linearised": RUN | changes}
     fault = fault_of(whole, ("linearised",), 4)
     assert fault is not None
-    assert told in fault
+    assert reported in fault
     assert "\n" not in fault
 
 
@@ -241,8 +243,8 @@ def test_a_file_with_such_a_line_is_refused(
     monte_carlo(rig, controller, path, 1, ("linearised",), jobs=1)
     header, _ = path.read_text().splitlines()
     path.write_text(f'{header}\n{{"plant": 0}}\n')
-    told = r"plants\.jsonl: line 2: drift: .*; remove this line, so that its work is done again"
-    with pytest.raises(InputError, match=told) as caught:
+    reported = r"plants\.jsonl: line 2: drift: .*; remove this line, so that its work is done again"
+    with pytest.raises(InputError, match=reported) as caught:
         monte_carlo(rig, controller, path, 1, ("linearised",), jobs=1)
     assert "\n" not in str(caught.value)
 
@@ -273,9 +275,9 @@ def test_without_drift_a_plant_is_the_nominal_one(
     for place, height in enumerate(found.heights):
         pair = [one.figures for one in steps if one.height == pytest.approx(height)]
         worst = max(one["overshoot_percent"] for one in pair)
-        assert found.flights["full"][0].overshoot[place] == pytest.approx(worst, abs=1e-9)
+        assert found.runs["full"][0].overshoot[place] == pytest.approx(worst, abs=1e-9)
         slowest = max(one["settling_in_noise_s"] for one in pair)
-        assert found.flights["full"][0].settling[place] == pytest.approx(slowest, abs=1e-9)
+        assert found.runs["full"][0].settling[place] == pytest.approx(slowest, abs=1e-9)
 
 
 def width_and_top(rig: BearingRig) -> tuple[float, float]:
@@ -361,7 +363,7 @@ def test_plants_that_are_lost_count_as_the_worst(
     # An armature that rests beyond what the controller believes possible is not lifted.
     far = with_drift(rig, gap_offset_m=30e-6)
     found = monte_carlo(far, controller, tmp_path / "a", 8, ("linearised",), jobs=1)
-    lost = [flight.lost is not None for flight in found.flights["linearised"]]
+    lost = [run.lost is not None for run in found.runs["linearised"]]
     for one, drift in zip(lost, found.drifts, strict=True):
         assert one or drift.gap_offset < 20e-6
         assert not one or abs(drift.gap_offset) > 10e-6

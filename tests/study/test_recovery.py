@@ -86,7 +86,7 @@ def test_an_overload_takes_force_and_current_to_their_limits_and_the_armature_to
     begin = script.ticks
     script.set_load(1.2 * setup.controller.limits.force_high_N).hold(0.1)
     end = script.ticks
-    recording = bearings.fly(setup, script.set_load(150.0).hold(0.3))
+    recording = bearings.run_plant(setup, script.set_load(150.0).hold(0.3))
     during, after = recording.part(begin, end), recording.part(end, len(recording))
     assert during["gap_m"].max() >= rig.settings.mechanics.stop_high_m
     assert during["command_A"].max() == pytest.approx(4.5, abs=1e-4)
@@ -119,7 +119,7 @@ def test_few_dropped_samples_do_not_matter(count: int) -> None:
     script = bearings.lifted(setup)
     begin = script.ticks
     script.command(DROP, count).step(GAP - 50e-6, 0.2)
-    recording = bearings.fly(setup, script)
+    recording = bearings.run_plant(setup, script)
     assert np.isnan(recording["gap_read_m"]).sum() == count
     assert set(recording["flags"][begin : begin + count]) == {8}
     assert set(recording["state"][begin:]) == {HOVER}
@@ -135,7 +135,7 @@ def test_too_many_dropped_samples_end_in_a_fault_on_the_ground(count: int) -> No
     script = bearings.lifted(setup)
     begin = script.ticks
     script.command(DROP, count).hold(max(count * rig.dt, 0.1) + 0.5)
-    recording = bearings.fly(setup, script)
+    recording = bearings.run_plant(setup, script)
     assert set(recording["state"][begin : begin + PATIENCE]) == {HOVER}
     assert recording["state"][begin + PATIENCE] == FAULT_FALL
     before, after = recording["command_A"][begin + PATIENCE - 1 : begin + PATIENCE + 1]
@@ -154,7 +154,7 @@ def test_a_fault_is_cleared_and_it_lifts_again() -> None:
     script.command(Command.CLEAR).hold(0.05)
     cleared = script.ticks
     script.lift_off(setup.controller)
-    recording = bearings.fly(setup, script)
+    recording = bearings.run_plant(setup, script)
     assert recording["state"][cleared - 1] == 16 * 2
     again = recording.part(cleared, len(recording))
     assert hovers_from(again) is not None

@@ -298,7 +298,7 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
 def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A load step beyond the force: the flight of steps holds, what follows does not."""
+    """A load step beyond the force: the run of steps holds, what follows does not."""
     change(folder / "rig.toml", {"load_steps_N = [20.0]": "load_steps_N = [147.0]"})
     out = folder / "out"
     arguments = ["simulate", str(folder / "rig.toml"), "--out", str(out / "run.csv")]

@@ -38,7 +38,7 @@ Rate = Annotated[
     float | None,
     typer.Option(
         metavar="HZ",
-        help="Ticks a second; may be left out with --controller, whose file tells it.",
+        help="Ticks a second; may be left out with --controller, whose file has it.",
         min=1.0,
         show_default=False,
     ),
@@ -161,5 +161,5 @@ def _show(compiled: Compiled) -> None:
         f"{compiled.out}: {plan.block.kind}, {plan.request.io}, {size} bytes of parameters",
         rows,
         *lines,
-        f"{compiled.out / 'DROP_IN.md'} tells how it goes into a project",
+        f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",
     )

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from anhyst.identify import IdentifyResult
     from anhyst.model.actuator import ActuatorModel
 
-GO_ON = "the same command goes on from there"
+RESUME = "the same command goes on from there"
 
 
 class GapMapChoice(StrEnum):
@@ -169,7 +169,7 @@ def identify(
             checkpoint=checkpoint,
         )
     write_model(with_read_options(result.model, options), out)
-    _tell(result, out, as_json)
+    _report(result, out, as_json)
 
 
 def _checkpoint(out: Path) -> Path | None:
@@ -184,11 +184,11 @@ def _stoppable(checkpoint: Path | None) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        kept = f"; {GO_ON}" if checkpoint is not None and checkpoint.exists() else ""
+        kept = f"; {RESUME}" if checkpoint is not None and checkpoint.exists() else ""
         raise Interrupted(f"too early for a model, nothing written{kept}") from None
 
 
-def _tell(result: IdentifyResult, out: Path, as_json: bool) -> None:
+def _report(result: IdentifyResult, out: Path, as_json: bool) -> None:
     """Say what came out, and end as it deserves."""
     for text in result.warnings:
         warn(text)
@@ -197,7 +197,7 @@ def _tell(result: IdentifyResult, out: Path, as_json: bool) -> None:
     else:
         _show(result, out)
     if result.interrupted:
-        raise Interrupted(f"{out} holds the best model so far; {GO_ON}")
+        raise Interrupted(f"{out} holds the best model so far; {RESUME}")
     if result.acceptance.passed is False:
         raise NegativeResult(f"{out}: {result.acceptance.text(result.model.input.unit)}")
 
@@ -249,15 +249,15 @@ def _show(result: IdentifyResult, out: Path) -> None:
         for step in model.reduction
     ]
     lines += _offsets(model)
-    if told := model.provenance.settings.get("dead_band"):
-        lines.append(f"dead band: {told}")
+    if chosen := model.provenance.settings.get("dead_band"):
+        lines.append(f"dead band: {chosen}")
     if model.uncertainty is not None:
         lines += [f"note: {text}" for text in model.uncertainty.statements]
     show(*lines)
 
 
 def _offsets(model: ActuatorModel) -> list[str]:
-    """Tell the offsets that were taken, and how sure they are."""
+    """Name the offsets that were taken, and how sure they are."""
     unsure = model.uncertainty
     if unsure is None:
         return []

@@ -36,7 +36,8 @@ Schedule = Annotated[
     typer.Option(metavar="NAME", help="The quantity or column that parameters run over."),
 ]
 LoopColumn = Annotated[
-    str | None, typer.Option("--loop", metavar="COLUMN", help="The column that tells loops apart.")
+    str | None,
+    typer.Option("--loop", metavar="COLUMN", help="The column that distinguishes loops."),
 ]
 Constants = Annotated[
     str | None,

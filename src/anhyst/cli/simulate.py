@@ -53,7 +53,7 @@ def simulate(
         typer.Option(
             metavar="N",
             min=1,
-            help="Instead, fly N plants that have drifted as [drift] of the rig file says; FILE "
+            help="Instead, run N plants that have drifted as [drift] of the rig file says; FILE "
             "then ends in '.jsonl' and holds a line for each of them. The same command goes on "
             "with what is there.",
         ),
@@ -70,8 +70,8 @@ def simulate(
         BoardChoice | None,
         typer.Option(
             metavar="BOARD",
-            help="Instead, fly the firmware itself, built for 'host', a process, or 'qemu-mps2', "
-            "an emulated Cortex-M3, and break everything while it flies; FILE then ends in "
+            help="Instead, run the firmware itself, built for 'host', a process, or 'qemu-mps2', "
+            "an emulated Cortex-M3, and break everything while it levitates; FILE then ends in "
             "'.json'.",
             show_default=False,
         ),
@@ -91,7 +91,7 @@ def simulate(
 
     Example: anhyst simulate examples/bearing/rig.toml --out map/benefit.json --benefit
 
-    Example: anhyst simulate examples/bearing/rig.toml --out run/flight.json --board host
+    Example: anhyst simulate examples/bearing/rig.toml --out run/firmware.json --board host
     """
     chosen = "" if controller is None else f" --controller {controller}"
     command = f"anhyst simulate {rig}{chosen} --out {out}"
@@ -137,17 +137,17 @@ def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_js
 
 
 def _firmware(rig: Path, out: Path, controller: Path | None, board: str, as_json: bool) -> None:
-    from anhyst.study.bearing.on_board import fly_board, write_flight
+    from anhyst.study.bearing.on_board import run_board, write_comparison
 
     with progress_bar(f"firmware on {board}") as progress:
-        found = fly_board(rig, out, board, controller, progress)
-    write_flight(found, out)
+        found = run_board(rig, out, board, controller, progress)
+    write_comparison(found, out)
     if as_json:
         print_json(found.as_dict())
     else:
         show(
             _faults(found.endings),
-            f"firmware on {board} against the simulation: {found.differ} of {len(found.flown)} "
+            f"firmware on {board} against the simulation: {found.differ} of {len(found.recorded)} "
             f"ticks differ, from lift-off to a landing at {1e3 * found.landing_speed:.1f} mm/s",
             f"written: {out}",
         )
@@ -160,12 +160,16 @@ def _faults(endings: Sequence[Ending]) -> Table:
         ["", "reason of the fault", "end", "after, ms", "at the rest, mm/s", "at the magnet, mm/s"],
     )
     for one in endings:
-        end = f"flies on, {1e6 * one.away:.2g} um away" if one.flies else "lies without current"
+        end = (
+            f"levitates on, {1e6 * one.away:.2g} um away"
+            if one.levitates
+            else "lies without current"
+        )
         rows.add_row(
             one.injection.name,
             one.reason.name.lower().replace("_", " ") + ("" if one.as_expected else " (wrong)"),
             end,
-            "" if one.flies else f"{1e3 * one.seconds:.0f}",
+            "" if one.levitates else f"{1e3 * one.seconds:.0f}",
             f"{1e3 * one.rest_speed:.1f}" if one.rest_speed else "",
             f"{1e3 * one.magnet_speed:.1f}" if one.magnet_speed else "",
         )
@@ -178,7 +182,7 @@ def _fly(
     from anhyst.compile.folder import json_text
     from anhyst.report.bearing import write_simulation_report
     from anhyst.report.bearing.from_plants import subject_of_plants
-    from anhyst.study.bearing.monte_carlo import FLOWN, monte_carlo
+    from anhyst.study.bearing.monte_carlo import COMPARED, monte_carlo
     from anhyst.study.bearing.ready import make_ready, read_files
     from anhyst.support.atomic import atomic_writer
 
@@ -189,9 +193,9 @@ def _fly(
     ready = make_ready(*files, (figures_path, report_path))
     rig, controller = ready.rig, ready.controller
     own = controller.settings.compensation.variant
-    flown = tuple(dict.fromkeys((*FLOWN, own)))
+    compared = tuple(dict.fromkeys((*COMPARED, own)))
     with progress_bar("monte carlo") as progress:
-        found = monte_carlo(rig, controller, out, count, flown, progress=progress)
+        found = monte_carlo(rig, controller, out, count, compared, progress=progress)
     figures = found.as_dict()
     with atomic_writer(figures_path) as stream:
         stream.write(json_text(figures))
@@ -234,11 +238,11 @@ def _map(
 
 
 def _show_map(found: Benefit, out: Path) -> None:
-    rivals = {"its strongest rival without memory": [cell.strongest for cell in found.cells]}
+    baselines = {"its strongest baseline without memory": [cell.strongest for cell in found.cells]}
     if all(cell.flux for cell in found.cells):
-        rivals["'flux', which measures"] = [cell.flux for cell in found.cells]
+        baselines["'flux', which measures"] = [cell.flux for cell in found.cells]
     show(
-        *(_map_against(found, name, comparisons) for name, comparisons in rivals.items()),
+        *(_map_against(found, name, comparisons) for name, comparisons in baselines.items()),
         f"'gain' and 'loss' where they are certain over {found.seeds} noise seeds, 'nothing to "
         "gain' where both overshoot by less than three times the rms of their standstill",
         f"written: {out}, {out.parent / REPORT}",
@@ -246,11 +250,11 @@ def _show_map(found: Benefit, out: Path) -> None:
 
 
 def _map_against(
-    found: Benefit, rival: str, comparisons: Sequence[Mapping[Measure, Comparison]]
+    found: Benefit, baseline: str, comparisons: Sequence[Mapping[Measure, Comparison]]
 ) -> Table:
     heights = list(dict.fromkeys(cell.height for cell in found.cells))
     rows = table(
-        f"overshoot of 'full' over that of {rival}",
+        f"overshoot of 'full' over that of {baseline}",
         ["loop width, reversible part", *(f"{1e6 * height:g} um" for height in heights)],
     )
     for iron in dict.fromkeys(cell.iron for cell in found.cells):
@@ -276,7 +280,7 @@ def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:
         "overshoot that 50 and 95 % of the plants stay below, %",
         ["", *(f"{1e6 * height:g} um" for height in found.heights), "standstill, 95 %, nm", "lost"],
     )
-    for name, flights in found.flights.items():
+    for name, runs in found.runs.items():
         spreads = [
             found.values(name, "overshoot_percent", place) for place in range(len(found.heights))
         ]
@@ -285,7 +289,7 @@ def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:
             f"{name} *" if name == own else name,
             *(f"{percentile(one, 50):.2f}, {percentile(one, 95):.2f}" for one in spreads),
             f"{1e9 * standstill:.1f}",
-            str(sum(flight.lost is not None for flight in flights)),
+            str(sum(run.lost is not None for run in runs)),
         )
     show(
         rows,

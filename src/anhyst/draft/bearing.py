@@ -77,7 +77,7 @@ def draft_bearing(
             Section("current_sensor", "shunt of the amplifier", _current(reach, numbers)),
             Section("force_sensor", "with which loops are measured", _force(reach)),
             Section("measurement", "how loops are measured", _measurement(reach)),
-            Section("simulate", "what is tried", _tried(machine, reach, numbers)),
+            Section("simulate", "test cases", _tried(machine, reach, numbers)),
         ],
     )
     controller = Draft(

@@ -65,7 +65,7 @@ def draft_force_control(
             *identify_sections(reading),
             magnet_section(),
             *_instruments(reach),
-            Section("force_control", "what is tried", _tried(loops, reach)),
+            Section("force_control", "test cases", _tried(loops, reach)),
             Section("force_control.moving", "the armature goes to and fro", _moving(reach)),
         ],
     )

@@ -27,10 +27,10 @@ WEAKEST = 4.0
 """It may ask for so many times what the loops reach at the weakest gap."""
 
 RESOLVED = 0.01
-"""Share of that force from which a load is told from none."""
+"""Share of that force from which a load is distinguished from none."""
 
 LEAST_BRANCH = 12
-"""Samples of one branch from which its noise can be told."""
+"""Samples of one branch from which its noise can be estimated."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -141,7 +141,7 @@ def _statements(
 
 
 def _tied(correlation: FloatArray) -> list[list[int]]:
-    """Group coordinates that hang together by strong correlations."""
+    """Group coordinates that are tied by strong correlations."""
     groups: list[list[int]] = []
     for place in range(correlation.shape[0]):
         near = [g for g in groups if any(abs(correlation[place, o]) > _TIED for o in g)]

@@ -40,7 +40,7 @@ def regenerate(words: Sequence[int], generation: int) -> list[int]:
     Parameters
     ----------
     words : sequence of int
-        A sound block.
+        A valid block.
     generation : int
         0 to 65535.
 

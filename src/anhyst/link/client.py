@@ -1,4 +1,4 @@
-"""The PC's end of the link: a force controller that is asked, told and watched.
+"""The PC's end of the link: a force controller that is queried, commanded and watched.
 
 Every request has a number and is repeated until it is answered; the controller does a repeated one
 only once. So nothing is lost silently, whatever the line does to the bytes.
@@ -65,7 +65,7 @@ _MEANING = {
     Reason.VALUE: "a value is out of its range",
     Reason.ORDER: "the words of the block came out of order",
     Reason.CHECKSUM: "the block that arrived is not the one that was announced",
-    Reason.BLOCK: "the parameter block is not sound, or of another kind or layout",
+    Reason.BLOCK: "the parameter block is not valid, or of another kind or layout",
     Reason.GENERATION: "the parameter block has another generation than was announced",
     Reason.SESSION: "it knows of no session: it was started again; open the port again",
     Reason.CURRENT: "current still flows; ask again once it is zero",
@@ -167,7 +167,7 @@ class ForceController:
         return self._receiver.bad
 
     def status(self) -> Status:
-        """Ask what the controller did in its last tick; tells it that the PC is there."""
+        """Ask what the controller did in its last tick; it learns that the PC is there."""
         return self._status(HeartbeatRequest())
 
     def demand(self, force: int) -> Status:
@@ -257,7 +257,7 @@ class ForceController:
         Raises
         ------
         Refused
-            The block is not sound or not for this firmware; the old one stays in force.
+            The block is not valid or not for this firmware; the old one stays in force.
         """
         row = [int(word) for word in words]
         if len(row) <= GENERATION_AT:
@@ -322,7 +322,7 @@ class ForceController:
                 try:
                     self.status()
                 except InputError:
-                    return  # the next request tells
+                    return  # the next request reports it
 
         thread = threading.Thread(target=beat, daemon=True)
         thread.start()

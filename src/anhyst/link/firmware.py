@@ -113,11 +113,11 @@ def firmware_folder() -> Path:
     for folder in (package.parents[1] / "firmware", package / "_firmware"):
         if (folder / "boards").is_dir():
             return folder
-    raise InputError(f"{package}: the sources of the firmware are missing; install anhyst anew")
+    raise InputError(f"{package}: the sources of the firmware are missing; install anhyst again")
 
 
 def actuator_defines(name: str) -> dict[str, str]:
-    """Return the macros that tell ``boards/actuator.h`` around which actuator a program is built.
+    """Return the macros by which ``boards/actuator.h`` knows around which actuator a program is built.
 
     Parameters
     ----------

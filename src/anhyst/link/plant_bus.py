@@ -1,6 +1,6 @@
 """The bus on which a virtual plant gives a controller its ticks.
 
-Both wait for each other, so that virtual time stands still while either computes: at every tick the
+Both wait for each other, so that virtual time stops while either computes: at every tick the
 plant says what its sensors show, the controller answers with the current it wants from the next
 tick on.
 """

@@ -129,7 +129,7 @@ class _Flow:
             self._repeat([first])  # newer ones were answered: this one was lost
 
     def _take(self, demand: _Sent, frame: Frame) -> bool:
-        """Keep an answer; False where the demands from this one on were sent anew."""
+        """Keep an answer; False where the demands from this one on were sent again."""
         answer = self.controller.read_answer(frame)
         if isinstance(answer, StatusAnswer):
             demand.status = Status.of(answer, frame.tick)
@@ -151,10 +151,10 @@ class _Flow:
         """Send a demand and all after it under new numbers: newer ones had overtaken it."""
         kept = list(self.waiting)
         at = kept.index(first)
-        anew = [self._number(demand.force) for demand in kept[at:]]
-        self.controller.repeated += len(anew)
-        self.waiting = deque(kept[:at] + anew)
-        self._write(anew)
+        again = [self._number(demand.force) for demand in kept[at:]]
+        self.controller.repeated += len(again)
+        self.waiting = deque(kept[:at] + again)
+        self._write(again)
 
     def answered(self) -> Iterator[Status]:
         """Take off the statuses that are there, in order."""

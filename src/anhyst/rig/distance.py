@@ -128,7 +128,7 @@ class PlantCheck:
     fitted : bool
         Whether the plant was fitted to them.
     guessed : tuple of str
-        Keys of the rig file that the loops do not tell and nobody said.
+        Keys of the rig file that the loops leave open and nobody gave.
     """
 
     plant: Distance

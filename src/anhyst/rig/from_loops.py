@@ -65,7 +65,7 @@ class Fitted:
     zero_current, zero_force : float
         What the sensors of the loops read where there is nothing, A and N.
     guessed : tuple of str
-        Keys of the rig file that nothing in the loops tells and nobody said.
+        Keys of the rig file that the loops leave open and nobody gave.
     """
 
     poles: Poles
@@ -122,7 +122,7 @@ def fit_magnet(loops: LoopSet, table: ElectromagnetTable) -> Fitted:
 
 
 class _Fit:
-    """Least squares of the force, with expectations of what the loops do not tell."""
+    """Least squares of the force, with expectations of what the loops leave open."""
 
     def __init__(self, loops: LoopSet, table: ElectromagnetTable) -> None:
         self.loops = loops

@@ -1,1 +1,1 @@
-"""Studies: what is tried on a rig, and what comes out."""
+"""Studies: test cases on a rig, and what comes out."""

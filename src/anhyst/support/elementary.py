@@ -1,4 +1,4 @@
-"""Functions with the same last bits on every processor, for what a flight is computed from.
+"""Functions with the same last bits on every processor, for what a simulation is computed from.
 
 The C library and NumPy choose other code for theirs on other processors, and a closed loop
 amplifies what differs. Here are the core's own, and sums and products of single numbers or of

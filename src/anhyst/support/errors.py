@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class InputError(ValueError):
-    """Bad input, told in one line: file, line or key; what is wrong; what to do.
+    """Bad input, reported in one line: file, line or key; what is wrong; what to do.
 
     The command line prints it as ``anhyst: error: ...`` and exits with 2.
     """

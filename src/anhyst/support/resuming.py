@@ -25,7 +25,7 @@ class ResultsFile:
     header : mapping
         What results depend on; a file with another one is refused.
     key : str
-        Names a result: the value under it is a whole number and tells results apart.
+        Names a result: the value under it is a whole number and distinguishes results.
     fault : callable
         Takes a line of the file and says what keeps it from being a result, by key; None if
         nothing.

@@ -157,7 +157,7 @@ QUANTITIES = MappingProxyType(
         )
     }
 )
-"""The quantities whose headers are understood without being told, by name."""
+"""The quantities whose headers are understood without a declared unit, by name."""
 
 INPUTS = ("current", "field", "voltage")
 """Names of the quantities that drive a loop, first choice first."""
@@ -165,7 +165,7 @@ INPUTS = ("current", "field", "voltage")
 GAP_ADVICE = "gaps count from contact, 0 and up"
 
 LABEL = "loop"
-"""Header of the column that tells loops apart."""
+"""Header of the column that distinguishes loops."""
 
 DIMENSIONS = MappingProxyType({"displacement": "length", "gap": "length"})
 """Dimensions of quantities that are not their names."""
@@ -197,7 +197,7 @@ class Header:
 
     @property
     def is_label(self) -> bool:
-        """Whether the column tells loops apart instead of measuring something."""
+        """Whether the column distinguishes loops instead of measuring something."""
         return self.quantity is None
 
     @property

@@ -60,7 +60,7 @@ def figure_structure(rig: BearingRig, controller: ControllerTable) -> Figure:
     return figure
 
 
-def _signals(ax: Axes, columns: Sequence[float], told: str) -> None:
+def _signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
     """Draw what goes from block to block."""
     half, lid = 0.5 * _WIDE, 0.5 * _HIGH
     for place, name in enumerate(("F wanted", "i wanted", "i ref")):
@@ -81,7 +81,7 @@ def _signals(ax: Axes, columns: Sequence[float], told: str) -> None:
     lane = 0.5 * (_TOP + _MIDDLE)
     _arrow(ax, [(columns[0], lane), (columns[1], lane), (columns[1], _TOP - lid)])
     ax.add_patch(Circle((columns[0], lane), 0.035, fc=RISING, ec=RISING))
-    _label(ax, (0.5 * (columns[0] + columns[1]), lane + 0.05), told)
+    _label(ax, (0.5 * (columns[0] + columns[1]), lane + 0.05), inputs)
     _from_below(ax, columns)
 
 

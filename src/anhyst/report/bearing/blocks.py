@@ -62,13 +62,13 @@ def blocks_of(rig: BearingRig, controller: ControllerTable) -> Mapping[str, Bloc
 
 
 def feedback(controller: ControllerTable) -> str:
-    """Say what the compensator is told beside the wanted force."""
-    told = ["gap"]
+    """Name the inputs of the compensator beside the wanted force."""
+    inputs = ["gap"]
     if controller.compensation.applied == "measured":
-        told.append("current")
+        inputs.append("current")
     if controller.compensation.variant == "flux":
-        told.append("flux density")
-    return ", ".join(told)
+        inputs.append("flux density")
+    return ", ".join(inputs)
 
 
 def _controller(settings: ControllerTable) -> Block:

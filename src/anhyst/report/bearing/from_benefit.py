@@ -11,9 +11,9 @@ from anhyst.report.bearing.subject import Subject
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.study.bearing.benefit import MEASURES, Benefit, Cell, Comparison, Measure
 from anhyst.support.page.blocks import Note, Table, table
-from anhyst.support.page.numbers import NBSP, NOT_TOLD, number
+from anhyst.support.page.numbers import NBSP, NOT_KNOWN, number
 
-STRONGEST = "the strongest rival"
+STRONGEST = "the strongest baseline"
 _TITLES: dict[Measure, str] = {
     "overshoot_percent": "overshoot",
     "settling_in_noise_s": "settling time",
@@ -48,7 +48,7 @@ def subject_of_benefit(
             Note(
                 "info",
                 "What is compared",
-                f"Every iron is measured and identified anew, all variants are fitted to the same "
+                f"Every iron is measured and identified again, all variants are fitted to the same "
                 f"loops and run with the same gains, {found.seeds} noise seeds each. “{STRONGEST}” "
                 "is, cell by cell, the best of ratio, linearised and static, which know no "
                 "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands "
@@ -85,7 +85,7 @@ def _cell(
     return BenefitCell(
         measure=_TITLES[measure],
         against=against,
-        rival=comparison.rival or "",
+        baseline=comparison.baseline or "",
         loop_width=found.row_width(cell.iron.scale),
         reversible=cell.iron.reversible_fraction,
         pathological=cell.iron.label == "pathological",
@@ -96,14 +96,14 @@ def _cell(
 
 
 def _irons(found: Benefit) -> Table:
-    """Tell every iron by what loops show of it."""
+    """Describe every iron by what loops show of it."""
     irons = list(dict.fromkeys(cell.iron for cell in found.cells))
     rows = [
         [
             number(iron.scale, short=True),
             number(iron.reversible_fraction, short=True),
             f"{number(100.0 * iron.loop_width)}{NBSP}%",
-            NOT_TOLD if iron.after_reversal is None else number(iron.after_reversal, 2),
+            NOT_KNOWN if iron.after_reversal is None else number(iron.after_reversal, 2),
             number(iron.after_reversal_true, 2),
             iron.label,
         ]

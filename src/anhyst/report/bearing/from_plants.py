@@ -32,7 +32,7 @@ def subject_of_plants(
     controller : ControllerFile
         Made for it.
     found : MonteCarlo
-        What was flown.
+        What was run.
     command : str
         What makes it again.
     """
@@ -61,41 +61,39 @@ def _spreads(found: MonteCarlo) -> list[Spread]:
         for place, height in enumerate(found.heights):
             values = {
                 variant: factor * np.array(found.values(variant, name, place))
-                for variant in found.flights
+                for variant in found.runs
             }
             made.append(Spread(title.format(f"{1e6 * height:g}{NBSP}µm"), values))
     rest = {
-        variant: 1e9 * np.array(found.values(variant, "standstill_rms_m"))
-        for variant in found.flights
+        variant: 1e9 * np.array(found.values(variant, "standstill_rms_m")) for variant in found.runs
     }
     return [*made, Spread("standstill, rms (nm)", rest)]
 
 
 def _lost(found: MonteCarlo) -> list[Note]:
     fallen = {
-        name: sum(flight.lost is not None for flight in found.flights[name])
-        for name in ordered(found.flights)
+        name: sum(run.lost is not None for run in found.runs[name]) for name in ordered(found.runs)
     }
-    told = [f"{name}: {count} of {len(found.drifts)} plants" for name, count in fallen.items()]
+    counts = [f"{name}: {count} of {len(found.drifts)} plants" for name, count in fallen.items()]
     if not any(fallen.values()):
-        return [Note("good", "Levitation", f"No plant was lost ({'; '.join(told)}).")]
-    return [Note("bad", "Levitation lost", f"{'; '.join(told)}.")]
+        return [Note("good", "Levitation", f"No plant was lost ({'; '.join(counts)}).")]
+    return [Note("bad", "Levitation lost", f"{'; '.join(counts)}.")]
 
 
 def _worst(found: MonteCarlo, variant: Variant) -> Items:
     """Say what the worst plants of a variant have in common with nobody else: their drift."""
-    told = []
+    rows = []
     for place, height in enumerate(found.heights):
         values = found.values(variant, "overshoot_percent", place)
         worst = int(np.argmax(values))
         much = f"overshoot of {number(values[worst], 2)}{NBSP}%"
         if not math.isfinite(values[worst]):
             much = "levitation lost"
-        told.append(
+        rows.append(
             f"step of {1e6 * height:g}{NBSP}µm, {much}: plant {worst}, "
             f"{_drift_text(found.drifts[worst])}"
         )
-    return Items(f"Worst plants of {variant}", tuple(told))
+    return Items(f"Worst plants of {variant}", tuple(rows))
 
 
 def _drift_text(drift: Drift) -> str:

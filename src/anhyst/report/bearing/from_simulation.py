@@ -26,7 +26,7 @@ from anhyst.study.bearing.metrics import Interval, no_mean
 from anhyst.study.bearing.operating import has_constants
 from anhyst.study.bearing.simulate import Simulation
 from anhyst.support.page.blocks import Note, Table, table
-from anhyst.support.page.numbers import NBSP, NOT_TOLD, number
+from anhyst.support.page.numbers import NBSP, NOT_KNOWN, number
 
 _SHOWN = 0.03  # of a step, s
 _COLUMNS = ("ratio", "static", "full")  # whose forces are shown, beside the controller's own
@@ -225,7 +225,7 @@ def _intervals(found: Mapping[Variant, Any], name: str) -> Intervals:
 
 
 def _cycles(found: Mapping[Variant, Any]) -> Table:
-    """Tell under which variants the armature never came to rest, and in how many runs."""
+    """Report under which variants the armature never came to rest, and in how many runs."""
     rows = [[name, *_cycle_row(found[name])] for name in ordered(found)]
     return table(
         "Limit cycles at a standstill",
@@ -237,8 +237,8 @@ def _cycles(found: Mapping[Variant, Any]) -> Table:
 
 def _cycle_row(one: Mapping[str, Any]) -> tuple[str, str, str]:
     if one["lost"]:
-        return interval_text(no_mean(one["lost"], one["runs"])), NOT_TOLD, NOT_TOLD
+        return interval_text(no_mean(one["lost"], one["runs"])), NOT_KNOWN, NOT_KNOWN
     count = f"{one['limit_cycles']} of {one['runs']}"
     if not one["limit_cycles"]:
-        return count, NOT_TOLD, NOT_TOLD
+        return count, NOT_KNOWN, NOT_KNOWN
     return count, number(1e9 * one["limit_cycle_m"], 3), number(1e3 * one["limit_cycle_s"], 3)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from anhyst.control.controller_file import Variant
 from anhyst.study.bearing.metrics import Interval
 from anhyst.support.arrays import FloatArray
-from anhyst.support.page.numbers import MINUS, NBSP, NOT_TOLD, number
+from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
 from anhyst.support.page.style import FALLING, RISING
 
 INK = "#000000"
@@ -78,7 +78,7 @@ def thinned(*rows: FloatArray) -> tuple[FloatArray, ...]:
 def interval_text(found: Interval | None, unit: str = "", factor: float = 1.0) -> str:
     """Write a mean with the half width of its confidence interval, rounded up.
 
-    An infinite time is "never"; where levitation was lost, it is told how often.
+    An infinite time is "never"; where levitation was lost, how often.
 
     Examples
     --------
@@ -90,12 +90,12 @@ def interval_text(found: Interval | None, unit: str = "", factor: float = 1.0) -
     ('3.616 ± 0.001', '0.000 ± 0.010')
     """
     if found is None:
-        return NOT_TOLD
+        return NOT_KNOWN
     if found.lost:
         return f"{found.lost} of {found.count} lost"
     mean, width = factor * found.mean, abs(factor) * found.half_width
     if not math.isfinite(mean):
-        return NOT_TOLD if math.isnan(mean) else "never"
+        return NOT_KNOWN if math.isnan(mean) else "never"
     if not math.isfinite(width) or width <= 1e-9 * abs(mean):
         text = number(mean, 4, short=True)
     else:

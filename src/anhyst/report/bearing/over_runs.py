@@ -29,15 +29,15 @@ Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
 
 @dataclass(frozen=True)
 class BenefitCell:
-    """A figure with compensation over that of a rival, for one iron and one step.
+    """A figure with compensation over that of a baseline, for one iron and one step.
 
     Parameters
     ----------
     measure : str
         The figure, such as "overshoot".
     against : str
-        Which rival, such as "ratio" or "the strongest rival".
-    rival : str
+        Which baseline, such as "ratio" or "the strongest baseline".
+    baseline : str
         Variant that this is here; empty if none kept the armature in the air.
     loop_width : float
         Of the iron, as a share of the largest current; one number for a row of the map.
@@ -55,7 +55,7 @@ class BenefitCell:
 
     measure: str
     against: str
-    rival: str
+    baseline: str
     loop_width: float
     reversible: float
     pathological: bool
@@ -66,21 +66,21 @@ class BenefitCell:
 
 @styled
 def figure_benefit(cells: Sequence[BenefitCell], variant: str) -> Figure:
-    """Draw ratios over irons: one row of maps a rival, one column a step height.
+    """Draw ratios over irons: one row of maps a baseline, one column a step height.
 
     Parameters
     ----------
     cells : sequence of BenefitCell
         Of one measure, at least one; where one is missing the map stays white.
     variant : str
-        Whose figure is divided by that of the rival.
+        Whose figure is divided by that of the baseline.
     """
-    rivals = list(dict.fromkeys(cell.against for cell in cells))
+    baselines = list(dict.fromkeys(cell.against for cell in cells))
     heights = sorted({cell.height for cell in cells})
-    figure = new_figure(1.2 + 2.4 * len(rivals), width=max(6.4, 1.2 + 2.4 * len(heights)))
-    axes = figure.subplots(len(rivals), len(heights), squeeze=False, sharex=True, sharey=True)
+    figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(heights)))
+    axes = figure.subplots(len(baselines), len(heights), squeeze=False, sharex=True, sharey=True)
     mesh: QuadMesh | None = None
-    for row, against in zip(axes, rivals, strict=True):
+    for row, against in zip(axes, baselines, strict=True):
         for ax, height in zip(row, heights, strict=True):
             chosen = [c for c in cells if c.against == against and c.height == height]
             mesh = _map(ax, cells, chosen)
@@ -90,7 +90,7 @@ def figure_benefit(cells: Sequence[BenefitCell], variant: str) -> Figure:
         ax.set_xlabel("reversible fraction")
     assert mesh is not None
     bar = figure.colorbar(mesh, ax=axes, shrink=0.8, extend="max")
-    bar.set_label(f"{cells[0].measure} of {variant} / that of the rival")
+    bar.set_label(f"{cells[0].measure} of {variant} / that of the baseline")
     figure.legend(
         [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _HATCHES.values()],
         ["certain loss", "neither is certain", "nothing to gain: both are small"],
@@ -136,8 +136,8 @@ def _write(ax: Axes, place: tuple[int, int], cell: BenefitCell) -> None:
     text = "lost" if math.isnan(cell.ratio) else f"{cell.ratio:.2f}"
     if cell.pathological:
         text += "†"
-    if cell.rival and cell.rival != cell.against:
-        text += f"\n{_SHORT.get(cell.rival, cell.rival)}"
+    if cell.baseline and cell.baseline != cell.against:
+        text += f"\n{_SHORT.get(cell.baseline, cell.baseline)}"
     plain = cell.outcome == "gain"
     ax.text(
         x,

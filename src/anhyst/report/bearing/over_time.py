@@ -124,9 +124,9 @@ def _step(ax: Axes, panel: StepPanel, shown: float) -> None:
             band = SETTLED * 1e6 * step.height
             end = 1e6 * (step.before - step.after)
             ax.axhspan(end - band, end + band, color=SHADE, alpha=0.2, lw=0)
-        told = interval_text(panel.overshoot.get(name), "%")
+        overshoot = interval_text(panel.overshoot.get(name), "%")
         curve = thinned(time, 1e6 * (step.before - part["gap_m"]))
-        ax.plot(*curve, **line_of(name), label=f"{name}: overshoot {told}")
+        ax.plot(*curve, **line_of(name), label=f"{name}: overshoot {overshoot}")
     low, high = ax.get_ylim()
     if sign < 0.0:
         ax.set_ylim(low - 0.1 * (high - low), high)
@@ -251,7 +251,7 @@ def _density(recording: Recording, away: FloatArray) -> tuple[FloatArray, FloatA
     rate = 1.0 / (recording["t_s"][1] - recording["t_s"][0])
     frequency, power = welch(away, rate, nperseg=min(_PIECE, away.size))
     frequency, power = frequency[1:], power[1:]
-    # As many means as can be told apart on a logarithmic axis.
+    # As many means as can be distinguished on a logarithmic axis.
     edges = np.geomspace(frequency[0], frequency[-1] * 1.001, _BINS + 1)
     place = np.digitize(frequency, edges)
     used = np.unique(place)

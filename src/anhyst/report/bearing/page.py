@@ -212,8 +212,8 @@ def _steps(subject: Subject) -> Section:
                 "beyond its end.",
             )
         )
-    if told := settling_sentence(subject):
-        blocks.append(Text(told))
+    if sentence := settling_sentence(subject):
+        blocks.append(Text(sentence))
     blocks += step_tables(subject)
     return Section("steps", "Step responses", (*blocks, *_more(subject, "steps")))
 
@@ -323,7 +323,7 @@ def _frequency(subject: Subject) -> Section:
                 "Loop gain of the loop linearised at the operating point, delay, amplifier and "
                 "sensor included. A variant that is no constant is shown as if it knew the "
                 "static slopes and cancelled them exactly: hysteresis drops out, all of these have "
-                "one loop, and margins are told only of constants. The magnet is unstable by "
+                "one loop, and margins are given only for constants. The magnet is unstable by "
                 "itself, at low frequencies the gain must stay above 1.",
             )
         )
@@ -389,8 +389,8 @@ def _spreads(drift: DriftTable) -> str:
         ("resistance", drift.resistance_percent),
         ("gain of every sensor", drift.sensor_gain_percent),
     )
-    told = [f"{name} {value:g}{NBSP}%" for name, value in shares]
-    return f"{', '.join(told)}, gap {1e6 * drift.gap_offset_m:g}{NBSP}µm"
+    shown = [f"{name} {value:g}{NBSP}%" for name, value in shares]
+    return f"{', '.join(shown)}, gap {1e6 * drift.gap_offset_m:g}{NBSP}µm"
 
 
 def _benefit(subject: Subject) -> Section:
@@ -405,13 +405,13 @@ def _benefit(subject: Subject) -> Section:
                 figure_benefit(cells, subject.variant),
                 f"benefit{place}",
                 f"Maps of the ratio of {measure} over loop width and reversible fraction, one "
-                "column a step height, one row a rival; hatched where no gain is certain.",
-                f"{_sentence(measure)} of {subject.variant} over that of the rival, same gains; "
+                "column a step height, one row a baseline; hatched where no gain is certain.",
+                f"{_sentence(measure)} of {subject.variant} over that of the baseline, same gains; "
                 "below 1 (violet) compensation gains. Crossed red: it loses for certain, or has "
                 "lost the armature; hatched grey: neither is certain, the 95 % confidence interval "
                 "of the difference reaches zero; dotted: both overshoots are less than three times "
                 "the rms of the standstill, there is nothing to gain. †: pathological iron, which "
-                "hardly answers just after a reversal. The name in a square is that of the rival "
+                "hardly answers just after a reversal. The name in a square is that of the baseline "
                 "there; lin. is linearised.",
             )
         )
@@ -432,7 +432,7 @@ def _gains(cells: Sequence[BenefitCell]) -> str:
     if gained:
         best = min(gained, key=lambda cell: cell.ratio)
         text += (
-            f"; at best {100.0 * (1.0 - best.ratio):.0f}{NBSP}% less than {best.rival} (step of "
+            f"; at best {100.0 * (1.0 - best.ratio):.0f}{NBSP}% less than {best.baseline} (step of "
             f"{1e6 * best.height:g}{NBSP}µm, reversible fraction {best.reversible:g}, loop width "
             f"{100.0 * best.loop_width:.2g}{NBSP}%)"
         )

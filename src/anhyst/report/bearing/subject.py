@@ -207,8 +207,8 @@ class Subject:
         """All that the page speaks of."""
         shown = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
         drifted = (name for one in self.drift for name in one.values)
-        rivals = (cell.rival for cell in self.benefit)
-        return ordered({self.variant, *shown, *drifted, *rivals})
+        baselines = (cell.baseline for cell in self.benefit)
+        return ordered({self.variant, *shown, *drifted, *baselines})
 
     def situation(self, step: Steps) -> str:
         """Say in words what a step was; the load only if there are several."""

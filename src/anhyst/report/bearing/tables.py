@@ -13,7 +13,7 @@ from anhyst.report.bearing.subject import WITHIN_NOISE, Comparison, Steps, Subje
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.metrics import SETTLED, Interval
 from anhyst.support.page.blocks import Cell, Table, table
-from anhyst.support.page.numbers import MINUS, NBSP, NOT_TOLD, number
+from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
 
 OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
 STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
@@ -23,7 +23,7 @@ STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
         "%",
         1.0,
         "Of the height of the step, noise included; of a step up and one down, the larger. "
-        f"“{WITHIN_NOISE}”: not certainly more than the noise below, so that it tells nothing of "
+        f"“{WITHIN_NOISE}”: not certainly more than the noise below, so that it shows nothing of "
         "the step.",
     ),
     (
@@ -109,7 +109,7 @@ class Difference:
             return f"{number(100.0 * self.share, 2)}{NBSP}% less"
         if self.more:
             return f"+{number(self.points, 2)} points"
-        return "alike" if math.isfinite(self.mine + self.baseline) else NOT_TOLD
+        return "alike" if math.isfinite(self.mine + self.baseline) else NOT_KNOWN
 
 
 def difference(mine: Interval, baseline: Interval, floor: float) -> Difference:
@@ -152,9 +152,9 @@ def benefit_table(subject: Subject) -> Table | None:
     for step in steps:
         row: list[str | Cell] = [subject.situation(step), overshoot_text(step, subject.variant)]
         for name in baselines:
-            told = name in step.cells
-            found = step_difference(step, subject.variant, name) if told else None
-            text = NOT_TOLD if found is None else found.text
+            known = name in step.cells
+            found = step_difference(step, subject.variant, name) if known else None
+            text = NOT_KNOWN if found is None else found.text
             row.append(Cell(text, strong=found is not None and found.less))
         rows.append(row)
     head = ["step", "overshoot", *baselines]
@@ -247,7 +247,7 @@ def legend_table(variants: Sequence[Variant]) -> Table:
         "ratio": "the paper's case without compensation; nothing cancels the negative stiffness",
         "ratio-chord": "the same, read as a line through the origin",
         "linearised": "cancels the negative stiffness at the operating point: standard practice",
-        "static": "the honest rival of hysteresis: all that a curve without memory can do",
+        "static": "the honest baseline of hysteresis: all that a curve without memory can do",
         "simplified": "inverse of the simplified law",
         "full": "inverse of the identified law, its state advanced with what was applied",
         "flux": "needs a Hall probe in the gap, and measures instead of modelling",
@@ -275,7 +275,7 @@ def settling_sentence(subject: Subject) -> str:
     """
     if "ratio" not in subject.baselines:
         return ""
-    told = []
+    counts = []
     for name, title, unit, factor in (
         ("settling_in_noise_s", "settling time", "ms", 1e3),
         ("steady_error_m", "steady-state error", "nm", 1e9),
@@ -290,12 +290,12 @@ def settling_sentence(subject: Subject) -> str:
         if both:
             mine = _range([factor * first for first, _ in both], unit)
             other = _range([factor * second for _, second in both], unit)
-            told.append(f"{title}: {mine} with {subject.variant}, {other} with ratio")
-    if not told:
+            counts.append(f"{title}: {mine} with {subject.variant}, {other} with ratio")
+    if not counts:
         return ""
     return (
         "The paper found settling time and steady-state error almost unchanged by compensation. "
-        f"Here, over all steps: {'; '.join(told)}."
+        f"Here, over all steps: {'; '.join(counts)}."
     )
 
 

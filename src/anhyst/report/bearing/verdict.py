@@ -66,7 +66,7 @@ def judge(steps: Sequence[Steps], variant: Variant) -> Verdict:
     Parameters
     ----------
     steps : sequence of Steps
-        All that were flown.
+        All that were run.
     variant : str
         Of the controller file.
     """
@@ -74,7 +74,7 @@ def judge(steps: Sequence[Steps], variant: Variant) -> Verdict:
     models = [name for name in ordered(names) if name in MODELS]
     mine = variant if variant in MODELS or not models else models[-1]
     if mine not in MODELS:
-        return Verdict(mine, "unknown", "no variant with a hysteresis model was flown")
+        return Verdict(mine, "unknown", "no variant with a hysteresis model was run")
     found: dict[Variant, list[Difference]] = {}
     for step in steps:
         other = strongest(step)
@@ -118,7 +118,7 @@ def _sizes(pairs: Sequence[Difference]) -> str:
 
 
 def _measured(steps: Sequence[Steps], mine: Variant) -> str:
-    """Say how it stands against measured flux, if that was flown."""
+    """Say how it stands against measured flux, if that was run."""
     pairs = [
         step_difference(step, mine, "flux") for step in steps if {mine, "flux"} <= set(step.cells)
     ]

@@ -109,8 +109,8 @@ def figure_positions(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
             ax.set_title(f"{_place(outcome)}\n{name}")
             ax.tick_params(labelbottom=False)
             _deviations(below, rig, outcome, _COMPARED, title=False)
-            told = (f"{one} {_worst(rig, outcome, one):.1f}" for one in ("full", "single"))
-            below.set_title(f"{', '.join(told)} %", fontsize=8.0, weight="normal")
+            worst = (f"{one} {_worst(rig, outcome, one):.1f}" for one in ("full", "single"))
+            below.set_title(f"{', '.join(worst)} %", fontsize=8.0, weight="normal")
             below.set_xlabel("time (s)")
         for empty in (*row[len(members) :], *errors[len(members) :]):
             empty.remove()
@@ -159,15 +159,15 @@ def _forces(ax: Axes, rig: Rig, outcome: Outcome) -> None:
 def _deviations(
     ax: Axes, rig: Rig, outcome: Outcome, names: Sequence[str], *, title: bool = True
 ) -> None:
-    told = []
+    worst = []
     for name in names:
         deviation = outcome.recordings[name].force - outcome.trial.demand.force
         deviation[: outcome.trial.demand.lead_in] = np.nan
         label = f"error, {TITLES[name]}"
         ax.plot(*_curve(rig, outcome, deviation), color=COLOURS[name], lw=1.0, label=label)
-        told.append(f"{TITLES[name]} {_worst(rig, outcome, name):.2f} %")
+        worst.append(f"{TITLES[name]} {_worst(rig, outcome, name):.2f} %")
     if title:
-        ax.set_title(f"worst: {', '.join(told)}", fontsize=8.0, weight="normal")
+        ax.set_title(f"worst: {', '.join(worst)}", fontsize=8.0, weight="normal")
 
 
 def _worst(rig: Rig, outcome: Outcome, name: str) -> float:

@@ -32,8 +32,8 @@ class Evidence:
     inspection : Inspection or None
         Of the record before thinning; None if it cannot be what its headers say.
     verdict : Verdict
-        The rival: the best single-valued curve, on the loops as they were fitted.
-    rival : tuple of ndarray
+        The baseline: the best single-valued curve, on the loops as they were fitted.
+    baseline : tuple of ndarray
         What the best single-valued curve leaves over, loop by loop, in units of the output.
     warnings : tuple of str
         What a reader has to know.
@@ -43,7 +43,7 @@ class Evidence:
     fitted: tuple[FloatArray | None, ...]
     inspection: Inspection | None
     verdict: Verdict
-    rival: tuple[FloatArray, ...]
+    baseline: tuple[FloatArray, ...]
     warnings: tuple[str, ...]
 
 
@@ -82,13 +82,13 @@ def gather(model: ActuatorModel, folder: PathLike) -> Evidence:
         except (InputError, NegativeResult) as error:
             fitted.append(None)
             warnings.append(f"the model cannot be computed on {loops.describe(loop)}: {error}")
-    rival = {id(loop): over for loop, over in single_valued(loops)}
+    baseline = {id(loop): over for loop, over in single_valued(loops)}
     return Evidence(
         loops=loops,
         fitted=tuple(fitted),
         inspection=inspection,
         verdict=judge(loops),
-        rival=tuple(rival[id(loop)] for loop in loops.loops),
+        baseline=tuple(baseline[id(loop)] for loop in loops.loops),
         warnings=tuple(warnings),
     )
 
@@ -96,8 +96,8 @@ def gather(model: ActuatorModel, folder: PathLike) -> Evidence:
 def _read(model: ActuatorModel, folder: PathLike) -> tuple[LoopSet, LoopSet]:
     """Read the loops before thinning, which hides noise and skew, and as they were fitted."""
     origin = model.provenance
-    told = origin.settings.get(f"{PREFIX}clean", ",".join(DEFAULT_STEPS))
-    steps = [step.strip() for step in str(told).split(",")]
+    written = origin.settings.get(f"{PREFIX}clean", ",".join(DEFAULT_STEPS))
+    steps = [step.strip() for step in str(written).split(",")]
     if steps[-1] != "thin":
         loops = read_sources(model, folder)
         return loops, loops
@@ -140,5 +140,5 @@ def own_figures(model: ActuatorModel, evidence: Evidence) -> tuple[FitFigures | 
         return kept, ""
     return kept, (
         "the fit figures in the model file do not belong to its parameters, which were changed "
-        "after the identification; the figures of this report were computed anew"
+        "after the identification; the figures of this report were computed again"
     )

@@ -63,7 +63,7 @@ MOST_PANELS = 18
 SMALL = 0.25
 """A loop is small if its input spans less than this share of the largest one drawn with it."""
 MOST_ABOVE = 3.0
-"""Costs of candidates above so many times the highest bar are told, not drawn."""
+"""Costs of candidates above so many times the highest bar are written, not drawn."""
 NUMBERED = 14
 """Correlation matrices up to this size carry their numbers."""
 
@@ -243,7 +243,7 @@ def figure_residuals(loopset: LoopSet, fitted: Fitted) -> Figure:
     Returns
     -------
     Figure
-        Model minus measurement over the input, rising and falling branches told apart by colour,
+        Model minus measurement over the input, rising and falling branches distinguished by colour,
         over a band of twice the standard deviation of the noise of the output.
     """
     groups = shown(groups_of(loopset))
@@ -288,7 +288,7 @@ def _percent_axis(ax: Axes, whole: float) -> None:
 
 
 def rising(loop: Loop) -> NDArray[np.bool_]:
-    """Tell which samples lie on rising branches of the input, shape (n,)."""
+    """Return which samples lie on rising branches of the input, shape (n,)."""
     found = np.zeros(loop.n, dtype=np.bool_)
     for part in branches(loop.input):
         found[part.rows] = part.rising
@@ -400,7 +400,7 @@ def figure_correlation(unsure: Uncertainty) -> Figure:
     Returns
     -------
     Figure
-        Blue: they rise together; red: one falls as the other rises; white: told apart.
+        Blue: they rise together; red: one falls as the other rises; white: independent.
     """
     matrix = np.array(unsure.correlation)
     count = matrix.shape[0]

@@ -84,32 +84,32 @@ def verdict(subject: Subject) -> tuple[Note, ...]:
     if fit is None or evidence is None:
         return ()
     judged, scale = evidence.verdict, subject.deviation
-    mine, rival = fit.mean_abs, judged.single_mean
+    mine, baseline = fit.mean_abs, judged.single_mean
     both = (
         f"The model misses the measured {subject.answer} by {scale.show(mine)} on average, the "
-        f"best single-valued curve by {scale.show(rival)}"
+        f"best single-valued curve by {scale.show(baseline)}"
     )
-    if mine >= rival:
+    if mine >= baseline:
         text = (
             f"{both}: a curve without any memory does better. Find out why "
             "(another law, another gap map, fewer loops) before using this model."
         )
         return (Note("bad", "Worse than no hysteresis model", text),)
-    gain = 1.0 - mine / rival
+    gain = 1.0 - mine / baseline
     taken = f"it takes {percent(gain)} of that error away (the noise allows {percent(judged.gain)})"
     if judged.level == "yes":
         return (Note("good", "Worth it", f"{both}: {taken}."),)
     title = "Gains little" if judged.level == "little" else "Hardly worth it"
     text = (
-        f"The loops are so narrow that the best single-valued curve misses by {scale.show(rival)} "
-        f"only ({percent(rival / fit.largest_output)} of the largest). This model misses by "
+        f"The loops are so narrow that the best single-valued curve misses by {scale.show(baseline)} "
+        f"only ({percent(baseline / fit.largest_output)} of the largest). This model misses by "
         f"{scale.show(mine)}: {taken}."
     )
     return (Note("warn", title, text),)
 
 
 def acceptance(subject: Subject) -> Note:
-    """Tell the outcome of the acceptance test, over the gap and over the drive."""
+    """Report the outcome of the acceptance test, over the gap and over the drive."""
     check, model = subject.acceptance, subject.model
     if check.passed is not None:
         text = _sentence(check.text(model.input.unit))
@@ -149,11 +149,11 @@ def _tiles(subject: Subject) -> tuple[Tile, ...]:
     tiles = [Tile(scale.show(v), name, f"{percent(share(subject, v))} {of}") for name, v in named]
     if subject.evidence is not None and subject.evidence.verdict.single_mean > 0.0:
         part = fit.mean_abs / subject.evidence.verdict.single_mean
-        rival = "the best single-valued curve"
+        baseline = "the best single-valued curve"
         if part < 1.0:
-            tiles.append(Tile(percent(1.0 - part), "less error", f"than {rival}"))
+            tiles.append(Tile(percent(1.0 - part), "less error", f"than {baseline}"))
         else:
-            tiles.append(Tile(f"{number(part, 2)} times", "the error", f"of {rival}"))
+            tiles.append(Tile(f"{number(part, 2)} times", "the error", f"of {baseline}"))
     return tuple(tiles)
 
 
@@ -162,12 +162,12 @@ def _comparison(subject: Subject) -> Table | None:
     if fit is None or evidence is None:
         return None
     judged, scale = evidence.verdict, subject.deviation
-    pooled = np.concatenate(evidence.rival)
-    rival_rms = float(np.sqrt(np.mean(pooled**2)))
+    pooled = np.concatenate(evidence.baseline)
+    baseline_rms = float(np.sqrt(np.mean(pooled**2)))
     noise_rms = _RMS_OF_MEAN * judged.noise_mean
     most = max(judged.single_mean, fit.mean_abs)
     rows = [
-        ("Best single-valued curve", judged.single_mean, rival_rms, judged.single_worst),
+        ("Best single-valued curve", judged.single_mean, baseline_rms, judged.single_worst),
         ("This model", fit.mean_abs, fit.rms, fit.worst),
         ("Noise alone (no model gets below)", judged.noise_mean, noise_rms, None),
     ]

@@ -45,7 +45,7 @@ def section_loops(subject: Subject) -> Section | None:
         ),
         Picture(
             svg_text(
-                figure_differences(evidence.loops, evidence.fitted, evidence.rival),
+                figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
                 subject.next_prefix(),
             ),
             f"The same less the best single-valued curve, {panels}: what remains is hysteresis, "
@@ -179,7 +179,7 @@ def _mean(values: FloatArray) -> float | None:
 def _loop_table(subject: Subject, loops: Sequence[LoopFit]) -> Table:
     scale, model = subject.deviation, subject.model
     size = scale_for(model.output, [loop.largest_output for loop in loops])
-    rival = dict(enumerate(subject.evidence.rival)) if subject.evidence else {}
+    baseline = dict(enumerate(subject.evidence.baseline)) if subject.evidence else {}
     worst, most = max(loop.worst for loop in loops), max(loop.mean_abs for loop in loops)
     rows = []
     for place in sorted(range(len(loops)), key=lambda at: _order(loops[at].schedule)):
@@ -196,19 +196,19 @@ def _loop_table(subject: Subject, loops: Sequence[LoopFit]) -> Table:
             Cell(scale.number(loop.rms)),
             Cell(scale.number(loop.worst), strong=loop.worst == worst),
         ]
-        if rival:
-            row.append(Cell(scale.number(float(np.mean(np.abs(rival[place]))))))
+        if baseline:
+            row.append(Cell(scale.number(float(np.mean(np.abs(baseline[place]))))))
         rows.append(row)
     head = ["loop", *([_over(subject)] if model.schedule is not None else []),
             size.head("largest"), scale.head("mean"), "of largest", "of own", scale.head("rms"),
             scale.head("worst")]  # fmt: skip
-    if rival:
+    if baseline:
         head.append(scale.head("single-valued"))
     caption = (
         f"“Of largest”: mean in parts of the largest {subject.answer} of all loops; “of own”: of "
         "the largest of that loop."
     )
-    if rival:
+    if baseline:
         caption += " “Single-valued”: mean deviation of the best single-valued curve."
     return table("Loop by loop", head, rows, caption)
 

@@ -281,7 +281,7 @@ def section_parameters(subject: Subject) -> Section:
 
 
 def equations(subject: Subject) -> Markup:
-    """Write how input and output hang together, without the terms that are zero."""
+    """Write how input and output are related, without the terms that are zero."""
     model = subject.model
     names = {name: symbol(bare) for name, (bare, _) in model.keys.items()}
     drive, answer = symbol(model.input.symbol), symbol(model.output.symbol)
@@ -337,7 +337,7 @@ def _uncertainty(subject: Subject, unsure: Uncertainty) -> list[Block]:
         )
         last = meaning
     caption = (
-        "What was fitted: quantities that the data can tell, unlike single parameters that may be "
+        "What was fitted: quantities that the data determine, unlike single parameters that may be "
         "exchanged for each other. Estimate and standard deviation, with the misfit of the law "
         "counted as noise; bold above 20\N{NO-BREAK SPACE}%."
     )
@@ -348,12 +348,12 @@ def _uncertainty(subject: Subject, unsure: Uncertainty) -> list[Block]:
         svg = svg_text(figure_correlation(unsure), subject.next_prefix())
         caption = (
             "Correlations of what was fitted. Dark blue: they can only rise together; dark red: "
-            "one rises as the other falls; white: told apart."
+            "one rises as the other falls; white: independent."
         )
         blocks.append(Picture(svg, _correlated(unsure), caption))
     if unsure.statements:
         said = (written(text) for text in unsure.statements)
-        blocks.append(Items("What the data cannot tell", tuple(said)))
+        blocks.append(Items("What the data leave open", tuple(said)))
     return blocks
 
 
@@ -405,8 +405,8 @@ def section_origin(subject: Subject, file_name: str, file_hash: str) -> Section:
         for key, value in origin.settings.items()
         if key != "gap_map_reason"
     }
-    told = [[Cell(name), Cell(value, code=True)] for name, value in settings.items() if value]
-    blocks.append(table("How it was found", ["setting", "value"], told, texts=2))
+    rows = [[Cell(name), Cell(value, code=True)] for name, value in settings.items() if value]
+    blocks.append(table("How it was found", ["setting", "value"], rows, texts=2))
     return Section("origin", "Where the model came from", tuple(blocks))
 
 

@@ -1,4 +1,4 @@
-"""The firmware itself flies the bearing: built for a board, in lock-step over the plant bus."""
+"""The firmware itself levitates the bearing: built for a board, in lock-step over the plant bus."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ BOARDS = ("host", "qemu-mps2")
 """Boards without hardware, on which a firmware can run here."""
 
 COLUMNS = ("t_s", "gap_m", "velocity_m_per_s", "command_A", "command_2_A", "state", "fault")
-"""Of the record of a flight: a row a tick, all at its beginning but for the commands, the state and
+"""Of the record of a run: a row a tick, all at its beginning but for the commands, the state and
 the fault, which follow from it."""
 
 _BEAT = 0.04
-"""Between two requests while nothing is commanded, s; well below the controller's patience."""
+"""Between two requests while nothing is commanded, s; well below the timeout of the controller."""
 
 
 class BearingPlant:
@@ -40,7 +40,7 @@ class BearingPlant:
     Parameters
     ----------
     setup : Setup
-        What flies, in fixed point.
+        What runs, in fixed point.
     seed : int, optional
         Of the sensors' noise; the seed of the rig file is added.
     bearing : Bearing, optional
@@ -124,7 +124,7 @@ class BearingPlant:
 
 
 @dataclass
-class BoardFlight:
+class FirmwareRun:
     """A firmware in the air: what is done to it, tick by tick, and what it did.
 
     Parameters
@@ -132,7 +132,7 @@ class BoardFlight:
     plant : BearingPlant
     bus : PlantBus
     link : ForceController
-        Its session; everything it is told goes over it.
+        Its session; all its commands go over it.
     """
 
     plant: BearingPlant
@@ -145,15 +145,15 @@ class BoardFlight:
         self._target: int | None = None
         self._tick = 1.0 / self.link.info.rate
 
-    def fly(self, scenario: Scenario, progress: Progress | None = None) -> FloatArray:
+    def run(self, scenario: Scenario, progress: Progress | None = None) -> FloatArray:
         """Go on with a scenario.
 
         Parameters
         ----------
         scenario : Scenario
-            As the simulation flies it; nothing may be fed forward.
+            As the simulation runs it; nothing may be fed forward.
         progress : callable, optional
-            Called with ticks flown and all of them.
+            Called with ticks done and all of them.
 
         Returns
         -------
@@ -181,7 +181,7 @@ class BoardFlight:
             self._since = 0
 
     def aim(self, gap: float) -> None:
-        """Tell the controller where to go, if it is another place than before."""
+        """Give the controller its target, if it is another place than before."""
         code = self.plant.position_code(gap)
         if code != self._target:
             self.link.request(TargetRequest(code), StatusAnswer)
@@ -211,7 +211,7 @@ class BoardFlight:
 
 
 @contextmanager
-def board_flight(firmware: Path, plant: BearingPlant, board: str) -> Iterator[BoardFlight]:
+def firmware_run(firmware: Path, plant: BearingPlant, board: str) -> Iterator[FirmwareRun]:
     """Start the firmware of a bearing and open its link.
 
     Parameters
@@ -219,14 +219,14 @@ def board_flight(firmware: Path, plant: BearingPlant, board: str) -> Iterator[Bo
     firmware : Path
         From :func:`anhyst.link.firmware.build`, for this board.
     plant : BearingPlant
-        What it flies.
+        What it levitates.
     board : str
         One of :data:`BOARDS`.
 
     Yields
     ------
-    BoardFlight
+    FirmwareRun
     """
     run = run_host if board == "host" else run_qemu
     with run(firmware, plant) as running, ForceController(running.url) as link:
-        yield BoardFlight(plant, running.bus, link)
+        yield FirmwareRun(plant, running.bus, link)

@@ -109,17 +109,17 @@ def _visited(rig: BearingRig) -> tuple[float, float]:
 
 
 def _amplifier_faults(settings: ControllerTable, rig: BearingRig) -> list[Fault]:
-    """Say where the file tells of amplifiers or of a second magnet what the rig does not."""
+    """Say where the file contradicts the rig on amplifiers or a second magnet."""
     faults: list[Fault] = []
-    told, amplifier = settings.converter, rig.settings.amplifier
-    if told is not None:
+    converter, amplifier = settings.converter, rig.settings.amplifier
+    if converter is not None:
         ends = {
             "low_A": amplifier.current_low_A,
             "high_A": amplifier.current_high_A,
             "bits": amplifier.dac_bits,
         }
         for key, value in ends.items():
-            if getattr(told, key) != value:
+            if getattr(converter, key) != value:
                 text = f"the amplifier of {rig.path} has {value:g}; make them equal"
                 faults.append((("converter", key), text))
     pair = pair_of(rig)

@@ -1,4 +1,4 @@
-"""The rig file of a magnetic bearing: plant, instruments, and what is tried on them.
+"""The rig file of a magnetic bearing: plant, instruments, and its test cases.
 
 Everything is SI and the unit stands in the key. Every key is described in docs/rig-file.md.
 """

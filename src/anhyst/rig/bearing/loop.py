@@ -65,7 +65,7 @@ class Loop:
 
 
 def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:
-    """Tell when levitation was lost: a stop was touched, or the controller gave up.
+    """Return when levitation was lost: a stop was touched, or the controller gave up.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | No
     recording : Recording
         From power on, or from any time in the air.
     since : int, optional
-        Tick from which on the armature should hang in the air.
+        Tick from which on the armature should levitate.
 
     Returns
     -------
@@ -86,9 +86,9 @@ def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | No
     if fault.any():
         since = min(since, int(np.argmax(fault)))
     gap, state = recording["gap_m"][since:], recording["state"][since:]
-    flying = (state >= 16 * RUN + 2) & (state <= 16 * RUN + 4)
+    levitating = (state >= 16 * RUN + 2) & (state <= 16 * RUN + 4)
     touched = (gap <= mechanics.stop_low_m) | (gap >= mechanics.stop_high_m)
-    bad = ~flying | touched | ~np.isfinite(gap)
+    bad = ~levitating | touched | ~np.isfinite(gap)
     if not bad.any():
         return None
     return float(recording["t_s"][since + int(np.argmax(bad))])

@@ -72,13 +72,13 @@ class Scenario:
     inject : ndarray, shape (n,)
         Added to the gap that the controller sees, m.
     feed : ndarray, shape (n,)
-        Load that the controller is told, N.
+        Load that the controller gets, N.
     command : ndarray of uint32, shape (n,)
         :class:`Command`, :data:`DROP`.
     steps : tuple of Step
         Steps of the reference in it.
     lifted : int
-        Tick from which on the armature should hang in the air; 0 if nothing lifts it here.
+        Tick from which on the armature should levitate; 0 if nothing lifts it here.
     """
 
     target: FloatArray

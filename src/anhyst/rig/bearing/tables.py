@@ -277,7 +277,7 @@ class TrajectoryTable(Table):
 
 
 class SimulateTable(Table):
-    """``[simulate]``: what is tried."""
+    """``[simulate]``: the test cases."""
 
     gap_m: Positive
     also_gaps_m: list[Positive] = Field(default_factory=list)

@@ -1,4 +1,4 @@
-"""The rig file: a virtual actuator, its instruments, and what is tried on them.
+"""The rig file: a virtual actuator, its instruments, and its test cases.
 
 Everything is SI and the unit stands in the key. Every key is described in docs/force-control.md.
 """
@@ -161,7 +161,7 @@ class MovingTable(Table):
 
 
 class ForceControlTable(Table):
-    """``[force_control]``: what is tried."""
+    """``[force_control]``: the test cases."""
 
     loops: FileList
     force_max_N: Positive

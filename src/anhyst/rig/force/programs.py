@@ -79,7 +79,7 @@ class Session:
     first : int
         First tick of the run.
     demagnetised : bool
-        Whether the controller was told so just before: what was before does not count.
+        Whether the controller got this command just before: what was before does not count.
     """
 
     gap: Codes

@@ -22,7 +22,7 @@ _UP = 40
 """Ticks after power on until the self-test must have passed."""
 
 _BETWEEN = 40
-"""Ticks between two heartbeats while nothing is demanded; well below the controller's patience."""
+"""Ticks between two heartbeats while nothing is demanded; well below the timeout of the controller."""
 
 _LONGEST = 200_000
 """Ticks of a start-up sequence after which something is wrong."""
@@ -70,7 +70,7 @@ def run_firmware(
     board : str
         One of :data:`BOARDS`.
     demagnetised : bool
-        Whether the controller is told that the iron is demagnetised; otherwise it goes through
+        Whether the controller gets the command that the iron is demagnetised; otherwise it goes through
         its start-up sequence.
 
     Returns
@@ -83,7 +83,7 @@ def run_firmware(
     InputError
         The controller is silent or in fault.
     NegativeResult
-        It does not do what it is told, or left its run.
+        It does not follow its commands, or left its run.
     """
     plant = _Plant(bench, program)
     codes = program.demand_codes(demand.force)

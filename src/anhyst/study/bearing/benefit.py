@@ -33,7 +33,7 @@ WIDTHS = (0.5, 1.0, 2.0)
 FRACTIONS = (0.05, 0.15, 0.3, 0.5)
 """Reversible fractions."""
 
-RIVALS: tuple[Variant, ...] = ("ratio", "linearised", "static")
+BASELINES: tuple[Variant, ...] = ("ratio", "linearised", "static")
 """Ways from force to current that know no hysteresis and measure nothing."""
 
 Measure = Literal["overshoot_percent", "settling_in_noise_s"]
@@ -61,7 +61,7 @@ class Iron:
         Largest of the measured loops, in parts of the largest current.
     after_reversal : float or None
         Slope just after a reversal over the static slope, estimated from the measured loops; None
-        where they do not tell.
+        where they leave it open.
     after_reversal_true : float
         The same of the virtual magnet at its operating point.
     label : str
@@ -78,16 +78,16 @@ class Iron:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The full compensator against a rival, in one figure.
+    """The full compensator against a baseline, in one figure.
 
     Parameters
     ----------
-    rival : str or None
+    baseline : str or None
         Strongest of those that kept the armature in the air; None if none did.
     quotient : Quotient or None
-        Figure of ``full`` over that of the rival; None where one of them has lost the armature.
+        Figure of ``full`` over that of the baseline; None where one of them has lost the armature.
     difference : Interval or None
-        Figure of the rival less that of ``full``, seed by seed.
+        Figure of the baseline less that of ``full``, seed by seed.
     floor : float or None
         Overshoot that is none, % of the height: :data:`STANDSTILLS` times the larger standstill rms
         of the two. None for other figures.
@@ -95,7 +95,7 @@ class Comparison:
         Both means are below the floor.
     """
 
-    rival: Variant | None
+    baseline: Variant | None
     quotient: Quotient | None
     difference: Interval | None
     floor: float | None = None
@@ -105,12 +105,12 @@ class Comparison:
     def outcome(self) -> Outcome:
         """``gain`` or ``loss`` if it is certain: the interval of the difference leaves out zero.
 
-        It is a loss, too, where the rival kept the armature in the air and ``full`` did not.
+        It is a loss, too, where the baseline kept the armature in the air and ``full`` did not.
         """
         if self.small:
             return "nothing to gain"
         if self.difference is None:
-            return "no gain" if self.rival is None else "loss"
+            return "no gain" if self.baseline is None else "loss"
         if self.difference.mean > self.difference.half_width:
             return "gain"
         return "loss" if self.difference.mean < -self.difference.half_width else "no gain"
@@ -130,7 +130,7 @@ class Cell:
     standstill : mapping of str to float
         Rms of the gap at the end of the holds, mean over seeds and directions, m; by variant.
     strongest, ratio : mapping of str to Comparison
-        By :data:`MEASURES`: against the strongest of :data:`RIVALS` in this very figure, and
+        By :data:`MEASURES`: against the strongest of :data:`BASELINES` in this very figure, and
         against ``ratio``.
     flux : mapping of str to Comparison
         Against ``flux``, which measures the flux density instead; empty without a Hall probe.
@@ -208,7 +208,7 @@ def benefit(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> Benefit:
-    """Map what compensation gains; every magnet is measured and identified anew.
+    """Map what compensation gains; every magnet is measured and identified again.
 
     Loops of each magnet are measured through the sensors of the rig, all variants are fitted to
     these loops, and all run with the gains of the controller file.
@@ -267,8 +267,8 @@ def _map_iron(work: _Work) -> list[Cell]:
     )
     steps: dict[Variant, list[list[StepResult]]] = {}
     probe = rig.settings.hall_probe is not None
-    rivals: tuple[Variant, ...] = (*RIVALS, "flux") if probe else RIVALS
-    for variant in (*rivals, "full"):
+    baselines: tuple[Variant, ...] = (*BASELINES, "flux") if probe else BASELINES
+    for variant in (*baselines, "full"):
         setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
         gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
         runs = [run_steps(Run(setup, gap, work.heights, load, seed))[0] for seed in work.seeds]
@@ -301,8 +301,8 @@ def _cell(
         for name, pairs in runs.items()
     }
 
-    def against(*rivals: Variant) -> dict[Measure, Comparison]:
-        return {name: _compare(values, still, height, name, rivals) for name in MEASURES}
+    def against(*baselines: Variant) -> dict[Measure, Comparison]:
+        return {name: _compare(values, still, height, name, baselines) for name in MEASURES}
 
     return Cell(
         iron=iron,
@@ -312,7 +312,7 @@ def _cell(
             for name, rows in values.items()
         },
         standstill=still,
-        strongest=against(*RIVALS),
+        strongest=against(*BASELINES),
         ratio=against("ratio"),
         flux=against("flux") if probe else {},
     )
@@ -332,22 +332,22 @@ def _compare(
     still: Mapping[Variant, float],
     height: float,
     measure: Measure,
-    rivals: Sequence[Variant],
+    baselines: Sequence[Variant],
 ) -> Comparison:
-    """Compare with the best rival of this very cell: chance favours it a little, never ``full``."""
-    flying = [name for name in rivals if name in values]
-    if not flying:
+    """Compare with the best baseline of this very cell: chance favours it a little, never ``full``."""
+    held = [name for name in baselines if name in values]
+    if not held:
         return Comparison(None, None, None)
-    rival = min(flying, key=lambda name: float(np.mean(values[name][measure])))
+    baseline = min(held, key=lambda name: float(np.mean(values[name][measure])))
     if "full" not in values:
-        return Comparison(rival, None, None)
-    own, other = values["full"][measure], values[rival][measure]
+        return Comparison(baseline, None, None)
+    own, other = values["full"][measure], values[baseline][measure]
     ratio, difference = quotient(own, other), mean_interval(other - own)
     if measure != "overshoot_percent":
-        return Comparison(rival, ratio, difference)
-    floor = 100.0 * STANDSTILLS * max(still["full"], still[rival]) / height
+        return Comparison(baseline, ratio, difference)
+    floor = 100.0 * STANDSTILLS * max(still["full"], still[baseline]) / height
     most = max(float(np.mean(own)), float(np.mean(other)))
-    return Comparison(rival, ratio, difference, floor, most < floor)
+    return Comparison(baseline, ratio, difference, floor, most < floor)
 
 
 def _row(cell: Cell) -> dict[str, Any]:
@@ -376,7 +376,7 @@ def _interval(one: Interval) -> dict[str, float]:
 
 
 def _comparison(one: Comparison) -> dict[str, Any]:
-    found: dict[str, Any] = {"rival": one.rival, "outcome": one.outcome}
+    found: dict[str, Any] = {"baseline": one.baseline, "outcome": one.outcome}
     if one.floor is not None:
         found["floor_percent"] = one.floor
     if one.quotient is not None and one.difference is not None:

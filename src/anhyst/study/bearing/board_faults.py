@@ -10,12 +10,12 @@ from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import Refused
 from anhyst.link.plant_bus import Reading
-from anhyst.rig.bearing.board import BoardFlight
+from anhyst.rig.bearing.board import FirmwareRun
 from anhyst.rig.bearing.scenario import LEAST_LIFT_S
 from anhyst.rig.bearing.setup import Setup
 from anhyst.support.errors import NegativeResult
 
-Act = Callable[[BoardFlight, int], bool]
+Act = Callable[[FirmwareRun, int], bool]
 """Called before every tick, counted from the beginning of a fault; whether the link stays alive."""
 
 _NO_SAMPLE = 1
@@ -29,7 +29,7 @@ _LONGEST_S = 1.0
 """Until an armature lies."""
 
 _ON_S = 0.25
-"""After so long it is seen to fly on."""
+"""After so long it is seen to levitate on."""
 
 _STILL_S = 0.02
 """Without current on its rest, so long, it lies."""
@@ -66,7 +66,7 @@ class Ending:
     injection : Injection
     reason : Fault
         That the controller gave.
-    flies : bool
+    levitates : bool
         Whether it went on hovering.
     seconds : float
         From the fault until the armature lay without current, s; NaN where it went on.
@@ -79,7 +79,7 @@ class Ending:
 
     injection: Injection
     reason: Fault
-    flies: bool
+    levitates: bool
     seconds: float
     rest_speed: float
     magnet_speed: float
@@ -89,14 +89,14 @@ class Ending:
     def as_expected(self) -> bool:
         """Whether the controller gave the reason that belongs to the fault, or went on."""
         wanted = self.injection.reason
-        return self.reason is wanted and self.flies == (wanted is Fault.NONE)
+        return self.reason is wanted and self.levitates == (wanted is Fault.NONE)
 
 
 def _shows(change: Callable[[Reading], Reading], ticks: float = math.inf) -> Act:
     """Let sensors show something else for some ticks."""
 
-    def act(flight: BoardFlight, n: int) -> bool:
-        flight.plant.shown = change if n < ticks else None
+    def act(running: FirmwareRun, n: int) -> bool:
+        running.plant.shown = change if n < ticks else None
         return True
 
     return act
@@ -110,53 +110,53 @@ def _no_sample(reading: Reading) -> Reading:
     return reading._replace(status=_NO_SAMPLE)
 
 
-def _freezes(flight: BoardFlight, n: int) -> bool:
+def _freezes(running: FirmwareRun, n: int) -> bool:
     """Freeze the sensor of the position, and step the target."""
     if n == 0:
-        flight.aim(flight.plant.bearing.gap + _STEP_M)
+        running.aim(running.plant.bearing.gap + _STEP_M)
         last: list[float] = []
 
         def frozen(reading: Reading) -> Reading:
             last.append(reading.position)
             return reading._replace(position=last[0])
 
-        flight.plant.shown = frozen
+        running.plant.shown = frozen
     return True
 
 
-def _misses(flight: BoardFlight, n: int) -> bool:
+def _misses(running: FirmwareRun, n: int) -> bool:
     """Miss five ticks in a row."""
     if n == 0:
-        flight.bus.skip(5)
+        running.bus.skip(5)
     return True
 
 
-def _sags(flight: BoardFlight, n: int) -> bool:
+def _sags(running: FirmwareRun, n: int) -> bool:
     """Let the supply fall; the board reports it a millisecond later."""
-    bearing = flight.plant.bearing
+    bearing = running.plant.bearing
     if n == 0:
-        bearing.supply = _SAG * flight.plant.supply
-    if n == round(1e-3 * flight.link.info.rate):
-        flight.plant.shown = lambda reading: reading._replace(status=_SUPPLY)
+        bearing.supply = _SAG * running.plant.supply
+    if n == round(1e-3 * running.link.info.rate):
+        running.plant.shown = lambda reading: reading._replace(status=_SUPPLY)
     return True
 
 
-def _stops(flight: BoardFlight, n: int) -> bool:
+def _stops(running: FirmwareRun, n: int) -> bool:
     if n == 0:
-        flight.command(Command.STOP)
+        running.command(Command.STOP)
     return True
 
 
-def _bad_block(flight: BoardFlight, n: int) -> bool:
-    """Send a block with a broken checksum, and one whose words are not sound behind a right one."""
+def _bad_block(running: FirmwareRun, n: int) -> bool:
+    """Send a block with a broken checksum, and one whose words are not valid behind a right one."""
     if n == 0:
-        words = flight.link.read_block()
+        words = running.link.read_block()
         for broken in (_broken(words), regenerate(_broken(words), 7)):
             try:
-                flight.link.write_block(broken)
+                running.link.write_block(broken)
             except Refused:
                 continue
-            raise NegativeResult("the controller took a parameter block that is not sound")
+            raise NegativeResult("the controller took a parameter block that is not valid")
     return True
 
 
@@ -164,17 +164,17 @@ def _broken(words: list[int]) -> list[int]:
     return [*words[:2], words[2] ^ 0x40, *words[3:]]
 
 
-def _swaps(flight: BoardFlight, n: int) -> bool:
+def _swaps(running: FirmwareRun, n: int) -> bool:
     """Swap in the same parameters as another generation."""
     if n == 0:
-        flight.link.write_block(regenerate(flight.link.read_block(), 9))
+        running.link.write_block(regenerate(running.link.read_block(), 9))
     return True
 
 
-def _overload(flight: BoardFlight, n: int) -> bool:
+def _overload(running: FirmwareRun, n: int) -> bool:
     """Load it with more than the largest force can carry, for a while."""
-    over = n < round(_OVERLOAD_S * flight.link.info.rate)
-    flight.plant.load = 1.2 * flight.plant.force_high if over else flight.plant.rest_load
+    over = n < round(_OVERLOAD_S * running.link.info.rate)
+    running.plant.load = 1.2 * running.plant.force_high if over else running.plant.rest_load
     return True
 
 
@@ -205,7 +205,7 @@ def injections() -> Iterator[Injection]:
         _shows(lambda reading: reading._replace(current=1.9)),
     )
     yield Injection("five ticks missed", Fault.MISSED_TICK, _misses)
-    yield Injection("link lost", Fault.LINK_LOST, lambda flight, n: False)
+    yield Injection("link lost", Fault.LINK_LOST, lambda running, n: False)
     yield Injection("command stop", Fault.STOPPED, _stops)
     yield Injection("emergency stop open", Fault.EMERGENCY_STOP, _reports(_EMERGENCY_STOP))
     yield Injection("supply sags to a fifth", Fault.SUPPLY, _sags)
@@ -217,21 +217,21 @@ def injections() -> Iterator[Injection]:
     yield Injection("overload for 100 ms", Fault.NONE, _overload)
 
 
-class FaultFlights:
+class FaultRuns:
     """Lifts, hovers, does something bad and watches, again and again in one session.
 
     Parameters
     ----------
     setup : Setup
-        What flies.
-    flight : BoardFlight
+        What levitates.
+    running : FirmwareRun
         From power on.
     """
 
-    def __init__(self, setup: Setup, flight: BoardFlight) -> None:
+    def __init__(self, setup: Setup, running: FirmwareRun) -> None:
         self.setup = setup
-        self.flight = flight
-        self._rate = flight.link.info.rate
+        self.running = running
+        self._rate = running.link.info.rate
         self._gap = setup.rig.settings.simulate.gap_m
         self._lift = round((LEAST_LIFT_S) * self._rate)
         self._first = True
@@ -254,35 +254,35 @@ class FaultFlights:
 
     def _hover(self) -> None:
         """Lift off with the iron as it is: its memory has followed every current so far."""
-        flight = self.flight
-        flight.plant.load = flight.plant.rest_load
-        if flight.state is not State.READY:
+        running = self.running
+        running.plant.load = running.plant.rest_load
+        if running.state is not State.READY:
             for _ in self._ticks(0.005):
-                flight.tick()
-            flight.command(Command.DEMAGNETISED if self._first else Command.ARM)
+                running.tick()
+            running.command(Command.DEMAGNETISED if self._first else Command.ARM)
         self._first = False
-        flight.aim(self._gap)
-        flight.tick()
-        flight.command(Command.LIFT)
+        running.aim(self._gap)
+        running.tick()
+        running.command(Command.LIFT)
         for _ in range(self._lift):
-            flight.tick()
-        phase = Phase(flight.link.status().codes.phase)
-        if flight.state is not State.RUN or phase is not Phase.HOVER:
+            running.tick()
+        phase = Phase(running.link.status().codes.phase)
+        if running.state is not State.RUN or phase is not Phase.HOVER:
             raise NegativeResult(
-                f"the armature does not hover before a fault: state {flight.state.name.lower()}, "
-                f"phase {phase.name.lower()}, fault {flight.fault.name.lower()}"
+                f"the armature does not hover before a fault: state {running.state.name.lower()}, "
+                f"phase {phase.name.lower()}, fault {running.fault.name.lower()}"
             )
 
     def _watch(self, injection: Injection) -> Ending:
-        flight, mechanics = self.flight, self.setup.rig.settings.mechanics
-        bearing = flight.plant.bearing
+        running, mechanics = self.running, self.setup.rig.settings.mechanics
+        bearing = running.plant.bearing
         begin, still = bearing.gap, 0
         rest_speed = magnet_speed = away = 0.0
         inside, speed = True, 0.0
         seconds = math.nan
         on = injection.reason is Fault.NONE
         for n in self._ticks(_ON_S if on else _LONGEST_S):
-            flight.tick(beats=injection.act(flight, n))
+            running.tick(beats=injection.act(running, n))
             gap = bearing.gap
             outside = gap <= mechanics.stop_low_m or gap >= mechanics.stop_high_m
             if outside and inside and gap >= mechanics.stop_high_m:
@@ -291,35 +291,35 @@ class FaultFlights:
                 magnet_speed = magnet_speed or speed
             inside, speed = not outside, abs(bearing.velocity)
             away = max(away, abs(gap - begin))
-            still = still + 1 if outside and flight.bus.drives == (0.0, 0.0) else 0
+            still = still + 1 if outside and running.bus.drives == (0.0, 0.0) else 0
             if still >= _STILL_S * self._rate:
                 seconds = n / self._rate - _STILL_S
                 break
-        flies = flight.state is State.RUN
+        levitates = running.state is State.RUN
         return Ending(
             injection,
-            flight.fault,
-            flies,
+            running.fault,
+            levitates,
             seconds,
             rest_speed,
             magnet_speed,
-            away if flies else math.nan,
+            away if levitates else math.nan,
         )
 
     def _recover(self, ending: Ending) -> None:
         """Everything works again: clear the fault, or land."""
-        flight = self.flight
-        flight.plant.shown = None
-        flight.plant.load = flight.plant.rest_load
-        flight.plant.bearing.supply = flight.plant.supply
-        if ending.flies:
-            flight.command(Command.LAND)
+        running = self.running
+        running.plant.shown = None
+        running.plant.load = running.plant.rest_load
+        running.plant.bearing.supply = running.plant.supply
+        if ending.levitates:
+            running.command(Command.LAND)
         for _ in self._ticks(_LONGEST_S):
-            flight.tick()
-            if flight.state is not State.RUN and flight.bus.drives == (0.0, 0.0):
+            running.tick()
+            if running.state is not State.RUN and running.bus.drives == (0.0, 0.0):
                 break
         for _ in self._ticks(0.05):
-            flight.tick()
-        if flight.state is State.FAULT:
-            flight.command(Command.CLEAR)
-            flight.tick()
+            running.tick()
+        if running.state is State.FAULT:
+            running.command(Command.CLEAR)
+            running.tick()

@@ -1,4 +1,4 @@
-"""What is tried beside steps: standing still, trajectories, loads, and things that go wrong."""
+"""Test cases beside steps: holding a position, trajectories, loads, and things that go wrong."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def loaded(setup: Setup, force: float) -> tuple[Scenario, int]:
 
 
 def stand_still(trial: Trial) -> Outcome:
-    """Hang in the air: rms of the true gap, its drift, and a limit cycle if there is one."""
+    """Hold a position: rms of the true gap, its drift, and a limit cycle if there is one."""
     scenario, begin = standing(trial.setup)
     recording, lost = _run(trial, scenario)
     if lost:
@@ -225,7 +225,7 @@ def _overload(trial: Trial) -> Outcome:
     scenario = script.hold(RECOVERY_S).build()
     recording = Loop(trial.setup, trial.seed).run(scenario)
     part = recording.part(begin, len(recording))
-    # It lies on its stop when the load goes: what counts is that it flies again.
+    # It lies on its stop when the load goes: what counts is that it levitates again.
     lost = lost_at(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
     if lost or len(recording) < scenario.ticks:
         return Outcome({}, True)
@@ -278,7 +278,7 @@ def _stepped(setup: Setup) -> Scenario:
 
 
 def _fastest(recording: Recording, step: Step) -> int:
-    """Return the tick of a step at which a position that stands still is furthest off."""
+    """Return the tick of a step at which a held position is furthest off."""
     part = recording.part(step.begin, step.end)
     return step.begin + int(np.argmax(np.abs(part["velocity_m_per_s"])))
 

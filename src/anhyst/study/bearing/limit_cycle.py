@@ -1,4 +1,4 @@
-"""Limit cycles at a standstill, told from noise.
+"""Limit cycles at a standstill, distinguished from noise.
 
 Sensor noise through a loop swells around the peak of its sensitivity, so a peak in a spectrum
 proves nothing. A record is cut into pieces of a few periods of the strongest oscillation, so long
@@ -49,7 +49,7 @@ class LimitCycle:
 
 
 def lowest_frequency(duration: float) -> float:
-    """Return below which frequency no cycle can be told from noise.
+    """Return below which frequency no cycle can be distinguished from noise.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ class StepFigures:
         reached.
     noise : float
         Largest deviation of the gap from its mean over the last half of the hold, % of the height:
-        an overshoot that is no larger tells nothing of the step.
+        an overshoot that is no larger shows nothing of the step.
     undershoot : float
         Largest way back behind the old reference, % of the height.
     rise_time : float
@@ -139,7 +139,7 @@ def settling_band(height: float, resolution: float) -> float:
     height : float
         Of the step, m.
     resolution : float
-        Of the position sensor, rms, m: what no controller can tell from the reference.
+        Of the position sensor, rms, m: what no controller can distinguish from the reference.
 
     Returns
     -------
@@ -232,7 +232,7 @@ def deviation(signal: ArrayLike, wanted: ArrayLike) -> Deviation:
 
 
 def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> Effort:
-    """Tell what a current cost.
+    """Return what a current cost.
 
     Parameters
     ----------

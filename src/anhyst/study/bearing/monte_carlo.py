@@ -32,15 +32,15 @@ from anhyst.support.version import running_version
 
 PERCENTILES = (5, 50, 95, 99)
 STANDSTILL_S = 0.25
-FLOWN: tuple[Variant, ...] = ("ratio", "static")
-"""Flown beside the variant of the controller file: without compensation, and without memory."""
+COMPARED: tuple[Variant, ...] = ("ratio", "static")
+"""Compared with the variant of the controller file: without compensation, and without memory."""
 
 FIGURES = ("overshoot_percent", "settling_s", "standstill_rms_m")
 """Of a plant: the first two for each step height, the larger one of up and down."""
 
 
 @dataclass(frozen=True)
-class Flight:
+class PlantRun:
     """What one plant did behind one controller.
 
     Parameters
@@ -69,7 +69,7 @@ class Flight:
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """Plants drawn and flown.
+    """Plants drawn and run.
 
     Parameters
     ----------
@@ -77,14 +77,14 @@ class MonteCarlo:
         Of the steps, m.
     drifts : tuple of Drift
         One a plant.
-    flights : mapping of str to tuple of Flight
+    runs : mapping of str to tuple of PlantRun
         One a plant, by variant.
     seed : int
     """
 
     heights: tuple[float, ...]
     drifts: tuple[Drift, ...]
-    flights: Mapping[Variant, tuple[Flight, ...]]
+    runs: Mapping[Variant, tuple[PlantRun, ...]]
     seed: int
 
     def values(self, variant: Variant, name: str, place: int = 0) -> list[float]:
@@ -98,11 +98,11 @@ class MonteCarlo:
         place : int, optional
             Of the step height.
         """
-        return [flight.figure(name, place) for flight in self.flights[variant]]
+        return [run.figure(name, place) for run in self.runs[variant]]
 
     def as_dict(self) -> dict[str, Any]:
         """Return percentiles and worst plants as ``montecarlo.json`` holds them."""
-        found = {variant: self._variant(variant) for variant in self.flights}
+        found = {variant: self._variant(variant) for variant in self.runs}
         worst = sorted({place for one in found.values() for place in _worst_plants(one)})
         return {
             "format": "anhyst-montecarlo-figures",
@@ -115,7 +115,7 @@ class MonteCarlo:
     def _variant(self, variant: Variant) -> dict[str, Any]:
         places = range(len(self.heights))
         return {
-            "lost": sum(flight.lost is not None for flight in self.flights[variant]),
+            "lost": sum(run.lost is not None for run in self.runs[variant]),
             **{
                 name: [
                     {"height_m": self.heights[place], **_spread(self.values(variant, name, place))}
@@ -148,7 +148,7 @@ def monte_carlo(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> MonteCarlo:
-    """Fly plants that have drifted; the controller keeps what it learnt from the nominal one.
+    """Run plants that have drifted; the controller keeps what it learnt from the nominal one.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def monte_carlo(
     count : int, optional
         Plants in all.
     variants : sequence of str, optional
-        All fly the same plants with the same noise.
+        All control the same plants with the same noise.
     seed : int, optional
         That of the rig file if left out. A plant depends on it and its own number alone.
     progress, jobs
@@ -172,7 +172,7 @@ def monte_carlo(
     InputError
         Files that do not fit; a file of results that belongs to something else.
     Interrupted
-        After ctrl-C; what was flown is kept.
+        After ctrl-C; what was run is kept.
     """
     seed = rig.settings.seed if seed is None else seed
     ready = make_ready(rig, controller)
@@ -185,27 +185,27 @@ def monte_carlo(
         return fault_of(row, variants, len(heights))
 
     with ResultsFile(path, _header(rig, controller, variants, seed), "plant", fault) as results:
-        flown = _fly_missing(plants, results, progress, jobs)
+        done = _run_missing(plants, results, progress, jobs)
     return MonteCarlo(
         heights=heights,
         drifts=tuple(plant.drift for plant in plants),
-        flights={
-            name: tuple(_flight(one["variants"][name], len(heights)) for one in flown)
+        runs={
+            name: tuple(_plant_run(one["variants"][name], len(heights)) for one in done)
             for name in variants
         },
         seed=seed,
     )
 
 
-def _fly_missing(
+def _run_missing(
     plants: Sequence[Plant], results: ResultsFile, progress: Progress | None, jobs: int | None
 ) -> list[Mapping[str, Any]]:
-    """Fly the plants that have no result yet, and return the results of all in their order."""
+    """Run the plants that have no result yet, and return the results of all in their order."""
     count = len(plants)
     left = [plant for plant in plants if plant.index not in results.done]
 
     try:
-        for _, result in each(fly, left, progress, jobs):
+        for _, result in each(run_plant, left, progress, jobs):
             results.add(result)
     except KeyboardInterrupt:
         kept = sum(plant.index in results.done for plant in plants)
@@ -218,7 +218,7 @@ def _fly_missing(
 
 @dataclass(frozen=True)
 class Plant:
-    """One plant and the controllers that fly it."""
+    """One plant and the controllers that hold it."""
 
     setups: tuple[Setup, ...]
     seed: int
@@ -240,14 +240,14 @@ class Plant:
         return draw_drift(self.setups[0].rig.settings.drift, rng), noise
 
 
-def fly(plant: Plant) -> dict[str, Any]:
-    """Lift off, step up and down by every height and stand still, behind every controller."""
+def run_plant(plant: Plant) -> dict[str, Any]:
+    """Lift off, step up and down by every height and hold position, behind every controller."""
     drift = plant.drift
-    found = {one.name: _fly(one, drift, plant.noise) for one in plant.setups}
+    found = {one.name: _run_setup(one, drift, plant.noise) for one in plant.setups}
     return {"plant": plant.index, "drift": drift.as_dict(), "variants": found}
 
 
-def _fly(setup: Setup, drift: Drift, noise: int) -> dict[str, Any]:
+def _run_setup(setup: Setup, drift: Drift, noise: int) -> dict[str, Any]:
     rig = setup.rig
     tried = rig.settings.simulate
     scenario = steps_up_and_down(
@@ -287,12 +287,12 @@ def _judge(rig: BearingRig, scenario: Scenario, recording: Recording) -> dict[st
     }
 
 
-def _flight(row: Mapping[str, Any], heights: int) -> Flight:
+def _plant_run(row: Mapping[str, Any], heights: int) -> PlantRun:
     if row["lost_s"] is not None:
         never = (math.inf,) * heights
-        return Flight(never, never, math.inf, row["lost_s"])
+        return PlantRun(never, never, math.inf, row["lost_s"])
     settling = tuple(math.inf if one is None else one for one in row["settling_s"])
-    return Flight(tuple(row["overshoot_percent"]), settling, row["standstill_rms_m"], None)
+    return PlantRun(tuple(row["overshoot_percent"]), settling, row["standstill_rms_m"], None)
 
 
 def _spread(values: Sequence[float]) -> dict[str, float | int | None]:

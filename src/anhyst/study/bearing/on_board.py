@@ -1,4 +1,4 @@
-"""Fly a bearing with its firmware: ``anhyst simulate --board``."""
+"""Levitate a bearing with its firmware: ``anhyst simulate --board``."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from anhyst.control.states import State
 from anhyst.link.firmware import build, check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.board import BearingPlant, board_flight
+from anhyst.rig.bearing.board import BearingPlant, firmware_run
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.flight import parts_of_flight
+from anhyst.rig.bearing.levitation_run import parts_of_run
 from anhyst.rig.bearing.loop import Loop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.board_faults import Ending, FaultFlights, injections
+from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
@@ -38,11 +38,11 @@ _AIR_M = 5e-6
 """From its rest: an armature that is further away has been lifted."""
 
 _WORK = (2.0, 3.0, 7.0)
-"""Model and code, the flight, the faults: parts of the whole."""
+"""Model and code, the run, the faults: parts of the whole."""
 
 
 @dataclass(frozen=True)
-class FirmwareFlight:
+class BoardComparison:
     """What a firmware did in the air.
 
     Parameters
@@ -52,8 +52,8 @@ class FirmwareFlight:
     board : str
         Where it ran.
     simulated : Recording
-        The same flight with the simulated controller.
-    flown : ndarray, shape (n, 7)
+        The same run with the simulated controller.
+    recorded : ndarray, shape (n, 7)
         See :data:`anhyst.rig.bearing.board.COLUMNS`.
     endings : tuple of Ending
         Of every fault.
@@ -63,18 +63,18 @@ class FirmwareFlight:
     controller: ControllerFile
     board: str
     simulated: Recording
-    flown: FloatArray
+    recorded: FloatArray
     endings: tuple[Ending, ...]
 
     @property
     def differ(self) -> int:
         """Ticks at which a current is another than the simulated one."""
-        return count_differences(self.simulated, self.flown)
+        return count_differences(self.simulated, self.recorded)
 
     @property
     def landing_speed(self) -> float:
         """At which the armature came to its rest the first time after it was in the air, m/s."""
-        gap, speed = self.flown[:, 1], np.abs(self.flown[:, 2])
+        gap, speed = self.recorded[:, 1], np.abs(self.recorded[:, 2])
         rest = self.rig.settings.mechanics.stop_high_m
         air = np.flatnonzero(gap < rest - _AIR_M)
         if not air.size:
@@ -85,19 +85,19 @@ class FirmwareFlight:
     @property
     def landed(self) -> bool:
         """Whether it lies, without current and ready to lift again."""
-        last = self.flown[-1]
+        last = self.recorded[-1]
         return bool(last[5] == State.READY and last[3] == 0.0 and last[4] == 0.0)
 
     def as_dict(self) -> dict[str, Any]:
         """Return all of it for JSON; times and distances that do not apply are null."""
         return {
-            "format": "anhyst-firmware-flight",
+            "format": "anhyst-firmware-run",
             "rig": self.rig.settings.name,
             "controller": self.controller.settings.name,
             "variant": self.controller.settings.compensation.variant,
             "board": self.board,
             "rate_Hz": self.rig.settings.timing.rate_Hz,
-            "ticks": len(self.flown),
+            "ticks": len(self.recorded),
             "ticks_that_differ": self.differ,
             "landed": self.landed,
             "landing_speed_m_per_s": self.landing_speed,
@@ -115,32 +115,32 @@ class FirmwareFlight:
         if self.differ:
             raise NegativeResult(
                 f"the firmware drove another current than the simulation at {self.differ} of "
-                f"{len(self.flown)} ticks"
+                f"{len(self.recorded)} ticks"
             )
         if not self.landed:
-            raise NegativeResult("the firmware did not land the armature at the end of its flight")
+            raise NegativeResult("the firmware did not land the armature at the end of its run")
         wrong = [one.injection.name for one in self.endings if not one.as_expected]
         if wrong:
             raise NegativeResult(f"the firmware did not notice what it should: {'; '.join(wrong)}")
 
 
-def count_differences(simulated: Recording, flown: FloatArray) -> int:
-    """Return at how many ticks a current of a flight is another than in its simulation."""
-    n = min(len(simulated), len(flown))
-    same = (flown[:n, 3] == simulated["command_A"][:n]) & (
-        flown[:n, 4] == simulated["command_2_A"][:n]
+def count_differences(simulated: Recording, recorded: FloatArray) -> int:
+    """Return at how many ticks a current of a run is another than in its simulation."""
+    n = min(len(simulated), len(recorded))
+    same = (recorded[:n, 3] == simulated["command_A"][:n]) & (
+        recorded[:n, 4] == simulated["command_2_A"][:n]
     )
-    return int(np.count_nonzero(~same)) + abs(len(simulated) - len(flown))
+    return int(np.count_nonzero(~same)) + abs(len(simulated) - len(recorded))
 
 
-def fly_board(
+def run_board(
     rig_path: PathLike,
     out: PathLike,
     board: str,
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
-) -> FirmwareFlight:
-    """Compile the controller of a rig, build the firmware of a board around it, and fly it.
+) -> BoardComparison:
+    """Compile the controller of a rig, build the firmware of a board around it, and run it.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def fly_board(
 
     Returns
     -------
-    FirmwareFlight
+    BoardComparison
 
     Raises
     ------
@@ -168,42 +168,44 @@ def fly_board(
         The armature was not held.
     """
     if Path(out).suffix != ".json":
-        raise InputError(f"{out}: the flight of a firmware is written as .json; name it so")
+        raise InputError(f"{out}: the run of a firmware is written as .json; name it so")
     check_compiler(board)
     if board == QEMU:
         find_qemu()
     rig, controller = read_files(rig_path, controller_path)
     ready = make_ready(rig, controller, (out,))
     with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
-        setup, firmware = build_flight(ready.rig, controller, ready.knowledge(), board, Path(place))
-        _tell(progress, 0, 1.0)
-        simulated, flown = _flown_twice(setup, firmware, board, progress)
-        with board_flight(firmware, BearingPlant(setup), board) as flight:
-            flights, todo, endings = FaultFlights(setup, flight), list(injections()), []
+        setup, firmware = build_firmware(
+            ready.rig, controller, ready.knowledge(), board, Path(place)
+        )
+        _report(progress, 0, 1.0)
+        simulated, recorded = _run_twice(setup, firmware, board, progress)
+        with firmware_run(firmware, BearingPlant(setup), board) as running:
+            runs, todo, endings = FaultRuns(setup, running), list(injections()), []
             for injection in todo:
-                endings.append(flights.run(injection))
-                _tell(progress, 2, len(endings) / len(todo))
-    return FirmwareFlight(ready.rig, controller, board, simulated, flown, tuple(endings))
+                endings.append(runs.run(injection))
+                _report(progress, 2, len(endings) / len(todo))
+    return BoardComparison(ready.rig, controller, board, simulated, recorded, tuple(endings))
 
 
-def _flown_twice(
+def _run_twice(
     setup: Setup, firmware: Path, board: str, progress: Progress | None
 ) -> tuple[Recording, FloatArray]:
-    """Fly what a simulation records, simulated and with the firmware."""
-    *parts, _ = parts_of_flight(setup)
+    """Run what a simulation records, simulated and with the firmware."""
+    *parts, _ = parts_of_run(setup)
     loop, rows = Loop(setup), []
     simulated = Recording(np.concatenate([loop.run(part).table for part in parts]))
-    with board_flight(firmware, BearingPlant(setup), board) as flight:
+    with firmware_run(firmware, BearingPlant(setup), board) as running:
         for number, part in enumerate(parts):
 
-            def flown(n: float, total: float, before: int = number) -> None:
-                _tell(progress, 1, (before + n / total) / len(parts))
+            def report(n: float, total: float, before: int = number) -> None:
+                _report(progress, 1, (before + n / total) / len(parts))
 
-            rows.append(flight.fly(part, flown))
+            rows.append(running.run(part, report))
     return simulated, np.concatenate(rows)
 
 
-def build_flight(
+def build_firmware(
     rig: BearingRig,
     controller: ControllerFile,
     knowledge: IdentifiedMagnet,
@@ -254,8 +256,8 @@ def build_flight(
     return setup, build(board, place / "c", place / "firmware")
 
 
-def write_flight(found: FirmwareFlight, out: PathLike) -> None:
-    """Write the figures of a flight as JSON."""
+def write_comparison(found: BoardComparison, out: PathLike) -> None:
+    """Write the figures of a run as JSON."""
     with atomic_writer(out) as stream:
         stream.write(json_text(_without_nan(found.as_dict())))
 
@@ -265,7 +267,7 @@ def _ending(one: Ending) -> dict[str, Any]:
         "fault": one.injection.name,
         "expected": one.injection.reason.name.lower(),
         "reason": one.reason.name.lower(),
-        "flies": one.flies,
+        "levitates": one.levitates,
         "seconds": one.seconds,
         "rest_speed_m_per_s": one.rest_speed,
         "magnet_speed_m_per_s": one.magnet_speed,
@@ -281,6 +283,6 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _tell(progress: Progress | None, stage: int, part: float) -> None:
+def _report(progress: Progress | None, stage: int, part: float) -> None:
     if progress is not None:
         progress(sum(_WORK[:stage]) + part * _WORK[stage], sum(_WORK))

@@ -109,7 +109,7 @@ def has_constants(setup: Setup) -> bool:
     """Whether the drive of a setup is made of constants, so that its loop is linear by itself.
 
     What any other drive does to small movements, at the static slopes or at the much smaller ones
-    just after a reversal, no linear loop can tell.
+    just after a reversal, no linear loop can show.
     """
     return "k_i_N_per_A" in setup.drive.numbers
 

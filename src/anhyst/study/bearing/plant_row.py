@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 from anhyst.support.toml_file import NotNegative, Number, Table, explain
 
 
-class FlightRow(Table):
+class VariantRow(Table):
     """What a plant did behind one controller; nothing but ``lost_s`` where it was lost."""
 
     lost_s: NotNegative | None
@@ -24,7 +24,7 @@ class PlantRow(Table):
 
     plant: Annotated[int, Field(ge=0)]
     drift: dict[str, Number]
-    variants: dict[str, FlightRow]
+    variants: dict[str, VariantRow]
 
 
 def fault_of(row: Mapping[str, Any], variants: Sequence[str], heights: int) -> str | None:
@@ -35,7 +35,7 @@ def fault_of(row: Mapping[str, Any], variants: Sequence[str], heights: int) -> s
     row : mapping
         The line as read.
     variants : sequence of str
-        That must have flown it.
+        That must have run it.
     heights : int
         How many values there are of every figure of a step.
 
@@ -51,15 +51,15 @@ def fault_of(row: Mapping[str, Any], variants: Sequence[str], heights: int) -> s
         what, _, _ = explain(first).partition(";")  # nobody mends such a line by hand
         return f"{'.'.join(str(part) for part in first['loc'])}: {what}"
     for name in variants:
-        flight = found.variants.get(name)
-        if flight is None:
+        run = found.variants.get(name)
+        if run is None:
             return f"variants.{name}: is missing"
-        if flight.lost_s is not None:
+        if run.lost_s is not None:
             continue
         for key in ("overshoot_percent", "settling_s"):
-            values = getattr(flight, key)
+            values = getattr(run, key)
             if values is None or len(values) != heights:
                 return f"variants.{name}.{key}: must have {heights} values, one a step height"
-        if flight.standstill_rms_m is None:
+        if run.standstill_rms_m is None:
             return f"variants.{name}.standstill_rms_m: is missing"
     return None

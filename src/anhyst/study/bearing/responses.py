@@ -110,7 +110,7 @@ class Cell:
 
 
 def position_resolution(rig: BearingRig) -> float:
-    """Return what the position sensor of a rig cannot tell apart, rms of noise and steps, m."""
+    """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
     sensor = rig.settings.position_sensor.sensor()
     return math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
 

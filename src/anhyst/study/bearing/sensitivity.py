@@ -1,7 +1,7 @@
 """Sensitivity of a running loop, measured: a stepped sine is added to what the controller sees.
 
 The loop answers so that the controller sees ``S`` times what was added. Nothing is linearised, so
-the answer holds for the amplitude that was injected; what the sine leaves unexplained is told.
+the answer holds for the amplitude that was injected; what the sine leaves unexplained is reported.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Simulate a magnetic bearing and tell what compensation is worth: ``anhyst simulate``."""
+"""Simulate a magnetic bearing and report what compensation is worth: ``anhyst simulate``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from anhyst.compile.folder import json_text
 from anhyst.control.controller_file import ControllerFile, Variant
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.flight import Flight, lost_blocks, parts_of_flight
+from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
 from anhyst.rig.bearing.loop import Loop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.plant_check import check_plant
@@ -50,7 +50,7 @@ COMPARED: tuple[Variant, ...] = (
 
 FIGURES = "figures.json"
 _WORK_OF_STAGES = (5.0, 4.0)
-"""Model and first flight, then the steps, in units of any other experiment."""
+"""Model and first run, then the steps, in units of any other experiment."""
 """What is written beside the recording."""
 
 
@@ -149,7 +149,7 @@ def explore(
     Returns
     -------
     Simulation
-        Where levitation was lost in what is tried beside the steps of the recording, its
+        Where levitation was lost in the test cases beside the steps of the recording, its
         ``lost_in`` says so: see :func:`refuse_losses`.
 
     Raises
@@ -172,17 +172,17 @@ def explore(
     knowledge = ready.knowledge()
     own = controller.settings.compensation.variant
     mine = make_setups(rig, controller, knowledge, (own,))[own]
-    flight = _whole_run(mine)
-    fault = flight.fault()
+    run = _whole_run(mine)
+    fault = run.fault()
     if fault:
         figures_file.unlink(missing_ok=True)  # of another recording
-        _write_recording(out, flight.recording, controller, knowledge)
+        _write_recording(out, run.recording, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}")
     next(stages)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
-    found = _compare(controller, knowledge, setups, ready.at, flight.recording, stages)
+    found = _compare(controller, knowledge, setups, ready.at, run.recording, stages)
     found.figures["left_out"] = left_out
-    found.figures["lost_in"] = [*flight.lost_later(), *lost_blocks(found.figures)]
+    found.figures["lost_in"] = [*run.lost_later(), *lost_blocks(found.figures)]
     return found
 
 
@@ -236,7 +236,7 @@ def refuse_losses(found: Simulation) -> None:
 def _beside(
     mine: Setup, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> tuple[dict[Variant, Setup], dict[Variant, str]]:
-    """Fit what is compared with a setup; where something cannot be made, tell why.
+    """Fit what is compared with a setup; where something cannot be made, report why.
 
     A magnet without hysteresis to speak of has no simplified law, and is worth a simulation.
     """
@@ -351,15 +351,15 @@ def _load(rig: BearingRig) -> float:
     return rig.settings.load.force_N
 
 
-def _whole_run(setup: Setup) -> Flight:
+def _whole_run(setup: Setup) -> LevitationRun:
     """Lift off, step, load, land."""
-    steps, after, landing = parts_of_flight(setup)
+    steps, after, landing = parts_of_run(setup)
     loop = Loop(setup)
     parts = [loop.run(steps)]
     if len(parts[0]) == steps.ticks:
         parts.append(loop.run(after))
     recording = Recording(np.concatenate([part.table for part in parts]))
-    return Flight(setup, recording, steps, landing)
+    return LevitationRun(setup, recording, steps, landing)
 
 
 def _stages(progress: Progress | None, work: Sequence[float]) -> Iterator[Progress]:

@@ -1,4 +1,4 @@
-"""A swept sine through a loop that hangs in the air."""
+"""A swept sine through a loop that levitates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def sweep(
     ----------
     setup : Setup
     gap : float
-        At which the armature hangs, m.
+        At which the armature levitates, m.
     load : float
         Of the load drive, N.
     frequencies : ndarray, shape (n,)

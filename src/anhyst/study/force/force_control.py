@@ -91,7 +91,7 @@ def force_control(
     demand : path-like, optional
         A CSV with columns ``t_s`` and ``F_N``: a demand beside those of the rig file.
     progress : callable, optional
-        Told what is done and the total.
+        Called with what is done and the total.
 
     Returns
     -------
@@ -102,13 +102,13 @@ def force_control(
     InputError
         The rig, its loops or the demand cannot be used, or a tool is not installed.
     NegativeResult
-        A model cannot be compiled, or a controller did not do what it was told.
+        A model cannot be compiled, or a controller did not follow its commands.
     """
     rig = read_rig(rig_path)
     demands = _demands(rig, demand)
     _check_tools(board)
     trials = list(plan_trials(rig, demands))
-    told = _Steps(progress, total=8.0 + len(trials))
+    steps = _Steps(progress, total=8.0 + len(trials))
     loops = read_loops(rig)
     end = loops_at(loops, rig.settings.force_control.end_m)
     force_max = rig.settings.force_control.force_max_N
@@ -120,13 +120,13 @@ def force_control(
     with _draft(Path(out)) as folder, ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
         rig = complete_rig(rig, loops)
         models = dict(zip(curves, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
-        told.step(4.0)
+        steps.step(4.0)
         programs = _programs(pool, rig, models, board, folder)
-        told.step(4.0)
+        steps.step(4.0)
         controllers = {
             scope: Controllers(programs[scope], *curves[scope], board) for scope in curves
         }
-        outcomes = list(told.each(_run(pool, rig, trials, controllers)))
+        outcomes = list(steps.each(_run(pool, rig, trials, controllers)))
         plant = rig.check(loops, models["stroke"])
         found = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
         found["verdict"] = verdict(found["summary"])
@@ -148,7 +148,7 @@ def _run(
 
 
 class _Steps:
-    """Tells somebody how far the work is, if anybody listens."""
+    """Reports how far the work is, if anybody listens."""
 
     def __init__(self, progress: Progress | None, total: float) -> None:
         self._progress = progress

@@ -63,7 +63,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Controllers:
-    """Everything that is tried in one stage.
+    """All controllers of one stage.
 
     Parameters
     ----------

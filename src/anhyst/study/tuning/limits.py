@@ -23,7 +23,7 @@ from anhyst.support.jobs import all_of
 
 _NEAR = 0.9  # of a limit: from here on it is said to bind
 _AT = 0.995  # of what there is: counts as all of it
-_WORTH = 0.05  # of the settling time: less is not told
+_WORTH = 0.05  # of the settling time: less is not reported
 _NOISES, _BAND = 3.0, 0.02  # standard deviations; of the smallest step
 
 
@@ -52,7 +52,7 @@ def find_limits(
     seed: int,
     jobs: int | None = None,
 ) -> list[Limit]:
-    """Tell what limits gains that were found and checked.
+    """Report what limits gains that were found and checked.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def _noise(setup: Setup, reached: Check) -> list[Limit]:
 def _used_up(
     setup: Setup, conditions: Sequence[Condition], seed: int, jobs: int | None
 ) -> list[Limit]:
-    """Tell what the steps use up: the force that is allowed, the supply, the current."""
+    """Report what the steps use up: the force that is allowed, the supply, the current."""
     work = partial(_usage, setup, seed)
     usages = list(zip(conditions, all_of(work, list(conditions), jobs=jobs), strict=True))
     limits, amplifier = setup.controller.limits, setup.rig.settings.amplifier

@@ -22,7 +22,7 @@ RESULTS = ("tuning.json", "tuning.md", "pareto.png")
 """Files beside the tuned controllers."""
 
 _NOTES = 3
-"""Things that limit, of each kind, which a note or a line tells; all stand in ``tuning.json``."""
+"""Things that limit, of each kind, which a note or a line names; all stand in ``tuning.json``."""
 
 _HEADS = (
     "variant",

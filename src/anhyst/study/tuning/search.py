@@ -190,7 +190,7 @@ class Search:
             for candidate in [one for one in self._best(aims) if one not in seen][:_CHECKED]:
                 found = check(self._at(candidate.place), self.conditions, self.jobs)
                 checked.append((self.aims.cost(found.worst), candidate, found))
-                self._tell(_WORK_OF_CHECK)
+                self._report(_WORK_OF_CHECK)
             _, _, best = min(checked, key=lambda each: each[0])
             misses = self.aims.misses(best.worst)
             if not misses:
@@ -205,12 +205,12 @@ class Search:
         stricter = [self.aims.tightened({"peak_sensitivity": bound}) for bound in _BOUNDS]
         work = partial(_refine, self._space, self.setup.controller, self.seed)
         tasks = list(product(screens, stricter))
-        places = all_of(work, tasks, lambda *_: self._tell(1.0), self.jobs)
+        places = all_of(work, tasks, lambda *_: self._report(1.0), self.jobs)
         self._try(np.array(places), self.conditions, self.aims, math.inf)
         if not self._candidates:
             raise NegativeResult(
                 f"none of {len(places)} sets of gains that linear loops like best holds the "
-                "armature at every gap, load and step; 'anhyst simulate' tells how levitation is "
+                "armature at every gap, load and step; 'anhyst simulate' reports how levitation is "
                 "lost: look at [lift_off], [limits] and the load"
             )
 
@@ -259,7 +259,7 @@ class Search:
             )
             for place in places
         ]
-        outcomes = all_of(run_trial, trials, lambda *_: self._tell(1.0), self.jobs)
+        outcomes = all_of(run_trial, trials, lambda *_: self._report(1.0), self.jobs)
         self._tried += len(trials)
         self._candidates += [
             Candidate(place, outcome)
@@ -278,7 +278,7 @@ class Search:
         """Return what was tried at every condition, the best first."""
         return sorted(self._candidates, key=lambda each: aims.cost(each.outcome.worst))
 
-    def _tell(self, work: float) -> None:
+    def _report(self, work: float) -> None:
         self._done += work
         if self.progress is not None:
             self.progress(self._done, self._whole)

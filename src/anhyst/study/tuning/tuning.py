@@ -48,7 +48,7 @@ def tune(
     Parameters
     ----------
     rig_path : path-like
-        Rig file of a bearing: its gaps, steps and load are what is tried, and two thirds of that
+        Rig file of a bearing: its gaps, steps and load are the test cases, and two thirds of that
         load.
     out : path-like
         Folder to write to: ``controller.toml`` (with `all_variants`, one for each:

@@ -12,7 +12,7 @@ from anhyst.support.units import Quantity
 
 MINUS = "\N{MINUS SIGN}"
 NBSP = "\N{NO-BREAK SPACE}"
-NOT_TOLD = "\N{EN DASH}"
+NOT_KNOWN = "\N{EN DASH}"
 
 GREEK: Mapping[str, str] = MappingProxyType({"rho": "ρ", "alpha": "α", "gamma": "γ", "psi": "ψ"})
 
@@ -31,12 +31,12 @@ class Scale:
 
     def number(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
         """Text of an SI value without its unit; ``short`` drops zeros at its end."""
-        return NOT_TOLD if value is None else number(value * self.factor, digits, short=short)
+        return NOT_KNOWN if value is None else number(value * self.factor, digits, short=short)
 
     def show(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
         """Text of an SI value with its unit."""
         if value is None:
-            return NOT_TOLD
+            return NOT_KNOWN
         return f"{self.number(value, digits, short=short)}{NBSP}{self.unit}".rstrip()
 
     def span(self, low: float, high: float, digits: int = 3) -> str:
@@ -101,7 +101,7 @@ def number(value: float, digits: int = 3, *, short: bool = False) -> str:
     ('0.764', '1234', '0.300', '0.3', '2.5×10⁻⁷')
     """
     if not math.isfinite(value):
-        return NOT_TOLD if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
+        return NOT_KNOWN if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
     if value == 0.0:
         return "0"
     scaled, _, exponent = f"{value:.{digits - 1}e}".partition("e")
@@ -123,7 +123,7 @@ def percent(share: float | None, digits: int = 2) -> str:
     >>> percent(0.002622), percent(1.5), percent(float("inf"))
     ('0.26\xa0%', '150\xa0%', '∞\xa0%')
     """
-    return NOT_TOLD if share is None else f"{number(100.0 * share, digits)}{NBSP}%"
+    return NOT_KNOWN if share is None else f"{number(100.0 * share, digits)}{NBSP}%"
 
 
 def with_deviation(value: float, deviation: float) -> str:

@@ -19,7 +19,7 @@ from anhyst.support.atomic import PathLike, write_bytes
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# Okabe and Ito: told apart by every kind of colour vision, and by their lightness in grey.
+# Okabe and Ito: distinct for every kind of colour vision, and by their lightness in grey.
 RISING = "#0072B2"
 FALLING = "#D55E00"
 MODEL = "#0072B2"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from anhyst.study.bearing.on_board import QEMU, fly_board
+from anhyst.study.bearing.on_board import QEMU, run_board
 from anhyst.support.errors import InputError
 from rows import ROOT, Row, Stopwatch
 
@@ -15,21 +15,21 @@ SOFT = 5e-3
 
 
 def rows() -> list[Row]:
-    """Fly from lift-off to landing, then break everything in the air."""
+    """Run from lift-off to landing, then break everything in the air."""
     watch = Stopwatch()
     with tempfile.TemporaryDirectory() as place:
         try:
-            found = fly_board(RIG, Path(place) / "flight.json", QEMU)
+            found = run_board(RIG, Path(place) / "run.json", QEMU)
         except InputError as error:
             return [Row("firmware of the bearing in QEMU", "", str(error), None)]
-    fallen = [one for one in found.endings if not one.flies and one.rest_speed > SOFT]
+    fallen = [one for one in found.endings if not one.levitates and one.rest_speed > SOFT]
     fastest = 1e3 * max(one.rest_speed for one in fallen)
-    landed = [one for one in found.endings if not one.flies and one.rest_speed <= SOFT]
+    landed = [one for one in found.endings if not one.levitates and one.rest_speed <= SOFT]
     return [
         Row(
             "firmware of the bearing in QEMU against the simulation, lift-off to landing",
             "no tick differs",
-            f"{found.differ} of {len(found.flown)} differ, landing at "
+            f"{found.differ} of {len(found.recorded)} differ, landing at "
             f"{1e3 * found.landing_speed:.1f} mm/s",
             found.differ == 0 and found.landed,
             watch.processor,

@@ -1,4 +1,4 @@
-"""What became of a flight: held, or lost, and why."""
+"""What became of a run: held, or lost, and why."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _RESTLESS = 0.01
 
 
 @dataclass(frozen=True)
-class Flight:
+class LevitationRun:
     """A run from power on until the armature lies again.
 
     Parameters
@@ -63,7 +63,7 @@ class Flight:
         return None
 
     def _late(self, steps: Recording) -> str | None:
-        """Say what kept it from hanging in the air, if it was anything but the gains."""
+        """Say what kept it from levitating, if it was anything but the gains."""
         state, time = steps["state"], steps["t_s"]
         rejected = self._rejected(steps)
         if rejected is not None:
@@ -87,23 +87,23 @@ class Flight:
         return None
 
     def _rejected(self, steps: Recording) -> str | None:
-        """Tell samples that the controller did not believe from an armature out of control."""
-        doubtful = (steps["flags"].astype(int) & int(Flag.SAMPLE_DOUBTFUL)) != 0
-        patience = self.setup.controller.safety.patience_ticks
-        # Whether every one of the last samples, and this one, was doubted: the position is lost.
-        row = np.convolve(doubtful, np.ones(patience + 1), "valid") > patience + 0.5
+        """Say whether rejected samples, and no armature out of control, ended the run."""
+        implausible = (steps["flags"].astype(int) & int(Flag.SAMPLE_DOUBTFUL)) != 0
+        missing = self.setup.controller.safety.patience_ticks
+        # Whether every one of the last samples, and this one, was implausible: the position is lost.
+        row = np.convolve(implausible, np.ones(missing + 1), "valid") > missing + 0.5
         if (steps["state"] >= 16 * RUN).any():
-            row &= steps["state"][patience:] >= 16 * FAULT
+            row &= steps["state"][missing:] >= 16 * FAULT
         if not row.any():
             return None
-        end = int(np.argmax(row)) + patience
+        end = int(np.argmax(row)) + missing
         gap, mechanics = steps["gap_m"][: end + 1], self.setup.rig.settings.mechanics
-        flown = gap[int(np.argmax(gap < mechanics.stop_high_m)) :]
-        touched = (flown <= mechanics.stop_low_m) | (flown >= mechanics.stop_high_m)
+        lifted = gap[int(np.argmax(gap < mechanics.stop_high_m)) :]
+        touched = (lifted <= mechanics.stop_low_m) | (lifted >= mechanics.stop_high_m)
         if (gap < mechanics.stop_high_m).any() and touched.any():
             return None
         return (
-            f"samples of the gap were rejected at {steps['t_s'][end]:.4f} s, {patience + 1} in a "
+            f"samples of the gap were rejected at {steps['t_s'][end]:.4f} s, {missing + 1} in a "
             "row: see step_m, gap_low_m and gap_high_m of [limits], and the noise of the sensor"
         )
 
@@ -120,8 +120,8 @@ class Flight:
         return []
 
 
-def parts_of_flight(setup: Setup) -> tuple[Scenario, Scenario, int]:
-    """Return the flight that a simulation records: lift-off and steps; then loads and a landing.
+def parts_of_run(setup: Setup) -> tuple[Scenario, Scenario, int]:
+    """Return the run that a simulation records: lift-off and steps; then loads and a landing.
 
     Parameters
     ----------

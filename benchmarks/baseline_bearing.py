@@ -1,4 +1,4 @@
-"""The rivals: the bearing of ``examples/bearing`` as one writes it with SciPy, and with numba.
+"""The baselines: the bearing of ``examples/bearing`` as one writes it with SciPy, and with numba.
 
 The same equations, written from their description and not from the C: pinned cells, one reluctance
 circuit, an amplifier that is a PI controller within a supply voltage, the mechanics with its stops,
@@ -88,7 +88,7 @@ class Control(NamedTuple):
 
 
 @dataclass
-class Flight:
+class LevitationRun:
     """What happened: a number a tick."""
 
     gap: Array
@@ -146,7 +146,7 @@ class ByScipy:
         self._command = self._waiting = 0.0
 
     def start(self, gap: float, current: float, load: float) -> float:
-        """Hang still; return the pull."""
+        """Hold position; return the pull."""
         p = self.plant
         self._place = [0.0] * len(self._cells)
         self._rest = [0.0] * (len(self._cells) + 1)
@@ -184,17 +184,17 @@ class ByScipy:
 
     def run(
         self, control: Control, memory: Array, target: Array, load: Array, noise: Array
-    ) -> Flight:
+    ) -> LevitationRun:
         """Close the loop."""
         p, ticks = self.plant, target.size
-        flight = Flight(np.empty(ticks), np.empty(ticks))
+        run = LevitationRun(np.empty(ticks), np.empty(ticks))
         for tick in range(ticks):
             read = float(self._state[5]) + float(noise[tick])
             steps = math.floor((read - p.sensor_low) / p.sensor_step + 0.5)
             read = p.sensor_low + steps * p.sensor_step
             command = _controller(control, memory, float(target[tick]), read)
-            flight.gap[tick], flight.force[tick] = self.advance(command, float(load[tick]))
-        return flight
+            run.gap[tick], run.force[tick] = self.advance(command, float(load[tick]))
+        return run
 
     def _rates(self, _: float, state: Array, load_command: float) -> list[float]:
         p = self.plant
@@ -283,7 +283,7 @@ class ByScipy:
             self._rest[number] = self._rest[number + 1] + self._cells[number][1] * part
 
 
-# State of the compiled rival: what the names say, in this order.
+# State of the compiled baseline: what the names say, in this order.
 FIELD, STRIDE, PSI, CURRENT, INTEGRAL, LOAD, GAP, VELOCITY, FORCE, SENSOR, WAITING, OUTPUT = range(
     12
 )
@@ -465,7 +465,7 @@ class ByNumba:
         self._rest = np.zeros(plant.thresholds.size + 1)
 
     def start(self, gap: float, current: float, load: float) -> float:
-        """Hang still; return the pull."""
+        """Hold position; return the pull."""
         p, s = self.plant, self._state
         self._place[:] = 0.0
         self._rest[:] = 0.0
@@ -492,7 +492,7 @@ class ByNumba:
 
     def run(
         self, control: Control, memory: Array, target: Array, load: Array, noise: Array
-    ) -> Flight:
+    ) -> LevitationRun:
         """Close the loop."""
         record = np.empty((target.size, 2))
         _fly(
@@ -508,4 +508,4 @@ class ByNumba:
             noise,
             record,
         )
-        return Flight(record[:, 0].copy(), record[:, 1].copy())
+        return LevitationRun(record[:, 0].copy(), record[:, 1].copy())

@@ -1,13 +1,13 @@
-"""The rival: SciPy's differential evolution over a compiled Jiles-Atherton model.
+"""The baseline: SciPy's differential evolution over a compiled Jiles-Atherton model.
 
 What a good engineer writes in an afternoon to fit ``ferrite_mnzn/mnzn_hp_ferrite_4loops``: the
 forward model ``dM/dH = chi/(1 - alpha*chi)``, ``chi = max(0, sg*(M_an - M))/k + c*dM_an/dx``
 (the law ``effective-field``), integrated by RK4 in compiled code, two cycles to settle, the third
 compared, and a global optimiser off the shelf with its recommended settings. It uses nothing of
-anhyst. ``python benchmarks/rival_scipy_de.py [--seeds N]`` prints its table.
+anhyst. ``python benchmarks/baseline_scipy_de.py [--seeds N]`` prints its table.
 
 Made as fast as the afternoon allows: one ``exp`` for the Langevin function and its slope, fast
-arithmetic, only as many RK4 steps as the error of fit can tell (the table repeats the best fit with
+arithmetic, only as many RK4 steps as the error of fit can show (the table repeats the best fit with
 16 times as many), logarithms where a parameter is a scale, no redundant parameter, bounds that a
 look at the loops gives. The limits of the law are left to the optimiser, as penalties.
 """
