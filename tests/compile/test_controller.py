@@ -335,9 +335,9 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
         ([], ["--io", "q31", "--rate", "1e4"], r":7: rate_Hz: is 20000 Hz here and 10000 Hz"),
         ([], ["--io", "q31", "--kind", "simplified"], r':29: compensation\.variant: is "full"'),
         (
-            [('variant = "full"', 'variant = "static"')],
+            [('variant = "full"', 'variant = "single-valued"')],
             ["--io", "q31"],
-            r':29: compensation\.variant: "static" is for comparison.*; write',
+            r':29: compensation\.variant: "single-valued" is for comparison.*; write',
         ),
         (
             [('format = "fixed"', 'format = "f64"')],

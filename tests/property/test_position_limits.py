@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anhyst.control.position import Format
+from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
 from tests.control.levitating import CONTROL, FORMATS, PAIR, make
 
@@ -29,7 +29,7 @@ QUICK = replace(
 @given(samples=st.lists(SAMPLES, min_size=1, max_size=30), measured=st.booleans())
 @settings(max_examples=100)
 def test_no_signal_leads_beyond_the_limits(
-    number_format: Format, magnets: int, samples: list[tuple[float, ...]], measured: bool
+    number_format: NumberFormat, magnets: int, samples: list[tuple[float, ...]], measured: bool
 ) -> None:
     control = replace(QUICK, measured=measured)
     if magnets == 2:

@@ -176,7 +176,7 @@ class _Flight:
 
 def _mass(controller: ControllerPlan) -> float:
     """Return the mass for which the design rule gives such gains, kg."""
-    gains = controller.source.table.law()
+    gains = controller.source.table.pidd2_gains()
     damped = gains.K_p**2 / (gains.K_i * gains.K_d) if gains.K_i * gains.K_d else 3.0
     return gains.K_d**2 / gains.K_p / damped if gains.K_d else 1.0
 

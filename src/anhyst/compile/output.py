@@ -21,8 +21,8 @@ from anhyst.compensate.budget import (
     refusal,
     why_drifting,
 )
-from anhyst.compensate.measure import Io
 from anhyst.compensate.plan import ACCURACY, Plan, Request, make_plan, not_computed
+from anhyst.compensate.twin import Io
 from anhyst.compile.controller import Controller, read_fitting
 from anhyst.compile.folder import check_folder, json_text, write_folder
 from anhyst.compile.lifting import flight_csv, flight_vectors

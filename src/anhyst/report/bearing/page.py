@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from matplotlib.figure import Figure
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.report.bearing.block_diagram import figure_structure
 from anhyst.report.bearing.force_current import figure_force_current
 from anhyst.report.bearing.look import ordered
@@ -151,7 +151,7 @@ def _tiles(subject: Subject) -> tuple[Tile, ...]:
     return tuple(tiles[:_TILES])
 
 
-def _beside(step: Steps, variant: Variant) -> Iterable[str]:
+def _beside(step: Steps, variant: MethodName) -> Iterable[str]:
     """Write the overshoot of a variant, of the strongest baseline and of measured flux."""
     yield f"{variant}: {overshoot_text(step, variant)}"
     other = strongest(step)

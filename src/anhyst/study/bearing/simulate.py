@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from anhyst.compensate.interface import MethodName
 from anhyst.compile.folder import json_text
-from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.control.controller_file import ControllerFile
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.flight import Flight, lost_blocks, parts_of_flight
@@ -37,11 +38,11 @@ from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.progress import Progress
 
-COMPARED: tuple[Variant, ...] = (
+COMPARED: tuple[MethodName, ...] = (
     "ratio",
-    "ratio-chord",
+    "secant",
     "linearised",
-    "static",
+    "single-valued",
     "flux",
     "simplified",
     "full",
@@ -88,14 +89,14 @@ class Simulation:
     rig: BearingRig
     controller: ControllerFile
     knowledge: IdentifiedMagnet
-    setups: Mapping[Variant, Setup]
+    setups: Mapping[MethodName, Setup]
     at: OperatingPoint
     recording: Recording
-    shown: Mapping[Variant, Recording]
+    shown: Mapping[MethodName, Recording]
     scenario: Scenario
     cells: list[Cell]
-    loops: Mapping[Variant, linear.Loop]
-    sensitivity: Mapping[Variant, Sensitivity]
+    loops: Mapping[MethodName, linear.Loop]
+    sensitivity: Mapping[MethodName, Sensitivity]
     plant: PlantCheck
     figures: dict[str, Any]
 
@@ -106,8 +107,8 @@ class Simulation:
         return found
 
     @property
-    def own(self) -> Variant:
-        """Variant of the controller file."""
+    def own(self) -> MethodName:
+        """MethodName of the controller file."""
         return self.controller.settings.compensation.variant
 
 
@@ -235,13 +236,13 @@ def refuse_losses(found: Simulation) -> None:
 
 def _beside(
     mine: Setup, controller: ControllerFile, knowledge: IdentifiedMagnet
-) -> tuple[dict[Variant, Setup], dict[Variant, str]]:
+) -> tuple[dict[MethodName, Setup], dict[MethodName, str]]:
     """Fit what is compared with a setup; where something cannot be made, tell why.
 
     A magnet without hysteresis to speak of has no simplified law, and is worth a simulation.
     """
-    setups: dict[Variant, Setup] = {}
-    left_out: dict[Variant, str] = {}
+    setups: dict[MethodName, Setup] = {}
+    left_out: dict[MethodName, str] = {}
     for name in compared(mine.rig, mine.name):
         try:
             setups |= (
@@ -257,7 +258,7 @@ def _beside(
 def _compare(
     controller: ControllerFile,
     knowledge: IdentifiedMagnet,
-    setups: Mapping[Variant, Setup],
+    setups: Mapping[MethodName, Setup],
     at: OperatingPoint,
     recording: Recording,
     stages: Iterator[Progress],
@@ -324,7 +325,7 @@ def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
     }
 
 
-def compared(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
+def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
     found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
     return tuple(dict.fromkeys([*found, own]))
@@ -379,7 +380,7 @@ def _stages(progress: Progress | None, work: Sequence[float]) -> Iterator[Progre
 
 def _experiments(
     rig: BearingRig,
-    setups: Mapping[Variant, Setup],
+    setups: Mapping[MethodName, Setup],
     stages: Iterator[Progress],
 ) -> dict[str, Any]:
     """Try everything beside steps, with every variant."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.compensate.block import Kind
+from anhyst.compensate.interface import Compensator
 from anhyst.compile.folder import json_text
 from anhyst.data.files import write_csv
 from anhyst.data.table import read_columns
@@ -113,18 +114,22 @@ def force_control(
     end = loops_at(loops, rig.settings.force_control.end_m)
     force_max = rig.settings.force_control.force_max_N
     ratio = fit_ratio(end, force_max)
-    curves = {
-        "end": (ratio, None, fit_single_valued(end, force_max)),
-        "stroke": (ratio, fit_ratio(loops, force_max), fit_single_valued(loops, force_max)),
+    baselines: dict[str, dict[str, Compensator]] = {
+        "end": {"ratio": ratio, "single": fit_single_valued(end, force_max)},
+        "stroke": {
+            "ratio": ratio,
+            "ratio_over_gap": fit_ratio(loops, force_max),
+            "single": fit_single_valued(loops, force_max),
+        },
     }
     with _draft(Path(out)) as folder, ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
         rig = complete_rig(rig, loops)
-        models = dict(zip(curves, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
+        models = dict(zip(baselines, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
         told.step(4.0)
         programs = _programs(pool, rig, models, board, folder)
         told.step(4.0)
         controllers = {
-            scope: Controllers(programs[scope], *curves[scope], board) for scope in curves
+            scope: Controllers(programs[scope], found, board) for scope, found in baselines.items()
         }
         outcomes = list(told.each(_run(pool, rig, trials, controllers)))
         plant = rig.check(loops, models["stroke"])
