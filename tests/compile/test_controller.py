@@ -375,9 +375,9 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
             r":22: limits\.current_low_A: 0\.5 A is above 0, .*; lower it",
         ),
         (
-            [("patience_ticks = 3", "patience_ticks = 100000")],
+            [("max_missing_samples = 3", "max_missing_samples = 100000")],
             ["--io", "q31"],
-            r": safety\.patience_ticks: .* less than or equal to 65535",
+            r": safety\.max_missing_samples: .* less than or equal to 65535",
         ),
         (
             [("bandwidth_Hz = 120.0", "bandwidth_Hz = 1e6")],

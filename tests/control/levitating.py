@@ -56,7 +56,7 @@ CONTROL = PositionControl(
         current_low=0.0,
         current_high=4.5,
         release=45.0,
-        patience=3,
+        max_missing_samples=3,
         hold=200,
     ),
     converter=Converter(0.0, 4.5, 16),

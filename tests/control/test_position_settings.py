@@ -84,7 +84,7 @@ def changed(**change: Any) -> PositionControl:
         ({"limits__step": 0.0}, "step: 0.0 is not above zero"),
         ({"limits__gap_low": 0.6e-3}, "gap_low: must be below gap_high"),
         ({"limits__current_low": 1.0}, "zero must lie within the limits"),
-        ({"limits__patience": 70000}, "patience: 70000 ticks"),
+        ({"limits__max_missing_samples": 70000}, "max_missing_samples: 70000 ticks"),
         ({"levitation__rise_speed": -1.0}, "rise_speed: -1.0 is not above zero"),
         ({"levitation__detect": math.inf}, "detect: inf is not above zero"),
         ({"converter__bits": 21}, "bits: 21 of a converter"),

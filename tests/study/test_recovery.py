@@ -117,7 +117,7 @@ def test_a_wrong_initial_state_is_one() -> None:
 @pytest.mark.parametrize("count", [1, PATIENCE])
 def test_few_dropped_samples_do_not_matter(count: int) -> None:
     setup = bearings.single("full")
-    assert setup.controller.safety.patience_ticks == PATIENCE
+    assert setup.controller.safety.max_missing_samples == PATIENCE
     script = bearings.lifted(setup)
     begin = script.ticks
     script.command(DROP, count).step(GAP - 50e-6, 0.2)

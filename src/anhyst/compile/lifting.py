@@ -103,7 +103,7 @@ class _Flight:
         self._wait(wait)
         self.target -= 0.05 * self.span
         self._wait(wait)
-        if self.controller.control.limits.patience > 0:
+        if self.controller.control.limits.max_missing_samples > 0:
             self._step(read=math.nan)
             self._wait(wait // 4)
             self._step(read=self.gap + self.span)

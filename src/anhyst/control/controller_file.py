@@ -32,6 +32,7 @@ from anhyst.support.toml_file import (
     NotNegative,
     Number,
     Positive,
+    Renamed,
     Share,
     Table,
     faults_error,
@@ -41,6 +42,12 @@ from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import toml_value
 
 Ticks = Annotated[int, Field(ge=0, le=65535)]
+
+RENAMED = (
+    Renamed(("compensation",), "variant", {"ratio-chord": "secant", "static": "single-valued"}),
+    Renamed(("safety",), "patience_ticks", "max_missing_samples"),
+)
+"""What older files call otherwise."""
 
 RELEASE_S = 0.1
 """Time in which the largest current goes to zero when nothing is controlled, s."""
@@ -164,7 +171,7 @@ class LandingTable(Table):
 class SafetyTable(Table):
     """``[safety]``: what is done without a position."""
 
-    patience_ticks: Ticks
+    max_missing_samples: Ticks
     hold_ticks: Ticks
 
 
@@ -313,7 +320,7 @@ class ControllerTable(Table):
                 current_low=limits.current_low_A,
                 current_high=limits.current_high_A,
                 release=limits.current_high_A / RELEASE_S,
-                patience=self.safety.patience_ticks,
+                max_missing_samples=self.safety.max_missing_samples,
                 hold=self.safety.hold_ticks,
             ),
             converter=converter,
@@ -366,7 +373,7 @@ def read_controller(path: PathLike) -> ControllerFile:
         The file cannot be read or does not fit; with file, line and key.
     """
     place = Path(path)
-    settings = read_toml(place, ControllerTable)
+    settings = read_toml(place, ControllerTable, RENAMED)
     faults = _own_faults(settings)
     if faults:
         raise faults_error(place, faults)

@@ -43,7 +43,7 @@ class Limits:
         Of the amplifiers' references, A; zero lies within.
     release : float
         At which a current goes to zero when nothing is controlled, A/s.
-    patience : int
+    max_missing_samples : int
         Samples in a row that may be missing or implausible; the last one stands in for them.
     hold : int
         Ticks for which the currents stay when the position is lost in the air.
@@ -57,13 +57,13 @@ class Limits:
     current_low: float
     current_high: float
     release: float
-    patience: int
+    max_missing_samples: int
     hold: int
     selftest: int = 20
 
     def __post_init__(self) -> None:
         _above_zero(self, "step", "release", "selftest")
-        for name in ("patience", "hold", "selftest"):
+        for name in ("max_missing_samples", "hold", "selftest"):
             if not 0 <= getattr(self, name) <= 65535:
                 raise InputError(f"{name}: {getattr(self, name)} ticks are not within 0..65535")
         if not 0.0 <= self.gap_low < self.gap_high:
@@ -275,7 +275,7 @@ class PositionControl:
             "position_low": q31((middle - limits.gap_high) / self.position_full),
             "position_high": q31((middle - limits.gap_low) / self.position_full),
             "position_step": distance("step", limits.step),
-            "patience": limits.patience,
+            "patience": limits.max_missing_samples,
             "hold": limits.hold,
             "selftest": limits.selftest,
             "detect": distance("detect", levitation.detect),

@@ -89,21 +89,21 @@ class Flight:
     def _rejected(self, steps: Recording) -> str | None:
         """Tell samples that the controller did not believe from an armature out of control."""
         doubtful = (steps["flags"].astype(int) & int(Flag.SAMPLE_DOUBTFUL)) != 0
-        patience = self.setup.controller.safety.patience_ticks
+        most = self.setup.controller.safety.max_missing_samples
         # Whether every one of the last samples, and this one, was doubted: the position is lost.
-        row = np.convolve(doubtful, np.ones(patience + 1), "valid") > patience + 0.5
+        row = np.convolve(doubtful, np.ones(most + 1), "valid") > most + 0.5
         if (steps["state"] >= 16 * RUN).any():
-            row &= steps["state"][patience:] >= 16 * FAULT
+            row &= steps["state"][most:] >= 16 * FAULT
         if not row.any():
             return None
-        end = int(np.argmax(row)) + patience
+        end = int(np.argmax(row)) + most
         gap, mechanics = steps["gap_m"][: end + 1], self.setup.rig.settings.mechanics
         flown = gap[int(np.argmax(gap < mechanics.stop_high_m)) :]
         touched = (flown <= mechanics.stop_low_m) | (flown >= mechanics.stop_high_m)
         if (gap < mechanics.stop_high_m).any() and touched.any():
             return None
         return (
-            f"samples of the gap were rejected at {steps['t_s'][end]:.4f} s, {patience + 1} in a "
+            f"samples of the gap were rejected at {steps['t_s'][end]:.4f} s, {most + 1} in a "
             "row: see step_m, gap_low_m and gap_high_m of [limits], and the noise of the sensor"
         )
 

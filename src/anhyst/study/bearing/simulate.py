@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.interface import MethodName
-from anhyst.compile.folder import json_text
 from anhyst.control.controller_file import ControllerFile
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
@@ -36,6 +34,7 @@ from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.bearing.sweep import sweep
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 
 COMPARED: tuple[MethodName, ...] = (
@@ -203,7 +202,7 @@ def write_simulation(found: Simulation, out: PathLike) -> None:
     """
     _write_recording(out, found.recording, found.controller, found.knowledge)
     with atomic_writer(Path(out).parent / FIGURES) as stream:
-        stream.write(json_text(_finite(found.figures)))
+        stream.write(json_text(found.figures))
 
 
 def _write_recording(
@@ -329,15 +328,6 @@ def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
     found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
     return tuple(dict.fromkeys([*found, own]))
-
-
-def _finite(value: Any) -> Any:
-    """Return figures with null for what was not reached: JSON has no infinity."""
-    if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
-    if isinstance(value, list):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _gaps(rig: BearingRig) -> list[float]:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,7 +14,6 @@ import numpy as np
 from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.compensate.block import Kind
 from anhyst.compensate.interface import Compensator
-from anhyst.compile.folder import json_text
 from anhyst.data.files import write_csv
 from anhyst.data.table import read_columns
 from anhyst.link.firmware import check_compiler
@@ -32,6 +29,8 @@ from anhyst.study.force.trials import Controllers, Outcome, Stage, Trial, plan_t
 from anhyst.study.force.verdict import verdict
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
+from anhyst.support.folder import whole_folder
+from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 
 T = TypeVar("T")
@@ -122,7 +121,7 @@ def force_control(
             "single": fit_single_valued(loops, force_max),
         },
     }
-    with _draft(Path(out)) as folder, ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with whole_folder(out) as folder, ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
         rig = complete_rig(rig, loops)
         models = dict(zip(baselines, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
         told.step(4.0)
@@ -176,33 +175,6 @@ def _check_tools(board: str) -> None:
     check_compiler(board)
     if board == "qemu-mps2":
         find_qemu()
-
-
-@contextmanager
-def _draft(folder: Path) -> Iterator[Path]:
-    """Give a folder to work in; when all is done, what is in it goes where it belongs."""
-    is_new = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        draft = TemporaryDirectory(prefix=".", suffix=".part", dir=folder)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror}; name a folder") from error
-    try:
-        with draft as place:
-            yield Path(place)
-            _move_all(Path(place), folder)
-    except BaseException:
-        if is_new:
-            with suppress(OSError):
-                folder.rmdir()
-        raise
-
-
-def _move_all(draft: Path, folder: Path) -> None:
-    for file in sorted(path for path in draft.rglob("*") if path.is_file()):
-        target = folder / file.relative_to(draft)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        file.replace(target)
 
 
 def _programs(
