@@ -36,14 +36,13 @@ from anhyst.report.bearing.tables import (
     step_tables,
 )
 from anhyst.report.bearing.verdict import judge, strongest
-from anhyst.report.model.headline import Headline, Tile
-from anhyst.report.model.page import render_page
 from anhyst.rig.bearing.tables import DriftTable
 from anhyst.study.bearing.monte_carlo import PERCENTILES, percentile
 from anhyst.study.bearing.zones import zone
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.page.blocks import Block, Cell, Items, Note, Picture, Section, Text, table
 from anhyst.support.page.numbers import NBSP, number
+from anhyst.support.page.page import Headline, Tile, render_page
 from anhyst.support.page.style import svg_text
 from anhyst.support.version import running_version
 
