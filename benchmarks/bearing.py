@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from anhyst.control.controller_file import ControllerFile, Format, Variant, read_controller
+from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
@@ -26,11 +27,11 @@ from rows import ROOT, Row
 FOLDER = ROOT / "examples" / "bearing"
 IRONS = (0.05, 0.15, 0.3)
 HEIGHTS = (10e-6, 20e-6, 50e-6, 100e-6)
-VARIANTS: tuple[Variant, ...] = (
+VARIANTS: tuple[MethodName, ...] = (
     "ratio",
-    "ratio-chord",
+    "secant",
     "linearised",
-    "static",
+    "single-valued",
     "flux",
     "simplified",
     "full",
@@ -44,7 +45,7 @@ class Iron:
     rig: BearingRig
     at: OperatingPoint
     knowledge: IdentifiedMagnet
-    setups: Mapping[Variant, Setup]
+    setups: Mapping[MethodName, Setup]
 
     @property
     def title(self) -> str:
@@ -76,7 +77,7 @@ def same_gains(iron: Iron) -> list[Cell]:
     return compare(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
 
 
-def overshoot(cells: Sequence[Cell], variant: Variant) -> list[float]:
+def overshoot(cells: Sequence[Cell], variant: MethodName) -> list[float]:
     """Mean overshoot of a variant at every height, per cent; not a number where a run was lost."""
     return [one.of("overshoot_percent").mean for one in cells if one.variant == variant]
 
@@ -144,7 +145,7 @@ def slow_table(irons: Sequence[Iron]) -> str:
     ]
     for iron in irons:
         rig = quiet(iron.rig)
-        setups = {name: Setup(rig, s.controller, s.drive) for name, s in iron.setups.items()}
+        setups = {name: Setup(rig, s.controller, s.compensator) for name, s in iron.setups.items()}
         seeds = default_seeds(rig)
         tried = experiments.of_all(experiments.follow, setups, seeds, shape)
         gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
@@ -159,7 +160,9 @@ def slow_table(irons: Sequence[Iron]) -> str:
     return "\n".join(lines)
 
 
-def in_format(iron: Iron, controller: ControllerFile, variant: Variant, name: Format) -> Setup:
+def in_format(
+    iron: Iron, controller: ControllerFile, variant: MethodName, name: NumberFormat
+) -> Setup:
     """Fit a variant of an iron in another number format."""
     return make_setup(iron.rig, controller.settings, iron.knowledge, variant, name)
 
@@ -198,7 +201,7 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
     found = []
     for iron in irons:
         setups = {
-            name: Setup(quiet(iron.rig), one.controller, one.drive)
+            name: Setup(quiet(iron.rig), one.controller, one.compensator)
             for name, one in iron.setups.items()
         }
         tried = experiments.of_all(experiments.stand_still, setups, default_seeds(iron.rig), None)
@@ -224,8 +227,8 @@ def _standstill_text(name: str, found: Mapping[str, Any]) -> str:
 
 
 def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
-    variants: tuple[Variant, ...] = ("static", "simplified", "full")
-    formats: tuple[Format, ...] = ("f64", "f32", "fixed")
+    variants: tuple[MethodName, ...] = ("single-valued", "simplified", "full")
+    formats: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
     gap, load = iron.rig.settings.simulate.gap_m, iron.rig.settings.load.force_N
     worst, reported = 0.0, []
     for variant in variants:

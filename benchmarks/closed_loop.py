@@ -16,8 +16,9 @@ from typing import Protocol
 
 import numpy as np
 
-from anhyst.compensate.drive import MapLaw
-from anhyst.control.controller_file import ControllerFile, Format, Variant, read_controller
+from anhyst.compensate.current_map import CurrentMap
+from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing, step_ends
 from anhyst.rig.bearing.loop import Loop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
@@ -60,7 +61,7 @@ class Case:
     controller: ControllerFile
     knowledge: IdentifiedMagnet
 
-    def setup(self, variant: Variant, number_format: Format) -> Setup:
+    def setup(self, variant: MethodName, number_format: NumberFormat) -> Setup:
         """Return the example's controller with one of the ways from force to current."""
         return make_setup(
             self.rig, self.controller.settings, self.knowledge, variant, number_format
@@ -126,8 +127,8 @@ def plant_of(rig: BearingRig) -> Plant:
 def control_of(setup: Setup) -> Control:
     """Hand gains and map to the baselines."""
     gains = setup.controller.pidd2().per_tick
-    law, amplifier = setup.drive.law, setup.rig.settings.amplifier
-    assert isinstance(law, MapLaw)
+    law, amplifier = setup.compensator.parameters, setup.rig.settings.amplifier
+    assert isinstance(law, CurrentMap)
     p, k, d, e, _, back, s, t, weight, low, high = gains.tolist()
     return Control(
         proportional=p,
@@ -194,7 +195,7 @@ def overshoot(case: Case, gap: Array) -> float:
     return float(100.0 * (upper - np.min(step)) / HEIGHTS[place])
 
 
-def ours(case: Case, variant: Variant, number_format: Format) -> Measured:
+def ours(case: Case, variant: MethodName, number_format: NumberFormat) -> Measured:
     """Simulate with the plant of this project, everything in it; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
     start = Script(case.rig, case.rig.settings.simulate.gap_m)
@@ -214,7 +215,7 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
     """Simulate with a baseline; compiling is not counted."""
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
-    control = control_of(case.setup("static", "f64"))
+    control = control_of(case.setup("single-valued", "f64"))
     noise = rig.settings.position_sensor.sensor().noise
     drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
     current = hanging(simulator, gap, load)
@@ -323,11 +324,11 @@ def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
     accuracy["numba, 64 sub-steps"] = errors(case.rig, {"": ByNumba(plant, 64)})[""]
     trials = tried(case.rig)
     taken = strongest(trials, accuracy["ours"])
-    variants: list[tuple[Variant, Format]] = [
+    variants: list[tuple[MethodName, NumberFormat]] = [
         ("full", "fixed"),
         ("full", "f64"),
         ("simplified", "fixed"),
-        ("static", "f64"),
+        ("single-valued", "f64"),
     ]
     found = [ours(case, *variant) for variant in variants]
     found.append(baseline(case, numba, "numba, map", REPETITIONS))

@@ -12,7 +12,7 @@ from anhyst.compensate.block import Limits, Scales, Sizes
 from anhyst.compensate.plan import Request, find_limits, find_scales
 from anhyst.compensate.scheduled import nodes
 from anhyst.compensate.simplified import build_euler, build_simplified, fit_closed_form
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.data.reading import read_loops
 from anhyst.identify import identify
@@ -154,18 +154,18 @@ def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) ->
     sizes = Sizes()
     law = fit_closed_form(model, limits, nodes(model, scales, sizes), sizes)
     fine = replace(sizes, octaves=14, octave_segments=5)
-    exact = Twin(build_simplified(model, scales, limits, fine, law=law))
+    exact = FixedTwin(build_simplified(model, scales, limits, fine, law=law))
     reported = []
     for name, demand in _demands(scales, limits).items():
         wanted = exact.run(demand, scales.gap_high)
         off = []
         for build in (build_simplified, build_euler):
-            current = Twin(build(model, scales, limits, sizes, law=law)).run(
+            current = FixedTwin(build(model, scales, limits, sizes, law=law)).run(
                 demand, scales.gap_high
             )
             apart = np.abs(current - wanted)[RAMP:]
             off.append(100.0 * float(apart.max()) / limits.current[1])
-            exact = Twin(build_simplified(model, scales, limits, fine, law=law))
+            exact = FixedTwin(build_simplified(model, scales, limits, fine, law=law))
         reported.append(f"{name}: {off[0]:.3f} against {off[1]:.3f} %")
     counts = []
     for kind in ("simplified", "euler"):

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from anhyst.compensate.block import Block, Conditioning, Kind, Limits, Scales, Sizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_euler, build_simplified, fit_closed_form
-from anhyst.compensate.twin import Twin
-from anhyst.data.reading import read_loops
+from anhyst.compensate.twin import FixedTwin
+from anhyst.data import read_loops
 from anhyst.identify import identify
 from anhyst.laws.oracle.explicit import ExplicitForm
 from anhyst.model.actuator import ActuatorModel
@@ -88,7 +88,7 @@ class Actuator:
 
     def memory(self, kind: Kind, currents: Array) -> NDArray[np.int32]:
         """Memory of a compensator that saw these currents."""
-        twin = Twin(self.blocks[kind])
+        twin = FixedTwin(self.blocks[kind])
         for current in currents.tolist():
             twin.commit(current, self.gap)
         return twin.memory
@@ -204,7 +204,7 @@ def study(
     before = np.empty(0) if prelude is None else prelude
 
     def run(memory: NDArray[np.int32]) -> Array:
-        twin = Twin(actuator.blocks[kind])
+        twin = FixedTwin(actuator.blocks[kind])
         twin.start_from(memory)
         for current in before.tolist():
             twin.commit(current, actuator.gap)

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.study.bearing.monte_carlo import monte_carlo
 from anhyst.study.tuning.aims import Aims
 from anhyst.study.tuning.search import Found, Search
@@ -20,10 +20,17 @@ from rows import Row, Stopwatch
 AIMS = Aims()
 SETTLING_S = 6e-3
 PLANTS = 1000
-COMPARED: tuple[Variant, ...] = ("ratio", "linearised", "static", "flux", "simplified", "full")
+COMPARED: tuple[MethodName, ...] = (
+    "ratio",
+    "linearised",
+    "single-valued",
+    "flux",
+    "simplified",
+    "full",
+)
 
 
-def tune(iron: Iron, variant: Variant) -> Found:
+def tune(iron: Iron, variant: MethodName) -> Found:
     """Tune one variant over 3 gaps, 4 heights and 2 loads."""
     return Search(iron.setups[variant], default_conditions(iron.rig), AIMS).run()
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin
 from anhyst.support.arrays import FloatArray
 
 
 def jump(here: Block, there: Block, demand: FloatArray, gap: float) -> float:
     """Return how far the current moves at an unchanged demand, over full scale."""
     core = FixedCompensator(here.kind, here.words)
-    codes = Twin(here).demand_codes(demand)
-    before = core.run(codes, Twin(here).gap_codes(gap, codes.size), False)[-1]
+    codes = FixedTwin(here).demand_codes(demand)
+    before = core.run(codes, FixedTwin(here).gap_codes(gap, codes.size), False)[-1]
     core.swap(there.words)
-    after = core.solve_q31(int(codes[-1]), int(Twin(here).gap_codes(gap)[0]))
+    after = core.solve_q31(int(codes[-1]), int(FixedTwin(here).gap_codes(gap)[0]))
     return abs(after - int(before)) / 2.0**31
 
 
@@ -25,7 +25,9 @@ def apart(here: Block, there: Block, demand: FloatArray, gap: float) -> float:
     """
     runs = [
         FixedCompensator(block.kind, block.words).run(
-            Twin(block).demand_codes(demand), Twin(block).gap_codes(gap, demand.size), False
+            FixedTwin(block).demand_codes(demand),
+            FixedTwin(block).gap_codes(gap, demand.size),
+            False,
         )
         for block in (here, there)
     ]

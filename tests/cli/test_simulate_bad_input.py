@@ -117,8 +117,8 @@ def test_a_key_of_the_rig_that_will_not_do(
                      id="unit of the mass left out"),
         pytest.param("[lift_off]", "[liftoff]", "liftoff", "is unknown; did you mean lift_off?",
                      id="unknown table"),
-        pytest.param('"full"', '"ful"', "compensation.variant", "must be 'ratio', 'ratio-chord', "
-                     "'linearised', 'static', 'simplified', 'full' or 'flux', is 'ful'",
+        pytest.param('"full"', '"ful"', "compensation.variant", "must be 'ratio', 'secant', "
+                     "'linearised', 'single-valued', 'simplified', 'full' or 'flux', is 'ful'",
                      id="unknown variant"),
         pytest.param("current_high_A = 4.5", "current_high_A = 6.0", "limits.current_high_A",
                      "the amplifier of rig.toml ends at 4.5 A; lower it", id="current"),
@@ -233,7 +233,7 @@ def test_a_model_that_cannot_be_compiled(
     assert refused(*RUN, cwd=folder) == f"model.toml: {said}"
 
 
-@pytest.mark.parametrize("variant", ["full", "static"])
+@pytest.mark.parametrize("variant", ["full", "single-valued"])
 def test_a_model_of_another_device(folder: Path, variant: str) -> None:
     write_spoilt(folder, piezo)
     change(folder / "controller.toml", '"full"', f'"{variant}"\nmodel = "model.toml"')
@@ -332,7 +332,9 @@ def test_gains_that_do_not_hold_the_armature_are_a_negative_result(folder: Path)
     """Exit code 1, the time in one line, the recording kept and nothing else written."""
     (folder / "model.toml").write_text(model())
     change(
-        folder / "controller.toml", 'variant = "full"', 'variant = "static"\nmodel = "model.toml"'
+        folder / "controller.toml",
+        'variant = "full"',
+        'variant = "single-valued"\nmodel = "model.toml"',
     )
     change(folder / "controller.toml", "damping = 1.0", "damping = 0.02")
     before = contents(folder)

@@ -8,7 +8,7 @@ import pytest
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, Kind, Scales, Sizes
 from anhyst.compensate.full import build_full
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin
 from anhyst.support.arrays import FloatArray
 from tests.actuators import (
     CURRENTS,
@@ -35,7 +35,7 @@ def wandering(samples: int = 400) -> tuple[FloatArray, FloatArray]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_solving_touches_no_memory_and_may_be_repeated(kind: Kind) -> None:
     demand, gap = wandering()
-    plain, curious = Twin(compiled(kind)), Twin(compiled(kind))
+    plain, curious = FixedTwin(compiled(kind)), FixedTwin(compiled(kind))
     for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
         before = curious.memory.tolist()
         for other in (0.0, 0.9 * HIGH, wanted, 0.3 * wanted):
@@ -51,7 +51,7 @@ def test_solving_touches_no_memory_and_may_be_repeated(kind: Kind) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_committing_what_was_solved_gives_the_demand(kind: Kind, io: str) -> None:
     block = compiled(kind)
-    twin = Twin(block, io)
+    twin = FixedTwin(block, io)
     demand, gap = wandering()
     for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
         expected = twin.commit(twin.solve(wanted, at), at)
@@ -62,7 +62,7 @@ def test_committing_what_was_solved_gives_the_demand(kind: Kind, io: str) -> Non
 def test_the_shortcut_of_a_commit_agrees_with_finding_the_flux_from_the_current(kind: Kind) -> None:
     """A gap one code away forbids the shortcut, and changes the current by next to nothing."""
     block = compiled(kind)
-    quick, long = Twin(block), Twin(block)
+    quick, long = FixedTwin(block), FixedTwin(block)
     demand, gap = wandering()
     for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
         current, code = quick.solve(wanted, at), int(quick.gap_codes(at)[0])
@@ -76,7 +76,7 @@ def test_the_shortcut_of_a_commit_agrees_with_finding_the_flux_from_the_current(
 def test_same_input_gives_the_same_bits(kind: Kind) -> None:
     demand, gap = wandering()
     assert np.array_equal(
-        Twin(compiled(kind)).run(demand, gap), Twin(compiled(kind)).run(demand, gap)
+        FixedTwin(compiled(kind)).run(demand, gap), FixedTwin(compiled(kind)).run(demand, gap)
     )
 
 
@@ -84,12 +84,12 @@ def test_same_input_gives_the_same_bits(kind: Kind) -> None:
 def test_a_run_is_solve_and_commit_sample_by_sample(kind: Kind) -> None:
     demand, gap = wandering()
     for io in IOS:
-        twin = Twin(compiled(kind), io)
+        twin = FixedTwin(compiled(kind), io)
         steps = []
         for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
             steps.append(twin.solve(wanted, at))
             twin.commit(steps[-1], at)
-        assert np.array_equal(steps, Twin(compiled(kind), io).run(demand, gap))
+        assert np.array_equal(steps, FixedTwin(compiled(kind), io).run(demand, gap))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -98,7 +98,10 @@ def test_short_and_long_signals_agree_within_the_resolution(kind: Kind) -> None:
     block = compiled(kind)
     short, long = FixedCompensator(kind, block.words), FixedCompensator(kind, block.words)
     demand, gap = wandering()
-    codes = Twin(block, "q15").demand_codes(demand), Twin(block, "q15").gap_codes(gap, demand.size)
+    codes = (
+        FixedTwin(block, "q15").demand_codes(demand),
+        FixedTwin(block, "q15").gap_codes(gap, demand.size),
+    )
     for wanted, at in zip(*(part.tolist() for part in codes), strict=True):
         few, many = short.solve_q15(wanted, at), long.solve_q31(wanted * 65536, at * 65536)
         assert abs(few * 65536 - many) <= 32768
@@ -113,7 +116,10 @@ def test_a_swap_keeps_the_memory_and_goes_on_with_the_other_block(kind: Kind) ->
     here, there = compiled(kind), other_block(kind)
     swapped, fresh = FixedCompensator(kind, here.words), FixedCompensator(kind, there.words)
     demand, gap = wandering()
-    codes, places = Twin(here).demand_codes(demand), Twin(here).gap_codes(gap, demand.size)
+    codes, places = (
+        FixedTwin(here).demand_codes(demand),
+        FixedTwin(here).gap_codes(gap, demand.size),
+    )
     swapped.run(codes, places, False)
     known = swapped.memory[: 3 if kind == "full" else 2]
     swapped.solve_q31(int(codes[0]), int(places[0]))
@@ -155,7 +161,7 @@ def test_more_is_not_answered_with_less(kind: Kind, reach: float, most: float) -
     The full law keeps to that up to what is left of a solve: nothing for jumps of a fifth of the
     range (`reach`), and a fraction of a per cent of full scale for longer ones.
     """
-    twin = Twin(compiled(kind))
+    twin = FixedTwin(compiled(kind))
     demand, gap = wandering(120)
     for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
         twin.commit(twin.solve(wanted, at), at)
@@ -166,7 +172,7 @@ def test_more_is_not_answered_with_less(kind: Kind, reach: float, most: float) -
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_demand_that_stands_still_keeps_its_current(kind: Kind) -> None:
-    twin = Twin(compiled(kind))
+    twin = FixedTwin(compiled(kind))
     demand, gap = wandering(50)
     for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
         twin.commit(twin.solve(wanted, at), at)
@@ -178,7 +184,7 @@ def test_a_demand_that_stands_still_keeps_its_current(kind: Kind) -> None:
 
 
 def test_flags_tell_which_limit_was_met() -> None:
-    twin = Twin(compiled("full"))
+    twin = FixedTwin(compiled("full"))
     scales, limits = twin.block.scales, twin.block.limits
     assert twin.solve(0.5 * HIGH, WIDE) > 0.0
     assert twin.flags == 0
@@ -200,7 +206,7 @@ def test_a_demand_beyond_saturation_is_flagged_as_flux() -> None:
     most = 0.999 * 4.0 * scales.demand
     wide = Scales(4.0 * scales.demand, scales.current, *GAPS[:: len(GAPS) - 1])
     block = build_full(magnet(), wide, type(limits)((0.0, most), CURRENTS))
-    twin = Twin(block)
+    twin = FixedTwin(block)
     twin.solve(most, GAPS[0])
     assert twin.flags & 4
 
@@ -212,7 +218,7 @@ def test_conditioning_sweeps_the_current_between_its_limits(kind: Kind) -> None:
     block = compiled(kind)
     if kind == "full":
         block = build_full(magnet(), scales, limits, conditioning=Conditioning(cycles, ramp))
-    twin = Twin(block)
+    twin = FixedTwin(block)
     core = FixedCompensator(kind, block.words)
     cycles, ramp = block.word("CONDITION_CYCLES"), block.word("CONDITION_TICKS")
     assert core.conditioning_length() == cycles * 2 * ramp
@@ -233,7 +239,7 @@ def test_conditioning_sweeps_the_current_between_its_limits(kind: Kind) -> None:
 def test_a_long_run_of_tiny_loops_does_not_wander(kind: Kind, io: str) -> None:
     """The expected force stays where the demand is, 20 000 samples long."""
     demand = 0.5 * HIGH + 0.01 * HIGH * np.sin(0.3 * np.arange(20_000))
-    twin = Twin(compiled(kind), io)
+    twin = FixedTwin(compiled(kind), io)
     twin.run(nested(HIGH), WIDE)
     drive = twin.run(demand, WIDE)
     first, last = drive[1000:2000], drive[-1000:]

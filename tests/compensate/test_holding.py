@@ -12,11 +12,11 @@ import pytest
 from anhyst.compensate import holding
 from anhyst.compensate.block import Block
 from anhyst.compensate.holding import Held, hold
-from anhyst.compensate.measure import Io, exact_output, start
+from anhyst.compensate.measure import exact_output
 from anhyst.compensate.paths import Path as Way
 from anhyst.compensate.paths import find_reach
 from anhyst.compensate.plan import Plan, Request, make_plan
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin, Io, twin_of
 from anhyst.identify import identify
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.sources import ReadOptions
@@ -48,7 +48,7 @@ def worst(plan: Plan, held: list[Held] | None = None) -> float:
 
 def off(plan: Plan, demand: FloatArray, gap: FloatArray) -> FloatArray:
     """Output minus demand along a path, in parts of the largest output."""
-    current = start(plan.block, plan.request.io).run(demand, gap)
+    current = twin_of(plan.block, plan.request.io).run(demand, gap)
     path = Way("held", "held", demand, gap)
     return np.asarray((exact_output(plan.model, current, path) - demand) / plan.largest)
 
@@ -118,7 +118,7 @@ def test_what_is_irreversible_rests_exactly_inside_the_play(io: str) -> None:
     """It used to move by a few units at every turn, 0.7 % of the force in a minute of noise."""
     plan = plan_of("electromagnet")
     assert isinstance(plan.block, Block)
-    twin = Twin(plan.block, io)
+    twin = FixedTwin(plan.block, io)
     gap = 0.5 * (plan.block.scales.gap_low + plan.block.scales.gap_high)
     force = 40.0
     twin.run(np.concatenate([np.linspace(0.0, 160.0, 100), np.linspace(160.0, force, 100)]), gap)

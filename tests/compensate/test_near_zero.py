@@ -7,7 +7,7 @@ import pytest
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Kind, Sizes
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin
 from tests.actuators import SIZES, WIDE, compiled, magnet
 
 RESIDUAL = 0.5
@@ -16,9 +16,9 @@ RESIDUAL = 0.5
 DEMAND_LIMITED, CURRENT_LIMITED = 1, 2
 
 
-def block_with(knee: int) -> tuple[Twin, float]:
+def block_with(knee: int) -> tuple[FixedTwin, float]:
     """Return a compensator and its full-scale demand."""
-    twin = Twin(compiled("full", sizes=Sizes(iterations=SIZES.iterations, root_knee=knee)))
+    twin = FixedTwin(compiled("full", sizes=Sizes(iterations=SIZES.iterations, root_knee=knee)))
     return twin, twin.block.scales.demand
 
 
@@ -53,7 +53,7 @@ def test_the_last_bit_of_a_demand_moves_the_current_by_a_bounded_amount(knee: in
 
 @pytest.mark.parametrize("kind", ["full", "simplified", "euler"])
 def test_a_demand_below_the_residual_force_is_reported_and_held_there(kind: Kind) -> None:
-    twin = Twin(compiled(kind))
+    twin = FixedTwin(compiled(kind))
     at_rest = twin.solve(RESIDUAL * 1.01, WIDE)
     assert not twin.flags & DEMAND_LIMITED
     for demand in (0.0, 0.3 * RESIDUAL, 0.98 * RESIDUAL):
@@ -69,7 +69,7 @@ def test_a_demand_below_the_residual_force_is_reported_and_held_there(kind: Kind
 
 def test_the_output_is_never_below_the_residual_force() -> None:
     """A force has no sign: also under a current backwards."""
-    twin = Twin(compiled("full"))
+    twin = FixedTwin(compiled("full"))
     drive = np.concatenate([np.linspace(0.0, 0.3, 40), np.linspace(0.3, -0.35, 100)])
     force = magnet().predict(drive, np.full(drive.size, WIDE), history="demagnetised").output
     expected = np.array([twin.commit(current, WIDE) for current in drive.tolist()])

@@ -13,8 +13,8 @@ import pytest
 
 from anhyst._core import Compensator, Parameters
 from anhyst.compensate.block import Limits, Scales, Sizes
-from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, RealTwin, build_real
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, build_real
+from anhyst.compensate.twin import FixedTwin, RealTwin
 from anhyst.compensate.words import Names
 from anhyst.compile.core import SINGLE
 from anhyst.compile.floating_source import c_parameters_f32, literal
@@ -113,7 +113,7 @@ def test_fixed_point_with_the_same_tables_differs_by_its_rounding(
     demand = demanding(largest_force(gap_map, 0.0, GAPS[-1]))
     gap = moving(demand.size)
     exact = RealTwin(real(kind, gap_map, 0.0, SAME), "f64").run(demand, gap)
-    fixed = Twin(compiled(kind, gap_map, 0.0, SAME)).run(demand, gap)
+    fixed = FixedTwin(compiled(kind, gap_map, 0.0, SAME)).run(demand, gap)
     model = magnet(gap_map)
     forces = [model.predict(i, gap, history="demagnetised").output for i in (exact, fixed)]
     apart = np.abs(forces[0] - forces[1]).max() / largest_force(gap_map, 0.0, GAPS[0])

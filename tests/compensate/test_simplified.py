@@ -13,7 +13,7 @@ import pytest
 
 from anhyst.compensate.block import Block, Kind, Limits, Scales, Sizes
 from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin
 from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
@@ -69,7 +69,7 @@ def followed(
     law: LinearAnhysteretic, flux: FloatArray, kind: Kind = "simplified", segments: int = 4
 ) -> FloatArray:
     """Return the bounded state of the C along a path of the flux (1.0 is `UNIT`)."""
-    return Twin(block_of(law, kind, segments)).run(flux * UNIT)
+    return FixedTwin(block_of(law, kind, segments)).run(flux * UNIT)
 
 
 def exact(law: LinearAnhysteretic, flux: FloatArray) -> FloatArray:
@@ -158,7 +158,7 @@ def euler(law: LinearAnhysteretic, flux: FloatArray, substeps: int) -> FloatArra
 @pytest.mark.parametrize("substeps", [1, 4])
 def test_the_euler_form_is_the_papers(law: LinearAnhysteretic, substeps: int) -> None:
     flux = reversals(-0.9, 0.9, 60, 9)
-    state = Twin(block_of(law, "euler", substeps=substeps)).run(flux * UNIT)
+    state = FixedTwin(block_of(law, "euler", substeps=substeps)).run(flux * UNIT)
     # Where a step passes the bend of the curve, rounding of the slope decides by how much.
     assert np.abs(state - euler(law, flux, substeps)).max() < 5e-3
 

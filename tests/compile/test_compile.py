@@ -18,9 +18,10 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.compensate.block import Block
 from anhyst.compensate.layout import BODY
-from anhyst.compensate.measure import against_demand, run_with_losses, start
+from anhyst.compensate.measure import against_demand, run_with_losses
 from anhyst.compensate.paths import paths
 from anhyst.compensate.plan import Request, full_scale
+from anhyst.compensate.twin import twin_of
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import FitFigures, ValidRange
@@ -134,7 +135,7 @@ def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
     plan = full(folder).plan
     path = paths(plan.model, plan.block.scales, plan.block.limits, seed=5)[-1]
     assert path.gap is not None
-    twin, stepper = start(plan.block, "q15"), plan.model.stepper(path.gap[0], "demagnetised")
+    twin, stepper = twin_of(plan.block, "q15"), plan.model.stepper(path.gap[0], "demagnetised")
     low, high = plan.block.limits.current
     worst = 0.0
     for demand, gap in zip(path.demand[:300].tolist(), path.gap[:300].tolist(), strict=True):

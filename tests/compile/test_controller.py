@@ -331,9 +331,9 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
         ([], ["--io", "q31", "--rate", "1e4"], r":7: rate_Hz: is 20000 Hz here and 10000 Hz"),
         ([], ["--io", "q31", "--kind", "simplified"], r':29: compensation\.variant: is "full"'),
         (
-            [('variant = "full"', 'variant = "static"')],
+            [('variant = "full"', 'variant = "single-valued"')],
             ["--io", "q31"],
-            r':29: compensation\.variant: "static" is for comparison.*; write',
+            r':29: compensation\.variant: "single-valued" is for comparison.*; write',
         ),
         (
             [('format = "fixed"', 'format = "f64"')],
@@ -371,9 +371,9 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
             r":22: limits\.current_low_A: 0\.5 A is above 0, .*; lower it",
         ),
         (
-            [("patience_ticks = 3", "patience_ticks = 100000")],
+            [("max_missing_samples = 3", "max_missing_samples = 100000")],
             ["--io", "q31"],
-            r": safety\.patience_ticks: .* less than or equal to 65535",
+            r": safety\.max_missing_samples: .* less than or equal to 65535",
         ),
         (
             [("bandwidth_Hz = 120.0", "bandwidth_Hz = 1e6")],

@@ -16,16 +16,16 @@ from anhyst._core import (
     Position,
     PositionF32,
 )
+from anhyst.compensate.block import Scales
+from anhyst.compensate.interface import NumberFormat
 from anhyst.control import (
     Converter,
-    DriveScales,
     Levitation,
     Limits,
     Pidd2,
     PositionControl,
     design,
 )
-from anhyst.control.position import Format
 from anhyst.control.states import Command, Phase, State
 from anhyst.support.arrays import FloatArray
 
@@ -33,8 +33,8 @@ RATE = 20e3
 MASS, LOAD = 2.0, 150.0
 REST, TARGET, CEILING = 0.55e-3, 0.45e-3, 0.35e-3
 CONSTANT = 150.0 * (0.45e-3 / 2.25) ** 2  # N m^2/A^2
-FORMATS: tuple[Format, ...] = ("f64", "f32", "fixed")
-SCALES = DriveScales(demand=300.0, current=5.0, gap_low=0.3e-3, gap_high=0.6e-3)
+FORMATS: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
+SCALES = Scales(demand=300.0, current=5.0, gap_low=0.3e-3, gap_high=0.6e-3)
 Q31 = 2.0**31
 Tick = tuple[float, float, float, float, int, int]
 AnyPosition = Position | PositionF32 | FixedPosition
@@ -63,18 +63,20 @@ CONTROL = PositionControl(
         current_low=0.0,
         current_high=4.5,
         release=45.0,
-        patience=3,
+        max_missing_samples=3,
         hold=200,
     ),
     converter=Converter(0.0, 4.5, 16),
-    scales=replace(SCALES, load=200.0),
+    scales=SCALES,
+    load_full_scale=200.0,
 )
 PAIR = replace(
     CONTROL,
     pidd2=replace(CONTROL.pidd2, low=-150.0, high=150.0),
     bias=75.0,
     gap_total=0.9e-3,
-    scales=replace(SCALES, load=200.0),
+    scales=SCALES,
+    load_full_scale=200.0,
 )
 
 
@@ -91,7 +93,7 @@ def table() -> FloatArray:
 
 
 def make_drive(
-    number_format: Format,
+    number_format: NumberFormat,
 ) -> ForceController | ForceControllerF32 | FixedForceController:
     if number_format == "fixed":
         words = np.round(table() / SCALES.current * 2.0**15).clip(max=2**15 - 1)
@@ -100,7 +102,7 @@ def make_drive(
     return kind.map(table(), SCALES.demand, SCALES.gap_low, SCALES.gap_high, 0.0, 5.0)
 
 
-def make(number_format: Format, control: PositionControl = CONTROL) -> AnyPosition:
+def make(number_format: NumberFormat, control: PositionControl = CONTROL) -> AnyPosition:
     """Return the controller, just switched on."""
     kinds = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
     magnets = 1 if control.gap_total is None else 2

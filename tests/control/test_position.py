@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.control.position import Format
+from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command, Fault, Flag, Phase, State
 from tests.control.levitating import (
     CONTROL,
@@ -30,7 +30,7 @@ each_format = pytest.mark.parametrize("number_format", FORMATS)
 
 
 @each_format
-def test_lifts_hovers_steps_and_lands(number_format: Format) -> None:
+def test_lifts_hovers_steps_and_lands(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format))
     rows = rig.hover()
     assert path(rows) == [
@@ -58,7 +58,7 @@ def test_lifts_hovers_steps_and_lands(number_format: Format) -> None:
 
 
 @each_format
-def test_ramps_keep_their_rates(number_format: Format) -> None:
+def test_ramps_keep_their_rates(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format))
     rows = rig.hover() + rig.run(8000, command=Command.LAND)
     for phase, column, rate in (
@@ -78,7 +78,7 @@ def at(rows: list[Tick], phase: Phase) -> int:
 
 
 @each_format
-def test_control_begins_with_the_force_of_the_breakaway(number_format: Format) -> None:
+def test_control_begins_with_the_force_of_the_breakaway(number_format: NumberFormat) -> None:
     rows = Rig(make(number_format)).hover()
     first = at(rows, Phase.RISE)
     before, after = rows[first - 1][3], rows[first][3]
@@ -91,7 +91,7 @@ def test_control_begins_with_the_force_of_the_breakaway(number_format: Format) -
 
 
 @each_format
-def test_a_dropped_sample_is_bridged(number_format: Format) -> None:
+def test_a_dropped_sample_is_bridged(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format))
     rig.hover()
     steady = rig.tick()
@@ -107,7 +107,9 @@ def test_a_dropped_sample_is_bridged(number_format: Format) -> None:
 
 
 @each_format
-def test_lost_position_lets_go_of_an_eighth_and_then_of_the_rest(number_format: Format) -> None:
+def test_lost_position_lets_go_of_an_eighth_and_then_of_the_rest(
+    number_format: NumberFormat,
+) -> None:
     rig = Rig(make(number_format))
     last = rig.hover()[-1]
     rig.hidden = lambda _: math.nan
@@ -135,7 +137,7 @@ def test_lost_position_lets_go_of_an_eighth_and_then_of_the_rest(number_format: 
 
 
 @each_format
-def test_position_that_comes_back_lands(number_format: Format) -> None:
+def test_position_that_comes_back_lands(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format))
     rig.hover()
     rig.hidden = lambda _: math.nan
@@ -165,7 +167,9 @@ def test_position_that_comes_back_lands(number_format: Format) -> None:
         (0.345e-3, Fault.POSITION_STEP),
     ],
 )
-def test_what_cannot_be_is_not_believed(number_format: Format, wrong: float, reason: Fault) -> None:
+def test_what_cannot_be_is_not_believed(
+    number_format: NumberFormat, wrong: float, reason: Fault
+) -> None:
     rig = Rig(make(number_format))
     rig.hover()
     rig.hidden = lambda _: wrong
@@ -178,7 +182,7 @@ def test_what_cannot_be_is_not_believed(number_format: Format, wrong: float, rea
 
 
 @each_format
-def test_a_moving_armature_may_have_moved_while_unseen(number_format: Format) -> None:
+def test_a_moving_armature_may_have_moved_while_unseen(number_format: NumberFormat) -> None:
     """Each missing sample allows one step more."""
     rig = Rig(make(number_format))
     rig.hover()
@@ -190,7 +194,7 @@ def test_a_moving_armature_may_have_moved_while_unseen(number_format: Format) ->
 
 
 @each_format
-def test_too_heavy_a_load_is_given_up(number_format: Format) -> None:
+def test_too_heavy_a_load_is_given_up(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format), load=310.0)
     rig.run(30)
     rig.run(10, command=Command.DEMAGNETISED)
@@ -206,7 +210,7 @@ def test_too_heavy_a_load_is_given_up(number_format: Format) -> None:
 
 
 @each_format
-def test_stop_lands_and_stays_in_fault(number_format: Format) -> None:
+def test_stop_lands_and_stays_in_fault(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format))
     rig.hover()
     rows = rig.run(8000, command=Command.STOP)
@@ -299,7 +303,7 @@ def rig_runs(ticks: int) -> list[Command]:
 
 
 @each_format
-def test_currents_are_the_converters_own(number_format: Format) -> None:
+def test_currents_are_the_converters_own(number_format: NumberFormat) -> None:
     coarse = replace(CONTROL, converter=replace(CONTROL.converter, low=-0.1, high=4.9, bits=12))
     rows = Rig(make(number_format, coarse)).hover()
     steps = np.array([(row[0] + 0.1) / coarse.converter.step for row in rows])
@@ -309,7 +313,7 @@ def test_currents_are_the_converters_own(number_format: Format) -> None:
 
 
 @each_format
-def test_a_pair_divides_the_force_around_its_bias(number_format: Format) -> None:
+def test_a_pair_divides_the_force_around_its_bias(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format, PAIR), load=40.0, gap_total=0.9e-3)
     rig.hover()
     above = rig.run(2000)[-1]
@@ -371,7 +375,7 @@ def test_formats_agree_in_the_air() -> None:
 
 
 @each_format
-def test_load_is_fed_forward(number_format: Format) -> None:
+def test_load_is_fed_forward(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format))
     rig.hover()
     before = rig.tick(feed=0.0)[3]

@@ -118,7 +118,7 @@ def test_a_whole_flight(control: PositionControl) -> None:
 @pytest.mark.parametrize("control", CASES.values(), ids=CASES.keys())
 def test_signals_that_make_no_sense(control: PositionControl, seed: int) -> None:
     """Random samples of any size, commands at random: still the same bits."""
-    limits = replace(control.limits, step=100e-6, patience=1, hold=5, selftest=2)
+    limits = replace(control.limits, step=100e-6, max_missing_samples=1, hold=5, selftest=2)
     levitation = replace(
         control.levitation, lift_rate=4e5, set_down_rate=6e5, rise_speed=0.5, descend_speed=0.8
     )

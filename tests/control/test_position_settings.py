@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedForceController, FixedPosition, ForceController, Position
+from anhyst.compensate.block import Scales
 from anhyst.compensate.floating import build_real
-from anhyst.control import Converter, DriveScales, PositionControl
-from anhyst.control.position import Format
+from anhyst.compensate.interface import NumberFormat
+from anhyst.control import Converter, PositionControl
 from anhyst.control.states import Command, Phase, State
 from anhyst.support.errors import InputError
 from tests.actuators import CURRENTS, compiled, magnet, ranges
 from tests.control.levitating import CONTROL, FORMATS, PAIR, REST, TARGET, make_drive, path, place
 
 
-def build(number_format: Format, change: Mapping[str, Any], drives: int = 1) -> object:
+def build(number_format: NumberFormat, change: Mapping[str, Any], drives: int = 1) -> object:
     kind = FixedPosition if number_format == "fixed" else Position
     settings = dict(CONTROL.settings(number_format)) | dict(change)
     settings = {name: value for name, value in settings.items() if value is not None}
@@ -46,7 +47,7 @@ def build(number_format: Format, change: Mapping[str, Any], drives: int = 1) -> 
     ],
 )
 def test_settings_are_checked_by_name(
-    number_format: Format, change: Mapping[str, Any], text: str
+    number_format: NumberFormat, change: Mapping[str, Any], text: str
 ) -> None:
     with pytest.raises(ValueError, match=text):
         build(number_format, change)
@@ -83,7 +84,7 @@ def changed(**change: Any) -> PositionControl:
         ({"limits__step": 0.0}, "step: 0.0 is not above zero"),
         ({"limits__gap_low": 0.6e-3}, "gap_low: must be below gap_high"),
         ({"limits__current_low": 1.0}, "zero must lie within the limits"),
-        ({"limits__patience": 70000}, "patience: 70000 ticks"),
+        ({"limits__max_missing_samples": 70000}, "max_missing_samples: 70000 ticks"),
         ({"levitation__rise_speed": -1.0}, "rise_speed: -1.0 is not above zero"),
         ({"levitation__detect": math.inf}, "detect: inf is not above zero"),
         ({"converter__bits": 21}, "bits: 21 of a converter"),
@@ -101,7 +102,7 @@ def test_what_has_no_meaning_is_refused(change: dict[str, Any], text: str) -> No
     ("change", "text"),
     [
         ({"converter": Converter(0.0, 4.5e-3, 16)}, "bits: the converter is too fine"),
-        ({"scales": DriveScales(300.0, 5.0, 0.44e-3, 0.46e-3)}, "covers too little"),
+        ({"scales": Scales(300.0, 5.0, 0.44e-3, 0.46e-3)}, "covers too little"),
         ({"levitation__rise_speed": 1e-10}, "rise_speed: too small"),
         ({"converter": Converter(5.0, 9.0, 12)}, "no step of the converter"),
     ],
@@ -131,12 +132,12 @@ def test_codes_stand_for_what_was_given() -> None:
         assert 0.3e-3 + 0.3e-3 * part == pytest.approx(gap, abs=5e-9)
 
 
-def with_hysteresis(number_format: Format) -> tuple[Any, Any]:
+def with_hysteresis(number_format: NumberFormat) -> tuple[Any, Any]:
     """Return a controller with a full compensator, and its drive."""
     scales, limits = ranges("reluctance")
     control = replace(
         CONTROL,
-        scales=DriveScales(scales.demand, scales.current, scales.gap_low, scales.gap_high),
+        scales=scales,
         converter=Converter(*CURRENTS, 16),
         limits=replace(CONTROL.limits, current_low=CURRENTS[0], current_high=CURRENTS[1]),
         pidd2=replace(CONTROL.pidd2, K_load=0.0, high=limits.demand[1]),
@@ -159,7 +160,7 @@ def probe(drive: ForceController | FixedForceController) -> float:
 
 
 @pytest.mark.parametrize("number_format", ["f64", "fixed"])
-def test_conditioning_drives_the_sequence_and_makes_ready(number_format: Format) -> None:
+def test_conditioning_drives_the_sequence_and_makes_ready(number_format: NumberFormat) -> None:
     controller, drive = with_hysteresis(number_format)
     for _ in range(30):
         controller.tick(REST, TARGET)

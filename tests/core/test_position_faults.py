@@ -39,7 +39,7 @@ FASTER = {"lift_rate": 4e5, "set_down_rate": 6e5, "rise_speed": 0.5, "descend_sp
 FLIGHTS = [
     replace(
         control,
-        limits=replace(control.limits, step=40e-6, patience=2, hold=5, selftest=2),
+        limits=replace(control.limits, step=40e-6, max_missing_samples=2, hold=5, selftest=2),
         levitation=replace(control.levitation, **FASTER),
     )
     for control in (CONTROL, replace(CONTROL, measured=True), PAIR)

@@ -116,7 +116,7 @@ speed_m_per_s = 2e-3
 speed_m_per_s = 2e-3
 force_rate_N_per_s = {8.0 * load:.5g}
 [safety]
-patience_ticks = 3
+max_missing_samples = 3
 hold_ticks = 2000
 """)
     return rig

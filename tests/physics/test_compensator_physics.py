@@ -10,7 +10,7 @@ import pytest
 
 from anhyst.compensate.block import Limits, Scales, Sizes
 from anhyst.compensate.full import build_full
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -68,7 +68,7 @@ def test_full_gives_the_demanded_force(
 ) -> None:
     wanted = DEMANDS[demand](largest_force(gap_map, play, GAPS[-1]))
     at = gap_of(gap, wanted.size)
-    drive = Twin(compiled("full", gap_map, play), io).run(wanted, at)
+    drive = FixedTwin(compiled("full", gap_map, play), io).run(wanted, at)
     force = magnet(gap_map, play).predict(drive, at, history="demagnetised").output
     largest = largest_force(gap_map, play, GAPS[0])
     assert np.abs(force - wanted).max() < PROMISED * largest
@@ -80,7 +80,7 @@ def test_a_demand_too_slow_for_single_codes_loses_nothing(gap_map: GapMap, play:
     high = largest_force(gap_map, play)
     up = np.linspace(0.1 * high, 0.5 * high, 100_000)
     wanted = np.concatenate([nested(high), up, up[::-1]])
-    drive = Twin(compiled("full", gap_map, play)).run(wanted, WIDE)
+    drive = FixedTwin(compiled("full", gap_map, play)).run(wanted, WIDE)
     at = np.full(wanted.size, WIDE)
     force = magnet(gap_map, play).predict(drive, at, history="demagnetised").output
     assert np.abs(force - wanted).max() < PROMISED * largest_force(gap_map, play, GAPS[0])
@@ -95,7 +95,7 @@ def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
     wanted = np.concatenate(
         [reversals(-0.95 * top, 0.95 * top, 150, 7), np.tile([0.95 * top, -0.95 * top], 50)]
     )
-    drive = Twin(block).run(wanted)
+    drive = FixedTwin(block).run(wanted)
     flux_density = model.predict(drive, history="demagnetised").output
     assert np.abs(flux_density - wanted).max() < PROMISED * top
 
@@ -109,7 +109,7 @@ def test_expected_force_is_that_of_the_current_a_slow_amplifier_gave(
     largest = largest_force(gap_map, play, GAPS[0])
     wanted = jumps(largest_force(gap_map, play, GAPS[-1]))[::5]
     at = gap_of("moving", wanted.size)
-    twin = Twin(compiled("full", gap_map, play), io)
+    twin = FixedTwin(compiled("full", gap_map, play), io)
     applied, expected = np.empty(wanted.size), np.empty(wanted.size)
     current = 0.0
     for i, (demand, gap) in enumerate(zip(wanted.tolist(), at.tolist(), strict=True)):
@@ -121,14 +121,16 @@ def test_expected_force_is_that_of_the_current_a_slow_amplifier_gave(
         expected[i] = twin.commit(current, gap)
         applied[i] = current
     force = magnet(gap_map, play).predict(applied, at, history="demagnetised").output
-    assert np.abs(applied - Twin(compiled("full", gap_map, play), io).run(wanted, at)).max() > 0.1
+    assert (
+        np.abs(applied - FixedTwin(compiled("full", gap_map, play), io).run(wanted, at)).max() > 0.1
+    )
     assert np.abs(expected - force).max() < PROMISED * largest
 
 
 def test_limited_current_leads_to_the_force_it_can_give() -> None:
     """A demand beyond the limits of the current is flagged, and tracked for what it gives."""
     wide = 0.999 * largest_force("reluctance", 0.0, GAPS[0])
-    twin, model = Twin(compiled("full")), magnet()
+    twin, model = FixedTwin(compiled("full")), magnet()
     rest = twin.solve(0.3 * wide, GAPS[-1])
     assert twin.flags == 0
     twin.commit(rest, GAPS[-1])
@@ -144,7 +146,7 @@ def test_limited_current_leads_to_the_force_it_can_give() -> None:
 
 def test_below_the_residual_force_the_current_takes_the_flux_away() -> None:
     """At the demand of the force that is there without flux, or less, the iron is emptied."""
-    twin, model = Twin(compiled("full")), magnet()
+    twin, model = FixedTwin(compiled("full")), magnet()
     history = [twin.run([60.0], [WIDE])[0], twin.solve(0.2 * RESIDUAL, WIDE)]
     assert twin.flags == DEMAND_LIMITED
     twin.commit(history[1], WIDE)
@@ -176,7 +178,7 @@ def test_every_kind_of_iron_is_inverted(a: float, kappa: float, c: float) -> Non
     )
     wanted = np.maximum(wanted, first)
     at = gap_of("anywhere", wanted.size)
-    drive = Twin(block).run(wanted, at)
+    drive = FixedTwin(block).run(wanted, at)
     force = model.predict(drive, at, history="demagnetised").output
     assert np.abs(force - wanted).max() < PROMISED * high
 
@@ -199,6 +201,6 @@ def test_the_strongest_current_that_is_taken_gives_a_sound_block() -> None:
             block = build_full(model, scales, narrowed)
         except InputError:
             continue
-        Twin(block)
+        FixedTwin(block)
         taken += 1
     assert 0 < taken < 12

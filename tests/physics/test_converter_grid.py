@@ -7,7 +7,7 @@ import pytest
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Kind
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin
 from anhyst.support.arrays import FloatArray
 from tests.actuators import CURRENTS, WIDE, compiled, largest_force, magnet
 
@@ -41,7 +41,7 @@ def flown(
     Returns the expected outputs, the currents, and the demands.
     """
     block = compiled(kind, "reluctance", play)
-    twin = Twin(block, "q31")
+    twin = FixedTwin(block, "q31")
     core = FixedCompensator(kind, block.words)
     demand = demands(ticks, largest_force("reluctance", play))
     step = 1 << (32 - bits)
@@ -85,7 +85,7 @@ def test_a_standing_demand_on_a_converters_grid_moves_nothing(play: float, bits:
     block = compiled("full", "reluctance", play)
     core = FixedCompensator("full", block.words)
     step = 1 << (32 - bits)
-    twin = Twin(block, "q31")
+    twin = FixedTwin(block, "q31")
     top = largest_force("reluctance", play)
     gap = int(twin.gap_codes(WIDE)[0])
     for demand in (0.7, 0.31, 0.52, 0.5):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import Kind
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin
 from tests.actuators import WIDE, compiled, largest_force, magnet
 
 
@@ -15,7 +15,7 @@ def test_a_ramp_of_a_hundred_thousand_ticks_is_as_good_as_a_short_one(play: floa
     top = largest_force("reluctance", play)
     up = np.linspace(0.02 * top, 0.9 * top, 100_000)
     demand = np.concatenate([up, up[::-1], up])
-    current = Twin(compiled("full", "reluctance", play), "q31").run(demand, WIDE)
+    current = FixedTwin(compiled("full", "reluctance", play), "q31").run(demand, WIDE)
     gap = np.full(demand.size, WIDE)
     force = magnet("reluctance", play).predict(current, gap, history="demagnetised").output
     assert np.abs(force - demand).max() < 1e-3 * top
@@ -23,7 +23,7 @@ def test_a_ramp_of_a_hundred_thousand_ticks_is_as_good_as_a_short_one(play: floa
 
 @pytest.mark.parametrize("kind", ["full", "simplified"])
 def test_a_standing_demand_moves_nothing(kind: Kind) -> None:
-    twin = Twin(compiled(kind), "q31")
+    twin = FixedTwin(compiled(kind), "q31")
     half = 0.5 * largest_force("reluctance")
     there = np.concatenate([np.linspace(0.1, 1.3, 100), np.linspace(1.3, 1.0, 50), [1.0, 1.0]])
     twin.run(half * there, WIDE)

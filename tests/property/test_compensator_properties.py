@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind, Limits, Scales
 from anhyst.compensate.full import build_full
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import FixedTwin
 from anhyst.model.parameters import GapMap
 from tests.actuators import GAPS, compiled, largest_force, magnet, ring
 
@@ -155,7 +155,7 @@ def test_any_demand_within_the_limits_is_met(
     """The force in double precision, jumps and a moving gap included, to 0.2 % of the largest."""
     demand = np.array(shares) * largest_force("reluctance", play, GAPS[-1])
     gap = np.array(gaps[: demand.size])
-    drive = Twin(compiled("full", "reluctance", play)).run(demand, gap)
+    drive = FixedTwin(compiled("full", "reluctance", play)).run(demand, gap)
     force = magnet("reluctance", play).predict(drive, gap, history="demagnetised").output
     largest = largest_force("reluctance", play, GAPS[0])
     assert np.abs(force - demand).max() < 0.002 * largest

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anhyst.control.position import Format
+from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
 from tests.control.levitating import CONTROL, FORMATS, PAIR, make
 
@@ -18,7 +18,9 @@ GAPS = st.floats(0.32e-3, 0.58e-3) | ANY
 SAMPLES = st.tuples(GAPS, GAPS, ANY, st.tuples(ANY, ANY), st.tuples(ANY, ANY), st.integers(0, 9))
 QUICK = replace(
     CONTROL,
-    limits=replace(CONTROL.limits, selftest=1, patience=0, step=1e-3, current_low=-0.7, hold=2),
+    limits=replace(
+        CONTROL.limits, selftest=1, max_missing_samples=0, step=1e-3, current_low=-0.7, hold=2
+    ),
     levitation=replace(CONTROL.levitation, lift_rate=1e6, set_down_rate=1e6),
     converter=replace(CONTROL.converter, low=-1.0),
 )
@@ -29,7 +31,7 @@ QUICK = replace(
 @given(samples=st.lists(SAMPLES, min_size=1, max_size=30), measured=st.booleans())
 @settings(max_examples=100)
 def test_no_signal_leads_beyond_the_limits(
-    number_format: Format, magnets: int, samples: list[tuple[float, ...]], measured: bool
+    number_format: NumberFormat, magnets: int, samples: list[tuple[float, ...]], measured: bool
 ) -> None:
     control = replace(QUICK, measured=measured)
     if magnets == 2:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.control.controller_file import ControllerTable, Variant, read_controller
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerTable, read_controller
 from anhyst.report.bearing import Subject
 from anhyst.report.bearing.force_current import LoopCurve
 from anhyst.report.bearing.over_frequency import Response
@@ -30,12 +31,12 @@ from anhyst.study.bearing.responses import Cell
 from anhyst.support.page.blocks import Items, Note
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
-SHOWN: tuple[Variant, ...] = ("ratio", "static", "full")
+SHOWN: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 RATE, BEGIN, HEIGHT, GAP = 20e3, 200, 10e-6, 0.45e-3
 # Overshoot in % of the height at 10 and 50 um: mean, half width.
-OVERSHOOT: Mapping[Variant, tuple[tuple[float, float], ...]] = {
+OVERSHOOT: Mapping[MethodName, tuple[tuple[float, float], ...]] = {
     "ratio": ((30.25, 0.4), (24.75, 0.3)),
-    "static": ((10.0, 0.3), (7.125, 0.3)),
+    "single-valued": ((10.0, 0.3), (7.125, 0.3)),
     "full": ((12.1, 0.25), (7.25, 0.25)),
 }
 NOISE = 0.5
@@ -103,7 +104,7 @@ def lag(corner: float, gain: float) -> Response:
 
 
 @cache
-def runs() -> dict[Variant, Recording]:
+def runs() -> dict[MethodName, Recording]:
     """A step under every variant that is shown."""
     return {name: response(OVERSHOOT[name][0][0], place) for place, name in enumerate(SHOWN)}
 
@@ -118,7 +119,10 @@ def subject() -> Subject:
         BenefitCell(
             "overshoot", against, baseline, width, share, share < 0.1, height, ratio, outcome
         )
-        for against, baseline, base in (("ratio", "ratio", 0.3), ("the strongest", "static", 0.9))
+        for against, baseline, base in (
+            ("ratio", "ratio", 0.3),
+            ("the strongest", "single-valued", 0.9),
+        )
         for width, share, ratio in ((0.02, 0.05, base), (0.05, 0.15, base + 0.08))
         for height in (10e-6, 50e-6)
         for outcome in (("gain" if ratio < 0.95 else "no gain"),)

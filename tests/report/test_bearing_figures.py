@@ -13,7 +13,8 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable, Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.data.loop_set import Loop, LoopSet
 from anhyst.report.bearing import Subject
 from anhyst.report.bearing.block_diagram import figure_structure
@@ -61,7 +62,7 @@ def _subject() -> Subject:
 
 
 @pytest.fixture(scope="module", name="runs")
-def _runs() -> dict[Variant, Recording]:
+def _runs() -> dict[MethodName, Recording]:
     return bearing_reports.runs()
 
 
@@ -73,7 +74,7 @@ def test_the_diagram_holds_the_numbers_of_the_files(
     rig: BearingRig, controller: ControllerTable
 ) -> None:
     reported = texts_of(figure_structure(rig, controller))
-    gains = controller.law()
+    gains = controller.pidd2_gains()
     for text in (
         f"K_d {gains.K_d:.0f} N s/m", "full hysteresis compensator", "fixed point",
         "20 kHz, tick 50 µs", "16 bits, 69 µA a step", "supply ±150 V", "250 turns, 1.2 Ω",
@@ -129,7 +130,11 @@ def tuned(controller: ControllerTable) -> ControllerTable:
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize("after_tuning", [False, True])
 def test_no_text_of_the_diagram_leaves_its_box_or_meets_another(
-    rig: BearingRig, controller: ControllerTable, variant: Variant, full: bool, after_tuning: bool
+    rig: BearingRig,
+    controller: ControllerTable,
+    variant: MethodName,
+    full: bool,
+    after_tuning: bool,
 ) -> None:
     chosen = controller.compensation.model_copy(update={"variant": variant, "applied": "measured"})
     table = controller.model_copy(update={"compensation": chosen})
@@ -205,7 +210,7 @@ def test_steps_show_reference_and_every_variant_with_its_overshoot(subject: Subj
     assert below.get_ylabel() == "off (% of height)"
 
 
-def test_forces_tell_the_error_of_what_is_shown(runs: dict[Variant, Recording]) -> None:
+def test_forces_tell_the_error_of_what_is_shown(runs: dict[MethodName, Recording]) -> None:
     figure = figure_forces(runs)
     error = runs["full"]["force_N"] - runs["full"]["demand_N"]
     worst = f"worst {np.abs(error).max():.2f} N"
@@ -228,7 +233,7 @@ def test_the_run_lies_over_the_nearest_loops() -> None:
     assert [loop.gap for loop in nearest_loops(loops, 0.6e-3)] == [0.55e-3]
 
 
-def test_loops_are_drawn_less_their_curve_too(runs: dict[Variant, Recording]) -> None:
+def test_loops_are_drawn_less_their_curve_too(runs: dict[MethodName, Recording]) -> None:
     half = np.linspace(0.0, 4.0, 200)
     current = np.concatenate([half, half[::-1]])
     width = 3.0 * np.sin(np.pi * current / 4.0)
@@ -242,7 +247,7 @@ def test_loops_are_drawn_less_their_curve_too(runs: dict[Variant, Recording]) ->
 
 
 def test_the_second_panel_of_the_plane_holds_the_whole_run(
-    runs: dict[Variant, Recording], subject: Subject
+    runs: dict[MethodName, Recording], subject: Subject
 ) -> None:
     _, near, _ = figure_force_current(runs, subject.measured, subject.identified).axes
     low, high = near.get_xlim()

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compensate.variants import BASELINES
+from anhyst.compensate.methods import BASELINES
 from anhyst.control.controller_file import read_controller
 from anhyst.report.bearing.from_benefit import subject_of_benefit
 from anhyst.report.bearing.look import interval_text
@@ -68,7 +68,12 @@ def test_every_section_of_a_simulation_is_there(page: Page) -> None:
 
 def test_the_page_shows_the_figures_of_the_run(run: Path, page: Page) -> None:
     figures = json.loads((run.parent / "figures.json").read_text(encoding="utf-8"))
-    assert {row["variant"] for row in figures["steps"]} >= {"ratio", "static", "full", "flux"}
+    assert {row["variant"] for row in figures["steps"]} >= {
+        "ratio",
+        "single-valued",
+        "full",
+        "flux",
+    }
     for row in figures["steps"]:
         assert interval_text(Interval(**row["overshoot_percent"])) in page.text
     for found in figures["standstill"].values():

@@ -168,7 +168,7 @@ def test_every_percentage_names_its_baseline(page: Page) -> None:
     text = page.text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
         "Not worth it here. With the same gains full certainly overshoots less at 0 and more at 1 "
-        "of 2 steps than the strongest baseline without hysteresis model (static), 2.1 percentage "
+        "of 2 steps than the strongest baseline without hysteresis model (single-valued), 2.1 percentage "
         "points of the height more." in text
     )
     assert "60 % less +2.1 points" in text  # against ratio, in the table below
@@ -179,7 +179,7 @@ def test_the_tiles_name_the_strongest_baseline_and_measured_flux(subject: Subjec
     with_flux = replace(subject, steps=grouped([*cells(), *flux]))
     text = Page(render(with_flux)).text.replace("\N{NO-BREAK SPACE}", " ")
     tile = text[text.index("overshoot, 10 µm") : text.index("overshoot, 50 µm")]
-    assert "strongest without hysteresis model (static): 10.00 ± 0.30 %" in tile
+    assert "strongest without hysteresis model (single-valued): 10.00 ± 0.30 %" in tile
     assert "measured flux: 12.10 ± 0.25 %" in tile
     assert "ratio" not in tile
     assert "than measured flux less at 0 and more at 0" in text
@@ -199,20 +199,20 @@ def test_the_verdict_follows_the_strongest_baseline(
                 "overshoot_percent": Interval(baseline[cell.height > 20e-6], 0.1, 20),
             },
         )
-        if cell.variant == "static"
+        if cell.variant == "single-valued"
         else cell
         for cell in cells()
         if cell.variant != "ratio"
     ]
     found = judge(grouped(changed), "full")
     assert found.level == level
-    assert "strongest baseline without hysteresis model (static)" in found.text
-    assert judge(grouped(changed), "static").variant == "full"
+    assert "strongest baseline without hysteresis model (single-valued)" in found.text
+    assert judge(grouped(changed), "single-valued").variant == "full"
 
 
 def test_without_a_hysteresis_model_the_verdict_remains_open() -> None:
     alone = [cell for cell in cells() if cell.variant != "full"]
-    assert judge(grouped(alone), "static").level == "unknown"
+    assert judge(grouped(alone), "single-valued").level == "unknown"
 
 
 def test_the_map_says_against_whom_and_where_there_is_no_gain(page: Page) -> None:
@@ -255,7 +255,7 @@ def test_no_difference_within_the_noise_of_a_standstill_is_certain(subject: Subj
     loud = Interval(2.5, 0.05, 20)
     noisy = [
         replace(cell, figures={**cell.figures, "noise_percent": loud})
-        if cell.variant == "static"
+        if cell.variant == "single-valued"
         else cell
         for cell in cells()
     ]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.control.controller_file import Format
+from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
 from anhyst.data.files import write_csv
 from anhyst.model.writer import write_model
@@ -35,7 +35,7 @@ def levitate(
     rig: BearingRig, seconds: float = 0.3, setup: Setup | None = None
 ) -> tuple[Recording, Recording]:
     """Lift, hold, step up, land; return what is in the air and what holds its position."""
-    setup = setup or Setup(rig, FULL().controller, FULL().drive)
+    setup = setup or Setup(rig, FULL().controller, FULL().compensator)
     script = bearings.lifted(setup)
     begin = script.ticks
     script.hold(seconds)
@@ -69,7 +69,7 @@ def holds(still: Recording, load: float, most: float) -> None:
         pytest.param({"amplifier.mode": "voltage", "magnet.eddy_time_s": 1e-4}, id="both"),
     ],
 )
-def test_the_measured_flux_hangs_still(changes: Changes, number_format: Format) -> None:
+def test_the_measured_flux_hangs_still(changes: Changes, number_format: NumberFormat) -> None:
     rig = changed(bearings.example(), changes)
     table = bearings.controller().settings
     setup = make_setup(rig, table, bearings.knowledge(), "flux", number_format)

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
+from anhyst.compensate.interface import MethodName
 from anhyst.control import design
 from anhyst.control.controller_file import (
     ControllerTable,
     GainsTable,
-    Variant,
     controller_text,
     read_controller,
     write_controller,
@@ -371,9 +371,9 @@ def test_gains_that_fixed_point_cannot_hold_are_told_with_their_key(folder: Path
     loops = read_loops(EXAMPLE / "loops.csv")
     known = IdentifiedMagnet(loops, cast(ActuatorModel, None))  # no variant below looks at a model
     with pytest.raises(InputError, match=rf"{where}.* too large"):
-        make_setups(rig, read_controller(path), known, ("static",))
+        make_setups(rig, read_controller(path), known, ("single-valued",))
     change(path, 'format = "fixed"', 'format = "f64"')
-    make_setups(rig, read_controller(path), known, ("static",))
+    make_setups(rig, read_controller(path), known, ("single-valued",))
 
 
 def test_a_written_controller_reads_back_to_the_same_settings(tmp_path: Path) -> None:
@@ -477,7 +477,7 @@ def tables(annotation: Any) -> Iterator[type[BaseModel]]:
     ("page", "table", "others"),
     [
         ("rig-file.md", BearingTable, set[str]()),
-        ("controller-file.md", ControllerTable, set(get_args(Variant))),
+        ("controller-file.md", ControllerTable, set(get_args(MethodName))),
     ],
 )
 def test_every_key_is_described_and_no_other(

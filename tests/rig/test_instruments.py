@@ -74,19 +74,19 @@ def test_the_single_valued_curve_lies_midway_so_that_no_other_is_better() -> Non
     force = np.linspace(1.0, 39.0, 50)
     for gap, width in ((1e-3, 0.1), (2e-3, 0.2), (3e-3, 0.3), (2.5e-3, 0.25)):
         middle = 0.02 * force * (1.0 + 100.0 * gap)
-        found = curve.current(force, np.full(50, gap))
+        found = curve.run(force, np.full(50, gap))
         assert np.abs(found - middle).max() < 0.02 * width
     assert (np.diff(curve.table, axis=1) >= 0.0).all()
-    moving = curve.current(np.full(50, 20.0), np.linspace(1e-3, 3e-3, 50))
+    moving = curve.run(np.full(50, 20.0), np.linspace(1e-3, 3e-3, 50))
     assert (np.diff(moving) > 0.0).all()
 
 
 def test_a_single_gap_needs_no_interpolation() -> None:
     force = np.linspace(0.0, 40.0, 9)
-    here = fit_single_valued(loopset((1e-3, 0.0)), 40.0).current(force, np.full(9, 7e-3))
+    here = fit_single_valued(loopset((1e-3, 0.0)), 40.0).run(force, np.full(9, 7e-3))
     assert here == pytest.approx(0.022 * force, abs=1e-6)
     ratio = fit_ratio(loopset((1e-3, 0.0)), 40.0)
-    assert ratio.current(force, np.full(9, 7e-3)) == pytest.approx(0.022 * force, abs=1e-9)
+    assert ratio.run(force, np.full(9, 7e-3)) == pytest.approx(0.022 * force, abs=1e-9)
 
 
 def test_a_ratio_is_the_best_straight_line_through_zero() -> None:

@@ -6,13 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from anhyst.control.controller_file import (
-    ControllerFile,
-    ControllerTable,
-    Format,
-    Variant,
-    read_controller,
-)
+from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.control.controller_file import ControllerFile, ControllerTable, read_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Loop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
@@ -24,7 +19,7 @@ from anhyst.rig.bearing.tables import PositionTable
 from anhyst.study.bearing.variations import changed, with_iron
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
-FORMATS: tuple[Format, ...] = ("f64", "f32", "fixed")
+FORMATS: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
 GAP = 0.45e-3
 TOTAL = 2.0 * GAP
 """Of both gaps of the pair: at `GAP` it is symmetrical."""
@@ -48,7 +43,7 @@ def knowledge(fraction: float = 0.15) -> IdentifiedMagnet:
 
 @cache
 def single(
-    variant: Variant = "full", number_format: Format = "fixed", fraction: float = 0.15
+    variant: MethodName = "full", number_format: NumberFormat = "fixed", fraction: float = 0.15
 ) -> Setup:
     """One magnet against the load."""
     rig = with_iron(example(), fraction)
@@ -76,14 +71,14 @@ def pair_controller() -> ControllerTable:
 
 
 @cache
-def pair(variant: Variant = "full", number_format: Format = "fixed") -> Setup:
+def pair(variant: MethodName = "full", number_format: NumberFormat = "fixed") -> Setup:
     """Two magnets against each other, and nothing else that pushes."""
     return make_setup(pair_rig(), pair_controller(), knowledge(), variant, number_format)
 
 
 def with_rig(setup: Setup, changes: dict[str, Any]) -> Setup:
     """The same controller before another plant."""
-    return Setup(changed(setup.rig, changes), setup.controller, setup.drive)
+    return Setup(changed(setup.rig, changes), setup.controller, setup.compensator)
 
 
 def sensor(kind: str, **given: float) -> PositionTable:

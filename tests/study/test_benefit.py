@@ -126,7 +126,7 @@ def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
     """Where nothing overshoots there is nothing to gain; with wide, pathological loops there is."""
     nothing = cell(found, 1.0, 0.3, 10e-6).strongest["overshoot_percent"]
     assert nothing.outcome == "nothing to gain"
-    assert nothing.baseline in ("linearised", "static")
+    assert nothing.baseline in ("linearised", "single-valued")
     wide = cell(found, 2.0, 0.05, 10e-6)
     assert wide.iron.label == "pathological"
     assert wide.figures["linearised"]["overshoot_percent"].mean > 10.0
@@ -168,9 +168,9 @@ def test_a_law_is_no_iron_to_vary(rig: BearingRig, controller: ControllerFile) -
 def test_what_is_lost_does_not_count_as_a_baseline() -> None:
     lost = Comparison(None, None, None)
     assert lost.outcome == "no gain"
-    certain = Comparison("static", quotient([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
+    certain = Comparison("single-valued", quotient([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
     assert certain.outcome == "gain"
-    assert Comparison("static", None, None).outcome == "loss"
+    assert Comparison("single-valued", None, None).outcome == "loss"
 
 
 @pytest.mark.parametrize(
@@ -178,8 +178,8 @@ def test_what_is_lost_does_not_count_as_a_baseline() -> None:
 )
 def test_gain_and_loss_are_told_only_where_they_are_certain(mean: float, outcome: str) -> None:
     ratio = quotient([1.0, 1.1], [2.0, 2.2])
-    assert Comparison("static", ratio, Interval(mean, 1.1, 2)).outcome == outcome
-    assert Comparison("static", ratio, Interval(mean, 1.1, 2), 3.0, True).outcome == (
+    assert Comparison("single-valued", ratio, Interval(mean, 1.1, 2)).outcome == outcome
+    assert Comparison("single-valued", ratio, Interval(mean, 1.1, 2), 3.0, True).outcome == (
         "nothing to gain"
     )
 

@@ -224,7 +224,7 @@ def test_what_cannot_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"is written as \.json"):
         run_board(rig, tmp_path / "running.csv", BOARDS[0])
     own = bearings.controller().settings
-    chosen = own.compensation.model_copy(update={"variant": "static"})
+    chosen = own.compensation.model_copy(update={"variant": "single-valued"})
     other = tmp_path / "controller.toml"
     write_controller(other, own.model_copy(update={"compensation": chosen}), "other")
     with pytest.raises(InputError, match="variant"):

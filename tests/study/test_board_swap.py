@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import Block
-from anhyst.compensate.drive import CompensatorLaw
-from anhyst.control.controller_file import ControllerFile, Variant, write_controller
+from anhyst.compensate.compiled import Compiled
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerFile, write_controller
 from anhyst.control.states import Command, Phase, State
 from anhyst.link.blocks import regenerate
 from anhyst.rig.bearing.board import BearingPlant, firmware_run
@@ -38,7 +39,7 @@ class Built:
 
     program: Path
     setup: Setup
-    variant: Variant
+    variant: MethodName
 
     @property
     def step(self) -> float:
@@ -57,15 +58,15 @@ class Built:
         model = replace(known.model, parameters=MappingProxyType(values))
         other = IdentifiedMagnet(known.loops, model)
         rig, table = self.setup.rig, self.setup.controller
-        law = make_setup(rig, table, other, self.variant, "fixed").drive.law
-        assert isinstance(law, CompensatorLaw)
+        law = make_setup(rig, table, other, self.variant, "fixed").compensator.parameters
+        assert isinstance(law, Compiled)
         assert isinstance(law.block, Block)
         return law.block
 
 
 @pytest.fixture(scope="module", params=["full", pytest.param("simplified", marks=pytest.mark.slow)])
 def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Built:
-    variant: Variant = request.param
+    variant: MethodName = request.param
     table = bearings.controller().settings
     chosen = table.compensation.model_copy(update={"variant": variant})
     table = table.model_copy(update={"compensation": chosen})

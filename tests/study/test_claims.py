@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.control.controller_file import Format, Variant
+from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing import responses
 from anhyst.study.bearing.experiments import Outcome, Trial, of_all, stand_still
@@ -21,7 +21,7 @@ SEEDS = range(3)
 
 
 @cache
-def cells(variant: Variant, number_format: Format, fraction: float) -> list[Cell]:
+def cells(variant: MethodName, number_format: NumberFormat, fraction: float) -> list[Cell]:
     setup = bearings.single(variant, number_format, fraction)
     found = compare([setup], [GAP], HEIGHTS, [150.0], SEEDS, jobs=1)
     assert [cell.height for cell in found] == list(HEIGHTS)
@@ -30,7 +30,7 @@ def cells(variant: Variant, number_format: Format, fraction: float) -> list[Cell
 
 
 def overshoot(
-    variant: Variant, number_format: Format = "fixed", fraction: float = 0.15
+    variant: MethodName, number_format: NumberFormat = "fixed", fraction: float = 0.15
 ) -> list[float]:
     return [
         cell.figures["overshoot_percent"].mean for cell in cells(variant, number_format, fraction)
@@ -76,7 +76,7 @@ def test_it_stands_still_to_ten_nanometres_without_a_limit_cycle(fraction: float
 def test_what_overshoots_is_told_from_what_only_moves_about() -> None:
     """A constant ratio overshoots; of the best curve without memory the noise is all there is."""
     assert all(cell.overshoots for cell in cells("ratio", "fixed", 0.15))
-    least = cells("static", "fixed", 0.15)[0]
+    least = cells("single-valued", "fixed", 0.15)[0]
     assert not least.overshoots
     assert least.of("overshoot_percent").mean == pytest.approx(
         least.of("noise_percent").mean, rel=0.3
@@ -117,7 +117,7 @@ def rests(trial: Trial) -> Outcome:
 
 
 def test_a_limit_cycle_is_told_by_its_runs_and_not_by_a_mean_with_zeros() -> None:
-    setups: dict[Variant, Setup] = {"ratio": bearings.single("ratio")}
+    setups: dict[MethodName, Setup] = {"ratio": bearings.single("ratio")}
     found = of_all(cycles_twice, setups, range(5), None)["ratio"]
     assert (found["limit_cycles"], found["runs"]) == (2, 5)
     assert found["limit_cycle_m"] == pytest.approx(80e-9)

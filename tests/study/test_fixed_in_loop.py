@@ -13,8 +13,8 @@ import pytest
 
 from anhyst._core import FixedCompensator, FixedController, FixedForceController
 from anhyst.compensate.block import Block
-from anhyst.compensate.drive import CompensatorLaw
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.compiled import Compiled
+from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command
 from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.recording import COLUMNS, HOVER, RUN, Recording
@@ -48,7 +48,7 @@ class Pieces:
         gains = control.gains("fixed")
         assert gains.dtype == np.int32
         self.controller = FixedController(gains.astype(np.int32))
-        drive = setup.drive.fresh().native
+        drive = setup.compensator.fresh().native
         assert isinstance(drive, FixedForceController)
         self.drive = drive
         self.compensator = flashed(setup)
@@ -76,8 +76,8 @@ class Pieces:
 
 def flashed(setup: Setup) -> FixedCompensator | None:
     """The block that ``anhyst compile`` writes, in the compensator that it writes beside it."""
-    law = setup.drive.law
-    if not isinstance(law, CompensatorLaw):
+    law = setup.compensator.parameters
+    if not isinstance(law, Compiled):
         return None
     assert isinstance(law.block, Block)
     return FixedCompensator(law.block.kind, law.block.words)
@@ -130,8 +130,8 @@ def differs_at(setup: Setup, recording: Recording) -> int | None:
     return None
 
 
-@pytest.mark.parametrize("variant", ["full", "simplified", "static"])
-def test_the_pieces_give_every_current_of_the_loop(variant: Variant) -> None:
+@pytest.mark.parametrize("variant", ["full", "simplified", "single-valued"])
+def test_the_pieces_give_every_current_of_the_loop(variant: MethodName) -> None:
     setup = bearings.single(variant)
     scenario = steps(setup)
     recording = bearings.run(setup, scenario, seed=2)
@@ -150,4 +150,4 @@ def test_a_single_step_of_the_encoder_is_noticed() -> None:
     table[8000, COLUMNS.index("gap_read_m")] += 50e-9
     assert differs_at(setup, Recording(table)) == 8000
     other = bearings.single("simplified")
-    assert differs_at(Setup(setup.rig, setup.controller, other.drive), recording) is not None
+    assert differs_at(Setup(setup.rig, setup.controller, other.compensator), recording) is not None

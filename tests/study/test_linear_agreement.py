@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate.variants import fit_drive
+from anhyst.compensate.methods import make_compensator
+from anhyst.compensate.sources import Sources
 from anhyst.control import Pidd2
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
@@ -74,7 +75,7 @@ def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: fl
     controller = read_controller(EXAMPLE / "controller.toml").settings
     loops = read_loops(EXAMPLE / "loops.csv")
     known = operating_point(rig, controller, loops)
-    drive = fit_drive("linearised", loops, None, known, "f64")
+    drive = make_compensator("linearised", Sources(known, loops), "f64")
     gap = rig.settings.simulate.gap_m
     running = Running(Setup(rig, controller, drive))
     running.run(Script(rig, gap).lift_off(controller).build())
@@ -84,6 +85,6 @@ def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: fl
 
     rate = rig.settings.timing.rate_Hz
     found = measure_sensitivity(run, FREQUENCIES, 2e-6, rate)
-    linear = linear_loop(rig, controller.pidd2(), drive.numbers, eddy_time)
+    linear = linear_loop(rig, controller.pidd2(), drive.parameters.numbers, eddy_time)
     expected = np.abs(linear.sensitivity(FREQUENCIES))
     assert np.max(np.abs(found.magnitude / expected - 1.0)) < 0.04

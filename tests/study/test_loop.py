@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedPosition, Position, PositionF32
-from anhyst.control.controller_file import Format
+from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.position import make_position
@@ -31,7 +31,9 @@ GAPS = np.linspace(0.36e-3, 0.54e-3, 7).tolist()
     [pytest.param(one, marks=[pytest.mark.slow] * (one != "fixed")) for one in bearings.FORMATS],
 )
 @pytest.mark.parametrize("arrangement", ARRANGEMENTS)
-def test_it_hovers_at_every_gap_and_lands_again(arrangement: str, number_format: Format) -> None:
+def test_it_hovers_at_every_gap_and_lands_again(
+    arrangement: str, number_format: NumberFormat
+) -> None:
     setup = ARRANGEMENTS[arrangement]("full", number_format)
     for gap in GAPS:
         script = bearings.lifted(setup, gap).hold(0.1)
@@ -111,7 +113,7 @@ def by_hand(setup: Setup, scenario: Scenario, seed: int) -> dict[str, list[float
     return {name: values for name, values in found.items() if values}
 
 
-def voltage(number_format: Format) -> Setup:
+def voltage(number_format: NumberFormat) -> Setup:
     setup = bearings.single("full", number_format)
     return bearings.with_rig(setup, {"amplifier.mode": "voltage", "amplifier.supply_V": 20.0})
 
@@ -136,7 +138,7 @@ def test_the_loop_is_the_bearing_and_the_controller_bit_for_bit(setup: object) -
 
 
 def steps(seed: int) -> Recording:
-    setup = bearings.single("static")
+    setup = bearings.single("single-valued")
     return bearings.run_plant(setup, bearings.lifted(setup).step(GAP - 50e-6, 0.05), seed)
 
 
@@ -148,7 +150,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_one_others() -> None:
 
 
 def test_processes_make_no_difference() -> None:
-    setups = bearings.single("static"), bearings.single("full")
+    setups = bearings.single("single-valued"), bearings.single("full")
     runs = [Run(setup, GAP, (20e-6,), 150.0, seed) for setup in setups for seed in (0, 1)]
     alone, shared = (all_of(run_steps, runs, jobs=jobs) for jobs in (1, 2))
     assert alone == shared
@@ -160,14 +162,14 @@ def test_noise_is_of_the_seed_alone() -> None:
     """Variants are compared under the same noise: they see the same as long as they do the same."""
     idle = [
         bearings.run_plant(setup, Script(setup.rig, GAP).hold(0.05), seed=4)
-        for setup in map(bearings.single, ("static", "full"))
+        for setup in map(bearings.single, ("single-valued", "full"))
     ]
     assert np.array_equal(idle[0].table, idle[1].table, equal_nan=True)
     assert np.std(idle[0]["current_read_A"]) > 1e-4
 
 
 @pytest.mark.parametrize("number_format", ["f64", "fixed"])
-def test_a_pair_is_symmetrical(number_format: Format) -> None:
+def test_a_pair_is_symmetrical(number_format: NumberFormat) -> None:
     """Settled cycles around the middle: the way out is the mirror image of the way in.
 
     Before, the first steps show what lift-off left in the two irons, which is no mirror image.

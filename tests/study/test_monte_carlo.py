@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.control.controller_file import ControllerFile, Variant, read_controller
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Loop
@@ -117,7 +118,7 @@ def test_an_interrupt_loses_nothing(
         if done == 3:
             raise KeyboardInterrupt
 
-    variants: tuple[Variant, ...] = ("linearised", "full")
+    variants: tuple[MethodName, ...] = ("linearised", "full")
     with pytest.raises(Interrupted, match=r"2 of 5 plants are kept in .*plants\.jsonl; the same"):
         monte_carlo(rig, controller, path, 5, variants, progress=stop, jobs=jobs)
     assert len(path.read_text().splitlines()) == 3
@@ -141,7 +142,7 @@ def change_gain(rig: BearingRig, controller: ControllerFile) -> tuple[BearingRig
         ("rig", change_rig, None, "linearised"),
         ("controller", change_gain, None, "linearised"),
         ("seed", None, 5, "linearised"),
-        ("variants", None, None, "static"),
+        ("variants", None, None, "single-valued"),
     ],
 )
 def test_results_of_something_else_are_refused(

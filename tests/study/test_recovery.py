@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command
 from anhyst.rig.bearing.loop import Loop, hovers_from, lost_at
 from anhyst.rig.bearing.recording import HOVER
@@ -25,14 +25,14 @@ from tests.study.bearings import GAP
 
 PATIENCE = 3
 BREAKAWAY, FAULT_REST, FAULT_FALL = 16 * 4 + 1, 16 * 5, 16 * 5 + 6
-VARIANTS: tuple[Variant, ...] = ("full", "static")
+VARIANTS: tuple[MethodName, ...] = ("full", "single-valued")
 
 
 SHOWN: tuple[Event, ...] = ("wrong initial state", "dropped sample")
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_it_recovers_from_an_overload(variant: Variant) -> None:
+def test_it_recovers_from_an_overload(variant: MethodName) -> None:
     found = recover(Trial(bearings.single(variant), 0, "overload"))
     assert not found.lost
     assert set(found.figures) == {"recovery_s"}
@@ -41,7 +41,7 @@ def test_it_recovers_from_an_overload(variant: Variant) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("event", SHOWN)
-def test_an_event_shows_and_passes(event: Event, variant: Variant) -> None:
+def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
     """More than a reading is uncertain by, and not for ever."""
     found = recover(Trial(bearings.single(variant), 0, event))
     assert not found.lost
@@ -66,7 +66,9 @@ def test_an_armature_that_falls_counts_as_lost(
     event: Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiments, "lost_at", lambda *_: 0.5)
-    assert recover(Trial(bearings.single("static"), 0, event)) == experiments.Outcome({}, True)
+    assert recover(Trial(bearings.single("single-valued"), 0, event)) == experiments.Outcome(
+        {}, True
+    )
 
 
 def test_the_band_is_of_the_sensor_and_of_what_never_settles() -> None:
@@ -115,7 +117,7 @@ def test_a_wrong_initial_state_is_one() -> None:
 @pytest.mark.parametrize("count", [1, PATIENCE])
 def test_few_dropped_samples_do_not_matter(count: int) -> None:
     setup = bearings.single("full")
-    assert setup.controller.safety.patience_ticks == PATIENCE
+    assert setup.controller.safety.max_missing_samples == PATIENCE
     script = bearings.lifted(setup)
     begin = script.ticks
     script.command(DROP, count).step(GAP - 50e-6, 0.2)
@@ -149,7 +151,7 @@ def test_too_many_dropped_samples_end_in_a_fault_on_the_ground(count: int) -> No
 
 
 def test_a_fault_is_cleared_and_it_lifts_again() -> None:
-    setup = bearings.single("static")
+    setup = bearings.single("single-valued")
     script = bearings.lifted(setup).command(DROP, 10).hold(0.6)
     script.command(Command.CLEAR).hold(0.05)
     cleared = script.ticks

@@ -16,7 +16,7 @@ import pytest
 from scipy.io import loadmat
 
 from anhyst.cli.app import main
-from anhyst.compensate.variants import TITLES
+from anhyst.compensate.methods import METHODS
 from anhyst.control.position import Limits
 from anhyst.control.states import Command, Flag, Phase, State
 from anhyst.model.writer import write_model
@@ -39,7 +39,7 @@ SHORT = {
     "frequency_Hz = 1.0": "frequency_Hz = 20.0",
     "noise_seeds = 20": "noise_seeds = 2",
 }
-STATIC = {'variant = "full"': 'variant = "static"\nmodel = "model.toml"'}
+STATIC = {'variant = "full"': 'variant = "single-valued"\nmodel = "model.toml"'}
 
 
 def change(path: Path, changes: dict[str, str]) -> None:
@@ -114,10 +114,10 @@ def test_figures_are_json_and_those_that_were_found(
 
     figures = json.loads(text, parse_constant=refuse)
     assert set(figures) == set(found.figures)
-    assert figures["variant"] == "static"
+    assert figures["variant"] == "single-valued"
     assert figures["operating_point"]["gap_m"] == 0.45e-3
     steps: list[dict[str, Any]] = figures["steps"]
-    assert [row["variant"] for row in steps] == ["ratio", "flux", "static"]
+    assert [row["variant"] for row in steps] == ["ratio", "flux", "single-valued"]
     for row, cell in zip(steps, found.cells, strict=True):
         assert set(FIGURES) < set(row)
         assert (row["lost"], row["runs"]) == (0, 2)
@@ -125,9 +125,9 @@ def test_figures_are_json_and_those_that_were_found(
             assert row[name]["count"] == 2
             assert row[name]["mean"] == cell.figures[name].mean
     assert steps[0]["overshoot_percent"]["mean"] > steps[2]["overshoot_percent"]["mean"]
-    assert set(figures["sensitivity"]) == set(figures["loop"]) == {"ratio", "flux", "static"}
+    assert set(figures["sensitivity"]) == set(figures["loop"]) == {"ratio", "flux", "single-valued"}
     assert figures["loop"]["ratio"]["stable"]
-    assert figures["loop"]["flux"] is figures["loop"]["static"] is None, "one loop for both"
+    assert figures["loop"]["flux"] is figures["loop"]["single-valued"] is None, "one loop for both"
     assert done == sorted(done)
     assert 0.0 < done[0] < done[-1] <= 1.0
 
@@ -170,7 +170,7 @@ def names_in(value: Any) -> set[str]:
         return set().union(*map(names_in, value))
     if not isinstance(value, dict):
         return set()
-    return {name for name in value if name not in TITLES}.union(*map(names_in, value.values()))
+    return {name for name in value if name not in METHODS}.union(*map(names_in, value.values()))
 
 
 def test_every_figure_is_documented(run: tuple[Path, Simulation, list[float]]) -> None:
@@ -282,7 +282,7 @@ def test_samples_that_are_rejected_are_told_from_bad_gains(folder: Path) -> None
 
 @pytest.mark.parametrize("rate", [100.0, 3000.0, 20e3])
 def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
-    setup = bearings.single("static")
+    setup = bearings.single("single-valued")
     table = setup.controller.model_copy(update={"rate_Hz": rate})
     timing = setup.rig.settings.timing.model_copy(update={"rate_Hz": rate})
     rig = variations.changed(setup.rig, {"timing": timing})
@@ -305,10 +305,13 @@ def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     assert main(arguments) == 1
     assert written(folder) == {"run.csv", "figures.json", "report.html"}
     figures = json.loads((out / "figures.json").read_text())
-    assert figures["load_steps"][0]["variants"]["static"]["lost"] == 2
+    assert figures["load_steps"][0]["variants"]["single-valued"]["lost"] == 2
     assert figures["lost_in"] == ["load steps of the recording", "load step of 147 N (2 runs)"]
     said = capsys.readouterr().err.splitlines()[-1]
-    assert "'static' of the controller file lost levitation: load steps of the recording; " in said
+    assert (
+        "'single-valued' of the controller file lost levitation: load steps of the recording; "
+        in said
+    )
 
 
 def test_a_loop_that_is_late_is_told(folder: Path) -> None:
@@ -327,7 +330,7 @@ def test_a_variant_that_cannot_be_made_is_told(
     monkeypatch.setattr(module, "COMPARED", ("ratio", "full"))
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
     figures = json.loads((folder / "out" / "figures.json").read_text())
-    assert [row["variant"] for row in figures["steps"]] == ["ratio", "static"]
+    assert [row["variant"] for row in figures["steps"]] == ["ratio", "single-valued"]
     assert set(figures["left_out"]) == {"full"}
     assert f"{folder / 'model.toml'}: law 'jiles-atherton-1986'" in figures["left_out"]["full"]
     write_simulation_report(folder / "out" / "report.html", subject_of(found, "anhyst simulate"))
@@ -339,13 +342,13 @@ def test_a_variant_that_does_not_hold_it_is_told_beside_the_others(folder: Path)
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
     figures = json.loads((folder / "out" / "figures.json").read_text())
     lost = {row["variant"]: row["lost"] for row in figures["steps"]}
-    assert lost == {"ratio": 2, "flux": 0, "static": 0}
+    assert lost == {"ratio": 2, "flux": 0, "single-valued": 0}
     assert figures["standstill"]["ratio"] == {"lost": 2, "runs": 2}
     assert figures["sensitivity"]["ratio"] is None
-    assert figures["sensitivity"]["static"]["peak"] > 1.0
-    assert set(found.sensitivity) == {"flux", "static"}
+    assert figures["sensitivity"]["single-valued"]["peak"] > 1.0
+    assert set(found.sensitivity) == {"flux", "single-valued"}
     assert not figures["loop"]["ratio"]["stable"]
-    assert found.loops["static"].stable
+    assert found.loops["single-valued"].stable
     write_simulation_report(folder / "out" / "report.html", subject_of(found, "anhyst simulate"))
 
 

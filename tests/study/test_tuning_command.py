@@ -134,13 +134,13 @@ def test_all_variants_are_tuned_alike_and_compared(
 
 def test_every_variant_is_compared_and_flux_only_with_a_probe() -> None:
     rig = bearings.example()
-    names = compared(rig, "ratio-chord")
+    names = compared(rig, "secant")
     assert set(names) == {
-        *("ratio", "linearised", "static", "flux", "simplified", "full", "ratio-chord")
+        *("ratio", "linearised", "single-valued", "flux", "simplified", "full", "secant")
     }
     blind = changed(rig, {"hall_probe": None})
     assert set(compared(blind, "full")) == {
-        *("ratio", "ratio-chord", "linearised", "static", "simplified", "full")
+        *("ratio", "secant", "linearised", "single-valued", "simplified", "full")
     }
 
 

@@ -22,7 +22,7 @@ PLACES = st.lists(st.floats(0.0, 1.0), min_size=7, max_size=7).map(np.array)
 @given(PLACES)
 def test_the_gains_put_the_poles_where_the_numbers_say(place: np.ndarray) -> None:
     at = SPACE.numbers(place)
-    gains = SPACE.controller(place, bearings.controller().settings).law()
+    gains = SPACE.controller(place, bearings.controller().settings).pidd2_gains()
     found = np.roots([2.0 + gains.K_dd, gains.K_d, gains.K_p, gains.K_i])
     w, z = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"]
     pair = np.roots([1.0, 2.0 * z * w, w**2])
@@ -36,7 +36,7 @@ def test_a_real_pole_at_the_bandwidth_is_the_design_rule() -> None:
     place = np.full(7, 0.5)
     place[2] = math.log(1.0 / 0.03) / math.log(3.0 / 0.03)
     at = SPACE.numbers(place)
-    gains = SPACE.controller(place, bearings.controller().settings).law()
+    gains = SPACE.controller(place, bearings.controller().settings).pidd2_gains()
     rule = design(2.0, at["bandwidth_Hz"], at["damping"], 2.0 * at["virtual_mass"])
     for name in ("K_p", "K_i", "K_d", "K_dd"):
         assert getattr(gains, name) == pytest.approx(getattr(rule, name), rel=2e-5), name

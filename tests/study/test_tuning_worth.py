@@ -26,11 +26,11 @@ def reported(*ones: Any) -> str:
 
 def test_a_certain_gain_is_told_against_the_strongest_baseline_and_flux() -> None:
     said = reported(
-        tuned("full", 4.0), tuned("ratio", 9.0), tuned("static", 5.0), tuned("flux", 3.9)
+        tuned("full", 4.0), tuned("ratio", 9.0), tuned("single-valued", 5.0), tuned("flux", 3.9)
     )
     assert said == (
         "worth it: 'full' settles in 4.00 ms, the strongest baseline without hysteresis model "
-        "('static') in 5.00 ms, 20 % less; measured flux: 3.90 ms"
+        "('single-valued') in 5.00 ms, 20 % less; measured flux: 3.90 ms"
     )
 
 
@@ -43,14 +43,14 @@ def test_a_certain_gain_is_told_against_the_strongest_baseline_and_flux() -> Non
     ],
 )
 def test_no_gain_is_told_as_none(mine: Any, words: str) -> None:
-    said = reported(mine, tuned("static", 5.0), tuned("ratio", 4.0, meets=False))
+    said = reported(mine, tuned("single-valued", 5.0), tuned("ratio", 4.0, meets=False))
     assert said.startswith("not worth it here: ")
     assert words in said
-    assert "('static')" in said
+    assert "('single-valued')" in said
 
 
 def test_where_no_baseline_meets_the_aims_it_is_worth_it() -> None:
-    said = reported(tuned("full", 6.0), tuned("static", 5.0, meets=False))
+    said = reported(tuned("full", 6.0), tuned("single-valued", 5.0, meets=False))
     assert said.startswith("worth it: 'full' meets the aims, ")
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, cast
 import typer
 
 from anhyst.cli.compile import compile_
-from anhyst.cli.console import one_line, say_error
+from anhyst.cli.console import one_line, say_error, warn
 from anhyst.cli.diff import diff
 from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
@@ -23,7 +23,7 @@ from anhyst.cli.simulate import simulate
 from anhyst.cli.tune import tune
 from anhyst.cli.use import invert, predict
 from anhyst.cli.verify import verify
-from anhyst.support.errors import InputError, Interrupted, NegativeResult
+from anhyst.support.errors import InputError, Interrupted, NegativeResult, RenamedWarning
 
 BAD_INPUT = 2
 NEGATIVE = 1
@@ -124,6 +124,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         with warnings.catch_warnings():
             # Verbs say themselves what a user has to know; lines of libraries are for developers.
             warnings.simplefilter("ignore")
+            warnings.simplefilter("always", RenamedWarning)
+            warnings.showwarning = lambda text, *_: warn(str(text))
             return int(app(args=arguments, prog_name="anhyst", standalone_mode=False) or 0)
     except NegativeResult as error:
         print(f"anhyst: {one_line(str(error))}", file=sys.stderr)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+from anhyst.support.json_text import json_text
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -32,19 +32,7 @@ def one_line(text: str) -> str:
 
 def print_json(result: Mapping[str, Any]) -> None:
     """Print a result as JSON; numbers that JSON does not have become null."""
-    print(json.dumps(_plain(result), indent=2, ensure_ascii=False, allow_nan=False))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, str):
-        return value
-    if isinstance(value, Sequence):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    print(json_text(result), end="")
 
 
 def table(title: str, headers: Sequence[str]) -> Table:

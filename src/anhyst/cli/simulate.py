@@ -179,12 +179,12 @@ def _faults(endings: Sequence[Ending]) -> Table:
 def _fly(
     rig_path: Path, out: Path, controller_path: Path | None, count: int, command: str, as_json: bool
 ) -> None:
-    from anhyst.compile.folder import json_text
     from anhyst.report.bearing import write_simulation_report
     from anhyst.report.bearing.from_plants import subject_of_plants
     from anhyst.study.bearing.monte_carlo import COMPARED, monte_carlo
     from anhyst.study.bearing.ready import make_ready, read_files
     from anhyst.support.atomic import atomic_writer
+    from anhyst.support.json_text import json_text
 
     files = read_files(rig_path, controller_path)
     if out.suffix != ".jsonl":
@@ -212,12 +212,12 @@ def _fly(
 def _map(
     rig_path: Path, out: Path, controller_path: Path | None, command: str, as_json: bool
 ) -> None:
-    from anhyst.compile.folder import json_text
     from anhyst.report.bearing import write_simulation_report
     from anhyst.report.bearing.from_benefit import subject_of_benefit
     from anhyst.study.bearing.benefit import benefit
     from anhyst.study.bearing.ready import make_ready, read_files
     from anhyst.support.atomic import atomic_writer
+    from anhyst.support.json_text import json_text
 
     files = read_files(rig_path, controller_path)
     if out.suffix != ".json":

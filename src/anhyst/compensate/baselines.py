@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
+from anhyst.compensate.interface import Compensator
 from anhyst.data import Loop, LoopSet
 from anhyst.data.verdict import monotone_fit
 from anhyst.support.arrays import FloatArray
@@ -17,8 +20,20 @@ LEVELS = 200
 """Levels of force at which a single-valued curve has its points."""
 
 
+class Memoryless(Compensator):
+    """A compensator of which a commit changes nothing."""
+
+    def solve(self, demand: float, gap: float | None = None) -> float:
+        """Return the current that gives `demand`."""
+        return float(self.run(demand, gap)[0])
+
+    def fresh(self) -> Self:
+        """Return the same: there is nothing to be remembered."""
+        return self
+
+
 @dataclass(frozen=True)
-class ConstantRatio:
+class ConstantRatio(Memoryless):
     """Current in proportion to force: the paper's uncompensated case.
 
     Parameters
@@ -32,15 +47,23 @@ class ConstantRatio:
     nodes: FloatArray
     ratio: FloatArray
 
-    def current(self, force: FloatArray, gap: FloatArray) -> FloatArray:
-        """Return the current for a force, A, shape (n,)."""
+    def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
+        """Return the currents for forces, A, shape (n,)."""
+        return np.atleast_1d(np.asarray(demand) / self._at(gap))
+
+    def commit(self, applied: float, gap: float | None = None) -> float:
+        """Return the force to expect, N."""
+        return float(applied * self._at(gap))
+
+    def _at(self, gap: ArrayLike | None) -> FloatArray:
         if self.nodes.size == 1:
-            return np.asarray(force / self.ratio[0])
-        return np.asarray(force / PchipInterpolator(self.nodes, self.ratio)(gap))
+            return np.asarray(self.ratio[0])
+        at = self.nodes[0] if gap is None else gap
+        return np.asarray(PchipInterpolator(self.nodes, self.ratio)(at))
 
 
 @dataclass(frozen=True)
-class SingleValued:
+class SingleValued(Memoryless):
     """The best curve without memory at every gap.
 
     Parameters
@@ -57,19 +80,25 @@ class SingleValued:
     force: FloatArray
     table: FloatArray
 
-    def current(self, force: FloatArray, gap: FloatArray) -> FloatArray:
-        """Return the current for a force, A, shape (n,)."""
+    def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
+        """Return the currents for forces, A, shape (n,)."""
+        force = np.atleast_1d(np.asarray(demand, dtype=np.float64))
         level = np.clip(force / self.force[1], 0.0, self.force.size - 1.0)
         below = np.minimum(level.astype(np.intp), self.force.size - 2)
         share, sample = level - below, np.arange(force.size)
-        table = self._over_gap(gap)
+        table = self._over_gap(gap, force.size)
         return np.asarray((1.0 - share) * table[sample, below] + share * table[sample, below + 1])
 
-    def _over_gap(self, gap: FloatArray) -> FloatArray:
-        """Currents of all levels at every gap, shape (n, l)."""
+    def commit(self, applied: float, gap: float | None = None) -> float:
+        """Return the force to expect, N."""
+        return float(np.interp(applied, self._over_gap(gap, 1)[0], self.force))
+
+    def _over_gap(self, gap: ArrayLike | None, size: int) -> FloatArray:
+        """Currents of all levels at every gap, shape (size, l)."""
         if self.nodes.size == 1:
-            return np.broadcast_to(self.table[0], (gap.size, self.force.size))
-        place = np.clip(gap, self.nodes[0], self.nodes[-1])
+            return np.broadcast_to(self.table[0], (size, self.force.size))
+        at = self.nodes[0] if gap is None else gap
+        place = np.clip(np.broadcast_to(at, size), self.nodes[0], self.nodes[-1])
         return np.asarray(PchipInterpolator(self.nodes, self.table, axis=0)(place))
 
 

@@ -1,4 +1,4 @@
-"""The compensator in floating point: its parameters, and its use in Python.
+"""The parameters of a compensator in floating point.
 
 The law, the tables and the number of evaluations are those of the fixed-point form with the same
 :class:`~anhyst.compensate.block.Sizes`. So the double-precision one shows what tables and iterations
@@ -12,9 +12,8 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from anhyst._core import Compensator, CompensatorF32, Parameters, ParametersF32
+from anhyst._core import Parameters, ParametersF32
 from anhyst.compensate.block import Conditioning, Limits, Scales, Sizes
 from anhyst.compensate.full import full_tables, normal
 from anhyst.compensate.scheduled import (
@@ -192,87 +191,3 @@ def _simplified(law: ClosedForm, at: FloatArray, sizes: Sizes) -> Law:
         "segments": 2**sizes.octave_segments,
     }
     return numbers, law.over(at), {"curve": curve(law.nu, distances(sizes))}
-
-
-class RealTwin:
-    """A floating-point compensator in use; bit for bit what a controller computes.
-
-    The interface is that of :class:`~anhyst.compensate.twin.Twin`.
-
-    Parameters
-    ----------
-    block : RealBlock
-        Its parameters.
-    io : str, optional
-        ``"f32"`` or ``"f64"``.
-    """
-
-    def __init__(self, block: RealBlock, io: RealIo = "f32") -> None:
-        self.block = block
-        self.io = io
-        self._core = CompensatorF32(block.single) if io == "f32" else Compensator(block.double)
-
-    def _gap(self, gap: float | None) -> float:
-        return self.block.scales.gap_low if gap is None else gap
-
-    def solve(self, demand: float, gap: float | None = None) -> float:
-        """Return the drive that gives `demand` now; the memory is not touched."""
-        return self._core.solve(demand, self._gap(gap))
-
-    def commit(self, applied: float, gap: float | None = None) -> float:
-        """Advance the memory with the drive that was applied; return the expected output."""
-        self._core.commit(applied, self._gap(gap))
-        return self.output
-
-    @property
-    def output(self) -> float:
-        """Output that the compensator expects after the last commit."""
-        return self._core.output()
-
-    @property
-    def flags(self) -> int:
-        """Bits of the last solve: 1 demand limited, 2 current limited, 4 flux limited."""
-        return self._core.flags
-
-    @property
-    def memory(self) -> FloatArray:
-        """What the iron remembers; see ``anhyst_memory`` in generic/compensator.h."""
-        return self._core.memory
-
-    def start_from(self, memory: ArrayLike) -> None:
-        """Set what the iron remembers: place, level, turn, turn_level, x.
-
-        Raises
-        ------
-        ValueError
-            Not five numbers, or a level beyond -1..1.
-        """
-        self._core.set_memory(np.array(memory, dtype=np.float64))
-
-    def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
-        """Solve and commit sample by sample.
-
-        Parameters
-        ----------
-        demand : array_like, shape (n,)
-            In units of the output.
-        gap : array_like, shape (n,) or scalar, optional
-            Scheduling variable, SI.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Drive in units of the input.
-        """
-        wanted = np.array(demand, dtype=np.float64, ndmin=1)
-        given = self.block.scales.gap_low if gap is None else gap
-        at = np.broadcast_to(np.asarray(given, dtype=np.float64), wanted.shape).copy()
-        return self._core.run(wanted, at)
-
-    def condition(self, gap: float | None = None) -> FloatArray:
-        """Run the start-up sequence; return its currents."""
-        ticks = range(self._core.conditioning_length())
-        currents = [self._core.conditioning(tick) for tick in ticks]
-        for current in currents:
-            self.commit(current, gap)
-        return np.array(currents)

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.compensate.measure import start
 from anhyst.compensate.paths import Reach, find_reach
 from anhyst.compensate.plan import Plan
+from anhyst.compensate.twin import twin_of
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
 
@@ -180,7 +180,7 @@ class _Pair:
 
     def __init__(self, plan: Plan, home: float) -> None:
         self.model: ActuatorModel = plan.model
-        self.twin = start(plan.block, plan.request.io)
+        self.twin = twin_of(plan.block, plan.request.io)
         self.iron = plan.model.iron_at(home if plan.model.needs_schedule else None)
         self.state = np.zeros(3)
 

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import Block, Limits, Scales, Sizes
-from anhyst.compensate.floating import RealBlock, RealIo, RealTwin
+from anhyst.compensate.block import Limits, Scales, Sizes
 from anhyst.compensate.full import normal
 from anhyst.compensate.paths import Path
 from anhyst.compensate.scheduled import flux_unit, nodes
-from anhyst.compensate.twin import Twin
+from anhyst.compensate.twin import AnyBlock, FixedTwin, Io, RealTwin, twin_of
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
-
-AnyBlock = Block | RealBlock
-Io = Literal["q15", "q31", "f32", "f64"]
 
 LOSS_EVERY = 4
 """On the path with losses the amplifier gives what was wanted but for one tick in so many."""
@@ -60,13 +55,6 @@ class Deviation:
     path: str
 
 
-def start(block: AnyBlock, io: Io) -> Twin | RealTwin:
-    """Start the compensator that belongs to a block, demagnetised."""
-    if isinstance(block, RealBlock):
-        return RealTwin(block, cast("RealIo", io))
-    return Twin(block, io)
-
-
 def run_twin(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> Run:
     """Run a compensator along a path, and the exact model with its currents.
 
@@ -85,7 +73,7 @@ def run_twin(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> Run:
     -------
     Run
     """
-    current = start(block, io).run(path.demand, path.gap)
+    current = twin_of(block, io).run(path.demand, path.gap)
     return Run(path, current, exact_output(model, current, path), np.ones(current.size, dtype=bool))
 
 
@@ -93,8 +81,8 @@ def run_with_losses(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -
     """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
     size = path.demand.size
     loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
-    twin = start(block, io)
-    if isinstance(twin, Twin):
+    twin = twin_of(block, io)
+    if isinstance(twin, FixedTwin):
         current = _lossy_codes(twin, path, loss) / twin.one * block.scales.current
     else:
         current = _lossy_numbers(twin, path, loss)
@@ -102,7 +90,7 @@ def run_with_losses(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -
     return Run(path, current, exact_output(model, current, path), judged)
 
 
-def _lossy_codes(twin: Twin, path: Path, loss: FloatArray) -> FloatArray:
+def _lossy_codes(twin: FixedTwin, path: Path, loss: FloatArray) -> FloatArray:
     """Return the applied currents as codes; `loss` is in parts of the range of the current."""
     core = FixedCompensator(twin.block.kind, twin.block.words)
     solve, commit = (

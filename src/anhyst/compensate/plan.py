@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.compensate.block import Kind, Limits, Scales, Sizes
-from anhyst.compensate.measure import AnyBlock, Io
 from anhyst.compensate.naming import c_name, check_name
 from anhyst.compensate.scheduled import flux_gain, flux_shift, refuse_uncompilable
 from anhyst.compensate.search import Builder, Found, Search
 from anhyst.compensate.start import StartUp, plan_start
+from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.errors import InputError, NegativeResult
 

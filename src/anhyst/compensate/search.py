@@ -13,9 +13,10 @@ from anhyst.compensate.block import Conditioning, Kind, Limits, Scales, Sizes
 from anhyst.compensate.floating import RealBlock, RealKind, build_real
 from anhyst.compensate.full import build_full
 from anhyst.compensate.layout import LEAST_WORDS, MOST_WORDS
-from anhyst.compensate.measure import AnyBlock, Io, against_demand, between, interpolation, snapped
+from anhyst.compensate.measure import against_demand, between, interpolation, snapped
 from anhyst.compensate.paths import paths
 from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified, fit_closed_form
+from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.model.actuator import ActuatorModel
 
 SPARE = 0.9

@@ -2,18 +2,62 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from typing import Any, Literal, Self, cast
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anhyst._core import FixedCompensator
+from anhyst._core import Compensator as CompensatorF64
+from anhyst._core import CompensatorF32, FixedCompensator
 from anhyst.compensate.block import Block
+from anhyst.compensate.floating import RealBlock, RealIo
+from anhyst.compensate.interface import Compensator
 from anhyst.support.arrays import FloatArray
 
 CodeArray = NDArray[np.int32]
+AnyBlock = Block | RealBlock
+Io = Literal["q15", "q31", "f32", "f64"]
 
 
-class Twin:
-    """A compensator in use; bit for bit what the controller computes.
+class Twin(Compensator):
+    """A compiled compensator in use; bit for bit what a controller computes."""
+
+    _core: FixedCompensator | CompensatorF32 | CompensatorF64
+
+    @property
+    @abstractmethod
+    def output(self) -> float:
+        """Output that the compensator expects after the last commit."""
+
+    @property
+    def flags(self) -> int:
+        """Bits of the last solve: 1 demand limited, 2 current limited, 4 flux limited."""
+        return self._core.flags
+
+    @property
+    def memory(self) -> NDArray[Any]:
+        """What the iron remembers; see ``anhyst_memory`` in compensator.h."""
+        return self._core.memory
+
+    @abstractmethod
+    def start_from(self, memory: ArrayLike) -> None:
+        """Set what the iron remembers."""
+
+    def condition(self, gap: float | None = None) -> FloatArray:
+        """Run the start-up sequence; return its currents."""
+        currents = self._start_up()
+        for current in currents.tolist():
+            self.commit(current, gap)
+        return currents
+
+    @abstractmethod
+    def _start_up(self) -> FloatArray:
+        """Currents of the start-up sequence."""
+
+
+class FixedTwin(Twin):
+    """A compensator in fixed point.
 
     Parameters
     ----------
@@ -32,7 +76,11 @@ class Twin:
         self.block = block
         self.one = 2.0**15 if io == "q15" else 2.0**31
         self.io = io
-        self._core = FixedCompensator(block.kind, block.words)
+        self._core: FixedCompensator = FixedCompensator(block.kind, block.words)
+
+    def fresh(self) -> Self:
+        """Return another one of the same block, demagnetised."""
+        return type(self)(self.block, self.io)
 
     def _codes(self, values: ArrayLike, low: float, scale: float) -> CodeArray:
         part = (np.atleast_1d(np.asarray(values, dtype=np.float64)) - low) / scale
@@ -73,44 +121,85 @@ class Twin:
         code = self._core.output_q15() if self.io == "q15" else self._core.output_q31()
         return code / self.one * self.block.scales.demand
 
-    @property
-    def flags(self) -> int:
-        """Bits of the last solve: 1 demand limited, 2 current limited, 4 flux limited."""
-        return self._core.flags
-
-    @property
-    def memory(self) -> NDArray[np.int32]:
-        """What the iron remembers; see ``anhyst_memory`` in compensator.h."""
-        return self._core.memory
-
     def start_from(self, memory: ArrayLike) -> None:
         """Set what the iron remembers; three words where the last turn is not known."""
         self._core.set_memory(np.array(memory, dtype=np.int32))
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
-        """Solve and commit sample by sample.
-
-        Parameters
-        ----------
-        demand : array_like, shape (n,)
-            In units of the output.
-        gap : array_like, shape (n,) or scalar, optional
-            Scheduling variable, SI.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Drive in units of the input.
-        """
+        """Solve and commit sample by sample, in C."""
         codes = self.demand_codes(demand)
         currents = self._core.run(codes, self.gap_codes(gap, codes.size), self.io == "q15")
         return currents / self.one * self.block.scales.current
 
-    def condition(self, gap: float | None = None) -> FloatArray:
-        """Run the start-up sequence; return its currents."""
-        ticks = self._core.conditioning_length()
-        codes = [self._core.conditioning_q15(tick) for tick in range(ticks)]
-        currents = np.array(codes) / 2.0**15 * self.block.scales.current
-        for current in currents.tolist():
-            self.commit(current, gap)
-        return currents
+    def _start_up(self) -> FloatArray:
+        ticks = range(self._core.conditioning_length())
+        codes = [self._core.conditioning_q15(tick) for tick in ticks]
+        return np.array(codes) / 2.0**15 * self.block.scales.current
+
+
+class RealTwin(Twin):
+    """A compensator in floating point.
+
+    Parameters
+    ----------
+    block : RealBlock
+        Its parameters.
+    io : str, optional
+        ``"f32"`` or ``"f64"``.
+    """
+
+    def __init__(self, block: RealBlock, io: RealIo = "f32") -> None:
+        self.block = block
+        self.io = io
+        self._core: CompensatorF32 | CompensatorF64 = (
+            CompensatorF32(block.single) if io == "f32" else CompensatorF64(block.double)
+        )
+
+    def fresh(self) -> Self:
+        """Return another one of the same block, demagnetised."""
+        return type(self)(self.block, self.io)
+
+    def _gap(self, gap: float | None) -> float:
+        return self.block.scales.gap_low if gap is None else gap
+
+    def solve(self, demand: float, gap: float | None = None) -> float:
+        """Return the drive that gives `demand` now; the memory is not touched."""
+        return self._core.solve(demand, self._gap(gap))
+
+    def commit(self, applied: float, gap: float | None = None) -> float:
+        """Advance the memory with the drive that was applied; return the expected output."""
+        self._core.commit(applied, self._gap(gap))
+        return self.output
+
+    @property
+    def output(self) -> float:
+        """Output that the compensator expects after the last commit."""
+        return self._core.output()
+
+    def start_from(self, memory: ArrayLike) -> None:
+        """Set what the iron remembers: place, level, turn, turn_level, x.
+
+        Raises
+        ------
+        ValueError
+            Not five numbers, or a level beyond -1..1.
+        """
+        self._core.set_memory(np.array(memory, dtype=np.float64))
+
+    def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
+        """Solve and commit sample by sample, in C."""
+        wanted = np.array(demand, dtype=np.float64, ndmin=1)
+        given = self.block.scales.gap_low if gap is None else gap
+        at = np.broadcast_to(np.asarray(given, dtype=np.float64), wanted.shape).copy()
+        return self._core.run(wanted, at)
+
+    def _start_up(self) -> FloatArray:
+        ticks = range(self._core.conditioning_length())
+        return np.array([self._core.conditioning(tick) for tick in ticks])
+
+
+def twin_of(block: AnyBlock, io: Io) -> FixedTwin | RealTwin:
+    """Start the compensator that belongs to a block, demagnetised."""
+    if isinstance(block, RealBlock):
+        return RealTwin(block, cast("RealIo", io))
+    return FixedTwin(block, io)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedForceController, FixedPosition
 from anhyst.compensate.bearing import bearing_model
 from anhyst.compensate.block import Block
+from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import Plan, Request
 from anhyst.control.controller_file import (
     ControllerFile,
@@ -19,14 +20,11 @@ from anhyst.control.controller_file import (
     read_controller,
     told_by_key,
 )
-from anhyst.control.position import DriveScales, PositionControl, Settings
+from anhyst.control.position import PositionControl, Settings
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import Fault, faults_error
-
-KINDS = ("full", "simplified")
-"""Variants that are compiled; the others exist to be compared with."""
 
 BEYOND = 1.01
 """Largest current of a controller, by the largest that was measured; as much for noise."""
@@ -96,11 +94,11 @@ class Controller:
         InputError
             It does not fit into fixed point; with line and key of the file.
         """
-        table, scales = self.table, plan.block.scales
+        table = self.table
         assert isinstance(plan.block, Block)
         with told_by_key(self.file):
             control = table.position_control(
-                DriveScales(scales.demand, scales.current, scales.gap_low, scales.gap_high),
+                plan.block.scales,
                 table.converter_of_currents(),
                 table.pair,
             )
@@ -179,7 +177,7 @@ def _faults(table: ControllerTable, request: Request) -> list[Fault]:
     if table.rate_Hz != request.rate:
         text = f"is {table.rate_Hz:g} Hz here and {request.rate:g} Hz in --rate; make them equal"
         faults.append((("rate_Hz",), text))
-    if chosen.variant not in KINDS:
+    if chosen.variant not in MODELS:  # the others exist to be compared with
         text = f'"{chosen.variant}" is for comparison in simulations; write "full" or "simplified"'
         faults.append((("compensation", "variant"), text))
     elif chosen.variant != request.kind:

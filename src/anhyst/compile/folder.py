@@ -5,22 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from anhyst.support.atomic import PathLike, write_error
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.folder import whole_folder, write_texts
+from anhyst.support.json_text import json_text
 
 MANIFEST = "manifest.json"
 FORMAT = "anhyst-compiled"
 REPORTS = ("verify.json", "verify.md")
 """What ``anhyst verify`` adds; it goes with the C that it is about."""
-
-
-def json_text(content: Mapping[str, object]) -> str:
-    """Return the text of a JSON file."""
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def check_folder(out: PathLike) -> None:
@@ -74,28 +70,7 @@ def write_folder(out: PathLike, files: Mapping[str, str], manifest: Mapping[str,
         As :func:`check_folder`, or the disk refuses.
     """
     check_folder(out)
-    target = Path(os.path.realpath(out))
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     complete = {"product": FORMAT, **manifest, "files": dict(sorted(hashes.items()))}
-    text = json_text(complete)
-    draft = target.with_name(f".{target.name}.{os.getpid()}.part")
-    old = target.with_name(f".{target.name}.{os.getpid()}.old")
-    try:
-        draft.mkdir()
-        for name, content in {**files, MANIFEST: text}.items():
-            (draft / name).parent.mkdir(parents=True, exist_ok=True)
-            (draft / name).write_text(content, encoding="utf-8", newline="\n")
-        if target.exists():
-            target.rename(old)
-        try:
-            draft.rename(target)
-        except OSError:
-            if old.exists():
-                old.rename(target)
-            raise
-    except OSError as error:
-        raise write_error(out, error) from error
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
-        if target.exists():
-            shutil.rmtree(old, ignore_errors=True)
+    with whole_folder(out, replace=True) as draft:
+        write_texts(draft, {**files, MANIFEST: json_text(complete)})

@@ -103,7 +103,7 @@ class _Flight:
         self._wait(wait)
         self.target -= 0.05 * self.span
         self._wait(wait)
-        if self.controller.control.limits.patience > 0:
+        if self.controller.control.limits.max_missing_samples > 0:
             self._step(read=math.nan)
             self._wait(wait // 4)
             self._step(read=self.gap + self.span)
@@ -176,7 +176,7 @@ class _Flight:
 
 def _mass(controller: ControllerPlan) -> float:
     """Return the mass for which the design rule gives such gains, kg."""
-    gains = controller.source.table.law()
+    gains = controller.source.table.pidd2_gains()
     damped = gains.K_p**2 / (gains.K_i * gains.K_d) if gains.K_i * gains.K_d else 3.0
     return gains.K_d**2 / gains.K_p / damped if gains.K_d else 1.0
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 
 from anhyst.compensate.floating import RealBlock
-from anhyst.compensate.measure import AnyBlock
+from anhyst.compensate.twin import AnyBlock
 from anhyst.compile.core import read_core
 
 REAL_STATE_BYTES = 64

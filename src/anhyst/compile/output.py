@@ -21,10 +21,10 @@ from anhyst.compensate.budget import (
     refusal,
     why_drifting,
 )
-from anhyst.compensate.measure import Io
 from anhyst.compensate.plan import ACCURACY, Plan, Request, make_plan, not_computed
+from anhyst.compensate.twin import Io
 from anhyst.compile.controller import Controller, read_fitting
-from anhyst.compile.folder import check_folder, json_text, write_folder
+from anhyst.compile.folder import check_folder, write_folder
 from anhyst.compile.lifting import flight_csv, flight_vectors
 from anhyst.compile.manifest import manifest
 from anhyst.compile.page import budget_page
@@ -34,6 +34,7 @@ from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 from anhyst.support.version import running_version
 

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import re
-from typing import Any, cast
-
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -15,27 +10,14 @@ from anhyst.compensate.choices import explain
 from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.plan import Plan
 from anhyst.compile.memory import parameters_bytes
-from anhyst.compile.source import render, signal_lines
+from anhyst.compile.source import signal_lines
 from anhyst.support.arrays import FloatArray
+from anhyst.support.page.blocks import Cell, Picture, Section, Table, Text, table
+from anhyst.support.page.numbers import NOT_KNOWN
+from anhyst.support.page.page import Headline, render_page
+from anhyst.support.page.style import ALARM, MODEL, new_figure, styled, svg_text
 
-STYLE = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 9.0,
-    "axes.titlesize": 9.5,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": "#555555",
-    "axes.grid": True,
-    "grid.color": "#E3E3E3",
-    "grid.linewidth": 0.6,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "anhyst",
-}
-LINE, BOUND = "#0072B2", "#B00020"
-WIDTH, ROW = 9.6, 2.1  # inches
+ROW = 2.1  # inches
 POINTS = 1200
 """Drawn of a path; the largest of each stretch, so that no peak is lost."""
 
@@ -57,45 +39,25 @@ def budget_page(plan: Plan, budget: Budget, version: str) -> str:
     str
         HTML that needs nothing else; the same for the same plan.
     """
-    sums = budget.compiled, budget.total, budget.drift
-    shown = [*budget.parts, *sums]
-    largest = max(part.worst or 0.0 for part in shown)
-    return render(
-        "budget.html.j2",
-        {
-            "model": plan.model.name,
-            "kind": plan.block.kind,
-            "io": plan.request.io,
-            "version": version,
-            "unit": budget.unit,
-            "largest": f"{budget.largest:.4g} {budget.unit}",
-            "verdict": _verdict(budget),
-            "parts": [_row(budget, part, largest) for part in budget.parts],
-            "sums": [_row(budget, part, largest) for part in sums],
-            "choices": explain(plan),
-            "signals": [_signal(line) for line in signal_lines(plan)],
-            "paths": [
-                (
-                    run.path.title,
-                    f"{error.size}",
-                    f"{percent(budget, float(np.abs(error).max())):.3g}",
-                    f"{percent(budget, float(np.sqrt((error**2).mean()))):.2g}",
-                )
-                for run, error in budget.runs
-            ],
-            "held": [
-                (
-                    one.title,
-                    f"{one.demand:.3g}",
-                    f"{one.seconds:g}",
-                    f"{percent(budget, one.drift):.2g}",
-                )
-                for one in budget.held
-            ],
-            "figure": _figure(budget),
-            "bytes": parameters_bytes(plan.block),
-        },
+    head = Headline(
+        title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
+        what=_verdict(budget),
+        basis="",
+        notes=(),
+        tiles=(),
+        comparison=None,
+        holds=f"Per cent are of the largest demand, {budget.largest:.4g} {budget.unit}. Every "
+        "figure is measured: the currents of the compensator go through the model in double "
+        "precision, and what comes out is compared with what was demanded.",
     )
+    sections = (
+        Section("parts", "What each step costs", (_parts(budget),)),
+        Section("paths", "Deviation along the paths", _along(budget)),
+        Section("held", "Demands that are held", (_held(budget),)),
+        Section("choices", "What was chosen, and why", _choices(plan)),
+        Section("signals", "Signals", (_signals(plan),)),
+    )
+    return render_page(head, sections, version, kind="Accuracy budget", source="the model file")
 
 
 def _verdict(budget: Budget) -> str:
@@ -106,55 +68,105 @@ def _verdict(budget: Budget) -> str:
     return f"{text}. Held, it drifts by {drift:.2g} % in {SECONDS:g} s."
 
 
-def _row(budget: Budget, part: Part, largest: float) -> dict[str, Any]:
-    known = part.worst is not None and part.rms is not None
+def _parts(budget: Budget) -> Table:
+    """Each part switched on alone, everything else exact; then the sums."""
+    sums = budget.compiled, budget.total, budget.drift
+    largest = max(part.worst or 0.0 for part in (*budget.parts, *sums))
 
-    def share(value: float | None) -> str:
-        return "\N{EN DASH}" if value is None else f"{percent(budget, value):#.2g}"
+    def row(part: Part) -> list[Cell]:
+        def share(value: float | None) -> str:
+            return NOT_KNOWN if value is None else f"{percent(budget, value):#.2g}"
 
-    return {
-        "title": part.title,
-        "worst": f"{part.worst:.3g}" if part.worst is not None else "\N{EN DASH}",
-        "worst_percent": share(part.worst),
-        "rms_percent": share(part.rms),
-        "bar": f"{100.0 * (part.worst or 0.0) / largest:.1f}%" if known and largest else "0%",
-        "note": part.note,
-    }
+        worst = NOT_KNOWN if part.worst is None else f"{part.worst:.3g}"
+        bar = (part.worst or 0.0) / largest if largest else 0.0
+        return [
+            Cell(part.title, strong=part in sums),
+            Cell(part.note),
+            Cell(worst),
+            Cell(share(part.worst), bar=bar),
+            Cell(share(part.rms)),
+        ]
+
+    return table(
+        "Parts and sums",
+        ["part", "what was switched on", f"worst [{budget.unit}]", "worst [%]", "rms [%]"],
+        [row(part) for part in (*budget.parts, *sums)],
+        "Each part is switched on alone, everything else exact.",
+        texts=2,
+    )
 
 
-def _signal(line: str) -> tuple[str, str]:
-    name, _, text = line.partition(" ")
-    return name, text.strip()
+def _along(budget: Budget) -> tuple[Picture, Table]:
+    rows = [
+        [
+            run.path.title,
+            f"{error.size}",
+            f"{percent(budget, float(np.abs(error).max())):.3g}",
+            f"{percent(budget, float(np.sqrt((error**2).mean()))):.2g}",
+        ]
+        for run, error in budget.runs
+    ]
+    shown = Picture(
+        svg_text(_figure(budget), "paths"),
+        "Deviation of the output from the demand along each path",
+        "Everything that compiling adds is switched on. Where the current stands at a limit, only "
+        "deviations to the wrong side count.",
+    )
+    return shown, table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
 
 
-def _figure(budget: Budget) -> str:
-    """Draw the deviation along each path as SVG."""
-    with mpl.rc_context(cast("Any", STYLE)):
-        rows = -(-len(budget.runs) // 2)
-        figure = Figure(figsize=(WIDTH, ROW * rows), layout="constrained")
-        axes = figure.subplots(rows, 2, squeeze=False, sharey=True).ravel().tolist()
-        for ax in axes[len(budget.runs) :]:
-            ax.remove()
-        for ax, (run, error) in zip(axes, budget.runs, strict=False):
-            at, low, high = _envelope(percent(budget, 1.0) * error)
-            ax.fill_between(at, low, high, color=LINE, linewidth=0.6, edgecolor=LINE)
-            ax.set_title(run.path.title)
-            ax.set_xlabel("sample")
-            if budget.wanted is not None:
-                for sign in (-1.0, 1.0):
-                    ax.axhline(
-                        sign * percent(budget, budget.wanted),
-                        color=BOUND,
-                        linewidth=0.8,
-                        dashes=(4, 3),
-                    )
-        for ax in axes[0 : len(budget.runs) : 2]:
-            ax.set_ylabel("deviation, %")
-        stream = io.StringIO()
-        empty = {"Date": None, "Creator": None, "Format": None, "Type": None}
-        figure.savefig(stream, format="svg", metadata=empty)
-    text = stream.getvalue()
-    return re.sub(r"^<svg\b", '<svg aria-hidden="true"', text[text.index("<svg") :].strip())
+def _held(budget: Budget) -> Table:
+    rows = [
+        [
+            one.title,
+            f"{one.demand:.3g}",
+            f"{one.seconds:g}",
+            f"{percent(budget, one.drift):.2g}",
+        ]
+        for one in budget.held
+    ]
+    return table(
+        "Every movement",
+        ["while", f"demand [{budget.unit}]", "time [s]", "drift [%]"],
+        rows,
+        "The same demand at the same gap, again and again: how far the output has moved since its "
+        "first return. A movement that repeats itself is followed until compensator and model "
+        "repeat themselves too.",
+    )
+
+
+def _choices(plan: Plan) -> tuple[Table, Text]:
+    rows = [[choice.name, choice.value, choice.reason] for choice in explain(plan)]
+    size = f"Altogether {parameters_bytes(plan.block)} bytes of parameters."
+    return table("Every choice", ["what", "chosen", "because"], rows, texts=3), Text(size)
+
+
+def _signals(plan: Plan) -> Table:
+    lines = [line.partition(" ") for line in signal_lines(plan)]
+    return table(
+        "", ["signal", "meaning"], [[name, text.strip()] for name, _, text in lines], "", 2
+    )
+
+
+@styled
+def _figure(budget: Budget) -> Figure:
+    """Draw the deviation along each path."""
+    rows = -(-len(budget.runs) // 2)
+    figure = new_figure(ROW * rows)
+    axes = figure.subplots(rows, 2, squeeze=False, sharey=True).ravel().tolist()
+    for ax in axes[len(budget.runs) :]:
+        ax.remove()
+    for ax, (run, error) in zip(axes, budget.runs, strict=False):
+        at, low, high = _envelope(percent(budget, 1.0) * error)
+        ax.fill_between(at, low, high, color=MODEL, linewidth=0.6, edgecolor=MODEL)
+        ax.set_title(run.path.title)
+        ax.set_xlabel("sample")
+        if budget.wanted is not None:
+            for bound in (-percent(budget, budget.wanted), percent(budget, budget.wanted)):
+                ax.axhline(bound, color=ALARM, linewidth=0.8, dashes=(4, 3))
+    for ax in axes[0 : len(budget.runs) : 2]:
+        ax.set_ylabel("deviation, %")
+    return figure
 
 
 def _envelope(error: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -3,11 +3,10 @@
 from anhyst.control.design import Gains, design
 from anhyst.control.exchange import from_control, to_control
 from anhyst.control.pidd2 import FixedPidd2, FullScales, Pidd2
-from anhyst.control.position import Converter, DriveScales, Levitation, Limits, PositionControl
+from anhyst.control.position import Converter, Levitation, Limits, PositionControl
 
 __all__ = [
     "Converter",
-    "DriveScales",
     "FixedPidd2",
     "FullScales",
     "Gains",

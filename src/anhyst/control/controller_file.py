@@ -15,11 +15,12 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
+from anhyst.compensate.block import Scales
+from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.design import Gains, design
 from anhyst.control.pidd2 import Pidd2
 from anhyst.control.position import (
     Converter,
-    DriveScales,
     Levitation,
     Limits,
     PositionControl,
@@ -31,6 +32,7 @@ from anhyst.support.toml_file import (
     NotNegative,
     Number,
     Positive,
+    Renamed,
     Share,
     Table,
     faults_error,
@@ -39,9 +41,13 @@ from anhyst.support.toml_file import (
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import toml_value
 
-Variant = Literal["ratio", "ratio-chord", "linearised", "static", "simplified", "full", "flux"]
-Format = Literal["f64", "f32", "fixed"]
 Ticks = Annotated[int, Field(ge=0, le=65535)]
+
+RENAMED = (
+    Renamed(("compensation",), "variant", {"ratio-chord": "secant", "static": "single-valued"}),
+    Renamed(("safety",), "patience_ticks", "max_missing_samples"),
+)
+"""What older files call otherwise."""
 
 RELEASE_S = 0.1
 """Time in which the largest current goes to zero when nothing is controlled, s."""
@@ -120,8 +126,8 @@ class LimitsTable(Table):
 class CompensationTable(Table):
     """``[compensation]``: what turns a wanted force into a current."""
 
-    variant: Variant
-    format: Format
+    variant: MethodName
+    format: NumberFormat
     model: str | None = None
     applied: Literal["reference", "measured"] = "reference"
 
@@ -165,7 +171,7 @@ class LandingTable(Table):
 class SafetyTable(Table):
     """``[safety]``: what is done without a position."""
 
-    patience_ticks: Ticks
+    max_missing_samples: Ticks
     hold_ticks: Ticks
 
 
@@ -188,7 +194,7 @@ class ControllerTable(Table):
     converter: ConverterTable | None = None
     pair: PairTable | None = None
 
-    def law(self) -> Gains:
+    def pidd2_gains(self) -> Gains:
         """Return the gains, designed or as they stand.
 
         Raises
@@ -211,7 +217,7 @@ class ControllerTable(Table):
 
     def pidd2(self) -> Pidd2:
         """Return the position controller that the file describes."""
-        gains = self.law()
+        gains = self.pidd2_gains()
         return Pidd2(
             rate=self.rate_Hz,
             K_p=gains.K_p,
@@ -246,9 +252,9 @@ class ControllerTable(Table):
     def working_gaps(
         self, pair: PairTable | None, measured: tuple[float, float]
     ) -> tuple[float, float]:
-        """Return the gaps of either magnet for which its drive is made.
+        """Return the gaps of either magnet for which its compensator is made.
 
-        Beyond the gaps that were measured a drive goes on as at the last one.
+        Beyond the gaps that were measured a compensator goes on as at the last one.
 
         Parameters
         ----------
@@ -268,18 +274,24 @@ class ControllerTable(Table):
         return max(low, measured[0]), min(high, measured[1])
 
     def position_control(
-        self, scales: DriveScales, converter: Converter, pair: PairTable | None
+        self,
+        scales: Scales,
+        converter: Converter,
+        pair: PairTable | None,
+        flux_full_scale: float = 1.0,
     ) -> PositionControl:
-        """Return the controller of the position around its drives.
+        """Return the controller of the position around its compensators.
 
         Parameters
         ----------
-        scales : DriveScales
-            Of the drives.
+        scales : Scales
+            Of the compensators.
         converter : Converter
             Of the current references.
         pair : PairTable or None
             What is to know of a second magnet.
+        flux_full_scale : float, optional
+            Flux density that counts as 1.0 in fixed point, T.
 
         Returns
         -------
@@ -308,7 +320,7 @@ class ControllerTable(Table):
                 current_low=limits.current_low_A,
                 current_high=limits.current_high_A,
                 release=limits.current_high_A / RELEASE_S,
-                patience=self.safety.patience_ticks,
+                max_missing_samples=self.safety.max_missing_samples,
                 hold=self.safety.hold_ticks,
             ),
             converter=converter,
@@ -316,6 +328,7 @@ class ControllerTable(Table):
             bias=0.0 if pair is None else pair.bias_force_N,
             gap_total=None if pair is None else pair.gap_total_m,
             measured=self.compensation.applied == "measured",
+            flux_full_scale=flux_full_scale,
         )
 
 
@@ -360,7 +373,7 @@ def read_controller(path: PathLike) -> ControllerFile:
         The file cannot be read or does not fit; with file, line and key.
     """
     place = Path(path)
-    settings = read_toml(place, ControllerTable)
+    settings = read_toml(place, ControllerTable, RENAMED)
     faults = _own_faults(settings)
     if faults:
         raise faults_error(place, faults)

@@ -20,10 +20,8 @@ from numpy.typing import NDArray
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import passed
 from anhyst.support.errors import InputError
+from anhyst.support.fixed_point import as_factor, as_smoothing
 
-# Factors of core/include/anhyst/pidd2.h: mantissa/65536 * 2^shift.
-_SHIFT_LOW, _SHIFT_HIGH = -15, 16
-_LEAST_MANTISSA = 512  # rounded to 0.1 %
 _ORDER = ("proportional", "integral", "derivative", "second", "load", "back")
 _Q31 = 2.0**31
 
@@ -228,74 +226,6 @@ def _units(scales: FullScales) -> dict[str, float]:
         "load": scales.load / scales.output / 8.0,
         "back": 4.0,
     }
-
-
-def as_factor(name: str, value: float) -> tuple[int, int]:
-    """Return the nearest ``anhyst_factor``.
-
-    Parameters
-    ----------
-    name : str
-        Of the gain, for the error.
-    value : float
-        Ratio of full scales, without a unit.
-
-    Returns
-    -------
-    mantissa, shift : int
-        The factor is mantissa/65536 * 2^shift.
-
-    Raises
-    ------
-    InputError
-        If it is too large, or too small to be kept to 0.1 %.
-    """
-    if value == 0.0:
-        return 0, 0
-    fraction, exponent = math.frexp(value)
-    mantissa, shift = round(fraction * 32768.0), exponent + 1
-    if mantissa == 32768:
-        mantissa, shift = 16384, shift + 1
-    if shift > _SHIFT_HIGH:
-        raise InputError(
-            f"{name}: the gain is too large for the full scales, a last place of the input would "
-            "move the output by more than 1/8192; lower the rate or raise the output's full scale"
-        )
-    if shift < _SHIFT_LOW:
-        mantissa, shift = round(math.ldexp(value, 16 - _SHIFT_LOW)), _SHIFT_LOW
-        if abs(mantissa) < _LEAST_MANTISSA:
-            raise InputError(
-                f"{name}: the gain is too small for the full scales to be kept to 0.1 %; set it "
-                "to zero or lower the output's full scale"
-            )
-    return mantissa, shift
-
-
-def as_smoothing(name: str, share: float) -> tuple[int, int]:
-    """Return the ``anhyst_factor`` of a filter: minus the share of a step that it passes in a tick.
-
-    Parameters
-    ----------
-    name : str
-        Of the filter, for the error.
-    share : float
-        0..1.
-
-    Returns
-    -------
-    mantissa, shift : int
-        The factor is mantissa/65536 * 2^shift.
-
-    Raises
-    ------
-    InputError
-        If it is too small to be kept to 0.1 %.
-    """
-    shift = 1 if share > 0.5 else 0
-    mantissa = -round(share * 65536.0 / 2.0**shift)
-    if -mantissa < _LEAST_MANTISSA:
-        raise InputError(f"{name}: too low for this rate to be kept to 0.1 %; raise it")
-    return mantissa, shift
 
 
 def _limit(name: str, value: float, scales: FullScales) -> int:

@@ -10,16 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.control.pidd2 import FullScales, Pidd2, as_factor
+from anhyst.compensate.block import Scales
+from anhyst.compensate.interface import NumberFormat
+from anhyst.control.pidd2 import FullScales, Pidd2
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.fixed_point import as_factor, q31
 
-Format = Literal["f64", "f32", "fixed"]
 Settings = Mapping[str, float]
 
 _Q31 = 2.0**31
@@ -42,7 +43,7 @@ class Limits:
         Of the amplifiers' references, A; zero lies within.
     release : float
         At which a current goes to zero when nothing is controlled, A/s.
-    patience : int
+    max_missing_samples : int
         Samples in a row that may be missing or implausible; the last one stands in for them.
     hold : int
         Ticks for which the currents stay when the position is lost in the air.
@@ -56,13 +57,13 @@ class Limits:
     current_low: float
     current_high: float
     release: float
-    patience: int
+    max_missing_samples: int
     hold: int
     selftest: int = 20
 
     def __post_init__(self) -> None:
         _above_zero(self, "step", "release", "selftest")
-        for name in ("patience", "hold", "selftest"):
+        for name in ("max_missing_samples", "hold", "selftest"):
             if not 0 <= getattr(self, name) <= 65535:
                 raise InputError(f"{name}: {getattr(self, name)} ticks are not within 0..65535")
         if not 0.0 <= self.gap_low < self.gap_high:
@@ -150,30 +151,6 @@ class Converter:
 
 
 @dataclass(frozen=True)
-class DriveScales:
-    """What the numbers of the drives mean.
-
-    Parameters
-    ----------
-    demand, current : float
-        Force and current that count as 1.0 in fixed point, N and A.
-    gap_low, gap_high : float
-        Ends of the range of gaps, m.
-    flux : float
-        Flux density that counts as 1.0, T.
-    load : float
-        Load fed forward that counts as 1.0, in its unit.
-    """
-
-    demand: float
-    current: float
-    gap_low: float
-    gap_high: float
-    flux: float = 1.0
-    load: float = 1.0
-
-
-@dataclass(frozen=True)
 class PositionControl:
     """A controller of the position, in SI units.
 
@@ -184,14 +161,18 @@ class PositionControl:
     levitation : Levitation
     limits : Limits
     converter : Converter
-    scales : DriveScales
-        Of the drives; both drives of a pair have the same.
+    scales : Scales
+        Of the compensators; both of a pair have the same.
     bias : float
         Force of either magnet of a pair without a net force, N.
     gap_total : float, optional
         Sum of both gaps of a pair, m; a single magnet has none.
     measured : bool
         Whether currents count as applied as they were measured, and not as they were driven.
+    flux_full_scale : float
+        Flux density that counts as 1.0 in fixed point, T.
+    load_full_scale : float
+        Load fed forward that counts as 1.0, in its unit.
 
     Raises
     ------
@@ -203,10 +184,12 @@ class PositionControl:
     levitation: Levitation
     limits: Limits
     converter: Converter
-    scales: DriveScales
+    scales: Scales
     bias: float = 0.0
     gap_total: float | None = None
     measured: bool = False
+    flux_full_scale: float = 1.0
+    load_full_scale: float = 1.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.bias <= self.scales.demand:
@@ -232,7 +215,7 @@ class PositionControl:
         """Full scale of the position, m: beyond the gaps that can be, to either side."""
         return _POSITION_REACH * (self.limits.gap_high - self.limits.gap_low)
 
-    def gains(self, number_format: Format) -> FloatArray | NDArray[np.int32]:
+    def gains(self, number_format: NumberFormat) -> FloatArray | NDArray[np.int32]:
         """Return the gains as the core takes them.
 
         Parameters
@@ -252,10 +235,10 @@ class PositionControl:
         """
         if number_format != "fixed":
             return self.pidd2.per_tick
-        scales = FullScales(self.position_full, self.scales.demand, self.scales.load)
+        scales = FullScales(self.position_full, self.scales.demand, self.load_full_scale)
         return self.pidd2.fixed(scales).words
 
-    def settings(self, number_format: Format) -> Settings:
+    def settings(self, number_format: NumberFormat) -> Settings:
         """Return everything else as the core takes it.
 
         Parameters
@@ -289,10 +272,10 @@ class PositionControl:
 
         middle = self.gap_middle
         return {
-            "position_low": _code((middle - limits.gap_high) / self.position_full),
-            "position_high": _code((middle - limits.gap_low) / self.position_full),
+            "position_low": q31((middle - limits.gap_high) / self.position_full),
+            "position_high": q31((middle - limits.gap_low) / self.position_full),
             "position_step": distance("step", limits.step),
-            "patience": limits.patience,
+            "patience": limits.max_missing_samples,
             "hold": limits.hold,
             "selftest": limits.selftest,
             "detect": distance("detect", levitation.detect),
@@ -301,7 +284,7 @@ class PositionControl:
             "lift": force("lift_rate", levitation.lift_rate * tick),
             "set_down": force("set_down_rate", levitation.set_down_rate * tick),
             "most": force("high", self.pidd2.high),
-            "press": _code(self.press / self.scales.demand),
+            "press": q31(self.press / self.scales.demand),
         }
 
     def _gap_lines(self) -> list[tuple[float, float]]:
@@ -344,13 +327,13 @@ class PositionControl:
             "position_full": self.position_full,
             "current_full": current,
             "demand_full": scales.demand,
-            "load_full": scales.load,
-            "flux_full": scales.flux,
+            "load_full": self.load_full_scale,
+            "flux_full": self.flux_full_scale,
             "current_low": first,
             "current_high": first + min(steps, int((_Q31 - 1.0 - first) // codes)) * codes,
             "current_step": codes,
             "release": max(codes, _rate("release", release / current)),
-            "bias": _code(self.bias / scales.demand),
+            "bias": q31(self.bias / scales.demand),
         }
         span = scales.gap_high - scales.gap_low
         for i, (offset, direction) in enumerate(self._gap_lines(), 1):
@@ -361,7 +344,7 @@ class PositionControl:
                     "gap_high: the drive covers too little of the gaps that can be; narrow them"
                 )
             numbers |= {
-                f"gap_offset_{i}": _code((offset - scales.gap_low) / span),
+                f"gap_offset_{i}": q31((offset - scales.gap_low) / span),
                 f"gap_mantissa_{i}": mantissa,
                 f"gap_shift_{i}": shift,
             }
@@ -375,14 +358,9 @@ def _above_zero(given: object, *names: str) -> None:
             raise InputError(f"{name}: {value} is not above zero")
 
 
-def _code(part: float) -> int:
-    """Return the nearest q31; what is beyond saturates."""
-    return int(max(-_Q31, min(_Q31 - 1.0, round(part * _Q31))))
-
-
 def _rate(name: str, part: float) -> int:
     """Return the nearest q31 of a number that may not vanish."""
-    code = _code(part)
+    code = q31(part)
     if code < 1:
         raise InputError(f"{name}: too small to be told from zero; raise it")
     return code

@@ -292,7 +292,7 @@ def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Se
             "safety",
             "what is done without a position",
             [
-                Entry("patience_ticks", 3, "dropped samples that are bridged", EXAMPLE),
+                Entry("max_missing_samples", 3, "dropped samples that are bridged", EXAMPLE),
                 Entry("hold_ticks", _hold(numbers), "a lost position may come back", "0.1 s"),
             ],
         ),

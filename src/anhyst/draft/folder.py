@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from anhyst.support.atomic import PathLike, write_error
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.folder import whole_folder, write_texts
 
 
 def check_new(out: PathLike, names: Sequence[str]) -> None:
@@ -52,27 +52,8 @@ def put(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> 
         As :func:`check_new`, or the disk refuses.
     """
     check_new(out, [*texts, *{Path(name).parts[0] for name in copies}])
-    target = Path(os.path.realpath(out))
-    beside = target if target.exists() else target.parent
-    draft = beside / f".{target.name}.{os.getpid()}.part"
-    made: list[Path] = []
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        draft.mkdir()
-        for name, text in texts.items():
-            (draft / name).write_text(text, encoding="utf-8", newline="\n")
+    with whole_folder(out) as draft:
+        write_texts(draft, texts)
         for name, source in copies.items():
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, draft / name)
-        if not target.exists():
-            draft.rename(target)
-            return
-        for part in sorted(draft.iterdir()):
-            part.rename(target / part.name)
-            made.append(target / part.name)
-    except OSError as error:
-        for part in made:
-            shutil.rmtree(part) if part.is_dir() else part.unlink()
-        raise write_error(out, error) from error
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)

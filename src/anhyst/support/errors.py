@@ -24,6 +24,13 @@ class Interrupted(RuntimeError):  # noqa: N818 - an end
     """
 
 
+class RenamedWarning(UserWarning):
+    """A file says something by an older name; the text names the line and the new one.
+
+    The command line prints it as ``anhyst: warning: ...``.
+    """
+
+
 class ImplausibleWarning(UserWarning):
     """A value so far from what a model knows that its unit is likely wrong.
 

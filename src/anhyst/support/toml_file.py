@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import UnionType
@@ -13,7 +14,7 @@ from typing import Annotated, Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, RenamedWarning
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import key_lines
 
@@ -26,6 +27,25 @@ BRANCH = "|"
 """Tags of what a key may hold instead begin with it: they are no part of the key's path."""
 Fault = tuple[KeyPath, str]
 """Where in a file something is wrong, and what is wrong and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Renamed:
+    """A key of older files, or values of one.
+
+    Parameters
+    ----------
+    table : tuple of str
+        Path of the table that holds it.
+    key : str
+        As older files call it.
+    new : str or mapping of str to str
+        What the key is called now; or, where only its values changed, each old value's new one.
+    """
+
+    table: tuple[str, ...]
+    key: str
+    new: str | Mapping[str, str]
 
 
 class Table(BaseModel):
@@ -83,7 +103,7 @@ class TomlFileError(InputError):
         super().__init__(text)
 
 
-def read_toml(path: PathLike, schema: type[T]) -> T:
+def read_toml(path: PathLike, schema: type[T], renamed: Sequence[Renamed] = ()) -> T:
     """Read a TOML file.
 
     Parameters
@@ -92,11 +112,18 @@ def read_toml(path: PathLike, schema: type[T]) -> T:
         The file.
     schema : type of Table
         What it may hold.
+    renamed : sequence of Renamed, optional
+        What older files call otherwise.
 
     Returns
     -------
     Table
         Of this type.
+
+    Warns
+    -----
+    RenamedWarning
+        The file says something by an older name.
 
     Raises
     ------
@@ -110,10 +137,39 @@ def read_toml(path: PathLike, schema: type[T]) -> T:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: damaged TOML: {error}; mend this place") from error
+    lines = key_lines(text)
+    _rename(path, content, lines, renamed)
     try:
         return schema.model_validate(content)
     except ValidationError as error:
-        raise TomlFileError(path, _problems(error, schema, key_lines(text))) from error
+        raise TomlFileError(path, _problems(error, schema, lines)) from error
+
+
+def _rename(
+    path: PathLike, content: Any, lines: dict[KeyPath, int], renamed: Sequence[Renamed]
+) -> None:
+    """Bring older names up to date, in the content and in the lines of the keys."""
+    for one in renamed:
+        table = content
+        for part in one.table:
+            table = table.get(part) if isinstance(table, dict) else None
+        if not isinstance(table, dict) or one.key not in table:
+            continue
+        old: KeyPath = (*one.table, one.key)
+        if isinstance(one.new, str):
+            if one.new in table:
+                continue
+            table[one.new] = table.pop(one.key)
+            lines[*one.table, one.new] = lines[old]
+            text = f"is now called {one.new}; write that"
+        else:
+            value = table[one.key]
+            if not isinstance(value, str) or value not in one.new:
+                continue
+            table[one.key] = one.new[value]
+            text = f'"{value}" is now called "{one.new[value]}"; write that'
+        said = f"{path}:{lines[old]}: {dotted(old)}: {text}"
+        warnings.warn(said, RenamedWarning, stacklevel=4)
 
 
 def faults_error(path: PathLike, faults: Iterable[Fault]) -> TomlFileError:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from anhyst.compensate.variants import TITLES
+from anhyst.compensate.methods import METHODS
 from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.tables import BearingTable
@@ -72,7 +72,7 @@ def feedback(controller: ControllerTable) -> str:
 
 
 def _controller(settings: ControllerTable) -> Block:
-    gains = settings.law()
+    gains = settings.pidd2_gains()
     lines = [
         f"K_p {_short(gains.K_p)} N/m",
         f"K_i {_short(gains.K_i)} N/(m s)",
@@ -87,7 +87,7 @@ def _controller(settings: ControllerTable) -> Block:
 
 def _compensator(settings: ControllerTable) -> Block:
     limits, chosen = settings.limits, settings.compensation
-    words = TITLES[chosen.variant].split(", ")
+    words = METHODS[chosen.variant].title.split(", ")
     return Block(
         "force to current",
         (

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 
-from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerFile
 from anhyst.report.bearing.look import ordered
 from anhyst.report.bearing.over_runs import Spread
 from anhyst.report.bearing.subject import Subject
@@ -80,7 +81,7 @@ def _lost(found: MonteCarlo) -> list[Note]:
     return [Note("bad", "Levitation lost", f"{'; '.join(counts)}.")]
 
 
-def _worst(found: MonteCarlo, variant: Variant) -> Items:
+def _worst(found: MonteCarlo, variant: MethodName) -> Items:
     """Say what the worst plants of a variant have in common with nobody else: their drift."""
     rows = []
     for place, height in enumerate(found.heights):

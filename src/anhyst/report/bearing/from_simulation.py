@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.report.bearing.force_current import identified_loop, nearest_loops
 from anhyst.report.bearing.look import interval_text, ordered
 from anhyst.report.bearing.over_frequency import Response
@@ -29,7 +29,7 @@ from anhyst.support.page.blocks import Note, Table, table
 from anhyst.support.page.numbers import NBSP, NOT_KNOWN, number
 
 _SHOWN = 0.03  # of a step, s
-_COLUMNS = ("ratio", "static", "full")  # whose forces are shown, beside the controller's own
+_COLUMNS = ("ratio", "single-valued", "full")  # whose forces are shown, beside the controller's own
 _FREQUENCIES = 400
 
 
@@ -108,22 +108,24 @@ def plant_notes(plant: PlantCheck) -> tuple[Note, ...]:
 
 
 def _part(
-    runs: Mapping[Variant, Recording], tick: float, step: Step
-) -> Mapping[Variant, Recording]:
+    runs: Mapping[MethodName, Recording], tick: float, step: Step
+) -> Mapping[MethodName, Recording]:
     """Cut out what happens around a step."""
     first, last = step.begin - round(0.1 * _SHOWN / tick), step.begin + round(_SHOWN / tick)
     return {name: run.part(first, min(last, step.end)) for name, run in runs.items()}
 
 
-def _linear(simulation: Simulation) -> tuple[dict[Variant, Response], dict[Variant, Response]]:
+def _linear(
+    simulation: Simulation,
+) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
     """Return loop gain and sensitivity, linearised, of the own variant and the paper's case.
 
     A variant that is no constant is drawn as if it knew the static slopes.
     """
     rate = simulation.rig.settings.timing.rate_Hz
     frequency = np.geomspace(5.0, 0.4 * rate, _FREQUENCIES)
-    gains: dict[Variant, Response] = {}
-    sensitivities: dict[Variant, Response] = {}
+    gains: dict[MethodName, Response] = {}
+    sensitivities: dict[MethodName, Response] = {}
     for name in ("ratio", simulation.own):
         loop = simulation.loops[name]
         known = "" if has_constants(simulation.setups[name]) else "as if it knew the static slopes"
@@ -134,8 +136,8 @@ def _linear(simulation: Simulation) -> tuple[dict[Variant, Response], dict[Varia
 
 
 def _seen(
-    setups: Mapping[Variant, Setup], scenario: Scenario, begin: int
-) -> Mapping[Variant, Recording]:
+    setups: Mapping[MethodName, Setup], scenario: Scenario, begin: int
+) -> Mapping[MethodName, Recording]:
     """Run a scenario under every variant, and keep what follows a tick; lost runs are left out."""
     found = {}
     for name, setup in setups.items():
@@ -146,7 +148,7 @@ def _seen(
     return found
 
 
-def _tracked(setups: Mapping[Variant, Setup], tried: SimulateTable) -> Iterator[Tracking]:
+def _tracked(setups: Mapping[MethodName, Setup], tried: SimulateTable) -> Iterator[Tracking]:
     """Run trajectories and load steps for the eye."""
     one = next(iter(setups.values()))
     for shape in tried.trajectories:
@@ -217,14 +219,14 @@ def _comparisons(rows: Mapping[str, Any], *names: str) -> tuple[Comparison, ...]
     )
 
 
-def _intervals(found: Mapping[Variant, Any], name: str) -> Intervals:
+def _intervals(found: Mapping[MethodName, Any], name: str) -> Intervals:
     return {
         variant: Interval(**one[name]) if name in one else no_mean(one["lost"], one["runs"])
         for variant, one in found.items()
     }
 
 
-def _cycles(found: Mapping[Variant, Any]) -> Table:
+def _cycles(found: Mapping[MethodName, Any]) -> Table:
     """Report under which variants the armature never came to rest, and in how many runs."""
     rows = [[name, *_cycle_row(found[name])] for name in ordered(found)]
     return table(

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.study.bearing.metrics import Interval
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
@@ -21,20 +21,20 @@ SHADE = "#8C8C8C"
 PALE = "#C4C4C4"
 
 # Okabe and Ito, and dashes beside them, for print without colour.
-COLOURS: Mapping[Variant, str] = {
+COLOURS: Mapping[MethodName, str] = {
     "ratio": FALLING,
-    "ratio-chord": "#7A4B21",
+    "secant": "#7A4B21",
     "linearised": "#E69F00",
-    "static": "#CC79A7",
+    "single-valued": "#CC79A7",
     "simplified": "#009E73",
     "full": RISING,
     "flux": "#56B4E9",
 }
-DASHES: Mapping[Variant, Any] = {
+DASHES: Mapping[MethodName, Any] = {
     "ratio": "-",
-    "ratio-chord": (0, (1, 1)),
+    "secant": (0, (1, 1)),
     "linearised": (0, (6, 1.5)),
-    "static": (0, (3, 1)),
+    "single-valued": (0, (3, 1)),
     "simplified": (0, (6, 1.5, 1, 1.5)),
     "full": "-",
     "flux": (0, (2, 1, 1, 1)),
@@ -44,13 +44,13 @@ MOST_POINTS = 1200
 """Points of a curve in a figure at most."""
 
 
-def line_of(variant: Variant) -> dict[str, Any]:
+def line_of(variant: MethodName) -> dict[str, Any]:
     """Return how the line of a variant is drawn."""
     width = 1.6 if variant == "full" else 1.2
     return {"color": COLOURS[variant], "ls": DASHES[variant], "lw": width}
 
 
-def ordered(variants: Iterable[str]) -> list[Variant]:
+def ordered(variants: Iterable[str]) -> list[MethodName]:
     """Return variants in the order in which every figure and table has them."""
     given = set(variants)
     return [name for name in COLOURS if name in given]

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.report.bearing.look import COLOURS, INK, SHADE, legend_below, line_of, ordered
 from anhyst.study.bearing.zones import BOUNDARIES, zone
 from anhyst.support.arrays import FloatArray
@@ -50,7 +50,7 @@ class Response:
         return float(np.abs(self.value).max())
 
 
-Responses = Mapping[Variant, Response]
+Responses = Mapping[MethodName, Response]
 """Of every variant."""
 
 

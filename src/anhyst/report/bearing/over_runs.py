@@ -14,7 +14,7 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.report.bearing.look import COLOURS, INK, SHADE, legend_below, line_of, ordered
 from anhyst.study.bearing.monte_carlo import PERCENTILES, percentile
 from anhyst.support.arrays import FloatArray
@@ -38,7 +38,7 @@ class BenefitCell:
     against : str
         Which baseline, such as "ratio" or "the strongest baseline".
     baseline : str
-        Variant that this is here; empty if none kept the armature in the air.
+        MethodName that this is here; empty if none kept the armature in the air.
     loop_width : float
         Of the iron, as a share of the largest current; one number for a row of the map.
     reversible : float
@@ -170,7 +170,7 @@ class Candidate:
         Whether it keeps the other aims (overshoot, noise, effort).
     """
 
-    variant: Variant
+    variant: MethodName
     settling: float
     peak: float
     kept: bool
@@ -191,7 +191,7 @@ class Tuning:
     """
 
     candidates: tuple[Candidate, ...]
-    chosen: Mapping[Variant, Candidate]
+    chosen: Mapping[MethodName, Candidate]
     settling_limit: float | None
     peak_limit: float | None
 
@@ -262,7 +262,7 @@ class Spread:
     """
 
     title: str
-    values: Mapping[Variant, FloatArray]
+    values: Mapping[MethodName, FloatArray]
 
 
 @styled

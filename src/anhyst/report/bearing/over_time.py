@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from anhyst.compensate.variants import TITLES
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import METHODS
 from anhyst.report.bearing.look import (
     COLOURS,
     INK,
@@ -29,7 +29,7 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.page.numbers import number
 from anhyst.support.page.style import new_figure, styled
 
-Recordings = Mapping[Variant, Recording]
+Recordings = Mapping[MethodName, Recording]
 """Of every variant, all of the same scenario."""
 
 _BEFORE = 2e-3  # shown before a step, s
@@ -53,7 +53,7 @@ class StepPanel:
 
     step: Step
     recordings: Recordings
-    overshoot: Mapping[Variant, Interval]
+    overshoot: Mapping[MethodName, Interval]
 
     @property
     def gap(self) -> float:
@@ -85,7 +85,7 @@ def figure_steps(panels: Sequence[StepPanel], shown: float = 0.02) -> Figure:
     return figure
 
 
-def _shown(panel: StepPanel, name: Variant, shown: float) -> tuple[FloatArray, Recording]:
+def _shown(panel: StepPanel, name: MethodName, shown: float) -> tuple[FloatArray, Recording]:
     """Return the time since the step, ms, and what is shown of a recording."""
     step, whole = panel.step, panel.recordings[name]
     tick = whole["t_s"][1] - whole["t_s"][0]
@@ -161,7 +161,7 @@ def figure_forces(recordings: Recordings) -> Figure:
         error = force - wanted
         below.plot(*thinned(time, error), **line_of(name))
         rms = float(np.sqrt(np.mean(error**2)))
-        above.set_title(TITLES[name], fontsize=8.5)
+        above.set_title(METHODS[name].title, fontsize=8.5)
         below.set_title(
             f"rms {rms:.2f} N, worst {np.abs(error).max():.2f} N", fontsize=8.0, weight="normal"
         )

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from matplotlib.figure import Figure
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.report.bearing.block_diagram import figure_structure
 from anhyst.report.bearing.force_current import figure_force_current
 from anhyst.report.bearing.look import ordered
@@ -36,14 +36,13 @@ from anhyst.report.bearing.tables import (
     step_tables,
 )
 from anhyst.report.bearing.verdict import judge, strongest
-from anhyst.report.model.headline import Headline, Tile
-from anhyst.report.model.page import render_page
 from anhyst.rig.bearing.tables import DriftTable
 from anhyst.study.bearing.monte_carlo import PERCENTILES, percentile
 from anhyst.study.bearing.zones import zone
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.page.blocks import Block, Cell, Items, Note, Picture, Section, Text, table
 from anhyst.support.page.numbers import NBSP, number
+from anhyst.support.page.page import Headline, Tile, render_page
 from anhyst.support.page.style import svg_text
 from anhyst.support.version import running_version
 
@@ -151,7 +150,7 @@ def _tiles(subject: Subject) -> tuple[Tile, ...]:
     return tuple(tiles[:_TILES])
 
 
-def _beside(step: Steps, variant: Variant) -> Iterable[str]:
+def _beside(step: Steps, variant: MethodName) -> Iterable[str]:
     """Write the overshoot of a variant, of the strongest baseline and of measured flux."""
     yield f"{variant}: {overshoot_text(step, variant)}"
     other = strongest(step)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from anhyst.control.controller_file import ControllerTable, Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerTable
 from anhyst.report.bearing.force_current import LoopCurve
 from anhyst.report.bearing.look import ordered
 from anhyst.report.bearing.over_frequency import Response
@@ -19,7 +20,7 @@ from anhyst.study.bearing.responses import Cell
 from anhyst.support.page.blocks import Block, Note
 from anhyst.support.page.numbers import NBSP
 
-Intervals = Mapping[Variant, Interval]
+Intervals = Mapping[MethodName, Interval]
 """A figure of every variant."""
 
 
@@ -42,14 +43,14 @@ class Steps:
     gap: float
     load: float
     height: float
-    cells: Mapping[Variant, Cell]
+    cells: Mapping[MethodName, Cell]
 
     def of(self, name: str) -> Intervals:
         """Return a figure of every variant, without a mean where levitation was lost."""
         return {key: cell.of(name) for key, cell in self.cells.items()}
 
     @property
-    def remarks(self) -> Mapping[Variant, str]:
+    def remarks(self) -> Mapping[MethodName, str]:
         """What is to stand beside overshoots that are the noise of a standstill."""
         return {
             key: WITHIN_NOISE
@@ -64,7 +65,7 @@ WITHIN_NOISE = "≤ noise"
 
 def grouped(cells: Iterable[Cell]) -> tuple[Steps, ...]:
     """Put the cells of all variants beside each other."""
-    found: dict[tuple[float, float, float], dict[Variant, Cell]] = {}
+    found: dict[tuple[float, float, float], dict[MethodName, Cell]] = {}
     for cell in cells:
         found.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
     return tuple(Steps(*place, mine) for place, mine in found.items())
@@ -94,7 +95,7 @@ class Comparison:
     factor: float
     rows: Mapping[str, Intervals]
     caption: str = ""
-    remarks: Mapping[str, Mapping[Variant, str]] = field(default_factory=dict)
+    remarks: Mapping[str, Mapping[MethodName, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class Tracking:
     """
 
     title: str
-    recordings: Mapping[Variant, Recording]
+    recordings: Mapping[MethodName, Recording]
 
 
 @dataclass(frozen=True)
@@ -171,16 +172,16 @@ class Subject:
     seeds: int
     panels: tuple[StepPanel, ...] = ()
     steps: tuple[Steps, ...] = ()
-    forces: Mapping[Variant, Recording] = field(default_factory=dict)
-    run: Mapping[Variant, Recording] = field(default_factory=dict)
+    forces: Mapping[MethodName, Recording] = field(default_factory=dict)
+    run: Mapping[MethodName, Recording] = field(default_factory=dict)
     measured: tuple[LoopCurve, ...] = ()
     identified: LoopCurve | None = None
     tracked: tuple[Tracking, ...] = ()
-    standstill: Mapping[Variant, Recording] = field(default_factory=dict)
-    sensitivity: Mapping[Variant, Response] = field(default_factory=dict)
-    linear_sensitivity: Mapping[Variant, Response] = field(default_factory=dict)
-    loop_gain: Mapping[Variant, Response] = field(default_factory=dict)
-    margins: Mapping[Variant, Margins] = field(default_factory=dict)
+    standstill: Mapping[MethodName, Recording] = field(default_factory=dict)
+    sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
+    linear_sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
+    loop_gain: Mapping[MethodName, Response] = field(default_factory=dict)
+    margins: Mapping[MethodName, Margins] = field(default_factory=dict)
     tables: Mapping[str, tuple[Comparison, ...]] = field(default_factory=dict)
     blocks: Mapping[str, tuple[Block, ...]] = field(default_factory=dict)
     benefit: tuple[BenefitCell, ...] = ()
@@ -192,18 +193,18 @@ class Subject:
     command: str = ""
 
     @property
-    def variant(self) -> Variant:
-        """Variant of the controller, that others are held against."""
+    def variant(self) -> MethodName:
+        """MethodName of the controller, that others are held against."""
         return self.controller.compensation.variant
 
     @property
-    def baselines(self) -> list[Variant]:
+    def baselines(self) -> list[MethodName]:
         """The other variants of the steps, in order."""
         found = {name for step in self.steps for name in step.cells}
         return [name for name in ordered(found) if name != self.variant]
 
     @property
-    def variants(self) -> list[Variant]:
+    def variants(self) -> list[MethodName]:
         """All that the page speaks of."""
         shown = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
         drifted = (name for one in self.drift for name in one.values)

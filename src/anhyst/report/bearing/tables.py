@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from anhyst.compensate.variants import TITLES
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import METHODS
 from anhyst.report.bearing.look import interval_text, ordered
 from anhyst.report.bearing.subject import WITHIN_NOISE, Comparison, Steps, Subject
 from anhyst.study.bearing.linear import Margins
@@ -130,14 +130,14 @@ def difference(mine: Interval, baseline: Interval, floor: float) -> Difference:
     return Difference(mine.mean, baseline.mean, certain)
 
 
-def step_difference(step: Steps, mine: Variant, baseline: Variant) -> Difference:
+def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> Difference:
     """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
     overshoot, noise = step.of(OVERSHOOT), step.of(NOISE)
     floor = max(noise[mine].mean, noise[baseline].mean)
     return difference(overshoot[mine], overshoot[baseline], floor)
 
 
-def overshoot_text(step: Steps, name: Variant) -> str:
+def overshoot_text(step: Steps, name: MethodName) -> str:
     """Write the overshoot of a variant, and whether it is noise."""
     return f"{interval_text(step.of(OVERSHOOT)[name], '%')} {step.remarks.get(name, '')}".rstrip()
 
@@ -189,7 +189,7 @@ def comparison_table(comparison: Comparison) -> Table:
     """Return a table of one figure: a row a situation, a column a variant."""
     variants = ordered(name for row in comparison.rows.values() for name in row)
 
-    def cell(situation: str, name: Variant, found: Interval | None) -> str:
+    def cell(situation: str, name: MethodName, found: Interval | None) -> str:
         """Write a figure and its remark, between which alone a line may end."""
         remark = comparison.remarks.get(situation, {}).get(name, "")
         parts = (interval_text(found, factor=comparison.factor), remark)
@@ -211,7 +211,7 @@ def comparison_table(comparison: Comparison) -> Table:
     )
 
 
-def margin_table(margins: Mapping[Variant, Margins]) -> Table:
+def margin_table(margins: Mapping[MethodName, Margins]) -> Table:
     """Return the margins of linearised loops."""
     rows = [
         [
@@ -241,19 +241,19 @@ def margin_table(margins: Mapping[Variant, Margins]) -> Table:
     )
 
 
-def legend_table(variants: Sequence[Variant]) -> Table:
+def legend_table(variants: Sequence[MethodName]) -> Table:
     """Say what the variants are."""
     meaning = {
         "ratio": "the paper's case without compensation; nothing cancels the negative stiffness",
-        "ratio-chord": "the same, read as a line through the origin",
+        "secant": "the same, read as a line through the origin",
         "linearised": "cancels the negative stiffness at the operating point: standard practice",
-        "static": "the honest baseline of hysteresis: all that a curve without memory can do",
+        "single-valued": "the honest baseline of hysteresis: all that a curve without memory can do",
         "simplified": "inverse of the simplified law",
         "full": "inverse of the identified law, its state advanced with what was applied",
         "flux": "needs a Hall probe in the gap, and measures instead of modelling",
     }
     rows: list[list[str | Cell]] = [
-        [Cell(name, code=True), TITLES[name], meaning[name]] for name in variants
+        [Cell(name, code=True), METHODS[name].title, meaning[name]] for name in variants
     ]
     return table(
         "Variants",

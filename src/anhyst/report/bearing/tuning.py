@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.report.bearing.over_runs import Candidate, figure_pareto
 from anhyst.report.bearing.over_runs import Tuning as Picture
 from anhyst.study.tuning.aims import Aims, Figures
@@ -24,7 +24,7 @@ def write_pareto(tuning: Tuning, folder: Path) -> None:
 def pareto(tuning: Tuning) -> Figure:
     """Draw settling against peak sensitivity of everything that was tried."""
 
-    def candidate(variant: Variant, aims: Aims, figures: Figures) -> Candidate:
+    def candidate(variant: MethodName, aims: Aims, figures: Figures) -> Candidate:
         return Candidate(
             variant=variant,
             settling=figures.settling_time_s,

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from anhyst.compensate.variants import BASELINES, MODELS
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.report.bearing.look import ordered
 from anhyst.report.bearing.subject import Steps
 from anhyst.report.bearing.tables import OVERSHOOT, Difference, step_difference
@@ -29,7 +29,7 @@ class Verdict:
         One sentence that names the baselines.
     """
 
-    variant: Variant
+    variant: MethodName
     level: str
     text: str
 
@@ -51,7 +51,7 @@ TITLES = {
 }
 
 
-def strongest(step: Steps) -> Variant | None:
+def strongest(step: Steps) -> MethodName | None:
     """Return the baseline with the least overshoot in a step; None where all lost levitation."""
     overshoot = step.of(OVERSHOOT)
     held = [
@@ -60,7 +60,7 @@ def strongest(step: Steps) -> Variant | None:
     return min(held, key=lambda name: overshoot[name].mean, default=None)
 
 
-def judge(steps: Sequence[Steps], variant: Variant) -> Verdict:
+def judge(steps: Sequence[Steps], variant: MethodName) -> Verdict:
     """Judge a variant, or the fullest model beside it where it has none.
 
     Parameters
@@ -75,7 +75,7 @@ def judge(steps: Sequence[Steps], variant: Variant) -> Verdict:
     mine = variant if variant in MODELS or not models else models[-1]
     if mine not in MODELS:
         return Verdict(mine, "unknown", "no variant with a hysteresis model was run")
-    found: dict[Variant, list[Difference]] = {}
+    found: dict[MethodName, list[Difference]] = {}
     for step in steps:
         other = strongest(step)
         if other is not None and mine in step.cells:
@@ -100,7 +100,7 @@ def _level(pairs: Sequence[Difference]) -> str:
     return "no"
 
 
-def _counted(mine: Variant, pairs: Sequence[Difference]) -> str:
+def _counted(mine: MethodName, pairs: Sequence[Difference]) -> str:
     less, more = sum(one.less for one in pairs), sum(one.more for one in pairs)
     return (
         f"with the same gains {mine} certainly overshoots less at {less} and more at {more} of "
@@ -117,7 +117,7 @@ def _sizes(pairs: Sequence[Difference]) -> str:
     return f", {' and '.join(parts)}" if parts else ""
 
 
-def _measured(steps: Sequence[Steps], mine: Variant) -> str:
+def _measured(steps: Sequence[Steps], mine: MethodName) -> str:
     """Say how it stands against measured flux, if that was run."""
     pairs = [
         step_difference(step, mine, "flux") for step in steps if {mine, "flux"} <= set(step.cells)

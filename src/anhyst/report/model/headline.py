@@ -2,39 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from anhyst.laws.registry import LAWS
 from anhyst.report.model.subject import Subject
 from anhyst.support.page.blocks import Cell, Note, Table, table
 from anhyst.support.page.numbers import MINUS, Scale, name_of, number, percent, symbol_of
+from anhyst.support.page.page import Headline, Tile
 
 _RMS_OF_MEAN = float(np.sqrt(0.5 * np.pi))
 """Standard deviation of a normal variable over its mean absolute value."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tile:
-    """One large figure of the head, and what it is."""
-
-    figure: str
-    name: str
-    detail: str
-
-
-@dataclass(frozen=True, slots=True)
-class Headline:
-    """What a reader sees first."""
-
-    title: str
-    what: str
-    basis: str
-    notes: tuple[Note, ...]
-    tiles: tuple[Tile, ...]
-    comparison: Table | None
-    holds: str
 
 
 def headline(subject: Subject) -> Headline:

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from anhyst.model.acceptance import check_over_drive
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.report.model.evidence import gather, own_figures
-from anhyst.report.model.headline import Headline, headline
+from anhyst.report.model.headline import headline
 from anhyst.report.model.sections_fit import section_loops, section_measurement, section_residuals
 from anhyst.report.model.sections_model import (
     section_between,
@@ -28,8 +24,7 @@ from anhyst.report.model.subject import Subject
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.page.blocks import Section
-
-TEMPLATE = "template.html.j2"
+from anhyst.support.page.page import render_page
 
 
 def write_report(model_path: PathLike, out: PathLike) -> tuple[str, ...]:
@@ -129,44 +124,3 @@ def render(subject: Subject, file_name: str, file_hash: str) -> str:
         kind="Hysteresis model",
         source="the model file",
     )
-
-
-def render_page(
-    head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str
-) -> str:
-    """Return the text of a page.
-
-    Parameters
-    ----------
-    head : Headline
-        What a reader sees first.
-    sections : sequence of Section
-        What follows.
-    version : str
-        Of anhyst; may be empty.
-    kind : str
-        What the page is about, in two words.
-    source : str
-        What it was written from.
-
-    Returns
-    -------
-    str
-        HTML that needs nothing else.
-    """
-    return _template().render(
-        head=head, sections=sections, version=version, kind=kind, source=source
-    )
-
-
-@cache
-def _template() -> Template:
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template(TEMPLATE)

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from anhyst.control.controller_file import (
-    ControllerFile,
-    ControllerTable,
-    PairTable,
-)
+from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable
 from anhyst.rig.bearing.file import BearingRig, step_ends
 from anhyst.rig.bearing.scenario import land_time, lift_time
 from anhyst.support.toml_file import Fault, faults_error

@@ -9,14 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.compensate.flux import FluxCalibration
-from anhyst.compensate.variants import Operating, fit_drive
-from anhyst.control.controller_file import (
-    ControllerFile,
-    ControllerTable,
-    Format,
-    Variant,
-    told_by_key,
-)
+from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.compensate.methods import MODELS, make_compensator
+from anhyst.compensate.sources import Operating, Sources
+from anhyst.control.controller_file import ControllerFile, ControllerTable, told_by_key
 from anhyst.data import LoopSet
 from anhyst.identify.options import IdentifyTable
 from anhyst.model.actuator import ActuatorModel
@@ -67,8 +63,8 @@ def make_setup(
     rig: BearingRig,
     controller: ControllerTable,
     magnet: IdentifiedMagnet,
-    variant: Variant,
-    number_format: Format,
+    variant: MethodName,
+    number_format: NumberFormat,
 ) -> Setup:
     """Fit one variant to what is known and put it behind the controller.
 
@@ -87,28 +83,27 @@ def make_setup(
     Raises
     ------
     InputError
-        What is known does not make a drive of this variant.
+        What is known does not make a compensator by this method.
     """
-    drive = fit_drive(
-        variant,
+    sources = Sources(
+        operating_point(rig, controller, magnet.loops),
         magnet.loops,
         magnet.model,
-        operating_point(rig, controller, magnet.loops),
-        number_format,
         calibrate_probe(rig) if variant == "flux" else None,
     )
+    compensator = make_compensator(variant, sources, number_format)
     chosen = controller.compensation.model_copy(
         update={"variant": variant, "format": number_format}
     )
-    return Setup(rig, controller.model_copy(update={"compensation": chosen}), drive)
+    return Setup(rig, controller.model_copy(update={"compensation": chosen}), compensator)
 
 
 def make_setups(
     rig: BearingRig,
     controller: ControllerFile,
     magnet: IdentifiedMagnet,
-    variants: tuple[Variant, ...],
-) -> Mapping[Variant, Setup]:
+    variants: tuple[MethodName, ...],
+) -> Mapping[MethodName, Setup]:
     """Fit several variants in the number format of a controller file.
 
     Parameters
@@ -127,14 +122,14 @@ def make_setups(
     Raises
     ------
     InputError
-        The controller does not fit the rig, or what is known does not make a drive; names the file
+        The controller does not fit the rig, or what is known does not make a compensator; names the file
         that it comes from.
     """
     check_controller(controller, rig)
     table = controller.settings
     found = {}
     for variant in variants:
-        modelled = variant in ("simplified", "full") and controller.model is not None
+        modelled = variant in MODELS and controller.model is not None
         try:
             found[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
         except InputError as error:

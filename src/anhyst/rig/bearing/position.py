@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from anhyst._core import FixedPosition, LoopController, Position, PositionF32
-from anhyst.control.position import Converter, DriveScales, PositionControl
+from anhyst.control.position import Converter, PositionControl
 from anhyst.rig.bearing.controller_check import pair_of
 
 if TYPE_CHECKING:
@@ -15,20 +15,20 @@ _CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
 
 
 def make_position(setup: Setup) -> LoopController:
-    """Return the controller of a setup, just switched on, with drives that remember nothing."""
+    """Return the controller of a setup, just switched on, with compensators that remember nothing."""
     magnet = setup.rig.settings.magnet
     pair = magnet.arrangement == "pair"
-    number_format = setup.drive.format
+    number_format = setup.compensator.format
     control = position_control(setup)
-    drives = [setup.drive.fresh().native for _ in range(2 if pair else 1)]
+    natives = [setup.compensator.fresh().native for _ in range(2 if pair else 1)]
     controller: LoopController = _CLASSES[number_format](
-        control.gains(number_format), drives, dict(control.settings(number_format))
+        control.gains(number_format), natives, dict(control.settings(number_format))
     )
     return controller
 
 
 def check_position(setup: Setup) -> None:
-    """Refuse a controller that does not fit its drive or its number format.
+    """Refuse a controller that does not fit its compensator or its number format.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ def check_position(setup: Setup) -> None:
         It cannot be made.
     """
     control = position_control(setup)
-    control.gains(setup.drive.format)
-    control.settings(setup.drive.format)
+    control.gains(setup.compensator.format)
+    control.settings(setup.compensator.format)
 
 
 def position_control(setup: Setup) -> PositionControl:
@@ -51,7 +51,7 @@ def position_control(setup: Setup) -> PositionControl:
     Parameters
     ----------
     setup : Setup
-        Gains and limits, drive and rig.
+        Gains and limits, compensator and rig.
 
     Returns
     -------
@@ -60,17 +60,12 @@ def position_control(setup: Setup) -> PositionControl:
     Raises
     ------
     InputError
-        The gains do not fit the scales of the drive.
+        The gains do not fit the scales of the compensator.
     """
-    amplifier, scales = setup.rig.settings.amplifier, setup.drive.scales
+    amplifier, parameters = setup.rig.settings.amplifier, setup.compensator.parameters
     return setup.controller.position_control(
-        DriveScales(
-            demand=scales.demand,
-            current=scales.current,
-            gap_low=scales.gap_low,
-            gap_high=scales.gap_high,
-            flux=setup.drive.flux_full_scale,
-        ),
+        parameters.scales,
         Converter(amplifier.current_low_A, amplifier.current_high_A, amplifier.dac_bits),
         pair_of(setup.rig),
+        parameters.flux_full_scale,
     )

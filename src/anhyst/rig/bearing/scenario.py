@@ -235,7 +235,7 @@ def lift_time(rig: BearingRig, controller: ControllerTable, gap: float) -> float
     gap : float
         Where it is lifted to, m.
     """
-    gains, ramp = controller.law(), controller.lift_off
+    gains, ramp = controller.pidd2_gains(), controller.lift_off
     settle = _SETTLE_S
     if gains.K_i > 0.0:
         settle = max(settle, min(_SETTLE * gains.K_p / gains.K_i, _MOST_SETTLE_S))

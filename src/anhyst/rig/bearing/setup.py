@@ -1,14 +1,12 @@
-"""Everything that one loop needs: rig, controller, and a drive that is fitted."""
+"""Everything that one loop needs: rig, controller, and a compensator that is fitted."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from anhyst.compensate.drive import Drive
-from anhyst.control.controller_file import (
-    ControllerTable,
-    Variant,
-)
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.file import BearingRig
 
 
@@ -22,20 +20,20 @@ class Setup:
         The plant.
     controller : ControllerTable
         Gains, limits, lift-off.
-    drive : Drive
+    compensator : ForceController
         From force to current, as fitted; never run itself.
     """
 
     rig: BearingRig
     controller: ControllerTable
-    drive: Drive
+    compensator: ForceController
 
     @property
-    def name(self) -> Variant:
-        """Of the variant."""
-        return self.drive.variant
+    def name(self) -> MethodName:
+        """Of its method."""
+        return self.compensator.method
 
 
 def with_gains(setup: Setup, controller: ControllerTable) -> Setup:
-    """Return the same drive behind another controller of the same limits."""
+    """Return the same compensator behind another controller of the same limits."""
     return replace(setup, controller=controller)

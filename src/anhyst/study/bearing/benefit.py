@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerFile
 from anhyst.data.reversal import reversal_share
 from anhyst.data.verdict import judge
 from anhyst.rig.bearing.controller_check import check_controller
@@ -33,7 +34,7 @@ WIDTHS = (0.5, 1.0, 2.0)
 FRACTIONS = (0.05, 0.15, 0.3, 0.5)
 """Reversible fractions."""
 
-BASELINES: tuple[Variant, ...] = ("ratio", "linearised", "static")
+BASELINES: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued")
 """Ways from force to current that know no hysteresis and measure nothing."""
 
 Measure = Literal["overshoot_percent", "settling_in_noise_s"]
@@ -95,7 +96,7 @@ class Comparison:
         Both means are below the floor.
     """
 
-    baseline: Variant | None
+    baseline: MethodName | None
     quotient: Quotient | None
     difference: Interval | None
     floor: float | None = None
@@ -138,8 +139,8 @@ class Cell:
 
     iron: Iron
     height: float
-    figures: Mapping[Variant, Mapping[Measure, Interval]]
-    standstill: Mapping[Variant, float]
+    figures: Mapping[MethodName, Mapping[Measure, Interval]]
+    standstill: Mapping[MethodName, float]
     strongest: Mapping[Measure, Comparison]
     ratio: Mapping[Measure, Comparison]
     flux: Mapping[Measure, Comparison]
@@ -265,9 +266,9 @@ def _map_iron(work: _Work) -> list[Cell]:
         after_reversal_true=slopes.share,
         label=slopes.label,
     )
-    steps: dict[Variant, list[list[StepResult]]] = {}
+    steps: dict[MethodName, list[list[StepResult]]] = {}
     probe = rig.settings.hall_probe is not None
-    baselines: tuple[Variant, ...] = (*BASELINES, "flux") if probe else BASELINES
+    baselines: tuple[MethodName, ...] = (*BASELINES, "flux") if probe else BASELINES
     for variant in (*baselines, "full"):
         setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
         gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
@@ -278,7 +279,9 @@ def _map_iron(work: _Work) -> list[Cell]:
     return [_cell(iron, height, _at(steps, height), hold, probe) for height in work.heights]
 
 
-def _at(steps: Mapping[Variant, list[list[StepResult]]], height: float) -> Mapping[Variant, _Runs]:
+def _at(
+    steps: Mapping[MethodName, list[list[StepResult]]], height: float
+) -> Mapping[MethodName, _Runs]:
     """Return the figures of the steps of a height: up and down, seed by seed."""
     return {
         name: [
@@ -290,7 +293,7 @@ def _at(steps: Mapping[Variant, list[list[StepResult]]], height: float) -> Mappi
 
 
 def _cell(
-    iron: Iron, height: float, runs: Mapping[Variant, _Runs], hold: float, probe: bool
+    iron: Iron, height: float, runs: Mapping[MethodName, _Runs], hold: float, probe: bool
 ) -> Cell:
     values = {
         name: {measure: _values(pairs, measure, hold) for measure in MEASURES}
@@ -301,7 +304,7 @@ def _cell(
         for name, pairs in runs.items()
     }
 
-    def against(*baselines: Variant) -> dict[Measure, Comparison]:
+    def against(*baselines: MethodName) -> dict[Measure, Comparison]:
         return {name: _compare(values, still, height, name, baselines) for name in MEASURES}
 
     return Cell(
@@ -328,11 +331,11 @@ def _values(runs: _Runs, measure: Measure, hold: float) -> FloatArray:
 
 
 def _compare(
-    values: Mapping[Variant, Mapping[Measure, FloatArray]],
-    still: Mapping[Variant, float],
+    values: Mapping[MethodName, Mapping[Measure, FloatArray]],
+    still: Mapping[MethodName, float],
     height: float,
     measure: Measure,
-    baselines: Sequence[Variant],
+    baselines: Sequence[MethodName],
 ) -> Comparison:
     """Compare with the best baseline of this very cell: chance favours it a little, never ``full``."""
     held = [name for name in baselines if name in values]

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Loop, lost_at
 from anhyst.rig.bearing.recording import RISE, Recording
@@ -68,7 +68,7 @@ class Outcome:
 
 def of_all(
     work: Callable[[Trial], Outcome],
-    setups: Mapping[Variant, Setup],
+    setups: Mapping[MethodName, Setup],
     seeds: Sequence[int],
     what: TrajectoryTable | Event | float | None,
     progress: Progress | None = None,

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerFile
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Loop, lost_at
 from anhyst.rig.bearing.make_setup import make_setups
@@ -32,7 +33,7 @@ from anhyst.support.version import running_version
 
 PERCENTILES = (5, 50, 95, 99)
 STANDSTILL_S = 0.25
-COMPARED: tuple[Variant, ...] = ("ratio", "static")
+COMPARED: tuple[MethodName, ...] = ("ratio", "single-valued")
 """Compared with the variant of the controller file: without compensation, and without memory."""
 
 FIGURES = ("overshoot_percent", "settling_s", "standstill_rms_m")
@@ -84,10 +85,10 @@ class MonteCarlo:
 
     heights: tuple[float, ...]
     drifts: tuple[Drift, ...]
-    runs: Mapping[Variant, tuple[PlantRun, ...]]
+    runs: Mapping[MethodName, tuple[PlantRun, ...]]
     seed: int
 
-    def values(self, variant: Variant, name: str, place: int = 0) -> list[float]:
+    def values(self, variant: MethodName, name: str, place: int = 0) -> list[float]:
         """Return a figure of every plant, infinite where levitation was lost.
 
         Parameters
@@ -112,7 +113,7 @@ class MonteCarlo:
             "worst_plants": {str(place): self.drifts[place].as_dict() for place in worst},
         }
 
-    def _variant(self, variant: Variant) -> dict[str, Any]:
+    def _variant(self, variant: MethodName) -> dict[str, Any]:
         places = range(len(self.heights))
         return {
             "lost": sum(run.lost is not None for run in self.runs[variant]),
@@ -143,7 +144,7 @@ def monte_carlo(
     controller: ControllerFile,
     path: PathLike,
     count: int = 1000,
-    variants: Sequence[Variant] = ("full",),
+    variants: Sequence[MethodName] = ("full",),
     seed: int | None = None,
     progress: Progress | None = None,
     jobs: int | None = None,
@@ -312,7 +313,7 @@ def _worst_plants(found: Mapping[str, Any]) -> list[int]:
 
 
 def _header(
-    rig: BearingRig, controller: ControllerFile, variants: Sequence[Variant], seed: int
+    rig: BearingRig, controller: ControllerFile, variants: Sequence[MethodName], seed: int
 ) -> dict[str, Any]:
     """Return all that results depend on."""
     return {

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.plan import Request
-from anhyst.compile.folder import json_text
 from anhyst.compile.output import compile_model
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import State
@@ -31,6 +30,7 @@ from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 
 QEMU = "qemu-mps2"
@@ -259,7 +259,7 @@ def build_firmware(
 def write_comparison(found: BoardComparison, out: PathLike) -> None:
     """Write the figures of a run as JSON."""
     with atomic_writer(out) as stream:
-        stream.write(json_text(_without_nan(found.as_dict())))
+        stream.write(json_text(found.as_dict()))
 
 
 def _ending(one: Ending) -> dict[str, Any]:

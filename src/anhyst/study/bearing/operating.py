@@ -111,7 +111,7 @@ def has_constants(setup: Setup) -> bool:
     What any other drive does to small movements, at the static slopes or at the much smaller ones
     just after a reversal, no linear loop can show.
     """
-    return "k_i_N_per_A" in setup.drive.numbers
+    return "k_i_N_per_A" in setup.compensator.parameters.numbers
 
 
 def _check_rest(rig: BearingRig) -> None:
@@ -163,7 +163,7 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
     sensor = rig.settings.position_sensor.sensor()
     magnets = 2.0 if rig.settings.magnet.arrangement == "pair" else 1.0
     late = timing.delay_ticks + (amplifier.delay_s + sensor.delay) * timing.rate_Hz
-    numbers = setup.drive.numbers
+    numbers = setup.compensator.parameters.numbers
     k_i, k_s = at.point.k_i, at.point.k_s
     if has_constants(setup):
         k_i = magnets * numbers["k_i_N_per_A"]

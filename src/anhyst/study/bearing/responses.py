@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.control.controller_file import Variant
+from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Loop, lost_at
 from anhyst.rig.bearing.recording import Recording
@@ -63,7 +63,7 @@ class Run:
 class StepResult:
     """One step of a run, judged."""
 
-    variant: Variant
+    variant: MethodName
     gap: float
     height: float
     load: float
@@ -91,7 +91,7 @@ class Cell:
         Seeds in which levitation was lost, and all seeds.
     """
 
-    variant: Variant
+    variant: MethodName
     gap: float
     height: float
     load: float
@@ -156,7 +156,7 @@ def _judge(run: Run, recording: Recording, step: Step) -> StepResult:
         cost.heat,
     )
     return StepResult(
-        variant=run.setup.drive.variant,
+        variant=run.setup.compensator.method,
         gap=run.gap,
         height=step.height,
         load=run.load,
@@ -223,7 +223,7 @@ def _sum_up(
     for name in () if lost else FIGURES:
         merge = max if name in _LARGEST else np.mean
         figures[name] = mean_interval([float(merge([one[name] for one in pair])) for pair in pairs])
-    return Cell(setup.drive.variant, gap, height, load, figures, lost, len(runs))
+    return Cell(setup.compensator.method, gap, height, load, figures, lost, len(runs))
 
 
 def as_rows(cells: Sequence[Cell]) -> list[dict[str, Any]]:

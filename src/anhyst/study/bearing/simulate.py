@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compile.folder import json_text
-from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerFile
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
@@ -35,13 +34,14 @@ from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.bearing.sweep import sweep
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 
-COMPARED: tuple[Variant, ...] = (
+COMPARED: tuple[MethodName, ...] = (
     "ratio",
-    "ratio-chord",
+    "secant",
     "linearised",
-    "static",
+    "single-valued",
     "flux",
     "simplified",
     "full",
@@ -88,14 +88,14 @@ class Simulation:
     rig: BearingRig
     controller: ControllerFile
     knowledge: IdentifiedMagnet
-    setups: Mapping[Variant, Setup]
+    setups: Mapping[MethodName, Setup]
     at: OperatingPoint
     recording: Recording
-    shown: Mapping[Variant, Recording]
+    shown: Mapping[MethodName, Recording]
     scenario: Scenario
     cells: list[Cell]
-    loops: Mapping[Variant, linear.Loop]
-    sensitivity: Mapping[Variant, Sensitivity]
+    loops: Mapping[MethodName, linear.Loop]
+    sensitivity: Mapping[MethodName, Sensitivity]
     plant: PlantCheck
     figures: dict[str, Any]
 
@@ -106,8 +106,8 @@ class Simulation:
         return found
 
     @property
-    def own(self) -> Variant:
-        """Variant of the controller file."""
+    def own(self) -> MethodName:
+        """MethodName of the controller file."""
         return self.controller.settings.compensation.variant
 
 
@@ -202,7 +202,7 @@ def write_simulation(found: Simulation, out: PathLike) -> None:
     """
     _write_recording(out, found.recording, found.controller, found.knowledge)
     with atomic_writer(Path(out).parent / FIGURES) as stream:
-        stream.write(json_text(_finite(found.figures)))
+        stream.write(json_text(found.figures))
 
 
 def _write_recording(
@@ -235,13 +235,13 @@ def refuse_losses(found: Simulation) -> None:
 
 def _beside(
     mine: Setup, controller: ControllerFile, knowledge: IdentifiedMagnet
-) -> tuple[dict[Variant, Setup], dict[Variant, str]]:
+) -> tuple[dict[MethodName, Setup], dict[MethodName, str]]:
     """Fit what is compared with a setup; where something cannot be made, report why.
 
     A magnet without hysteresis to speak of has no simplified law, and is worth a simulation.
     """
-    setups: dict[Variant, Setup] = {}
-    left_out: dict[Variant, str] = {}
+    setups: dict[MethodName, Setup] = {}
+    left_out: dict[MethodName, str] = {}
     for name in compared(mine.rig, mine.name):
         try:
             setups |= (
@@ -257,7 +257,7 @@ def _beside(
 def _compare(
     controller: ControllerFile,
     knowledge: IdentifiedMagnet,
-    setups: Mapping[Variant, Setup],
+    setups: Mapping[MethodName, Setup],
     at: OperatingPoint,
     recording: Recording,
     stages: Iterator[Progress],
@@ -324,19 +324,10 @@ def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
     }
 
 
-def compared(rig: BearingRig, own: Variant) -> tuple[Variant, ...]:
+def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
     found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
     return tuple(dict.fromkeys([*found, own]))
-
-
-def _finite(value: Any) -> Any:
-    """Return figures with null for what was not reached: JSON has no infinity."""
-    if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
-    if isinstance(value, list):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _gaps(rig: BearingRig) -> list[float]:
@@ -379,7 +370,7 @@ def _stages(progress: Progress | None, work: Sequence[float]) -> Iterator[Progre
 
 def _experiments(
     rig: BearingRig,
-    setups: Mapping[Variant, Setup],
+    setups: Mapping[MethodName, Setup],
     stages: Iterator[Progress],
 ) -> dict[str, Any]:
     """Try everything beside steps, with every variant."""

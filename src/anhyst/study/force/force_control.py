@@ -5,17 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
 
 from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.compensate.block import Kind
-from anhyst.compile.folder import json_text
+from anhyst.compensate.interface import Compensator
 from anhyst.data.files import write_csv
 from anhyst.data.table import read_columns
 from anhyst.link.firmware import check_compiler
@@ -31,6 +29,8 @@ from anhyst.study.force.trials import Controllers, Outcome, Stage, Trial, plan_t
 from anhyst.study.force.verdict import verdict
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
+from anhyst.support.folder import whole_folder
+from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 
 T = TypeVar("T")
@@ -113,18 +113,22 @@ def force_control(
     end = loops_at(loops, rig.settings.force_control.end_m)
     force_max = rig.settings.force_control.force_max_N
     ratio = fit_ratio(end, force_max)
-    curves = {
-        "end": (ratio, None, fit_single_valued(end, force_max)),
-        "stroke": (ratio, fit_ratio(loops, force_max), fit_single_valued(loops, force_max)),
+    baselines: dict[str, dict[str, Compensator]] = {
+        "end": {"ratio": ratio, "single": fit_single_valued(end, force_max)},
+        "stroke": {
+            "ratio": ratio,
+            "ratio_over_gap": fit_ratio(loops, force_max),
+            "single": fit_single_valued(loops, force_max),
+        },
     }
-    with _draft(Path(out)) as folder, ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with whole_folder(out) as folder, ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
         rig = complete_rig(rig, loops)
-        models = dict(zip(curves, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
+        models = dict(zip(baselines, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
         steps.step(4.0)
         programs = _programs(pool, rig, models, board, folder)
         steps.step(4.0)
         controllers = {
-            scope: Controllers(programs[scope], *curves[scope], board) for scope in curves
+            scope: Controllers(programs[scope], found, board) for scope, found in baselines.items()
         }
         outcomes = list(steps.each(_run(pool, rig, trials, controllers)))
         plant = rig.check(loops, models["stroke"])
@@ -171,33 +175,6 @@ def _check_tools(board: str) -> None:
     check_compiler(board)
     if board == "qemu-mps2":
         find_qemu()
-
-
-@contextmanager
-def _draft(folder: Path) -> Iterator[Path]:
-    """Give a folder to work in; when all is done, what is in it goes where it belongs."""
-    is_new = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        draft = TemporaryDirectory(prefix=".", suffix=".part", dir=folder)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror}; name a folder") from error
-    try:
-        with draft as place:
-            yield Path(place)
-            _move_all(Path(place), folder)
-    except BaseException:
-        if is_new:
-            with suppress(OSError):
-                folder.rmdir()
-        raise
-
-
-def _move_all(draft: Path, folder: Path) -> None:
-    for file in sorted(path for path in draft.rglob("*") if path.is_file()):
-        target = folder / file.relative_to(draft)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        file.replace(target)
 
 
 def _programs(

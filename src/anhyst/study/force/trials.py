@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst.compensate.baselines import ConstantRatio, SingleValued
+from anhyst.compensate.interface import Compensator
 from anhyst.rig.force.bench import Bench, Recording, read_gaps, run_open_loop
 from anhyst.rig.force.demand import Demand, moving_gap
 from anhyst.rig.force.file import Rig
@@ -69,20 +69,16 @@ class Controllers:
     ----------
     programs : tuple of Program
         Firmwares.
-    ratio : ConstantRatio
-        The paper's uncompensated case: one ratio, of the stroke's end.
-    ratio_over_gap : ConstantRatio or None
-        The same with a ratio for every gap.
-    single : SingleValued
-        The best curve without memory.
+    baselines : mapping of str to Compensator
+        ``ratio``, the paper's uncompensated case: one ratio, of the stroke's end;
+        ``ratio_over_gap``, the same with a ratio for every gap; ``single``, the best curve without
+        memory.
     board : str
         Where the firmwares run.
     """
 
     programs: tuple[Program, ...]
-    ratio: ConstantRatio
-    ratio_over_gap: ConstantRatio | None
-    single: SingleValued
+    baselines: Mapping[str, Compensator]
     board: str
 
     @property
@@ -165,16 +161,11 @@ def run_trial(rig: Rig, trial: Trial, controllers: Controllers) -> Outcome:
         differing[program.kind] = ticks_that_differ(program, session)
         simulated[program.kind] = _expected(program, recording, demagnetised)
     known = read_gaps(rig, gap, seed)
-    currents = {"ratio": controllers.ratio.current(trial.demand.force, known)}
-    if controllers.ratio_over_gap is not None:
-        scheduled = controllers.ratio_over_gap.current(trial.demand.force, known)
-        currents["ratio_over_gap"] = scheduled
-    currents["single"] = controllers.single.current(trial.demand.force, known)
-    for name, current in currents.items():
+    for name, baseline in controllers.baselines.items():
         stand = bench()
         if not demagnetised:
             stand.condition(controllers.conditioning)
-        recordings[name] = run_open_loop(stand, current)
+        recordings[name] = run_open_loop(stand, baseline.run(trial.demand.force, known))
     return Outcome(trial, recordings, simulated, differing)
 
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from anhyst.compensate.methods import MODELS
 from anhyst.study.force.results import TITLES
-
-BASELINES = ("single", "ratio", "ratio_over_gap")
-"""Without a hysteresis model."""
 
 WORST = "worst_percent"
 
 
 def strongest(stage: Mapping[str, Mapping[str, float]]) -> str:
     """Return the baseline with the least worst error in a stage of a summary."""
-    return min((name for name in BASELINES if name in stage), key=lambda name: stage[name][WORST])
+    return min((name for name in stage if name not in MODELS), key=lambda name: stage[name][WORST])
 
 
 def verdict(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:

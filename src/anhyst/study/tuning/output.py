@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from anhyst.compile.folder import json_text
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.study.bearing.responses import as_rows
 from anhyst.study.tuning.aims import TITLES, Aims, Figures, text_of
@@ -16,6 +15,7 @@ from anhyst.study.tuning.result import Tuned, Tuning
 from anhyst.study.tuning.trial import Condition
 from anhyst.study.tuning.worth import worth
 from anhyst.support.atomic import atomic_writer
+from anhyst.support.json_text import json_text
 from anhyst.support.version import running_version
 
 RESULTS = ("tuning.json", "tuning.md", "pareto.png")
@@ -178,7 +178,7 @@ def markdown(tuning: Tuning) -> str:
 def figures_of(tuning: Tuning) -> dict[str, Any]:
     """Return what ``tuning.json`` holds; the same for the same input and seed."""
     rig, simulate = tuning.rig.settings, tuning.rig.settings.simulate
-    found: dict[str, Any] = {
+    return {
         "format": "anhyst-tuning",
         "rig": rig.name,
         "controller": tuning.controller.settings.name,
@@ -196,8 +196,6 @@ def figures_of(tuning: Tuning) -> dict[str, Any]:
         "interrupted": tuning.interrupted,
         "variants": {name: _of_variant(one) for name, one in tuning.tuned.items()},
     }
-    plain: dict[str, Any] = _plain(found)
-    return plain
 
 
 def _of_variant(tuned: Tuned) -> dict[str, Any]:
@@ -246,14 +244,3 @@ def _of_variant(tuned: Tuned) -> dict[str, Any]:
 def keeps_others(aims: Aims, figures: Figures) -> bool:
     """Return whether the aims other than settling time and peak sensitivity are met."""
     return not set(aims.misses(figures)) - {"settling_time_s", "peak_sensitivity"}
-
-
-def _plain(value: Any) -> Any:
-    """Return a value without numbers that JSON does not have; they become null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.control.controller_file import ControllerFile, Variant
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerFile
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.study.tuning.aims import Aims, Figures
@@ -29,7 +30,7 @@ class Tuned:
     aims : Aims
     """
 
-    variant: Variant
+    variant: MethodName
     found: Found
     limits: tuple[Limit, ...]
     aims: Aims
@@ -76,8 +77,8 @@ class Tuning:
     conditions: tuple[Condition, ...]
     budget: int
     seed: int
-    tuned: Mapping[Variant, Tuned]
-    written: Mapping[Variant, Path]
+    tuned: Mapping[MethodName, Tuned]
+    written: Mapping[MethodName, Path]
     interrupted: bool
     seconds: float
     cpu_seconds: float

@@ -8,12 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.control.controller_file import (
-    ControllerFile,
-    ControllerTable,
-    Variant,
-    write_controller,
-)
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import make_setups
 from anhyst.rig.bearing.plant_check import check_plant
@@ -133,10 +129,10 @@ class _Task:
     jobs: int | None
 
     def run(
-        self, setups: Mapping[Variant, Setup], progress: Progress | None
-    ) -> tuple[dict[Variant, Tuned], bool]:
+        self, setups: Mapping[MethodName, Setup], progress: Progress | None
+    ) -> tuple[dict[MethodName, Tuned], bool]:
         """Tune one after the other; ctrl-C ends it and keeps what there is."""
-        tuned: dict[Variant, Tuned] = {}
+        tuned: dict[MethodName, Tuned] = {}
         for place, (name, setup) in enumerate(setups.items()):
             part = _part(progress, place, len(setups))
             search = Search(
@@ -165,8 +161,8 @@ class _Task:
 
 
 def _places(
-    folder: Path, variants: Sequence[Variant], rig: BearingRig, controller: ControllerFile
-) -> dict[Variant, Path]:
+    folder: Path, variants: Sequence[MethodName], rig: BearingRig, controller: ControllerFile
+) -> dict[MethodName, Path]:
     """Return where the controller files go; find out first whether they can be written."""
     names = {
         name: "controller.toml" if len(variants) == 1 else f"controller-{name}.toml"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from anhyst.compensate.variants import BASELINES, MODELS
+from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.study.tuning.result import Tuned, Tuning
 
 _SETTLING = "settling_time_s"

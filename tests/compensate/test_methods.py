@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from anhyst.compensate.drive import Drive
 from anhyst.compensate.flux import FluxCalibration
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.compensate.methods import METHODS, make_compensator
+from anhyst.compensate.sources import Operating, Sources
 from anhyst.compensate.surface import fit_surface
-from anhyst.compensate.variants import TITLES, Operating, fit_drive
-from anhyst.control.controller_file import Format, Variant
 from anhyst.data import History, Loop, LoopSet
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import ValidRange
@@ -27,9 +28,9 @@ from tests.actuators import GAPS, magnet, triangles
 RATE = 20000.0
 RANGE = (0.32e-3, 0.55e-3)
 POINT = Operating(0.42e-3, 50.0, RATE, RANGE, 90.0, 2.0)
-MAPS: tuple[Variant, ...] = ("ratio", "ratio-chord", "linearised", "static")
-VARIANTS: tuple[Variant, ...] = get_args(Variant)
-FORMATS: tuple[Format, ...] = get_args(Format)
+MAPS: tuple[MethodName, ...] = ("ratio", "secant", "linearised", "single-valued")
+VARIANTS: tuple[MethodName, ...] = get_args(MethodName)
+FORMATS: tuple[NumberFormat, ...] = get_args(NumberFormat)
 WIDTH = 0.1
 """Of the loops without a model, A."""
 
@@ -99,12 +100,12 @@ def density(force: FloatArray) -> FloatArray:
 
 
 @cache
-def fit(variant: Variant, number_format: Format) -> Drive:
+def fit(variant: MethodName, number_format: NumberFormat) -> ForceController:
     loops, model, calibration = known()
-    return fit_drive(variant, loops, model, POINT, number_format, calibration)
+    return make_compensator(variant, Sources(POINT, loops, model, calibration), number_format)
 
 
-def fitted(variant: Variant, number_format: Format = "f64") -> Drive:
+def fitted(variant: MethodName, number_format: NumberFormat = "f64") -> ForceController:
     return fit(variant, number_format).fresh()
 
 
@@ -113,7 +114,7 @@ def fitted(variant: Variant, number_format: Format = "f64") -> Drive:
 
 def test_the_static_curve_is_the_best_of_its_kind() -> None:
     """Both branches pass every force: no curve is nearer to the farther one than half the width."""
-    drive = fit_drive("static", around(roots), None, POINT, "f64")
+    drive = make_compensator("single-valued", Sources(POINT, around(roots)), "f64")
     worst = max(
         abs(drive.solve(force, gap) - float(roots(np.array(force), gap)) - side)
         for gap in (GAPS[1], 0.35e-3, 0.5e-3)
@@ -144,14 +145,14 @@ def test_constants_of_a_magnet_that_is_linear_are_its_own() -> None:
     loops = around(lines)
     for force, gap in ((40.0, 0.4e-3), (70.0, 0.5e-3)):
         current = float(lines(np.array(force), gap))
-        assert fit_drive("linearised", loops, None, POINT, "f64").solve(
+        assert make_compensator("linearised", Sources(POINT, loops), "f64").solve(
             force, gap
         ) == pytest.approx(current, abs=1e-6)
         there = float(lines(np.array(force), POINT.gap))  # a ratio knows no gap
-        assert fit_drive("ratio", loops, None, POINT, "f64").solve(force, gap) == pytest.approx(
-            there, abs=1e-6
-        )
-    numbers = fit_drive("linearised", loops, None, POINT, "f64").numbers
+        assert make_compensator("ratio", Sources(POINT, loops), "f64").solve(
+            force, gap
+        ) == pytest.approx(there, abs=1e-6)
+    numbers = make_compensator("linearised", Sources(POINT, loops), "f64").parameters.numbers
     assert numbers["k_i_N_per_A"] == pytest.approx(1.0 / 0.012, rel=1e-6)
     assert numbers["k_s_N_per_m"] == pytest.approx(800.0 / 0.012, rel=1e-6)
 
@@ -163,22 +164,24 @@ def test_constants_of_a_magnet_are_its_slopes_at_the_operating_point() -> None:
     per_force = (current(50.1, POINT.gap) - current(49.9, POINT.gap)) / 0.2
     per_gap = (current(50.0, POINT.gap + 1e-6) - current(50.0, POINT.gap - 1e-6)) / 2e-6
     for variant in MAPS[:3:2]:
-        numbers = fit_drive(variant, around(roots), None, POINT, "f64").numbers
+        numbers = make_compensator(variant, Sources(POINT, around(roots)), "f64").parameters.numbers
         assert numbers["k_i_N_per_A"] == pytest.approx(1.0 / per_force, rel=0.04)
-    numbers = fit_drive("linearised", around(roots), None, POINT, "f64").numbers
+    numbers = make_compensator(
+        "linearised", Sources(POINT, around(roots)), "f64"
+    ).parameters.numbers
     assert numbers["k_s_N_per_m"] == pytest.approx(per_gap / per_force, rel=0.04)
     assert per_gap > 0.0  # an opening gap needs more current
 
 
 def test_the_chord_goes_through_zero_and_the_operating_point() -> None:
-    drive = fit_drive("ratio-chord", around(roots), None, POINT, "f64")
+    drive = make_compensator("secant", Sources(POINT, around(roots)), "f64")
     assert drive.solve(0.0, POINT.gap) == 0.0
     there = float(roots(np.array(POINT.force), POINT.gap))
     assert drive.solve(POINT.force, POINT.gap) == pytest.approx(there, rel=1e-3)
     assert drive.solve(0.5 * POINT.force, RANGE[1]) == pytest.approx(0.5 * there, rel=1e-3)
 
 
-def worst_force(variant: Variant) -> float:
+def worst_force(variant: MethodName) -> float:
     """Largest error of the force in slow triangles, N, the armature held; applied a tick later."""
     drive, plant = fitted(variant), known()[1].stepper(POINT.gap, "demagnetised")
     inner = triangles(25.0, 75.0, 2000)
@@ -195,17 +198,17 @@ def worst_force(variant: Variant) -> float:
 def test_what_knows_more_errs_less() -> None:
     """Each step of knowledge counts on a magnet with wide loops; the flux needs no model."""
     errors = {variant: worst_force(variant) for variant in VARIANTS}
-    assert errors["static"] < errors["linearised"] < 0.5 * errors["ratio-chord"]
-    assert errors["simplified"] < 0.4 * errors["static"]
-    assert errors["full"] < 0.05 * errors["static"]
-    assert errors["flux"] < 0.2 * errors["static"]
+    assert errors["single-valued"] < errors["linearised"] < 0.5 * errors["secant"]
+    assert errors["simplified"] < 0.4 * errors["single-valued"]
+    assert errors["full"] < 0.05 * errors["single-valued"]
+    assert errors["flux"] < 0.2 * errors["single-valued"]
 
 
 # One law, three formats
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_the_three_formats_are_one_law(variant: Variant) -> None:
+def test_the_three_formats_are_one_law(variant: MethodName) -> None:
     drives = [fitted(variant, number_format) for number_format in FORMATS]
     scales = drives[0].scales
     assert all(drive.scales == scales for drive in drives)
@@ -232,7 +235,7 @@ def test_the_three_formats_are_one_law(variant: Variant) -> None:
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("number_format", FORMATS)
 def test_committing_what_was_solved_gives_the_demand(
-    variant: Variant, number_format: Format
+    variant: MethodName, number_format: NumberFormat
 ) -> None:
     drive = fitted(variant, number_format)
     for force in (20.0, 50.0, 35.5, 80.25):
@@ -241,7 +244,7 @@ def test_committing_what_was_solved_gives_the_demand(
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_a_fresh_drive_and_one_in_another_process_remember_nothing(variant: Variant) -> None:
+def test_a_fresh_drive_and_one_in_another_process_remember_nothing(variant: MethodName) -> None:
     drive = fitted(variant, "fixed")
     first = drive.solve(60.0, POINT.gap, 0.5)
     for force in (80.0, 20.0, 60.0):
@@ -252,8 +255,8 @@ def test_a_fresh_drive_and_one_in_another_process_remember_nothing(variant: Vari
         assert drive.solve(60.0, POINT.gap, 0.5) != first
 
 
-def test_every_variant_has_a_title() -> None:
-    assert set(TITLES) == set(VARIANTS)
+def test_every_method_has_a_row() -> None:
+    assert tuple(METHODS) == VARIANTS
 
 
 # The flux loop
@@ -264,13 +267,13 @@ def test_the_flux_loop_is_as_fast_as_its_delay_allows() -> None:
     delayed = replace(calibration, delay=2.0 / RATE)
     lagging = replace(delayed, lag=1.0 / RATE)
     drives = [
-        fit_drive("flux", loops, None, POINT, "f64", given)
+        make_compensator("flux", Sources(POINT, loops, None, given), "f64")
         for given in (calibration, delayed, lagging)
     ]
-    crossovers = [2.0 * np.pi * drive.numbers["crossover_Hz"] for drive in drives]
+    crossovers = [2.0 * np.pi * drive.parameters.numbers["crossover_Hz"] for drive in drives]
     # The proportional part takes the lag away, so that it does not count a second time.
     assert crossovers == pytest.approx([0.5 * RATE / 1.5, 0.5 * RATE / 2.5, 0.5 * RATE / 2.5])
-    first, _, third = (drive.numbers for drive in drives)
+    first, _, third = (drive.parameters.numbers for drive in drives)
     assert first["k_p_A_per_T"] == 0.0
     assert third["k_p_A_per_T"] == pytest.approx(third["k_i_A_per_T_s"] / RATE)
 
@@ -287,9 +290,9 @@ def test_the_flux_loop_keeps_its_phase_margin(lags: list[float], least: float) -
     """Around an iron of one slope, its low-passes held at zero order."""
     loops, _, calibration = known()
     tick = 1.0 / RATE
-    numbers = fit_drive(
-        "flux", loops, None, POINT, "f64", replace(calibration, delay=tick, lag=sum(lags))
-    ).numbers
+    numbers = make_compensator(
+        "flux", Sources(POINT, loops, None, replace(calibration, delay=tick, lag=sum(lags))), "f64"
+    ).parameters.numbers
     above = below = np.ones(1)
     if lags:
         slow = np.poly([-1.0 / lag for lag in lags])
@@ -318,22 +321,22 @@ def test_what_does_not_fit_is_refused() -> None:
     loops, model, _ = known()
     wide = replace(POINT, gap_range=(0.2e-3, 0.55e-3))
     with pytest.raises(InputError, match="measure more gaps or narrow the range"):
-        fit_drive("static", loops, None, wide, "f64")
+        make_compensator("single-valued", Sources(wide, loops), "f64")
     with pytest.raises(InputError, match="identify it from loops at more gaps"):
-        fit_drive("full", loops, model, wide, "f64")
+        make_compensator("full", Sources(wide, loops, model), "f64")
     with pytest.raises(InputError, match="needs a model"):
-        fit_drive("full", loops, None, POINT, "f64")
+        make_compensator("full", Sources(POINT, loops), "f64")
     with pytest.raises(InputError, match="needs the measured loops"):
-        fit_drive("ratio", None, model, POINT, "f64")
+        make_compensator("ratio", Sources(POINT, None, model), "f64")
     with pytest.raises(InputError, match="needs a Hall probe"):
-        fit_drive("flux", loops, model, POINT, "f64")
+        make_compensator("flux", Sources(POINT, loops, model), "f64")
     with pytest.raises(InputError, match="less than a fifth of 1000 N"):
         fit_surface(loops, 1000.0, RANGE)
     bare = LoopSet((replace(loops.loops[0], schedule=None),), loops.input, loops.output)
     with pytest.raises(InputError, match="I_A, F_N and gap_m"):
         fit_surface(bare, 90.0, RANGE)
     with pytest.raises(InputError, match="does not say where it holds"):
-        fit_drive("simplified", loops, replace(model, valid=None), POINT, "f64")
+        make_compensator("simplified", Sources(POINT, loops, replace(model, valid=None)), "f64")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,80 @@
+"""Methods with a model: the inverse of the hysteresis, compiled as for a controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from anhyst import _core
+from anhyst.compensate.bearing import bearing_model
+from anhyst.compensate.block import Block, Scales
+from anhyst.compensate.floating import RealBlock, build_real
+from anhyst.compensate.force_controller import Native
+from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.plan import Request, make_plan
+from anhyst.compensate.sources import Sources
+from anhyst.support.errors import InputError
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """The inverse of hysteresis, compiled.
+
+    Parameters
+    ----------
+    block : Block or RealBlock
+        For fixed point or for floating point.
+    iterations : int
+        Evaluations of a search.
+    """
+
+    block: Block | RealBlock
+    iterations: int
+    flux_full_scale = 1.0
+
+    @property
+    def scales(self) -> Scales:
+        """Those of the block."""
+        return self.block.scales
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Evaluations of a search."""
+        return {"iterations": float(self.iterations)}
+
+    def native(self, number_format: NumberFormat) -> Native:
+        """Return the core's own."""
+        block = self.block
+        if isinstance(block, Block):
+            return _core.FixedForceController.compensator(block.kind, block.words)
+        given = block.kind, block.numbers, block.gaps, block.tables
+        if number_format == "f32":
+            return _core.ForceControllerF32.compensator(_core.ParametersF32(*given))
+        return _core.ForceController.compensator(_core.Parameters(*given))
+
+
+def fit_full(sources: Sources, number_format: NumberFormat) -> Compiled:
+    """Compile the full law."""
+    return _compile("full", sources, number_format)
+
+
+def fit_simplified(sources: Sources, number_format: NumberFormat) -> Compiled:
+    """Compile the simplified law."""
+    return _compile("simplified", sources, number_format)
+
+
+def _compile(
+    kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
+) -> Compiled:
+    """Compile as for a controller; floating point takes the tables chosen for fixed point."""
+    model, where = sources.model, sources.operating
+    if model is None:
+        raise InputError("this method needs a model; identify one from the loops")
+    narrowed = bearing_model(model, where.current_max, where.force_max, where.gap_range)
+    plan = make_plan(narrowed, Request(kind, "q31", where.rate), 0)
+    block = plan.block
+    if number_format != "fixed":
+        law = plan.builder.law if kind == "simplified" else None
+        given = plan.model, kind, block.scales, block.limits, plan.sizes
+        block = build_real(*given, plan.start.conditioning, law)
+    return Compiled(block, plan.sizes.iterations)

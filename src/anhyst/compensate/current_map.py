@@ -1,0 +1,123 @@
+"""Methods without memory: a table of the current over force and gap, made in four ways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst import _core
+from anhyst.compensate.block import Scales, as_word
+from anhyst.compensate.force_controller import REAL, Native
+from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.plan import full_scale
+from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.surface import Surface, Tangent, fit_line, fit_plane
+from anhyst.support.arrays import FloatArray
+from anhyst.support.fixed_point import q31
+
+
+@dataclass(frozen=True)
+class CurrentMap:
+    """Current over force and gap without memory.
+
+    Parameters
+    ----------
+    entries : ndarray, shape (g, f)
+        A, on equal steps over the range of gaps and from zero to the full-scale force; rises along
+        the force. For fixed point both numbers are 2^n + 1.
+    scales : Scales
+        Full scales; no entry is beyond that of the current.
+    limits : tuple of float
+        Of the current, A.
+    numbers : mapping of str to float
+        Constants that the table is made of.
+    """
+
+    entries: FloatArray
+    scales: Scales
+    limits: tuple[float, float]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    flux_full_scale = 1.0
+
+    def native(self, number_format: NumberFormat) -> Native:
+        """Return the core's own."""
+        if number_format == "fixed":
+            return _core.FixedForceController.map(self.words(), *self.codes())
+        return REAL[number_format].map(self.entries, *self.real())
+
+    def real(self) -> tuple[float, ...]:
+        """Scales and limits as floating point takes them."""
+        scales = self.scales
+        return scales.demand, scales.gap_low, scales.gap_high, *self.limits
+
+    def words(self) -> NDArray[np.int16]:
+        """Entries as fixed point takes them."""
+        return table_words(self.entries, self.scales.current, "current")
+
+    def codes(self) -> tuple[int, int]:
+        """Limits as fixed point takes them."""
+        low, high = (q31(end / self.scales.current) for end in self.limits)
+        return low, high
+
+
+def table_words(values: FloatArray, one: float, name: str) -> NDArray[np.int16]:
+    """Return the entries of a table in which `one` counts as 1.0 as 16-bit words."""
+    words = [[as_word(value / one, 2.0**15, name) for value in row] for row in values.tolist()]
+    return np.array(words, dtype=np.int16)
+
+
+def fit_single_valued(sources: Sources, _: NumberFormat) -> CurrentMap:
+    """Take the best current without memory as it is."""
+    surface = sources.surface()
+    return current_map(surface.current, sources.operating, {})
+
+
+def current_map(
+    entries: FloatArray, operating: Operating, numbers: Mapping[str, float]
+) -> CurrentMap:
+    """Make a map with full scales that hold every entry, beside force and current."""
+    current = max(operating.current_max, float(np.abs(entries).max()))
+    scales = Scales(full_scale(operating.force_max), full_scale(current), *operating.gap_range)
+    limits = 0.0, operating.current_max
+    return CurrentMap(np.ascontiguousarray(entries), scales, limits, numbers)
+
+
+def fit_ratio(sources: Sources, _: NumberFormat) -> CurrentMap:
+    """Fit a constant force-current ratio around the operating point."""
+    return _plane(sources, fit_line)
+
+
+def fit_linearised(sources: Sources, _: NumberFormat) -> CurrentMap:
+    """Fit the two constants of a magnet around the operating point."""
+    return _plane(sources, fit_plane, "k_s_N_per_m")
+
+
+def fit_secant(sources: Sources, _: NumberFormat) -> CurrentMap:
+    """Take force over current at the operating point, through the origin."""
+    return _plane(sources, _secant)
+
+
+def _secant(surface: Surface, force: float, gap: float, _: float) -> Tangent:
+    current = float(surface.at(np.array([force]), gap)[0])
+    return Tangent(current, current / force, 0.0)
+
+
+def _plane(
+    sources: Sources,
+    fit: Callable[[Surface, float, float, float], Tangent],
+    stiffness: str | None = None,
+) -> CurrentMap:
+    """Return the table of a tangent, and the constants it is made of."""
+    surface, operating = sources.surface(), sources.operating
+    tangent = fit(surface, operating.force, operating.gap, operating.force_max)
+    force = surface.force[[0, -1]] - operating.force
+    gap = np.array(operating.gap_range) - operating.gap
+    entries = tangent.current + tangent.per_force * force + tangent.per_gap * gap[:, None]
+    numbers = {"k_i_N_per_A": tangent.k_i}
+    if stiffness is not None:
+        numbers[stiffness] = tangent.k_s
+    numbers["current_A"] = tangent.current
+    return current_map(entries, operating, numbers)

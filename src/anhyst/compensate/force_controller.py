@@ -1,0 +1,122 @@
+"""From force to current: the core's own arithmetic, with the scales that give its numbers a meaning."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+from anhyst import _core
+from anhyst.compensate.block import Scales
+from anhyst.compensate.interface import Compensator, MethodName, NumberFormat
+from anhyst.support.fixed_point import q31
+
+Native = _core.ForceController | _core.ForceControllerF32 | _core.FixedForceController
+
+REAL: Mapping[NumberFormat, type[_core.ForceController] | type[_core.ForceControllerF32]] = {
+    "f64": _core.ForceController,
+    "f32": _core.ForceControllerF32,
+}
+
+_Q31 = 2.0**31
+_NO_FLUX = -(2**31)
+
+
+class Parameters(Protocol):
+    """What a method found, of which a controller is made."""
+
+    @property
+    def scales(self) -> Scales:
+        """Full-scale force and current, and the range of the gap."""
+
+    @property
+    def flux_full_scale(self) -> float:
+        """Flux density that counts as 1.0 in fixed point, T; 1 where none is looked at."""
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        """Constants by their names with units, for reports."""
+
+    def native(self, number_format: NumberFormat) -> Native:
+        """Return the core's own, which remembers nothing yet."""
+
+
+@dataclass(frozen=True)
+class ForceController(Compensator):
+    """A compensator of one magnet as a controller of its position runs it.
+
+    Parameters
+    ----------
+    method : str
+        How it finds the current.
+    format : str
+        Number format.
+    parameters : Parameters
+        What it was fitted to.
+
+    Notes
+    -----
+    `native` remembers what was applied to it.
+    """
+
+    method: MethodName
+    format: NumberFormat
+    parameters: Parameters
+
+    @cached_property
+    def native(self) -> Native:
+        """The core's own, at first demagnetised and with an empty integral."""
+        return self.parameters.native(self.format)
+
+    @property
+    def scales(self) -> Scales:
+        """Full-scale force and current, and the range of the gap."""
+        return self.parameters.scales
+
+    def fresh(self) -> ForceController:
+        """Return the same with nothing remembered."""
+        return replace(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the core's object behind: another process makes its own, with nothing in it."""
+        return {name: value for name, value in self.__dict__.items() if name != "native"}
+
+    def solve(self, demand: float, gap: float | None = None, flux: float = math.nan) -> float:
+        """Return the current for a force; the state is not touched.
+
+        Parameters
+        ----------
+        demand : float
+            N.
+        gap : float, optional
+            m.
+        flux : float, optional
+            Measured flux density, T; NaN without.
+
+        Returns
+        -------
+        float
+            A.
+        """
+        native, scales = self.native, self.scales
+        at = scales.gap_low if gap is None else gap
+        if not isinstance(native, _core.FixedForceController):
+            return native.solve(demand, at, flux)
+        full = self.parameters.flux_full_scale
+        density = _NO_FLUX if math.isnan(flux) else q31(flux / full)
+        found = native.solve(q31(demand / scales.demand), self._gap_code(at), density)
+        return found / _Q31 * scales.current
+
+    def commit(self, applied: float, gap: float | None = None) -> float:
+        """Advance the state with the current that was applied, A; return the force to expect, N."""
+        native, scales = self.native, self.scales
+        at = scales.gap_low if gap is None else gap
+        if not isinstance(native, _core.FixedForceController):
+            return native.commit(applied, at)
+        expected = native.commit(q31(applied / scales.current), self._gap_code(at))
+        return expected / _Q31 * scales.demand
+
+    def _gap_code(self, gap: float) -> int:
+        return q31((gap - self.scales.gap_low) / (self.scales.gap_high - self.scales.gap_low))

@@ -1,0 +1,85 @@
+"""Every method from a wanted force to a current, each fitted to the same loops.
+
+A later one is a file of its own beside :mod:`.current_map`, a name in
+:data:`~anhyst.compensate.interface.MethodName`, and a row here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from anhyst.compensate.compiled import fit_full, fit_simplified
+from anhyst.compensate.current_map import (
+    fit_linearised,
+    fit_ratio,
+    fit_secant,
+    fit_single_valued,
+)
+from anhyst.compensate.flux_feedback import fit_flux
+from anhyst.compensate.force_controller import ForceController, Parameters
+from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.compensate.sources import Sources
+
+Role = Literal["baseline", "model", "sensor"]
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """One way from a wanted force to a current.
+
+    Parameters
+    ----------
+    title : str
+        In words.
+    role : str
+        ``"model"``: with a hysteresis model; ``"sensor"``: with another sensor; ``"baseline"``:
+        with neither.
+    fit : callable
+        From what is known of a magnet and a number format to the parameters.
+    """
+
+    title: str
+    role: Role
+    fit: Callable[[Sources, NumberFormat], Parameters]
+
+
+METHODS: Mapping[MethodName, Method] = {
+    "ratio": Method("constant force-current ratio", "baseline", fit_ratio),
+    "secant": Method("force in proportion to current", "baseline", fit_secant),
+    "linearised": Method("two constants, k_i and k_s", "baseline", fit_linearised),
+    "single-valued": Method("best current without memory", "baseline", fit_single_valued),
+    "simplified": Method("simplified hysteresis compensator", "model", fit_simplified),
+    "full": Method("full hysteresis compensator", "model", fit_full),
+    "flux": Method("measured flux density", "sensor", fit_flux),
+}
+
+BASELINES = tuple(name for name, method in METHODS.items() if method.role == "baseline")
+MODELS = tuple(name for name, method in METHODS.items() if method.role == "model")
+
+
+def make_compensator(
+    method: MethodName, sources: Sources, number_format: NumberFormat
+) -> ForceController:
+    """Fit a way from force to current.
+
+    Parameters
+    ----------
+    method : str
+        A key of :data:`METHODS`.
+    sources : Sources
+        What is known of the magnet, and where it works.
+    number_format : str
+        ``"f64"``, ``"f32"`` or ``"fixed"``; all three are the same arithmetic.
+
+    Returns
+    -------
+    ForceController
+
+    Raises
+    ------
+    InputError
+        What the method needs is missing or does not fit the operating range.
+    """
+    return ForceController(method, number_format, METHODS[method].fit(sources, number_format))

@@ -1,0 +1,89 @@
+"""What a force controller is fitted to: what is known of its magnet, and where it works."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from anhyst.compensate.flux import FluxCalibration
+from anhyst.compensate.plan import full_scale
+from anhyst.compensate.surface import Surface, fit_surface
+from anhyst.data import LoopSet
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.errors import InputError
+
+
+@dataclass(frozen=True)
+class Operating:
+    """Where a bearing works, and within which limits.
+
+    Parameters
+    ----------
+    gap : float
+        Around which the constants are fitted, m.
+    force : float
+        Likewise, N.
+    rate : float
+        Ticks a second, Hz.
+    gap_range : tuple of float
+        Least and largest gap of the controller, m.
+    force_max : float
+        Largest force that is asked for, N.
+    current_max : float
+        Largest current; the least is zero. A.
+
+    Raises
+    ------
+    InputError
+        The operating point is not within the limits.
+    """
+
+    gap: float
+    force: float
+    rate: float
+    gap_range: tuple[float, float]
+    force_max: float
+    current_max: float
+
+    def __post_init__(self) -> None:
+        low, high = self.gap_range
+        if not 0.0 <= low < self.gap < high:
+            raise InputError(f"gap: {self.gap:g} m is not within {low:g} to {high:g} m")
+        if not 0.0 < self.force < self.force_max:
+            raise InputError(f"force: {self.force:g} N is not within 0 to {self.force_max:g} N")
+        if not (self.rate > 0.0 and self.current_max > 0.0):
+            raise InputError("rate and largest current must be above zero")
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What is known of a magnet; a method takes what it needs.
+
+    Parameters
+    ----------
+    operating : Operating
+        Operating point and limits.
+    loops : LoopSet, optional
+        Current to force; needed by every method without a model.
+    model : ActuatorModel, optional
+        Identified from the same loops; needed by methods with a model.
+    flux_calibration : FluxCalibration, optional
+        Needed by a method that measures the flux density.
+    """
+
+    operating: Operating
+    loops: LoopSet | None = None
+    model: ActuatorModel | None = None
+    flux_calibration: FluxCalibration | None = None
+
+    def surface(self) -> Surface:
+        """Return the best current without memory that the loops show.
+
+        Raises
+        ------
+        InputError
+            There are no loops, or they do not span what is asked for.
+        """
+        if self.loops is None:
+            raise InputError("this method needs the measured loops; give them")
+        where = self.operating
+        return fit_surface(self.loops, full_scale(where.force_max), where.gap_range)

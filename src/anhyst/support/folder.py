@@ -1,0 +1,98 @@
+"""Folders that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from anhyst.support.atomic import PathLike, write_error
+
+
+@contextmanager
+def whole_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
+    """Give a folder to work in; when all is done, what is in it appears in its place.
+
+    After any failure, ctrl-C included, what stood there before still stands there, and nothing
+    else.
+
+    Parameters
+    ----------
+    out : path-like
+        The folder; made where it is not there.
+    replace : bool, optional
+        Whether all that stands there goes; otherwise files are put beside it, and over files of the
+        same name.
+
+    Yields
+    ------
+    Path
+        An empty folder on the same disk.
+
+    Raises
+    ------
+    InputError
+        The place cannot be written, or the disk is full.
+    """
+    target = Path(os.path.realpath(out))
+    as_whole = replace or not target.exists()
+    draft = (target.parent if as_whole else target) / f".{target.name}.{os.getpid()}.part"
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        draft.mkdir()
+        yield draft
+        if as_whole:
+            _exchange(draft, target)
+        else:
+            _move_files(draft, target)
+    except OSError as error:
+        if error.filename is None or str(error.filename).startswith(str(target.parent)):
+            raise write_error(out, error) from error
+        raise
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files into a folder, by their paths below it."""
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _exchange(draft: Path, target: Path) -> None:
+    """Put a draft where its folder stood."""
+    old = target.with_name(draft.name.removesuffix(".part") + ".old")
+    if target.exists():
+        target.rename(old)
+    try:
+        draft.rename(target)
+    except OSError:
+        if old.exists():
+            old.rename(target)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _move_files(draft: Path, target: Path) -> None:
+    """Put the files of a draft beside others."""
+    made: list[Path] = []
+    try:
+        for file in sorted(path for path in draft.rglob("*") if path.is_file()):
+            place = target / file.relative_to(draft)
+            for above in reversed(place.relative_to(target).parents[:-1]):
+                if not (target / above).exists():
+                    (target / above).mkdir()
+                    made.append(target / above)
+            if not place.exists():
+                made.append(place)
+            file.replace(place)
+    except OSError:
+        for place in reversed(made):
+            if place.is_dir():
+                place.rmdir()
+            else:
+                place.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,77 @@
+"""The one page of all reports: a head, sections of blocks, and nothing fetched from anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+
+from anhyst.support.page.blocks import Note, Section, Table
+
+TEMPLATE = "page.html.j2"
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """One large figure of the head, and what it is."""
+
+    figure: str
+    name: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Headline:
+    """What a reader sees first."""
+
+    title: str
+    what: str
+    basis: str
+    notes: tuple[Note, ...]
+    tiles: tuple[Tile, ...]
+    comparison: Table | None
+    holds: str
+
+
+def render_page(
+    head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str
+) -> str:
+    """Return the text of a page.
+
+    Parameters
+    ----------
+    head : Headline
+        What a reader sees first.
+    sections : sequence of Section
+        What follows.
+    version : str
+        Of anhyst; may be empty.
+    kind : str
+        What the page is about, in two words.
+    source : str
+        What it was written from.
+
+    Returns
+    -------
+    str
+        HTML that needs nothing else.
+    """
+    return _template().render(
+        head=head, sections=sections, version=version, kind=kind, source=source
+    )
+
+
+@cache
+def _template() -> Template:
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(TEMPLATE)

@@ -1,0 +1,77 @@
+"""A folder appears whole, or what stood there before still stands there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from anhyst.support.errors import InputError
+from anhyst.support.folder import whole_folder, write_texts
+from anhyst.support.json_text import json_text
+
+OLD = {"kept.txt": "old", "sub/other.txt": "old"}
+NEW = {"sub/other.txt": "new", "sub/deeper/more.txt": "new"}
+
+
+def contents(folder: Path) -> dict[str, str]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_text() for path in files}
+
+
+@pytest.mark.parametrize(("replace", "expected"), [(True, NEW), (False, {**OLD, **NEW})])
+def test_what_is_done_appears_in_its_place(
+    tmp_path: Path, replace: bool, expected: dict[str, str]
+) -> None:
+    write_texts(tmp_path / "out", OLD)
+    with whole_folder(tmp_path / "out", replace=replace) as draft:
+        write_texts(draft, NEW)
+        assert contents(tmp_path / "out").items() >= OLD.items(), "nothing moves before the end"
+    assert contents(tmp_path) == {f"out/{name}": text for name, text in expected.items()}
+
+
+def interrupted(out: Path, replace: bool) -> None:
+    with whole_folder(out, replace=replace) as draft:
+        write_texts(draft, NEW)
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("there", [True, False])
+@pytest.mark.parametrize("replace", [True, False])
+def test_after_a_failure_nothing_else_stands_there(
+    tmp_path: Path, there: bool, replace: bool
+) -> None:
+    if there:
+        write_texts(tmp_path / "out", OLD)
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(tmp_path / "out", replace)
+    assert contents(tmp_path) == (
+        {f"out/{name}": text for name, text in OLD.items()} if there else {}
+    )
+    assert (tmp_path / "out").exists() == there
+
+
+def test_files_that_were_moved_already_go_again_where_a_later_one_cannot(tmp_path: Path) -> None:
+    write_texts(tmp_path / "out", {"z/in_the_way": "a file below a folder of that name"})
+    with (
+        pytest.raises(InputError, match="out: cannot be written"),
+        whole_folder(tmp_path / "out") as draft,
+    ):
+        write_texts(draft, {"a/first.txt": "new", "z": "a file of the same name as a folder"})
+    assert list(contents(tmp_path / "out")) == ["z/in_the_way"]
+    assert not (tmp_path / "out" / "a").exists()
+
+
+def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("a file")
+    with (
+        pytest.raises(InputError, match="out: cannot be written: Not a directory"),
+        whole_folder(tmp_path / "out"),
+    ):
+        pass
+
+
+def test_json_has_null_for_what_is_no_finite_number() -> None:
+    assert json_text({"a": [1.5, float("inf")], "b": ({"c": float("nan")},)}) == (
+        '{\n  "a": [\n    1.5,\n    null\n  ],\n  "b": [\n    {\n      "c": null\n    }\n  ]\n}\n'
+    )
