@@ -26,6 +26,7 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/simplified_f64.c"
   "${ANHYST_CORE_DIR}/src/compensator_f32.c"
   "${ANHYST_CORE_DIR}/src/compensator_f64.c"
+  "${ANHYST_CORE_DIR}/src/factor.c"
   "${ANHYST_CORE_DIR}/src/pidd2.c"
   "${ANHYST_CORE_DIR}/src/pidd2_real.c"
   "${ANHYST_CORE_DIR}/src/map.c"

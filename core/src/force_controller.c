@@ -9,16 +9,11 @@ static int is_known_q31(int32_t a)
   return 1; /* every code is a number */
 }
 
-static int factor_is_valid(anhyst_factor factor)
-{
-  return factor.shift >= ANHYST_PIDD2_SHIFT_LOW && factor.shift <= ANHYST_PIDD2_SHIFT_HIGH;
-}
-
 static int is_valid_q31(const anhyst_flux_loop_q31 *loop)
 {
-  return factor_is_valid(loop->proportional) && factor_is_valid(loop->integral) &&
-         factor_is_valid(loop->back) && loop->back.mantissa >= 0 && loop->smoothing.mantissa <= 0 &&
-         loop->smoothing.shift >= 0 && loop->smoothing.shift <= 1;
+  return anhyst_factor_is_valid(loop->proportional) && anhyst_factor_is_valid(loop->integral) &&
+         anhyst_factor_is_valid(loop->back) && loop->back.mantissa >= 0 &&
+         anhyst_factor_is_share(loop->smoothing);
 }
 
 static int32_t sum_q31(int32_t a, int32_t b) { return anhyst_add_q31(a, b); }
@@ -56,7 +51,7 @@ static void correct_q31(anhyst_force_controller_q31 *c, int32_t gap, int32_t flu
   c->flux = anhyst_map_value_q31(&c->loop->wanted, c->demand, gap) >> 1;
   c->error = flux == ANHYST_NO_FLUX ? 0 : c->expected - (flux >> 1);
   const int32_t half =
-      anhyst_add_q31(c->integral, anhyst_pidd2_product(c->error, c->loop->proportional));
+      anhyst_add_q31(c->integral, anhyst_factor_product(c->error, c->loop->proportional));
   c->correction = anhyst_shl_q31(half, 1);
 }
 
@@ -66,12 +61,12 @@ static void advance_flux_q31(anhyst_force_controller_q31 *c, int32_t applied)
 {
   const anhyst_flux_loop_q31 *loop = c->loop;
   const int32_t behind = c->expected - c->flux;
-  int32_t learnt = anhyst_pidd2_product(c->error, loop->integral);
+  int32_t learnt = anhyst_factor_product(c->error, loop->integral);
   if ((c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
     const int32_t missing = (applied >> 1) - (c->wanted >> 1);
-    learnt = anhyst_add_q31(learnt, anhyst_pidd2_product(missing, loop->back));
+    learnt = anhyst_add_q31(learnt, anhyst_factor_product(missing, loop->back));
   }
-  c->expected += anhyst_pidd2_product(behind, loop->smoothing);
+  c->expected += anhyst_factor_product(behind, loop->smoothing);
   c->integral = anhyst_add_q31(c->integral, learnt);
 }
 

@@ -50,7 +50,7 @@ static int32_t within_q31(int32_t a, int32_t low, int32_t high)
 
 static int32_t gap_of_q31(const anhyst_gap_line_q31 *line, int32_t position)
 {
-  const int32_t part = anhyst_shl_q31(anhyst_pidd2_product(position, line->factor), 1);
+  const int32_t part = anhyst_shl_q31(anhyst_factor_product(position, line->factor), 1);
   return anhyst_add_q31(line->offset, part);
 }
 
@@ -72,8 +72,7 @@ static int are_sound_q31(const anhyst_position_limits_q31 *limits,
 {
   int factors = 1;
   for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
-    const int16_t shift = settings->units.gap[i].factor.shift;
-    factors = factors && shift >= ANHYST_PIDD2_SHIFT_LOW && shift <= ANHYST_PIDD2_SHIFT_HIGH;
+    factors = factors && anhyst_factor_is_valid(settings->units.gap[i].factor);
   }
   return factors && limits->current_low < limits->current_high && limits->current_step > 0 &&
          distance(limits->current_low, limits->current_high) % (uint32_t)limits->current_step ==

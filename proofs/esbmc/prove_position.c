@@ -12,11 +12,6 @@
 static anhyst_position_limits_q31 limits;
 static anhyst_position_settings_q31 settings;
 
-static int is_sound(anhyst_factor factor)
-{
-  return factor.shift >= ANHYST_PIDD2_SHIFT_LOW && factor.shift <= ANHYST_PIDD2_SHIFT_HIGH;
-}
-
 static int is_current(int32_t current)
 {
   return current >= limits.current_low && current <= limits.current_high;
@@ -28,7 +23,7 @@ static int is_current(int32_t current)
 static int are_sound_q31(const anhyst_position_limits_q31 *of,
                          const anhyst_position_settings_q31 *to)
 {
-  return is_sound(to->units.gap[0].factor) && is_sound(to->units.gap[1].factor) &&
+  return anhyst_factor_is_valid(to->units.gap[0].factor) && anhyst_factor_is_valid(to->units.gap[1].factor) &&
          of->current_low < of->current_high && of->current_step > 0 &&
          of->release >= of->current_step && nondet_i16() != 0;
 }
@@ -39,10 +34,10 @@ static int32_t on_grid_q31(const anhyst_position_limits_q31 *of, int32_t current
   return any_within(limits.current_low, limits.current_high);
 }
 
-int32_t anhyst_pidd2_product(int32_t x, anhyst_factor factor)
+int32_t anhyst_factor_product(int32_t x, anhyst_factor factor)
 {
   (void)x;
-  SHOW(is_sound(factor));
+  SHOW(anhyst_factor_is_valid(factor));
   return nondet_i32();
 }
 

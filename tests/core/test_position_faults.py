@@ -23,7 +23,7 @@ from tests.control.position_oracle import LOW, Oracle, Sample
 from .test_c_core import HERE, ROOT, tool
 
 SOURCES = (
-    *("position", "levitation", "supervisor", "force_controller", "map", "pidd2"),
+    *("position", "levitation", "supervisor", "force_controller", "map", "pidd2", "factor"),
     *("compensator", "block", "closed"),
 )
 LIMITS = (
@@ -52,12 +52,12 @@ FAULTS = [
     ("levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
     ("levitation.c", "l->let_go = l->tick == 0 ? 1U : 0U;", "l->let_go = 0U;"),
     ("position.c", "rest >= step - rest ?", "rest >= step ?"),
-    ("position.c", "anhyst_shl_q31(anhyst_pidd2_product(", "(2 + anhyst_pidd2_product("),
+    ("position.c", "anhyst_shl_q31(anhyst_factor_product(", "(2 + anhyst_factor_product("),
     ("position.c", "return a >> 1;", "return a >> 2;"),
     ("generic/position.h", "c->limited != 0U ? force : c->candidate.output", "force - 64"),
     ("generic/position.h", "(force[0], c->demand);", "(c->settings->bias, c->demand);"),
     ("pidd2.c", "anhyst_clamp(anhyst_shl_q31(u, 3),", "anhyst_clamp(8 * (u >> 1 << 1),"),
-    ("pidd2.c", "anhyst_pidd2_product(missing, gains->back)", "missing"),
+    ("pidd2.c", "anhyst_factor_product(missing, gains->back)", "missing"),
 ]
 
 

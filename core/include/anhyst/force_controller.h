@@ -15,9 +15,9 @@
 #define ANHYST_FORCE_CONTROLLER_H
 
 #include "anhyst/compensator.h"
+#include "anhyst/factor.h"
 #include "anhyst/force_method.h"
 #include "anhyst/map.h"
-#include "anhyst/pidd2.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -34,8 +34,7 @@ typedef struct {
   anhyst_factor integral;     /* k_i*T*B/U */
   anhyst_factor back;         /* share of applied - wanted that the integral takes in a tick in
                                  which the controller's limits cut the current */
-  anhyst_factor smoothing;    /* minus the share of a step that is expected to show in a tick,
-                                 -1..0, shift 0 or 1 */
+  anhyst_factor smoothing;    /* minus the share of a step that is expected to show in a tick */
 } anhyst_flux_loop_q31;
 
 typedef anhyst_compensator anhyst_compensator_q31;

@@ -19,26 +19,16 @@
 #ifndef ANHYST_PIDD2_H
 #define ANHYST_PIDD2_H
 
-#include "anhyst/fixed.h"
+#include "anhyst/factor.h"
 #include "anhyst/status.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-#define ANHYST_PIDD2_SHIFT_LOW (-15)
-#define ANHYST_PIDD2_SHIFT_HIGH 16
-
-/* A factor, mantissa/65536*2^shift. Normalised: |mantissa| is at least 16384, or zero. */
-typedef struct {
-  int16_t mantissa;
-  int16_t shift; /* ANHYST_PIDD2_SHIFT_LOW..ANHYST_PIDD2_SHIFT_HIGH */
-} anhyst_factor;
-
 /* Gains for one rate and one set of full scales. U, Y and L are the full scales of output,
    position and load, T is the length of a tick. The smoothings are minus the share of a step that
-   a filter passes in one tick, -1..0 (exactly -1, no filter, is mantissa -32768 and shift 1): the
-   negative end of a mantissa reaches further. */
+   a filter passes in one tick, see anhyst_factor_is_share. */
 typedef struct {
   anhyst_factor proportional; /* K_p*Y/U/4 */
   anhyst_factor integral;     /* K_i*T*Y/U */
@@ -71,9 +61,6 @@ typedef struct {
 
 /* Whether gains are within their ranges: ANHYST_OK or ANHYST_BAD_PARAMETER. */
 anhyst_status anhyst_pidd2_check_q31(const anhyst_pidd2_gains_q31 *gains);
-
-/* x*factor, floor, error below one unit in the last place; saturates where x*2^shift does. */
-int32_t anhyst_pidd2_product(int32_t x, anhyst_factor factor);
 
 /* At rest at that position, with the integral that makes the output be the given one: taking over
    from a hand-set output is without a jump. Saturates at twice full scale. */

@@ -10,7 +10,7 @@ from typing import Any
 FLASH = 0x08000000
 """Where the code of a Cortex-M stands, as in ``harness/cortex_m.ld``."""
 
-CONTROL = "pidd2.c"
+CONTROL = {"pidd2.c", "factor.c"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ def measure_sizes(
     for symbol in image.symbols:
         ours = symbol.name.startswith(prefixes) or symbol.source in sources
         if symbol.kind == "STT_FUNC" and ours:
-            if symbol.name.startswith("anhyst_pidd2") or symbol.source == CONTROL:
+            if symbol.name.startswith(("anhyst_pidd2", "anhyst_factor")) or symbol.source in CONTROL:
                 control += symbol.size
             else:
                 code += symbol.size

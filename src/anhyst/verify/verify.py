@@ -34,7 +34,7 @@ from anhyst.verify.targets import (
 )
 from anhyst.verify.tools import Missing
 from anhyst.verify.vectors import GoldenVectors, read_flight, read_vectors
-from anhyst.verify.workshop import CONTROL_SOURCE, Variant, Workshop
+from anhyst.verify.workshop import CONTROL_SOURCES, Variant, Workshop
 
 DEFAULT = "host,cortex-m4"
 HOST_STEPS = 1_000_000
@@ -228,7 +228,7 @@ class _Job:
 
     def _sizes(self, image: Image, target: str) -> Sizes:
         bundle = self.workshop.bundle
-        sources = {Path(name).name for name in (*bundle.c_files, CONTROL_SOURCE)}
+        sources = {Path(name).name for name in (*bundle.c_files, *CONTROL_SOURCES)}
         return measure_sizes(image, bundle.name, sources, constants_in_data=target == "avr")
 
 

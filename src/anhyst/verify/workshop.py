@@ -109,7 +109,7 @@ class Workshop:
             "harness.c",
             f"run_{self.subject}.c",
             *(f"{name}.c" for name in ports),
-            *sorted({*sources, CONTROL_SOURCE}),
+            *sorted({*sources, *CONTROL_SOURCES}),
         ]
         return Build(
             tuple(place / name for name in names),
@@ -119,7 +119,7 @@ class Workshop:
         )
 
 
-CONTROL_SOURCE = "src/pidd2.c"
+CONTROL_SOURCES = ("src/factor.c", "src/pidd2.c")
 
 
 def _add_control(place: Path) -> None:
@@ -127,7 +127,7 @@ def _add_control(place: Path) -> None:
 
     It is in fixed point always.
     """
-    for name, text in core_files([Path(CONTROL_SOURCE).name]).items():
+    for name, text in core_files(Path(name).name for name in CONTROL_SOURCES).items():
         path = place / name
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
