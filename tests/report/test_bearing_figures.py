@@ -196,7 +196,7 @@ def test_steps_show_reference_and_every_variant_with_its_overshoot(subject: Subj
     assert labels == [
         "reference",
         "ratio: overshoot 30.25 ± 0.40\N{NO-BREAK SPACE}%",
-        "static: overshoot 10.00 ± 0.30\N{NO-BREAK SPACE}%",
+        "single-valued: overshoot 10.00 ± 0.30\N{NO-BREAK SPACE}%",
         "full: overshoot 12.10 ± 0.25\N{NO-BREAK SPACE}%",
     ]
     for line, name in zip(ax.lines[1:], SHOWN, strict=True):
@@ -286,7 +286,7 @@ def test_cells_without_a_certain_gain_are_hatched(subject: Subject) -> None:
         (squares,) = ax.collections
         assert all(patch.get_zorder() > squares.get_zorder() for patch in ax.patches)
     assert sorted(texts_of(figure)) == sorted(
-        2 * ["0.30†", "0.38", "0.90†\nstatic", "0.98\nstatic"]
+        2 * ["0.30†", "0.38", "0.90†\nsingle", "0.98\nsingle"]
     )
 
 

@@ -219,11 +219,11 @@ def test_the_map_says_against_whom_and_where_there_is_no_gain(page: Page) -> Non
     assert "Overshoot against ratio: a certain gain in 4 of 4 cells" in page.text
     assert "at best 70 % less than ratio (step of 10 µm, reversible fraction 0.05" in page.text
     assert "Overshoot against the strongest: a certain gain in 2 of 4 cells" in page.text
-    assert "10 % less than static" in page.text
+    assert "10 % less than single-valued" in page.text
 
 
 def test_zones_follow_the_peak(page: Page) -> None:
-    assert "ratio: peak 4.40, zone C; static: peak 2.00, zone A" in page.text
+    assert "ratio: peak 4.40, zone C; single-valued: peak 2.00, zone A" in page.text
 
 
 def test_lost_levitation_is_told_first(subject: Subject) -> None:

@@ -1,4 +1,4 @@
-"""The baseline that measures: current corrected until a Hall probe shows the wanted flux density."""
+"""The method that measures: current corrected until a Hall probe shows the wanted flux density."""
 
 from __future__ import annotations
 

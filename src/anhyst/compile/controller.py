@@ -17,8 +17,8 @@ from anhyst.compensate.plan import Plan, Request
 from anhyst.control.controller_file import (
     ControllerFile,
     ControllerTable,
+    error_at_key,
     read_controller,
-    told_by_key,
 )
 from anhyst.control.position import PositionControl, Settings
 from anhyst.model.actuator import ActuatorModel
@@ -96,7 +96,7 @@ class Controller:
         """
         table = self.table
         assert isinstance(plan.block, Block)
-        with told_by_key(self.file):
+        with error_at_key(self.file):
             control = table.position_control(
                 plan.block.scales,
                 table.converter_of_currents(),

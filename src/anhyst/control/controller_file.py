@@ -425,7 +425,7 @@ _KEYS: Mapping[str, tuple[str, str]] = {
 
 
 @contextmanager
-def told_by_key(file: ControllerFile) -> Iterator[None]:
+def error_at_key(file: ControllerFile) -> Iterator[None]:
     """Name file, line and key where a controller cannot be made from a file.
 
     Parameters

@@ -50,7 +50,7 @@ def subject_of_benefit(
                 "What is compared",
                 f"Every iron is measured and identified again, all variants are fitted to the same "
                 f"loops and run with the same gains, {found.seeds} noise seeds each. “{STRONGEST}” "
-                "is, cell by cell, the best of ratio, linearised and static, which know no "
+                "is, cell by cell, the best of ratio, linearised and single-valued, which know no "
                 "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands "
                 "beside them: it needs no model, as it measures the flux density.",
             ),

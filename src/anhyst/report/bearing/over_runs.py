@@ -22,7 +22,7 @@ from anhyst.support.page.style import ALARM, new_figure, panels, styled
 
 _DARK = 0.45  # ratio below which its colour asks for white letters
 
-_SHORT = {"linearised": "lin."}  # where squares are narrow
+_SHORT = {"linearised": "lin.", "single-valued": "single"}  # where squares are narrow
 
 Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
 

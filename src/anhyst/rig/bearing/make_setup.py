@@ -12,7 +12,7 @@ from anhyst.compensate.flux import FluxCalibration
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import MODELS, make_compensator
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.control.controller_file import ControllerFile, ControllerTable, told_by_key
+from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
 from anhyst.data import LoopSet
 from anhyst.identify.options import IdentifyTable
 from anhyst.model.actuator import ActuatorModel
@@ -136,7 +136,7 @@ def make_setups(
             raise InputError(
                 f"{controller.model if modelled else rig.measured.text}: {error}"
             ) from error
-        with told_by_key(controller):
+        with error_at_key(controller):
             check_position(found[variant])
     return found
 
