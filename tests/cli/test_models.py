@@ -130,9 +130,9 @@ def test_a_wrong_key_is_told(folder: Path, old: str, new: str, said: str) -> Non
     ("content", "said"),
     [
         pytest.param("", 'model.toml: format: must be "anhyst-model"; is this a model', id="empty"),
-        pytest.param(GOOD.encode("utf-16"), "model.toml: is no UTF-8 text, so no model file",
+        pytest.param(GOOD.encode("utf-16"), "model.toml: is no UTF-8 text; name a TOML file",
                      id="UTF-16"),
-        pytest.param(bytes(range(256)) * 9, "model.toml: is no UTF-8 text, so no model file",
+        pytest.param(bytes(range(256)) * 9, "model.toml: is no UTF-8 text; name a TOML file",
                      id="binary"),
         pytest.param(table(), "model.toml:1: damaged TOML: expected '='", id="measurements"),
         pytest.param("a = " + "[" * 9000, "model.toml: damaged TOML: maximum recursion",
@@ -171,4 +171,4 @@ def test_several_faults_are_told_at_once(folder: Path) -> None:
 
 def test_a_folder_is_no_model(folder: Path) -> None:
     (folder / "model.toml").mkdir()
-    assert refused(*VERBS["predict"], cwd=folder).endswith("Is a directory; name a model.toml")
+    assert refused(*VERBS["predict"], cwd=folder).endswith("Is a directory; check the path")

@@ -301,7 +301,7 @@ def test_files_of_another_kind(folder: Path) -> None:
     said = refused(*RUN, "--controller", "rig.toml", cwd=folder)
     assert said.startswith("rig.toml:4: format: must be 'anhyst-controller', is 'anhyst-bearing'")
     said = refused("simulate", "loops.csv", "--out", "out/run.csv", cwd=folder)
-    assert said.startswith("loops.csv: damaged TOML")
+    assert said.startswith("loops.csv:4: damaged TOML")
 
 
 @pytest.mark.parametrize(

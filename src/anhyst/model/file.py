@@ -8,9 +8,6 @@ file. What is wrong with a file is told with its line and key, all of it at once
 from __future__ import annotations
 
 import difflib
-import tomllib
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -39,9 +36,8 @@ from anhyst.model.schema import (
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import FileProblem, TomlFileError, dotted, explain
+from anhyst.support.toml_file import TomlFile, explain
 from anhyst.support.toml_text import Path as KeyPath
-from anhyst.support.toml_text import key_lines
 from anhyst.support.units import QUANTITIES, Quantity, find_unit
 
 
@@ -66,45 +62,18 @@ def read_model(path: PathLike) -> ActuatorModel:
         Another format or version, keys that are unknown, missing, without their unit or out of
         range; with line and key.
     """
-    try:
-        text = Path(path).read_bytes().decode("utf-8")
-    except OSError as error:
-        reason = "no such file; check the path" if isinstance(error, FileNotFoundError) else (
-            f"cannot be read: {error.strerror}; name a model.toml"
-        )  # fmt: skip
-        raise InputError(f"{path}: {reason}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: is no UTF-8 text, so no model file; name a model.toml"
-        ) from error
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(_damage(path, text, str(error))) from error
-    except (ValueError, RecursionError) as error:  # numbers without end, brackets without end
-        raise InputError(f"{path}: damaged TOML: {error}; is this a model file?") from error
-    return _Reader(path, key_lines(text)).read(content)
-
-
-def _damage(path: PathLike, text: str, message: str) -> str:
-    what, _, place = message.rpartition(" (at ")
-    if place.startswith("line "):
-        line = place.removeprefix("line ").partition(",")[0]
-    else:
-        what, line = (what or message), str(len(text.splitlines()))
-    return f"{path}:{line}: damaged TOML: {what[0].lower()}{what[1:]}; mend this line"
+    return _Reader(TomlFile(path)).read()
 
 
 class _Reader:
     """Takes the content of a file to a model, collecting problems on the way."""
 
-    def __init__(self, path: PathLike, lines: Mapping[KeyPath, int]) -> None:
-        self.path = path
-        self.lines = lines
-        self.problems: list[FileProblem] = []
+    def __init__(self, file: TomlFile) -> None:
+        self.file = file
         self.names: dict[tuple[str, ...], Names] = {}
 
-    def read(self, content: dict[str, Any]) -> ActuatorModel:
+    def read(self) -> ActuatorModel:
+        content = self.file.content
         self._check_version(content)
         given, answer, schedule = (
             self._quantity(content, key) for key in ("input", "output", "schedule")
@@ -128,10 +97,10 @@ class _Reader:
 
     def _check_version(self, content: dict[str, Any]) -> None:
         if content.get("format") != FORMAT:
-            self._add(("format",), f'must be "{FORMAT}"; is this a model file?')
+            self.file.add(("format",), f'must be "{FORMAT}"; is this a model file?')
         elif content.get("version") != VERSION:
             version = content.get("version")
-            self._add(
+            self.file.add(
                 ("version",),
                 f"is missing; a file of this anhyst says version = {VERSION}"
                 if version is None
@@ -149,7 +118,7 @@ class _Reader:
         ) else written  # fmt: skip
         try:
             if written is None:
-                self._add((key,), "is missing; add this table")
+                self.file.add((key,), "is missing; add this table")
                 return None
             table = QuantityTable.model_validate(known)
         except ValidationError as error:
@@ -162,10 +131,10 @@ class _Reader:
         unit = find_unit(quantity.unit)
         wanted = usual.unit if usual else unit.si if unit else None
         if wanted is None:
-            self._add((key, "unit"), f"unknown unit {quantity.unit!r}; write an SI unit")
+            self.file.add((key, "unit"), f"unknown unit {quantity.unit!r}; write an SI unit")
         elif quantity.unit != wanted:
             text = f"is {quantity.unit!r}; model files are in SI, write {wanted!r}"
-            self._add((key, "unit"), text)
+            self.file.add((key, "unit"), text)
         return quantity
 
     def _strip_units(self, table: Any, at: KeyPath) -> None:
@@ -182,19 +151,13 @@ class _Reader:
                 table[fields[key]] = table.pop(key)
             elif field := meant(key, names):
                 text = f"its unit must stand in the key; write {names[field][1]}"
-                self._add((*at, key), text)
+                self.file.add((*at, key), text)
                 table[field] = table.pop(key)
         for key, value in table.items():
             self._strip_units(value, (*at, key))
 
     def _collect(self, error: ValidationError, at: tuple[str, ...] = ()) -> None:
-        seen = {p.key for p in self.problems}
-        for finding in error.errors(include_url=False):
-            path = self._file_path((*at, *finding["loc"]))
-            key = dotted(path)
-            if key not in seen:
-                seen.add(key)
-                self._add(path, self._advice(path, finding))
+        self.file.collect(error, self._advice, lambda place: self._file_path((*at, *place)))
 
     def _advice(self, path: KeyPath, finding: Any) -> str:
         text = explain(finding)
@@ -217,7 +180,7 @@ class _Reader:
     def _check_ranges(self, content: dict[str, Any]) -> None:
         """Check what types cannot say; only where the types were right."""
         parameters = content.get("parameters")
-        if self.problems or not isinstance(parameters, dict):
+        if self.file.problems or not isinstance(parameters, dict):
             return
         values: dict[str, Parameter] = {
             name: tuple(float(v) for v in value) if isinstance(value, list) else float(value)
@@ -225,12 +188,14 @@ class _Reader:
         }
         nodes = content.get("schedule", {}).get("nodes", [])
         for problem in find_problems(content["law"], values, nodes, content["gap_map"]):
-            self._add(self._file_path(_place_of(problem.key)), problem.text)
+            self.file.add(self._file_path(_place_of(problem.key)), problem.text)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
-                self._add(self._file_path(("valid", key)), "the first must not exceed the second")
+                self.file.add(
+                    self._file_path(("valid", key)), "the first must not exceed the second"
+                )
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
-            self._add(("valid",), "has a range of a scheduling variable that there is not")
+            self.file.add(("valid",), "has a range of a scheduling variable that there is not")
         unsure = content.get("uncertainty")
         if unsure is not None:
             self._check_lengths(unsure)
@@ -244,7 +209,9 @@ class _Reader:
             ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
         ):
             if set(sizes) != {count}:
-                self._add(("uncertainty", key), f"must hold one entry for each of {count} names")
+                self.file.add(
+                    ("uncertainty", key), f"must hold one entry for each of {count} names"
+                )
 
     def _build(
         self, table: ModelTable, given: Quantity, answer: Quantity, schedule: Quantity | None
@@ -252,7 +219,7 @@ class _Reader:
         try:
             history = History.parse(table.history)
         except InputError as error:
-            self._add(("history",), str(error))
+            self.file.add(("history",), str(error))
             self._stop_if_wrong()
         model = ActuatorModel(
             name=table.name,
@@ -277,20 +244,13 @@ class _Reader:
             for node in model.nodes if model.fixed_gap_only else (None,):
                 model.iron_at(node)
         except InputError as error:
-            self._add(("parameters",), str(error).removeprefix("model parameters: "))
+            self.file.add(("parameters",), str(error).removeprefix("model parameters: "))
             self._stop_if_wrong()
         return model
 
-    def _add(self, path: KeyPath, text: str) -> None:
-        place = path
-        while place and place not in self.lines:
-            place = place[:-1]
-        problem = FileProblem(self.lines.get(place), dotted(path), text, place == path)
-        self.problems.append(problem)
-
     def _stop_if_wrong(self) -> None:
-        if self.problems:
-            raise TomlFileError(self.path, self.problems)
+        if self.file.problems:
+            raise self.file.error()
 
 
 def _place_of(key: str) -> tuple[str, ...]:

@@ -1,23 +1,18 @@
 """What a model file may hold: its tables, their types, and keys that carry units."""
 
+# ruff: noqa: RUF012 - pydantic gives every table its own copy of a default
+
 from __future__ import annotations
 
 import sys
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    FiniteFloat,
-    PlainValidator,
-    create_model,
-)
+from pydantic import AfterValidator, Field, FiniteFloat, PlainValidator, create_model
 from pydantic_core import PydanticCustomError
 
 from anhyst.laws.registry import LAWS
 from anhyst.model.parameters import specs_of
+from anhyst.support.toml_file import Table
 
 
 def _is_number(value: object) -> bool:
@@ -53,12 +48,6 @@ LawName = Annotated[str, AfterValidator(_law)]
 Number = Annotated[float | list[float], PlainValidator(_number)]
 Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
 Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
-
-
-class Table(BaseModel):
-    """A table of the file: nothing unknown, nothing converted."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class QuantityTable(Table):

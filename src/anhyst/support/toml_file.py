@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import UnionType
@@ -103,6 +103,78 @@ class TomlFileError(InputError):
         super().__init__(text)
 
 
+class TomlFile:
+    """A file as it was read, and what is found to be wrong with it.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Attributes
+    ----------
+    content : dict
+        What it says.
+    lines : dict
+        Where each key stands; see :func:`~anhyst.support.toml_text.key_lines`.
+    problems : list of FileProblem
+        At first none.
+
+    Raises
+    ------
+    InputError
+        It cannot be read or is no TOML.
+    """
+
+    def __init__(self, path: PathLike) -> None:
+        self.path = path
+        text = _text(path)
+        try:
+            self.content: dict[str, Any] = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(_damage(path, text, str(error))) from error
+        except (ValueError, RecursionError) as error:  # numbers without end, brackets without end
+            raise InputError(f"{path}: damaged TOML: {error}; mend it") from error
+        self.lines = key_lines(text)
+        self.problems: list[FileProblem] = []
+
+    def add(self, key: KeyPath, text: str) -> None:
+        """Note what is wrong at a key, and what to do; list elements by index from 0."""
+        place = key
+        while place and place not in self.lines:
+            place = place[:-1]
+        found = FileProblem(self.lines.get(place), dotted(key) or "file", text, place == key)
+        self.problems.append(found)
+
+    def collect(
+        self,
+        error: ValidationError,
+        advice: Callable[[KeyPath, Any], str],
+        place: Callable[[KeyPath], KeyPath] = lambda location: location,
+    ) -> None:
+        """Note what a validation found, the first finding of each key.
+
+        Parameters
+        ----------
+        error : ValidationError
+            Of the content, or of a part.
+        advice : callable
+            From a key and what was found there to what is wrong and what to do.
+        place : callable, optional
+            From a place in the schema to the key in the file.
+        """
+        seen = {problem.key for problem in self.problems}
+        for finding in error.errors(include_url=False):
+            key = place(tuple(one for one in finding["loc"] if not str(one).startswith(BRANCH)))
+            if dotted(key) not in seen:
+                seen.add(dotted(key))
+                self.add(key, advice(key, finding))
+
+    def error(self) -> TomlFileError:
+        """Return all that is wrong, to be raised; at least one problem has been noted."""
+        return TomlFileError(self.path, self.problems)
+
+
 def read_toml(path: PathLike, schema: type[T], renamed: Sequence[Renamed] = ()) -> T:
     """Read a TOML file.
 
@@ -132,44 +204,37 @@ def read_toml(path: PathLike, schema: type[T], renamed: Sequence[Renamed] = ()) 
     TomlFileError
         Keys that are unknown (the nearest known one is named), missing or out of range.
     """
-    text = _text(path)
+    file = TomlFile(path)
+    _rename(file, renamed)
     try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: damaged TOML: {error}; mend this place") from error
-    lines = key_lines(text)
-    _rename(path, content, lines, renamed)
-    try:
-        return schema.model_validate(content)
+        return schema.model_validate(file.content)
     except ValidationError as error:
-        raise TomlFileError(path, _problems(error, schema, lines)) from error
+        file.collect(error, lambda location, finding: _advice(schema, location, finding))
+        raise file.error() from error
 
 
-def _rename(
-    path: PathLike, content: Any, lines: dict[KeyPath, int], renamed: Sequence[Renamed]
-) -> None:
+def _rename(file: TomlFile, renamed: Sequence[Renamed]) -> None:
     """Bring older names up to date, in the content and in the lines of the keys."""
     for one in renamed:
-        table = content
+        table: Any = file.content
         for part in one.table:
             table = table.get(part) if isinstance(table, dict) else None
         if not isinstance(table, dict) or one.key not in table:
             continue
         old: KeyPath = (*one.table, one.key)
+        line, value = file.lines[old], table[one.key]
         if isinstance(one.new, str):
             if one.new in table:
                 continue
             table[one.new] = table.pop(one.key)
-            lines[*one.table, one.new] = lines[old]
+            file.lines[*one.table, one.new] = line
             text = f"is now called {one.new}; write that"
-        else:
-            value = table[one.key]
-            if not isinstance(value, str) or value not in one.new:
-                continue
+        elif isinstance(value, str) and value in one.new:
             table[one.key] = one.new[value]
             text = f'"{value}" is now called "{one.new[value]}"; write that'
-        said = f"{path}:{lines[old]}: {dotted(old)}: {text}"
-        warnings.warn(said, RenamedWarning, stacklevel=4)
+        else:
+            continue
+        warnings.warn(f"{file.path}:{line}: {dotted(old)}: {text}", RenamedWarning, stacklevel=4)
 
 
 def faults_error(path: PathLike, faults: Iterable[Fault]) -> TomlFileError:
@@ -187,8 +252,10 @@ def faults_error(path: PathLike, faults: Iterable[Fault]) -> TomlFileError:
     TomlFileError
         To be raised.
     """
-    lines = key_lines(_text(path))
-    return TomlFileError(path, [_problem(lines, key, text) for key, text in faults])
+    file = TomlFile(path)
+    for key, text in faults:
+        file.add(key, text)
+    return file.error()
 
 
 def _text(path: PathLike) -> str:
@@ -202,21 +269,13 @@ def _text(path: PathLike) -> str:
         raise InputError(f"{path}: is no UTF-8 text; name a TOML file") from error
 
 
-def _problems(
-    error: ValidationError, schema: type[Table], lines: dict[KeyPath, int]
-) -> list[FileProblem]:
-    found: dict[str, FileProblem] = {}
-    for finding in error.errors(include_url=False):
-        path: KeyPath = tuple(one for one in finding["loc"] if not str(one).startswith(BRANCH))
-        found.setdefault(dotted(path), _problem(lines, path, _advice(schema, path, finding)))
-    return list(found.values())
-
-
-def _problem(lines: dict[KeyPath, int], path: KeyPath, text: str) -> FileProblem:
-    place = path
-    while place and place not in lines:
-        place = place[:-1]
-    return FileProblem(lines.get(place), dotted(path) or "file", text, place == path)
+def _damage(path: PathLike, text: str, message: str) -> str:
+    what, _, place = message.rpartition(" (at ")
+    if place.startswith("line "):
+        line = place.removeprefix("line ").partition(",")[0]
+    else:
+        what, line = (what or message), str(len(text.splitlines()))
+    return f"{path}:{line}: damaged TOML: {what[0].lower()}{what[1:]}; mend this line"
 
 
 def _advice(schema: type[Table], path: KeyPath, finding: Any) -> str:
