@@ -21,7 +21,15 @@ SINGLE: dict[Kind, tuple[str, ...]] = {
 }
 """The same for single precision."""
 
-CONTROL = ("factor.c", "pidd2.c", "map.c", "force_controller.c", "supervisor.c", "levitation.c", "position.c")
+CONTROL = (
+    "factor.c",
+    "pidd2.c",
+    "map.c",
+    "force_controller.c",
+    "supervisor.c",
+    "levitation.c",
+    "position.c",
+)
 """What a controller of the position needs beyond a compensator."""
 
 INCLUDE = "include"

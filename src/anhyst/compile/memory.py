@@ -34,7 +34,14 @@ def state_bytes(block: AnyBlock) -> int:
 
 def controller_bytes(magnets: int) -> int:
     """Return the size of everything that changes in a position controller and its force controllers."""
-    headers = ("supervisor.h", "levitation.h", "factor.h", "pidd2.h", "compensator.h", "force_controller.h")
+    headers = (
+        "supervisor.h",
+        "levitation.h",
+        "factor.h",
+        "pidd2.h",
+        "compensator.h",
+        "force_controller.h",
+    )
     generic = ("force_controller.h", "position.h")
     sizes = _structures(
         *(read_core(f"include/anhyst/{name}") for name in headers),

@@ -29,9 +29,9 @@ def each(
     inputs : sequence
     progress : callable, optional
     jobs : int, optional
-        Processes; as many as there are cores if left out. One: in this process.
+        Processes; as many as :func:`cores` if left out. One: in this process.
     """
-    count = min(jobs or len(os.sched_getaffinity(0)), len(inputs))
+    count = min(jobs or cores(), len(inputs))
     done = 0
     if count <= 1:
         for place, one in enumerate(inputs):
@@ -62,6 +62,13 @@ def all_of(
     """Do some work on every input; results in their order."""
     found = dict(each(work, inputs, progress, jobs))
     return [found[place] for place in range(len(inputs))]
+
+
+def cores() -> int:
+    """Return how many cores this process may use; where the system does not say, all there are."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _leave_interrupts() -> None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.compensate.block import Kind
 from anhyst.compensate.interface import Compensator
+from anhyst.data import LoopSet
 from anhyst.data.files import write_csv
 from anhyst.data.table import read_columns
 from anhyst.link.firmware import check_compiler
@@ -30,15 +29,17 @@ from anhyst.study.force.verdict import verdict
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.folder import whole_folder
+from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
-
-T = TypeVar("T")
 
 KINDS: tuple[Kind, ...] = ("full", "simplified")
 
 SCOPES: Mapping[Stage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
 """Which models belong to which stage, as their folders are called."""
+
+_PREPARED = 4.0
+"""Work of the models, and of the programs, in trials."""
 
 LONGEST_DEMAND = 120.0
 """Seconds of a demand from a file at most."""
@@ -108,7 +109,7 @@ def force_control(
     demands = _demands(rig, demand)
     _check_tools(board)
     trials = list(plan_trials(rig, demands))
-    steps = _Steps(progress, total=8.0 + len(trials))
+    report = _Steps(progress, total=2.0 * _PREPARED + len(trials))
     loops = read_loops(rig)
     end = loops_at(loops, rig.settings.force_control.end_m)
     force_max = rig.settings.force_control.force_max_N
@@ -121,16 +122,16 @@ def force_control(
             "single": fit_single_valued(loops, force_max),
         },
     }
-    with whole_folder(out) as folder, ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with whole_folder(out) as folder:
         rig = complete_rig(rig, loops)
-        models = dict(zip(baselines, pool.map(find_model, (rig, rig), (end, loops)), strict=True))
-        steps.step(4.0)
-        programs = _programs(pool, rig, models, board, folder)
-        steps.step(4.0)
+        found_models = all_of(_model, [(rig, end), (rig, loops)], report.part(_PREPARED))
+        models = dict(zip(baselines, found_models, strict=True))
+        programs = _programs(rig, models, board, folder, report.part(_PREPARED))
         controllers = {
             scope: Controllers(programs[scope], found, board) for scope, found in baselines.items()
         }
-        outcomes = list(steps.each(_run(pool, rig, trials, controllers)))
+        tasks = [(rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials]
+        outcomes = all_of(_outcome, tasks, report.part(len(trials)))
         plant = rig.check(loops, models["stroke"])
         found = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
         found["verdict"] = verdict(found["summary"])
@@ -138,36 +139,36 @@ def force_control(
     return ForceControl(rig, Path(out), found, tuple(outcomes), plant)
 
 
-def _run(
-    pool: ProcessPoolExecutor,
-    rig: Rig,
-    trials: Sequence[Trial],
-    controllers: Mapping[str, Controllers],
-) -> Iterator[Outcome]:
-    """Run all trials at once, and give their outcomes in order."""
-    pending = [
-        pool.submit(run_trial, rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials
-    ]
-    return (one.result() for one in pending)
+def _model(task: tuple[Rig, LoopSet]) -> ActuatorModel:
+    return find_model(*task)
+
+
+def _program(task: tuple[Kind, ActuatorModel, float, str, Path]) -> Program:
+    return prepare(*task)
+
+
+def _outcome(task: tuple[Rig, Trial, Controllers]) -> Outcome:
+    return run_trial(*task)
 
 
 class _Steps:
-    """Reports how far the work is, if anybody listens."""
+    """Reports how far the work is, part after part."""
 
     def __init__(self, progress: Progress | None, total: float) -> None:
         self._progress = progress
         self._total = total
-        self._done = 0.0
+        self._begun = 0.0
 
-    def step(self, done: float) -> None:
-        self._done += done
-        if self._progress is not None:
-            self._progress(self._done, self._total)
+    def part(self, work: float) -> Progress:
+        """Return what reports the next part, so much of the total."""
+        before = self._begun
+        self._begun += work
 
-    def each(self, items: Iterable[T]) -> Iterator[T]:
-        for item in items:
-            self.step(1.0)
-            yield item
+        def report(done: float, count: float) -> None:
+            if self._progress is not None:
+                self._progress(before + work * done / count, self._total)
+
+        return report
 
 
 def _check_tools(board: str) -> None:
@@ -178,20 +179,20 @@ def _check_tools(board: str) -> None:
 
 
 def _programs(
-    pool: ProcessPoolExecutor,
     rig: Rig,
     models: Mapping[str, ActuatorModel],
     board: str,
     folder: Path,
+    progress: Progress,
 ) -> dict[str, tuple[Program, ...]]:
     rate = rig.settings.rate_Hz
-    pending = {
-        scope: [
-            pool.submit(prepare, kind, model, rate, board, folder / scope / kind) for kind in KINDS
-        ]
+    tasks = [
+        (kind, model, rate, board, folder / scope / kind)
         for scope, model in models.items()
-    }
-    return {scope: tuple(one.result() for one in ones) for scope, ones in pending.items()}
+        for kind in KINDS
+    ]
+    made = iter(all_of(_program, tasks, progress))
+    return {scope: tuple(next(made) for _ in KINDS) for scope in models}
 
 
 def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:
