@@ -2,41 +2,41 @@
 # FMU take it from here.
 set(ANHYST_CORE_DIR "${CMAKE_CURRENT_LIST_DIR}")
 set(ANHYST_CORE_SOURCES
-  "${ANHYST_CORE_DIR}/src/elementary.c"
-  "${ANHYST_CORE_DIR}/src/langevin.c"
-  "${ANHYST_CORE_DIR}/src/branch.c"
-  "${ANHYST_CORE_DIR}/src/operator.c"
-  "${ANHYST_CORE_DIR}/src/lag_exact.c"
-  "${ANHYST_CORE_DIR}/src/lag_linear.c"
-  "${ANHYST_CORE_DIR}/src/lag_1986.c"
-  "${ANHYST_CORE_DIR}/src/solver.c"
-  "${ANHYST_CORE_DIR}/src/circuit.c"
-  "${ANHYST_CORE_DIR}/src/sensitivity.c"
-  "${ANHYST_CORE_DIR}/src/batch_dispatch.c"
-  "${ANHYST_CORE_DIR}/src/block.c"
-  "${ANHYST_CORE_DIR}/src/full.c"
-  "${ANHYST_CORE_DIR}/src/full_block.c"
-  "${ANHYST_CORE_DIR}/src/closed.c"
-  "${ANHYST_CORE_DIR}/src/simplified.c"
-  "${ANHYST_CORE_DIR}/src/euler.c"
-  "${ANHYST_CORE_DIR}/src/compensator.c"
-  "${ANHYST_CORE_DIR}/src/full_f32.c"
-  "${ANHYST_CORE_DIR}/src/full_f64.c"
-  "${ANHYST_CORE_DIR}/src/simplified_f32.c"
-  "${ANHYST_CORE_DIR}/src/simplified_f64.c"
-  "${ANHYST_CORE_DIR}/src/compensator_f32.c"
-  "${ANHYST_CORE_DIR}/src/compensator_f64.c"
-  "${ANHYST_CORE_DIR}/src/factor.c"
-  "${ANHYST_CORE_DIR}/src/pidd2.c"
-  "${ANHYST_CORE_DIR}/src/pidd2_real.c"
-  "${ANHYST_CORE_DIR}/src/map.c"
-  "${ANHYST_CORE_DIR}/src/map_real.c"
-  "${ANHYST_CORE_DIR}/src/force_controller.c"
-  "${ANHYST_CORE_DIR}/src/force_controller_real.c"
-  "${ANHYST_CORE_DIR}/src/supervisor.c"
-  "${ANHYST_CORE_DIR}/src/levitation.c"
-  "${ANHYST_CORE_DIR}/src/position.c"
-  "${ANHYST_CORE_DIR}/src/position_real.c")
+  "${ANHYST_CORE_DIR}/src/numeric/elementary.c"
+  "${ANHYST_CORE_DIR}/src/law/langevin.c"
+  "${ANHYST_CORE_DIR}/src/law/branch.c"
+  "${ANHYST_CORE_DIR}/src/law/operator.c"
+  "${ANHYST_CORE_DIR}/src/law/lag_exact.c"
+  "${ANHYST_CORE_DIR}/src/law/lag_linear.c"
+  "${ANHYST_CORE_DIR}/src/law/lag_1986.c"
+  "${ANHYST_CORE_DIR}/src/law/solver.c"
+  "${ANHYST_CORE_DIR}/src/law/circuit.c"
+  "${ANHYST_CORE_DIR}/src/law/sensitivity.c"
+  "${ANHYST_CORE_DIR}/src/law/batch_dispatch.c"
+  "${ANHYST_CORE_DIR}/src/compensator/block.c"
+  "${ANHYST_CORE_DIR}/src/compensator/full.c"
+  "${ANHYST_CORE_DIR}/src/compensator/full_block.c"
+  "${ANHYST_CORE_DIR}/src/compensator/closed.c"
+  "${ANHYST_CORE_DIR}/src/compensator/simplified.c"
+  "${ANHYST_CORE_DIR}/src/compensator/euler.c"
+  "${ANHYST_CORE_DIR}/src/compensator/compensator.c"
+  "${ANHYST_CORE_DIR}/src/compensator/full_f32.c"
+  "${ANHYST_CORE_DIR}/src/compensator/full_f64.c"
+  "${ANHYST_CORE_DIR}/src/compensator/simplified_f32.c"
+  "${ANHYST_CORE_DIR}/src/compensator/simplified_f64.c"
+  "${ANHYST_CORE_DIR}/src/compensator/compensator_f32.c"
+  "${ANHYST_CORE_DIR}/src/compensator/compensator_f64.c"
+  "${ANHYST_CORE_DIR}/src/numeric/factor.c"
+  "${ANHYST_CORE_DIR}/src/control/pidd2.c"
+  "${ANHYST_CORE_DIR}/src/control/pidd2_real.c"
+  "${ANHYST_CORE_DIR}/src/compensator/map.c"
+  "${ANHYST_CORE_DIR}/src/compensator/map_real.c"
+  "${ANHYST_CORE_DIR}/src/compensator/force_controller.c"
+  "${ANHYST_CORE_DIR}/src/compensator/force_controller_real.c"
+  "${ANHYST_CORE_DIR}/src/control/supervisor.c"
+  "${ANHYST_CORE_DIR}/src/control/levitation.c"
+  "${ANHYST_CORE_DIR}/src/control/position.c"
+  "${ANHYST_CORE_DIR}/src/control/position_real.c")
 
 set(ANHYST_WARNINGS
   -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)
@@ -47,7 +47,7 @@ set(ANHYST_SAME_BITS -ffp-contract=off)
 # The batch is compiled once for each instruction set; batch_dispatch.c picks one at run time.
 set(ANHYST_BATCH_OBJECTS)
 function(anhyst_batch name)
-  add_library(anhyst_batch_${name} OBJECT "${ANHYST_CORE_DIR}/src/batch.c")
+  add_library(anhyst_batch_${name} OBJECT "${ANHYST_CORE_DIR}/src/law/batch.c")
   target_include_directories(anhyst_batch_${name} PRIVATE "${ANHYST_CORE_DIR}/include")
   target_compile_definitions(anhyst_batch_${name} PRIVATE ANHYST_BATCH_NAME=_${name})
   target_compile_options(anhyst_batch_${name} PRIVATE -O3 ${ANHYST_WARNINGS}

@@ -73,8 +73,8 @@ def build(kind: str, folder: Path, clang: str) -> Path:
         *sorted(ROOT.glob("firmware/link/*.c")),
         *sorted(ROOT.glob("firmware/app/*.c")),
         *sorted(ROOT.glob("firmware/force/*.c")),
-        ROOT / "core" / "src" / "supervisor.c",
-        *sorted(compiled.glob("src/*.c")),
+        ROOT / "core" / "src" / "control" / "supervisor.c",
+        *sorted(compiled.glob("src/*/*.c")),
         *compiled.glob("*_parameters.c"),
     ]
     program = folder / f"fuzz-{kind}"

@@ -145,7 +145,7 @@ def command(proof: Proof, core: Path) -> list[str]:
     defines = [f"-D{macro}" for macro in proof.defines]
     if proof.tool == "every":
         trap = "-fsanitize=undefined -fsanitize-undefined-trap-on-error"
-        program, block = core.parent / "every", core / "src" / "block.c"
+        program, block = core.parent / "every", core / "src" / "compensator" / "block.c"
         build = f"cc -std=c99 -O2 {trap} {' '.join(includes)} {proof.harness} {block} -o {program}"
         return ["sh", "-c", f"{build} || exit 2; {program} && echo every number || echo not all"]
     if proof.tool == "esbmc":

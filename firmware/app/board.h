@@ -4,8 +4,8 @@
 #ifndef ANHYST_FIRMWARE_BOARD_H
 #define ANHYST_FIRMWARE_BOARD_H
 
-#include "anhyst/compensator.h"
-#include "anhyst/supervisor.h"
+#include "anhyst/compensator/compensator.h"
+#include "anhyst/control/supervisor.h"
 
 /* What a sensor can plausibly show, q30.
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The control task: ticks, link and hardware watched, commands done. What it controls is the affair
-   of its body (app/body.h); states, commands and faults are those of anhyst/supervisor.h. Knows
-   neither link nor port. */
+   of its body (app/body.h); states, commands and faults are those of anhyst/control/supervisor.h.
+   Knows neither link nor port. */
 #ifndef ANHYST_FIRMWARE_CONTROL_H
 #define ANHYST_FIRMWARE_CONTROL_H
 

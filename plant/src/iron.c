@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "anhyst/elementary.h"
+#include "anhyst/numeric/elementary.h"
 
 #define TWO_OVER_PI 0.63661977236758134308
 #define ITERATIONS 100

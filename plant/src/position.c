@@ -32,11 +32,11 @@ static int32_t flux_q31(double value, double full)
 
 static double value_q31(int32_t code, double full) { return (double)code / ONE * full; }
 
-#include "anhyst/q31.h"
+#include "anhyst/numeric/q31.h"
 #include "generic/position.h"
-#include "anhyst/f64.h"
+#include "anhyst/numeric/f64.h"
 #include "generic/position_cast.h"
 #include "generic/position.h"
-#include "anhyst/f32.h"
+#include "anhyst/numeric/f32.h"
 #include "generic/position_cast.h"
 #include "generic/position.h"

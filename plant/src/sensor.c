@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "anhyst/elementary.h"
+#include "anhyst/numeric/elementary.h"
 
 #define MASK (ANHYST_PLANT_DELAY_MOST - 1U)
 

@@ -2,7 +2,7 @@
 /* Every operator of fixed.h but anhyst_scale, for any numbers within its preconditions. */
 #include "any.h"
 
-#include "anhyst/fixed.h"
+#include "anhyst/numeric/fixed.h"
 
 int main(void)
 {

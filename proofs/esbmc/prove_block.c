@@ -19,19 +19,19 @@ static int16_t watched;
   (i) = watched;                                                                                   \
   ASSUME((i) >= (low) && (i) < (high));
 
-#include "block.c"
+#include "compensator/block.c"
 #if defined(UNIT)
 #elif defined(SIMPLIFIED)
-#include "closed.c"
-#include "simplified.c"
+#include "compensator/closed.c"
+#include "compensator/simplified.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_simplified;
 #elif defined(EULER)
-#include "closed.c"
-#include "euler.c"
+#include "compensator/closed.c"
+#include "compensator/euler.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 #else
-#include "full.c"
-#include "full_block.c"
+#include "compensator/full.c"
+#include "compensator/full_block.c"
 
 /* Any answer: its products are too much for a solver. */
 static int current_rises(const int16_t *words)

@@ -5,10 +5,10 @@
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
-#include "closed.c"
+#include "compensator/closed.c"
 #ifdef EULER
 #define advance euler_advance
-#include "euler.c"
+#include "compensator/euler.c"
 #undef advance
 #endif
 

@@ -4,7 +4,7 @@
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
-#include "compensator.c"
+#include "compensator/compensator.c"
 
 /* 0 for the kernels that take no negative flux arm. */
 static int32_t least_flux_arm;

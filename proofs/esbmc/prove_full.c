@@ -36,8 +36,8 @@
 #define MOST_IRON ANHYST_Q15_MAX
 #endif
 
-#include "full.c"
-#include "full_block.c"
+#include "compensator/full.c"
+#include "compensator/full_block.c"
 
 /* The tables of a path; what stands in for value() tells them by their place. */
 enum { CURVE_AT = ANHYST_BLOCK_LEAST_WORDS, BRANCH_AT, INVERSE_AT };

@@ -2,8 +2,8 @@
 /* A command, a fault from outside and a whole tick of what a levitating actuator does when, from
    any state within the invariant, for any sound limits and settings and any input. */
 #include "any.h"
-#include "levitation.c"
-#include "supervisor.c"
+#include "control/levitation.c"
+#include "control/supervisor.c"
 
 /* Any answer; its product is tried with every number (proofs/exhaustive/reach.c). */
 static int is_reachable(const anhyst_levitation *l, int32_t step, int32_t position)

@@ -3,7 +3,7 @@
    inverse. */
 #include "any.h"
 
-#include "map.c"
+#include "compensator/map.c"
 
 int main(void)
 {

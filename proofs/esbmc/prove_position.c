@@ -7,7 +7,7 @@
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
-#include "position.c"
+#include "control/position.c"
 
 static anhyst_position_limits_q31 limits;
 static anhyst_position_settings_q31 settings;

@@ -7,7 +7,7 @@
 /* What the check of a block says of every entry; proofs.toml puts it where one is read. */
 #define SOUND_ENTRY(entry) ASSUME((entry) >= 0);
 
-#include "simplified.c"
+#include "compensator/simplified.c"
 
 enum { WORDS = ANHYST_BLOCK_MOST_WORDS };
 

@@ -2,7 +2,7 @@
 /* anhyst_scale for any two numbers. */
 #include "any.h"
 
-#include "anhyst/fixed.h"
+#include "anhyst/numeric/fixed.h"
 
 int main(void)
 {

@@ -2,8 +2,8 @@
 /* How far an armature may have moved since its last plausible position, for every number of ticks:
    with the largest step whose product is taken, and with the next one, whose product is not. A
    smaller step has a smaller product. Compiled so that an overflow stops the program. */
-#include "levitation.c"
-#include "supervisor.c"
+#include "control/levitation.c"
+#include "control/supervisor.c"
 
 int main(void)
 {

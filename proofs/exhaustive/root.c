@@ -2,7 +2,7 @@
 /* The root of the compensator, for every number there is: its divisions are too much for a solver.
    Compiled so that undefined behaviour stops the program. Only numbers from 2^29 on are tried:
    smaller ones are first shifted up to one of these. */
-#include "compensator.c"
+#include "compensator/compensator.c"
 
 int main(void)
 {

@@ -16,4 +16,4 @@
   }
 */
 
-#include "full.c"
+#include "compensator/full.c"

@@ -68,4 +68,4 @@ static inline int16_t anhyst_round_q31(int32_t a);
     ensures \result <= 30; */
 static inline uint16_t anhyst_headroom(int32_t a);
 
-#include "anhyst/fixed.h"
+#include "anhyst/numeric/fixed.h"

@@ -75,8 +75,8 @@ def test_a_manifest_that_was_edited(folder: Path) -> None:
             "c/manifest.json: key 'files' does not name magnet_parameters.h",
         ),
         (
-            json.dumps({**right, "files": {**right["files"], "src/full.c": "0"}}),
-            f"c/src/full.c: was changed since it was written (sha256); {AGAIN}",
+            json.dumps({**right, "files": {**right["files"], "src/compensator/full.c": "0"}}),
+            f"c/src/compensator/full.c: was changed since it was written (sha256); {AGAIN}",
         ),
     ):
         place.write_text(wrong)

@@ -364,7 +364,7 @@ def test_the_c_that_is_written_out_gives_the_same_bits(
     core = core_folder()
     parameters = c_parameters_f32("magnet", block, Names("N", "A"), magnet().schedule)
     source, program = tmp_path / "all.c", tmp_path / "all"
-    head = '#include "anhyst/compensator_f32.h"\n'
+    head = '#include "anhyst/compensator/compensator_f32.h"\n'
     source.write_text(head + parameters + PROGRAM, encoding="utf-8")
     sources = [str(source), *(f"{core}/src/{name}" for name in SINGLE[kind])]
     strict = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]

@@ -33,7 +33,6 @@ from tests.core.test_c_core import tool
 from tests.firmware.build import tool as avr_gcc
 
 ROOT = Path(__file__).resolve().parents[2]
-LAYOUT = ROOT / "core" / "include" / "anhyst" / "layout.h"
 WARNINGS = (
     "-std=c99",
     "-O2",
@@ -253,9 +252,11 @@ def test_the_core_is_shipped_as_it_is(compiled: Compiled) -> None:
     for name in core:
         assert (compiled.out / name).read_bytes() == (core_folder() / name).read_bytes(), name
     others = {"full", "simplified", "euler"} - {kind}
-    laws = {name for name in core if re.search(r"src/(full|simplified|euler)\w*\.c", name)}
+    laws = {
+        name for name in core if re.search(r"src/compensator/(full|simplified|euler)\w*\.c", name)
+    }
     assert laws
-    assert all(f"src/{kind}" in name for name in laws)
+    assert all(f"src/compensator/{kind}" in name for name in laws)
     assert not any(re.search(rf"src/.*({'|'.join(others)})", name) for name in core)
 
 
@@ -326,7 +327,7 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io
         request = Request("full", "f32", 1e4, accuracy=2.0)
         manifest = compile_model(folder / "magnet.toml", place, request).manifest
     (tmp_path / "size.c").write_text(
-        f'#include <stdio.h>\n#include "anhyst/compensator{suffix}.h"\n'
+        f'#include <stdio.h>\n#include "anhyst/compensator/compensator{suffix}.h"\n'
         f'int main(void) {{ printf("%zu", sizeof(anhyst_compensator{suffix})); }}\n'
     )
     program = tmp_path / "size"

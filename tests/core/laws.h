@@ -3,7 +3,7 @@
 #ifndef TEST_LAWS_H
 #define TEST_LAWS_H
 
-#include "anhyst/circuit.h"
+#include "anhyst/law/circuit.h"
 
 #include "truth.h"
 

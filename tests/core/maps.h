@@ -3,7 +3,7 @@
 #ifndef TEST_MAPS_H
 #define TEST_MAPS_H
 
-#include "anhyst/map.h"
+#include "anhyst/compensator/map.h"
 
 #include "truth.h"
 

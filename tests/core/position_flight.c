@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The fixed-point position controller as one function of flat arrays, for test_position_faults.py:
    a flight of n ticks, from power on. */
-#include "anhyst/position.h"
+#include "anhyst/control/position.h"
 
 enum { NUMBERS_OF_A_SAMPLE = 9, NUMBERS_OF_AN_ANSWER = 6 };
 

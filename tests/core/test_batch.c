@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/batch.h, for every instruction set this processor has. */
-#include "anhyst/batch.h"
+/* Claims of anhyst/law/batch.h, for every instruction set this processor has. */
+#include "anhyst/law/batch.h"
 
 #include <stdlib.h>
 #include <string.h>

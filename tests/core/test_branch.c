@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/branch.h. */
-#include "anhyst/branch.h"
+/* Claims of anhyst/law/branch.h. */
+#include "anhyst/law/branch.h"
 
 #include "check.h"
 #include "truth.h"

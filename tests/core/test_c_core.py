@@ -121,7 +121,7 @@ def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(
 
 
 def test_sanitizers_are_really_on(programs: Path) -> None:
-    binary = (programs / "test_solver_f64").read_bytes()
+    binary = (programs / "test_solver").read_bytes()
     sanitized = "sanitized" in programs.parents[1].name
     assert (b"__asan_init" in binary) == sanitized
     assert (b"__ubsan_handle" in binary) == sanitized

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/elementary.h. */
-#include "anhyst/elementary.h"
+/* Claims of anhyst/numeric/elementary.h. */
+#include "anhyst/numeric/elementary.h"
 
 #include <float.h>
 #include <stdint.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the parts of the simplified law in fixed point: the table over octaves and its search,
    the way, the slope. The oracle is the equation z = -ln v + nu*v - nu itself, in double. */
-#include "simplified.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+#include "compensator/simplified.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
 
 #include "check.h"
 #include "truth.h"

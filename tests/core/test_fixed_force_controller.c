@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the drive in fixed point, of the kinds map and flux. */
-#include "anhyst/force_controller.h"
+#include "anhyst/compensator/force_controller.h"
 
 #include "check.h"
 #include "maps.h"

@@ -2,8 +2,8 @@
 /* Claims of the parts of the full law in fixed point: table, fading, and one evaluation of a path,
    against double and long double precision. */
 /* Their static functions are meant. */
-#include "full.c"       /* NOLINT(bugprone-suspicious-include) */
-#include "full_block.c" /* NOLINT(bugprone-suspicious-include) */
+#include "compensator/full.c"       /* NOLINT(bugprone-suspicious-include) */
+#include "compensator/full_block.c" /* NOLINT(bugprone-suspicious-include) */
 
 #include "check.h"
 #include "truth.h"

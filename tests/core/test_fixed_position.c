@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the position controller in fixed point, for settings and signals of any kind. */
-#include "anhyst/position.h"
+#include "anhyst/control/position.h"
 
 #include <string.h>
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the 16-bit operators of anhyst/fixed.h, over every pair of numbers there is.
+/* Claims of the 16-bit operators of anhyst/numeric/fixed.h, over every pair of numbers there is.
 
    What a result must be is written down as an inequality of exact integers. The loops over one
    factor count contradictions without a branch, so that 2^32 pairs take seconds. */
-#include "anhyst/fixed.h"
+#include "anhyst/numeric/fixed.h"
 
 #include "check.h"
 

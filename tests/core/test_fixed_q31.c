@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the 32-bit operators of anhyst/fixed.h against exact 64-bit integers: edges with
-   edges, edges with every 16-bit number, and pseudo-random numbers. */
-#include "anhyst/fixed.h"
+/* Claims of the 32-bit operators of anhyst/numeric/fixed.h against exact 64-bit integers: edges
+   with edges, edges with every 16-bit number, and pseudo-random numbers. */
+#include "anhyst/numeric/fixed.h"
 
 #include "check.h"
 #include "edges.h"

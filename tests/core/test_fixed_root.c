@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the way from demand to flux and back: root, square, and the quotient of Newton's steps,
    against double precision. */
-#include "compensator.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+#include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
 
 #include <stdlib.h>
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/langevin.h. */
-#include "anhyst/langevin.h"
+/* Claims of anhyst/law/langevin.h. */
+#include "anhyst/law/langevin.h"
 
 #include <float.h>
 

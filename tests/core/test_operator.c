@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/operator.h. */
+/* Claims of anhyst/law/operator.h. */
 #include "check.h"
 #include "laws.h"
 

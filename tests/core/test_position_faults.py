@@ -23,8 +23,9 @@ from tests.control.position_oracle import LOW, Oracle, Sample
 from .test_c_core import HERE, ROOT, tool
 
 SOURCES = (
-    *("position", "levitation", "supervisor", "force_controller", "map", "pidd2", "factor"),
-    *("compensator", "block", "closed"),
+    *("control/position", "control/levitation", "control/supervisor", "control/pidd2"),
+    *("compensator/force_controller", "compensator/map", "numeric/factor"),
+    *("compensator/compensator", "compensator/block", "compensator/closed"),
 )
 LIMITS = (
     *("position_low", "position_high", "position_step", "patience", "hold", "selftest"),
@@ -45,19 +46,23 @@ FLIGHTS = [
     for control in (CONTROL, replace(CONTROL, measured=True), PAIR)
 ]
 FAULTS = [
-    ("levitation.c", "if (l->tick > (int32_t)limits->hold) {", "if (l->tick >= limits->hold) {"),
-    ("supervisor.c", "if (s->age > patience) {", "if (s->age >= patience) {"),
-    ("levitation.c", "= (int32_t)l->supervisor.age + 1;", "= 1;"),
-    ("levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
-    ("levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
-    ("levitation.c", "l->let_go = l->tick == 0 ? 1U : 0U;", "l->let_go = 0U;"),
-    ("position.c", "rest >= step - rest ?", "rest >= step ?"),
-    ("position.c", "anhyst_shl_q31(anhyst_factor_product(", "(2 + anhyst_factor_product("),
-    ("position.c", "return a >> 1;", "return a >> 2;"),
-    ("generic/position.h", "c->limited != 0U ? force : c->candidate.output", "force - 64"),
-    ("generic/position.h", "(force[0], c->demand);", "(c->settings->bias, c->demand);"),
-    ("pidd2.c", "anhyst_clamp(anhyst_shl_q31(u, 3),", "anhyst_clamp(8 * (u >> 1 << 1),"),
-    ("pidd2.c", "anhyst_factor_product(missing, gains->back)", "missing"),
+    (
+        "control/levitation.c",
+        "if (l->tick > (int32_t)limits->hold) {",
+        "if (l->tick >= limits->hold) {",
+    ),
+    ("control/supervisor.c", "if (s->age > patience) {", "if (s->age >= patience) {"),
+    ("control/levitation.c", "= (int32_t)l->supervisor.age + 1;", "= 1;"),
+    ("control/levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
+    ("control/levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
+    ("control/levitation.c", "l->let_go = l->tick == 0 ? 1U : 0U;", "l->let_go = 0U;"),
+    ("control/position.c", "rest >= step - rest ?", "rest >= step ?"),
+    ("control/position.c", "anhyst_shl_q31(anhyst_factor_product(", "(2 + anhyst_factor_product("),
+    ("control/position.c", "return a >> 1;", "return a >> 2;"),
+    ("control/generic/position.h", "c->limited != 0U ? force : c->candidate.output", "force - 64"),
+    ("control/generic/position.h", "(force[0], c->demand);", "(c->settings->bias, c->demand);"),
+    ("control/pidd2.c", "anhyst_clamp(anhyst_shl_q31(u, 3),", "anhyst_clamp(8 * (u >> 1 << 1),"),
+    ("control/pidd2.c", "anhyst_factor_product(missing, gains->back)", "missing"),
 ]
 
 

@@ -23,7 +23,7 @@ class Fault:
     test: str
 
 
-FIXED = "include/anhyst/fixed.h"
+FIXED = "include/anhyst/numeric/fixed.h"
 FAULTS = [
     Fault(
         "truncated towards zero",
@@ -83,91 +83,91 @@ FAULTS = [
     ),
     Fault(
         "root a step short",
-        "src/compensator.c",
+        "src/compensator/compensator.c",
         "  r = (r + (full >> 1) / r) >> 1;\n  r = (r + (full >> 1) / r) >> 1;\n",
         "  r = (r + (full >> 1) / r) >> 1;\n",
         "test_fixed_root",
     ),
     Fault(
         "knee half as high",
-        "src/compensator.c",
+        "src/compensator/compensator.c",
         "if ((a >> (31 - 2 * knee)) == 0) {",
         "if ((a >> (30 - 2 * knee)) == 0) {",
         "test_fixed_root",
     ),
     Fault(
         "an octave forgotten twice",
-        "src/full.c",
+        "src/compensator/full.c",
         "(uint16_t)(way >> 26) & 31U;",
         "(uint16_t)(way >> 25) & 31U;",
         "test_fixed_full",
     ),
     Fault(
         "reversible part too small",
-        "src/full_path.h",
+        "src/compensator/full_path.h",
         "anhyst_scale(anhysteretic - y, along->reversible) * 2;",
         "anhyst_scale(anhysteretic - y, along->reversible);",
         "test_fixed_full",
     ),
     Fault(
         "iron against the air followed the wrong way",
-        "src/full.c",
+        "src/compensator/full.c",
         "residual + anhyst_scale(risen, find->iron)",
         "residual - anhyst_scale(risen, find->iron)",
         "test_fixed_full",
     ),
     Fault(
         "half of the steepest slope",
-        "src/full_block.c",
+        "src/compensator/full_block.c",
         "((slope * flux_arm[i]) >> 10)",
         "((slope * flux_arm[i]) >> 11)",
         "test_fixed_full",
     ),
     Fault(
         "a current that may fall at the last gap",
-        "src/full_block.c",
+        "src/compensator/full_block.c",
         "i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++",
         "i < (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++",
         "test_fixed_full",
     ),
     Fault(
         "an octave too low",
-        "src/simplified.c",
+        "src/compensator/simplified.c",
         "index = (int32_t)((uint32_t)(top - bits + 1U) << n);",
         "index = (int32_t)((uint32_t)(top - bits) << n);",
         "test_fixed_closed",
     ),
     Fault(
         "slope cut off at 32",
-        "src/closed.h",
+        "src/compensator/closed.h",
         "return slope > ANHYST_LAG_SLOPE_MAX ? ANHYST_LAG_SLOPE_MAX : slope;",
         "return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;",
         "test_fixed_closed",
     ),
     Fault(
         "a map between two forces without their last digits",
-        "src/lookup.h",
+        "src/compensator/lookup.h",
         "return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);",
         "return 2 * anhyst_scale(a, high);",
         "test_fixed_map",
     ),
     Fault(
         "the inverse of a map a step of its search short",
-        "src/map.c",
+        "src/compensator/map.c",
         "for (uint16_t step = n; step > 0U; step--) {",
         "for (uint16_t step = n; step > 1U; step--) {",
         "test_fixed_map",
     ),
     Fault(
         "a digit of a ratio missing",
-        "src/lookup.h",
+        "src/compensator/lookup.h",
         "for (uint16_t digit = 0; digit < 31U; digit++) {",
         "for (uint16_t digit = 0; digit < 30U; digit++) {",
         "test_fixed_map",
     ),
     Fault(
         "a map that may fall",
-        "src/map.c",
+        "src/compensator/map.c",
         "rise < 0 ||",
         "rise < -100 ||",
         "test_fixed_map",
@@ -182,7 +182,9 @@ def passes(core: Path, test: str, folder: Path) -> bool:
     command = [tool("cc", "gcc"), "-std=c99", "-O2", "-DTEST_SANITIZED", f"-I{core / 'include'}"]
     command.append(f"-I{core / 'src'}")
     sources = [str(HERE / f"{test}.c"), str(HERE / "truth.c")]
-    sources += [str(core / "src" / name) for name in ("block.c", "closed.c")]
+    sources += [
+        str(core / "src" / name) for name in ("compensator/block.c", "compensator/closed.c")
+    ]
     subprocess.run([*command, *sources, "-lm", "-o", str(program)], check=True)
     done = subprocess.run([program], capture_output=True, check=False, timeout=600)
     assert done.returncode in {0, 1}, "the test crashed instead of answering"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/solver.h. */
+/* Claims of anhyst/law/solver.h. */
 #include <float.h>
 #include <string.h>
 

@@ -21,5 +21,8 @@ def test_demo_writes_models_reports_plots_and_a_table(tmp_path: Path) -> None:
     means = [float(mean) for mean in re.findall(r"unseen gaps.*?(\d+\.\d+) %", table)]
     assert means[0] <= 0.5
     assert means[1] <= 0.35
-    assert {"compensator/src/compensator.c", "compensator/electromagnet_parameters.c"} <= made
+    assert {
+        "compensator/src/compensator/compensator.c",
+        "compensator/electromagnet_parameters.c",
+    } <= made
     assert "bit for bit as on the PC" in said

@@ -22,7 +22,7 @@ SHARED = [
         for part in ("link", "app", "services")
         for file in sorted(ROOT.glob(f"firmware/{part}/*.c"))
     ),
-    ROOT / "core" / "src" / "supervisor.c",
+    ROOT / "core" / "src" / "control" / "supervisor.c",
 ]
 FIRMWARE = [*SHARED, ROOT / "firmware" / "force" / "force.c"]
 FLIGHT = [*SHARED, ROOT / "firmware" / "position" / "flight.c"]

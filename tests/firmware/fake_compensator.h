@@ -4,7 +4,7 @@
 #ifndef TEST_FAKE_COMPENSATOR_H
 #define TEST_FAKE_COMPENSATOR_H
 
-#include "anhyst/compensator.h"
+#include "anhyst/compensator/compensator.h"
 
 #include <stddef.h>
 

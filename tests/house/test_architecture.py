@@ -33,5 +33,7 @@ def test_no_file_is_longer_than_600_lines(folder: str) -> None:
 
 def test_every_c_source_is_in_the_one_list() -> None:
     listed = (ROOT / "core" / "core.cmake").read_text(encoding="utf-8")
-    missing = [path.name for path in (ROOT / "core" / "src").glob("*.c") if path.name not in listed]
+    missing = [
+        path.name for path in (ROOT / "core" / "src").rglob("*.c") if path.name not in listed
+    ]
     assert missing == []

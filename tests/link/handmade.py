@@ -20,7 +20,7 @@ def write_parameters(folder: Path, rate: float) -> Path:
     files = core_files(SOURCES[KIND]) | {
         "manifest.json": json.dumps({"name": "handmade", "rate_Hz": rate}),
         "handmade_parameters.h": f"""\
-#include "anhyst/compensator.h"
+#include "anhyst/compensator/compensator.h"
 #define HANDMADE_KERNEL anhyst_kernel_{KIND}
 #define HANDMADE_RATE_HZ {rate}
 #define HANDMADE_SCALES {scales_source(block)}

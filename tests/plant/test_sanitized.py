@@ -9,7 +9,10 @@ import pytest
 
 from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
 
-CORE = ("circuit", "operator", "solver", "branch", "langevin", "elementary")
+CORE = (
+    *("law/circuit", "law/operator", "law/lag_exact", "law/lag_linear", "law/lag_1986"),
+    *("law/solver", "law/branch", "law/langevin", "numeric/elementary"),
+)
 """What of the core the plant stands on."""
 PLANT = ("iron", "magnet", "sensor", "bearing")
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")

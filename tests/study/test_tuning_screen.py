@@ -49,7 +49,7 @@ def test_peaks_are_those_of_the_linear_loop() -> None:
 
 
 def step_response(loop: Loop, ticks: int) -> tuple[np.ndarray, np.ndarray]:
-    """Position and demand of a step, tick by tick, as core/include/anhyst/pidd2.h runs it."""
+    """Position and demand of a step, tick by tick, as core/include/anhyst/control/pidd2.h runs it."""
     a, b, c = loop.plant
     p, k, d, e, _, _, s, t, weight = loop.controller.per_tick[:9]
     x, filtered, velocity, integral = np.zeros(a.shape[0]), 0.0, 0.0, 0.0

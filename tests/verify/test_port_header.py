@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # Each operator over two rows of words; the third row takes the results.
 SOURCE = """
-#include "anhyst/fixed.h"
+#include "anhyst/numeric/fixed.h"
 void every(const int32_t *a, const int32_t *b, int32_t *out, int32_t n, int32_t which)
 {
   for (int32_t i = 0; i < n; i++) {

@@ -150,7 +150,7 @@ FAULTS = {
         "hash of the limits",
     ),
     "the side of a comparison": (
-        "src/levitation.c",
+        "src/control/levitation.c",
         "if (l->reference == target) {",
         "\n#ifdef __thumb__\n    if (l->reference >= target) {\n#else\n"
         "    if (l->reference == target) {\n#endif\n",

@@ -32,19 +32,19 @@ def on_target(line: str, right: str, wrong: str) -> str:
 
 FAULTS = {
     "a product rounded up": (
-        "include/anhyst/fixed.h",
+        "include/anhyst/numeric/fixed.h",
         SCALE,
         on_target(SCALE, "low * b", "low * b + 0xFFFF"),
         "",
     ),
     "a clamp too high": (
-        "include/anhyst/fixed.h",
+        "include/anhyst/numeric/fixed.h",
         CLAMP,
         on_target(CLAMP, "? high", "? high - 1"),
         "",
     ),
     "a conditioning current off by one": (
-        "src/compensator.c",
+        "src/compensator/compensator.c",
         CONDITIONING,
         on_target(CONDITIONING, "/ ramp", "/ ramp + 1"),
         "start 0: hash of the conditioning sequence",
@@ -87,7 +87,7 @@ def test_a_fault_of_a_single_step_is_found_in_that_step(
 ) -> None:
     demand = demand_at(compiled("full", "q31"), STEP, tmp_path / "scratch")
     wrong = f"{SOLVE}#ifdef __thumb__\n  gap ^= demand == {demand} ? 1 << 29 : 0;\n#endif\n"
-    folder = with_fault("src/compensator.c", SOLVE, wrong)
+    folder = with_fault("src/compensator/compensator.c", SOLVE, wrong)
     assert main(["verify", str(folder), "--on", "cortex-m3", "--json"]) == 1
     said = capsys.readouterr()
     assert said.err.count("\n") == 1
@@ -105,7 +105,7 @@ def test_a_fault_of_a_single_step_is_found_in_that_step(
 def test_a_fault_that_does_not_repeat_is_told_as_such(with_fault: Seed) -> None:
     twist = "  static int32_t calls;\n  demand ^= ++calls == 1500 ? 1 << 29 : 0;"
     wrong = f"{SOLVE}#ifdef __thumb__\n{twist}\n#endif\n"
-    folder = with_fault("src/compensator.c", SOLVE, wrong)
+    folder = with_fault("src/compensator/compensator.c", SOLVE, wrong)
     result = only(verify(folder, "cortex-m3", target_steps=1_000).results)
     assert "not repeatable" in result.verdict()
 
@@ -124,7 +124,9 @@ VECTOR_BEFORE = "demand,gap,applied,current\n0,0,0,123456789\n"
 
 def test_an_access_to_nowhere_is_told(with_fault: Seed) -> None:
     wrong = f"{SOLVE}#ifdef __thumb__\n  *(volatile int32_t *)0x40000000 = demand;\n#endif\n"
-    result = only(verify(with_fault("src/compensator.c", SOLVE, wrong), "cortex-m3").results)
+    result = only(
+        verify(with_fault("src/compensator/compensator.c", SOLVE, wrong), "cortex-m3").results
+    )
     assert "target cortex-m3: " in result.failure
     assert "UNMAPPED" in result.failure
 
@@ -135,13 +137,17 @@ def test_undefined_behaviour_is_found_by_the_sanitizers_alone(
 ) -> None:
     monkeypatch.setattr("anhyst.verify.targets.HOST_COMPILERS", {"gcc": "gcc"})
     wrong = f"{SOLVE}  volatile int32_t most = 2147483647;\n  most = most + 1;\n"
-    found = verify(with_fault("src/compensator.c", SOLVE, wrong), "host", host_steps=1_000)
+    found = verify(
+        with_fault("src/compensator/compensator.c", SOLVE, wrong), "host", host_steps=1_000
+    )
     assert [result.passed for result in found.results] == [True, True, True, False]
     assert "signed integer overflow" in found.first_failure()
 
 
 def test_c_that_does_not_compile_is_told(with_fault: Seed) -> None:
-    folder = with_fault("src/compensator.c", SOLVE, f"{SOLVE}#ifdef __thumb__\n#error no\n#endif\n")
+    folder = with_fault(
+        "src/compensator/compensator.c", SOLVE, f"{SOLVE}#ifdef __thumb__\n#error no\n#endif\n"
+    )
     failure = only(verify(folder, "cortex-m3", target_steps=10).results).failure
     assert failure.startswith("target cortex-m3: does not compile: ")
     assert "error" in failure

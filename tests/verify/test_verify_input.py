@@ -87,12 +87,12 @@ def test_a_manifest_that_cannot_be_read(copied: Path, capsys: pytest.CaptureFixt
 def test_a_file_that_was_changed_or_is_missing(
     copied: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with (copied / "src" / "full.c").open("a", encoding="utf-8") as stream:
+    with (copied / "src" / "compensator" / "full.c").open("a", encoding="utf-8") as stream:
         stream.write("/* mine */\n")
     said = refused(capsys, copied)
     assert "full.c: was changed" in said
     assert "anhyst compile" in said
-    (copied / "src" / "full.c").unlink()
+    (copied / "src" / "compensator" / "full.c").unlink()
     assert "full.c: No such file" in refused(capsys, copied)
 
 

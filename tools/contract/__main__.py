@@ -28,10 +28,10 @@ def wanted() -> dict[Path, str]:
     return {
         ROOT / "firmware" / "link" / "frames.h": frames_header(frames, signals),
         SOURCE / "link" / "frames.py": frames_module(frames, signals),
-        CORE / "states.h": states_header(controller),
-        CORE / "flags.h": flags_header(controller),
+        CORE / "control" / "states.h": states_header(controller),
+        CORE / "compensator" / "flags.h": flags_header(controller),
         SOURCE / "control" / "states.py": states_module(controller),
-        CORE / "layout.h": layout_header(block),
+        CORE / "compensator" / "layout.h": layout_header(block),
         SOURCE / "compensate" / "layout.py": layout_module(block),
         PAGE: page_with_tables(PAGE.read_text(encoding="utf-8"), tables),
     }

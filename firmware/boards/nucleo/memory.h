@@ -7,7 +7,7 @@
 #ifndef MEMORY_H
 #define MEMORY_H
 
-#include "anhyst/layout.h"
+#include "anhyst/compensator/layout.h"
 #include "services/calibration.h"
 
 #define MEMORY_LAYOUT 1U

@@ -17,7 +17,7 @@
 #ifndef ANHYST_PLANT_MAGNET_H
 #define ANHYST_PLANT_MAGNET_H
 
-#include "anhyst/circuit.h"
+#include "anhyst/law/circuit.h"
 #include "anhyst_plant/iron.h"
 
 #ifdef __cplusplus

@@ -5,8 +5,8 @@
 #ifndef ANHYST_PLANT_POSITION_H
 #define ANHYST_PLANT_POSITION_H
 
-#include "anhyst/position.h"
-#include "anhyst/position_real.h"
+#include "anhyst/control/position.h"
+#include "anhyst/control/position_real.h"
 #include "anhyst_plant/controller.h"
 
 #ifdef __cplusplus

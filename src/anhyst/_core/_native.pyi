@@ -1,6 +1,6 @@
 """Types of the binding. Arrays are float64, C-contiguous; anything else is refused, not converted.
 
-Status 0 is success; `status_text` explains the other codes (core/include/anhyst/status.h), and
+Status 0 is success; `status_text` explains the other codes (core/include/anhyst/numeric/status.h), and
 `index` is the first sample without a result.
 """
 
@@ -128,7 +128,7 @@ def status_text(status: int) -> str:
     """Return what a status means, in words."""
 
 class FixedCompensator:
-    """The fixed-point compensator of core/include/anhyst/compensator.h, bit for bit."""
+    """The fixed-point compensator of core/include/anhyst/compensator/compensator.h, bit for bit."""
 
     def __init__(self, kind: str, words: NDArray[np.int16]) -> None: ...
     def solve_q31(self, demand: int, gap: int) -> int: ...
@@ -198,7 +198,7 @@ class FixedController:
         """Filtered position and velocity a tick, q30; integral, q30 of the output."""
 
 class _RealCompensator:
-    """The floating-point compensator of core/include/anhyst/compensator_real.h, bit for bit.
+    """The floating-point compensator of core/include/anhyst/compensator/compensator_real.h, bit for bit.
 
     Signals in the model's units. A memory has five numbers: place, level, turn, turn_level, x.
     """

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "anhyst/operator.h"
+#include "anhyst/law/operator.h"
 
 namespace nb = nanobind;
 using nb::literals::operator""_a;

@@ -4,8 +4,8 @@
 
 #include <memory>
 
-#include "anhyst/elementary.h"
-#include "anhyst/langevin.h"
+#include "anhyst/numeric/elementary.h"
+#include "anhyst/law/langevin.h"
 #include "iron.h"
 
 anhyst_step to_step(const std::string &law, const std::string &step)

@@ -4,8 +4,8 @@
 
 #include <array>
 
-#include "anhyst/pidd2.h"
-#include "anhyst/pidd2_real.h"
+#include "anhyst/control/pidd2.h"
+#include "anhyst/control/pidd2_real.h"
 #include "arrays.h"
 
 using GainWords = nb::ndarray<const int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;

@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "anhyst/batch.h"
-#include "anhyst/sensitivity.h"
+#include "anhyst/law/batch.h"
+#include "anhyst/law/sensitivity.h"
 #include "arrays.h"
 
 namespace {

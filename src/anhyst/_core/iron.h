@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "anhyst/circuit.h"
+#include "anhyst/law/circuit.h"
 #include "arrays.h"
 
 class Iron {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "anhyst/compensator_real.h"
+#include "anhyst/compensator/compensator_real.h"
 #include "arrays.h"
 
 // The C types and functions of one number format.

@@ -8,27 +8,28 @@ from collections.abc import Iterable
 from anhyst.compensate.block import Kind
 from anhyst.support.core_folder import core_folder
 
+_COMPENSATOR = ("compensator/block.c", "compensator/compensator.c")
+
 SOURCES: dict[Kind, tuple[str, ...]] = {
-    "full": ("block.c", "full_block.c", "full.c", "compensator.c"),
-    "simplified": ("block.c", "closed.c", "simplified.c", "compensator.c"),
-    "euler": ("block.c", "closed.c", "euler.c", "compensator.c"),
+    "full": (*_COMPENSATOR, "compensator/full_block.c", "compensator/full.c"),
+    "simplified": (*_COMPENSATOR, "compensator/closed.c", "compensator/simplified.c"),
+    "euler": (*_COMPENSATOR, "compensator/closed.c", "compensator/euler.c"),
 }
 """Sources of each kind in fixed point."""
 
 SINGLE: dict[Kind, tuple[str, ...]] = {
-    "full": ("full_f32.c", "compensator_f32.c"),
-    "simplified": ("simplified_f32.c", "compensator_f32.c"),
+    "full": ("compensator/full_f32.c", "compensator/compensator_f32.c"),
+    "simplified": ("compensator/simplified_f32.c", "compensator/compensator_f32.c"),
 }
 """The same for single precision."""
 
+PIDD2 = ("numeric/factor.c", "control/pidd2.c")
+"""PIDD2 alone, in fixed point."""
+
 CONTROL = (
-    "factor.c",
-    "pidd2.c",
-    "map.c",
-    "force_controller.c",
-    "supervisor.c",
-    "levitation.c",
-    "position.c",
+    *PIDD2,
+    *("compensator/map.c", "compensator/force_controller.c"),
+    *("control/supervisor.c", "control/levitation.c", "control/position.c"),
 )
 """What a controller of the position needs beyond a compensator."""
 
@@ -49,12 +50,12 @@ def core_files(sources: Iterable[str]) -> dict[str, str]:
     Parameters
     ----------
     sources : iterable of str
-        Names of C files in ``src``.
+        C files below ``src``.
 
     Returns
     -------
     dict of str to str
-        Content by path below the core: ``src/full.c``, ``include/anhyst/fixed.h``.
+        Content by path below the core: ``src/compensator/full.c``, ``include/anhyst/numeric/fixed.h``.
     """
     files: dict[str, str] = {}
     waiting = [f"{SRC}/{name}" for name in sources]
@@ -62,10 +63,12 @@ def core_files(sources: Iterable[str]) -> dict[str, str]:
         name = waiting.pop()
         if name not in files:
             files[name] = read_core(name)
-            waiting += [_place(included) for included in _INCLUDED.findall(files[name])]
+            waiting += [_place(name, included) for included in _INCLUDED.findall(files[name])]
     return dict(sorted(files.items()))
 
 
-def _place(included: str) -> str:
-    """Return where a header stands: the core's own ones name it from ``src`` on."""
-    return f"{INCLUDE if included.startswith('anhyst/') else SRC}/{included}"
+def _place(file: str, included: str) -> str:
+    """Return where a header stands that a file names: a public one, or one beside the file."""
+    if included.startswith("anhyst/"):
+        return f"{INCLUDE}/{included}"
+    return f"{file.rpartition('/')[0]}/{included}"

@@ -35,17 +35,13 @@ def state_bytes(block: AnyBlock) -> int:
 def controller_bytes(magnets: int) -> int:
     """Return the size of everything that changes in a position controller and its force controllers."""
     headers = (
-        "supervisor.h",
-        "levitation.h",
-        "factor.h",
-        "pidd2.h",
-        "compensator.h",
-        "force_controller.h",
+        *("control/supervisor.h", "control/levitation.h", "numeric/factor.h", "control/pidd2.h"),
+        *("compensator/compensator.h", "compensator/force_controller.h"),
     )
-    generic = ("force_controller.h", "position.h")
+    generic = ("compensator/generic/force_controller.h", "control/generic/position.h")
     sizes = _structures(
         *(read_core(f"include/anhyst/{name}") for name in headers),
-        *(_in_q31(read_core(f"include/anhyst/generic/{name}")) for name in generic),
+        *(_in_q31(read_core(f"include/anhyst/{name}")) for name in generic),
         MAGNETS=2,
     )
     return sizes["anhyst_position_q31"] + magnets * sizes["anhyst_force_controller_q31"]
@@ -58,7 +54,7 @@ def _in_q31(text: str) -> str:
 
 @cache
 def _fixed_state_bytes() -> int:
-    return _structures(read_core("include/anhyst/compensator.h"))["anhyst_compensator"]
+    return _structures(read_core("include/anhyst/compensator/compensator.h"))["anhyst_compensator"]
 
 
 def _structures(*texts: str, **numbers: int) -> dict[str, int]:

@@ -5,7 +5,7 @@ The law, with reference r, measured position y and load l::
     u = K_p (b r - y) + I - K_d y' - K_dd y'' + K_l l
     I' = K_i (r - y) + (applied - u)/tracking
 
-``core/include/anhyst/pidd2.h`` runs it in fixed point, ``pidd2_real.h`` in floating point.
+``core/include/anhyst/control/pidd2.h`` runs it in fixed point, ``pidd2_real.h`` in floating point.
 """
 
 from __future__ import annotations

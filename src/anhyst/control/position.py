@@ -1,6 +1,6 @@
 """The controller of a levitating armature: settings in SI units, and what the core makes of them.
 
-``core/include/anhyst/position.h`` runs it in fixed point, ``position_real.h`` in floating point,
+``core/include/anhyst/control/position.h`` runs it in fixed point, ``position_real.h`` in floating point,
 ``levitation.h`` says what happens when. The numbers of a format are given by name; the core's
 ``Position``, ``PositionF32`` and ``FixedPosition`` take them with the gains and the drives.
 """

@@ -153,13 +153,13 @@ def _command(name: str, folder: Path, actuator: str) -> list[str]:
     root = firmware_folder()
     own = [root / "boards" / part for part in board.folders]
     body = "position" if (folder / f"{actuator}_controller.c").is_file() else "force"
-    sources = [*sorted(folder.glob("src/*.c")), folder / f"{actuator}_parameters.c"]
+    sources = [*sorted(folder.glob("src/*/*.c")), folder / f"{actuator}_parameters.c"]
     include = [root, folder / "include", folder, *own]
     if body == "position":
         sources.append(folder / f"{actuator}_controller.c")
     else:
         # A compensator alone needs no states; the firmware around it does.
-        sources.append(core_folder() / "src" / "supervisor.c")
+        sources.append(core_folder() / "src" / "control" / "supervisor.c")
         include.append(core_folder() / "include")
     for place in (root / "app", root / "link", root / "services", root / body, *own):
         sources += sorted(file for file in place.glob("*.c") if not _of_another(file, body))

@@ -19,6 +19,6 @@ def core_folder() -> Path:
     """
     package = Path(__file__).resolve().parents[1]
     for place in (package.parents[1] / "core", package / "_core" / "c"):
-        if (place / "include" / "anhyst" / "compensator.h").is_file():
+        if (place / "include" / "anhyst" / "compensator" / "compensator.h").is_file():
             return place
     raise InputError(f"{package}: the C sources of the core are missing; install anhyst again")

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from anhyst.compile.core import PIDD2
+
 FLASH = 0x08000000
 """Where the code of a Cortex-M stands, as in ``harness/cortex_m.ld``."""
 
-CONTROL = {"pidd2.c", "factor.c"}
+CONTROL = {name.rpartition("/")[2] for name in PIDD2}
 
 
 @dataclass(frozen=True, slots=True)

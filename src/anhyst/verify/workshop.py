@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
-from anhyst.compile.core import core_files
+from anhyst.compile.core import PIDD2, SRC, core_files
 from anhyst.link.firmware import actuator_defines, firmware_folder
 from anhyst.verify.bundle import FORMATS, Bundle
 from anhyst.verify.elf import Image
@@ -119,7 +119,7 @@ class Workshop:
         )
 
 
-CONTROL_SOURCES = ("src/factor.c", "src/pidd2.c")
+CONTROL_SOURCES = tuple(f"{SRC}/{name}" for name in PIDD2)
 
 
 def _add_control(place: Path) -> None:
@@ -127,7 +127,7 @@ def _add_control(place: Path) -> None:
 
     It is in fixed point always.
     """
-    for name, text in core_files(Path(name).name for name in CONTROL_SOURCES).items():
+    for name, text in core_files(PIDD2).items():
         path = place / name
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)

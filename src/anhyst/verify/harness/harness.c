@@ -6,7 +6,7 @@
    of int. */
 #include "harness.h"
 
-#include "anhyst/status.h"
+#include "anhyst/numeric/status.h"
 
 volatile harness_box_layout harness_box;
 

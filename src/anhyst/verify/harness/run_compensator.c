@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the harness runs: a compensator, and beside it a PIDD2 on signals of its own. */
-#include "anhyst/pidd2.h"
+#include "anhyst/control/pidd2.h"
 #include "signals.h"
 #include "steps.h"
 

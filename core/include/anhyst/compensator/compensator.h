@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The compensator of a controller: wanted output (force) in, current out, in fixed point.
+
+   At every tick: solve once or more, limit and apply the current, then commit what was really
+   applied. solve does not touch the memory of the iron; commit advances it.
+
+     flux    = gain(gap)*root(demand - offset(gap))
+     field   = law(memory, flux)
+     current = bias(gap) + flux_arm(gap)*flux + field_arm(gap)*field
+
+   Signals, all dimensionless: a demand of 1.0 is the full-scale output, a current of 1.0 the
+   full-scale current, a gap of 0 .. 1.0 the range of gaps (manifest.json tells the scales). The
+   _q15 and _q31 functions differ in these signals alone; inside all state is 32 bits wide.
+   Nothing here allocates, waits, or loops a number of times that depends on data. */
+#ifndef ANHYST_COMPENSATOR_H
+#define ANHYST_COMPENSATOR_H
+
+#include "anhyst/numeric/fixed.h"
+#include "anhyst/compensator/flags.h"
+#include "anhyst/compensator/layout.h"
+#include "anhyst/numeric/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What the iron remembers, all q30 within -1..1 unless the kernel says otherwise. Zero is the
+   demagnetised state. full: field, irreversible magnetisation, play; and play and magnetisation
+   where the play last turned, from which all is computed as long as the direction stays, so that
+   steps far below a unit in the last place add up to nothing but themselves. simplified: flux,
+   bounded state u, and distance z from where u was zero (q27 within -16..16, signed as the
+   direction; zero: unknown or held). euler: flux, bounded state. */
+typedef struct {
+  int32_t a;
+  int32_t b;
+  int32_t c;
+  int32_t d;
+  int32_t e;
+} anhyst_memory;
+
+/* A solved step that has not been committed: where it leads, and what a current near it needs. */
+typedef struct {
+  anhyst_memory memory;
+  int32_t m;   /* full: magnetisation there, q28; simplified: z at the start, in its direction */
+  int16_t way; /* 1: the field rises, -1: it falls, 0: it stays, or not known */
+  int16_t y_slope; /* full: of irreversible part and magnetisation over the field, in 1/1024 */
+  int16_t m_slope;
+} anhyst_candidate;
+
+/* How the current is made up at the gap of this tick. */
+typedef struct {
+  int32_t bias;      /* q30 */
+  int16_t flux_arm;  /* weight; >= 0 but for the full law */
+  int16_t field_arm; /* weight, > 0 */
+} anhyst_arms;
+
+/* A law in fixed point. Both functions leave *from alone and fill *to, which may not lie in *from.
+ */
+typedef struct {
+  uint16_t kind; /* of the blocks it works with */
+  /* The field that belongs to a flux, q30. |flux| <= 1. */
+  int32_t (*field)(const int16_t *words, const anhyst_memory *from, int32_t flux,
+                   anhyst_candidate *to);
+  /* The flux to which a current leads, q30: bias + flux_arm*flux + field_arm*field = current.
+     *solved is what field() found from the same memory, or its way is 0: a current near that of the
+     candidate is found in a fraction of the time. */
+  int32_t (*flux)(const int16_t *words, const anhyst_memory *from, const anhyst_candidate *solved,
+                  const anhyst_arms *arms, int32_t current, anhyst_memory *to);
+  /* Whether a block's words of this kind are sound. */
+  int (*sound)(const int16_t *words);
+  /* Brings a memory from one sound block to another, under which the iron stands at this flux, q30.
+     |flux| <= 1. */
+  void (*carry)(const int16_t *before, const int16_t *words, int32_t flux, anhyst_memory *memory);
+} anhyst_kernel;
+
+extern const anhyst_kernel anhyst_kernel_full;
+extern const anhyst_kernel anhyst_kernel_simplified;
+extern const anhyst_kernel anhyst_kernel_euler;
+
+/* One compensator: 92 bytes or fewer on targets with 32-bit pointers. */
+typedef struct {
+  const anhyst_kernel *kernel;
+  const int16_t *words;  /* the parameter block in use; read only */
+  anhyst_memory memory;  /* of what was applied */
+  anhyst_candidate next; /* where the solved current would lead */
+  anhyst_arms arms;      /* at the gap for which was solved */
+  int32_t current;       /* solved, q31 */
+  int32_t flux;          /* solved, q30 */
+  int32_t flux_applied;  /* after the last commit, q30 */
+  int32_t gap;           /* for which was solved, q31 */
+  uint16_t flags;        /* of the last solve, see flags.h */
+  uint16_t solved;       /* whether next and arms belong to memory, gap and words */
+} anhyst_compensator;
+
+/* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the block is not
+   sound: magic, layout, kind, length within capacity (words), checksum, every range and every
+   table. Nothing is changed then. */
+anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,
+                                      const int16_t *words, uint16_t capacity);
+
+/* Whether a block is sound and of this kind: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads at most
+   capacity words. Takes about 100 instructions a word (checksum); not for an interrupt. */
+anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *words,
+                                 uint16_t capacity);
+
+/* Whether a sound block is made for the signals there are: 0, or the place of the first number that
+   is another one in the block. scales: full scales, range of the gap, ticks a second and units, as
+   ANHYST_SCALE_WORDS words of a block from ANHYST_WORD_SCALE_DEMAND on. */
+uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales);
+
+/* Goes on with another block, which must have passed anhyst_block_check for the same kernel and
+   anhyst_block_misfit. The memory is brought to it: the output stays what it was, and so does how
+   far the iron is behind its anhysteretic (simplified and Euler: the bounded state); fields are
+   counted in its unit, and what is beyond its reach saturates. At an unchanged demand the current
+   moves by what the two models differ. A block of another kind needs an init, and the iron a new
+   start-up. Between two ticks; costs about as much as a solve. */
+void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words);
+
+/* The current that gives the demanded output now. */
+int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int16_t gap);
+int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap);
+
+/* Advances the memory with the current that was applied, at the gap there was. If both are what
+   was solved for, this costs a copy; near it, as what a converter's grid makes of it, an eighth of
+   a solve; otherwise at most as much as a solve. */
+void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16_t gap);
+void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap);
+
+/* The output that the model expects after the last commit. */
+int16_t anhyst_compensator_output_q15(const anhyst_compensator *c);
+int32_t anhyst_compensator_output_q31(const anhyst_compensator *c);
+
+/* Number of ticks of the sequence that makes an unknown state known. */
+int32_t anhyst_conditioning_length(const anhyst_compensator *c);
+
+/* The current of its tick 0, 1, ...: triangles between the limits of the current; 0 after the
+   end. Apply it and commit it as any other. Afterwards the force can be trusted: what is left of
+   an unknown start is in manifest.json (conditioning). */
+int16_t anhyst_conditioning_q15(const anhyst_compensator *c, int32_t tick);
+int32_t anhyst_conditioning_q31(const anhyst_compensator *c, int32_t tick);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

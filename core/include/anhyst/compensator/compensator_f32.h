@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The compensator in single precision. Declarations are in generic/compensator.h. */
+#ifndef ANHYST_COMPENSATOR_F32_H
+#define ANHYST_COMPENSATOR_F32_H
+
+#include <stdint.h>
+
+#include "anhyst/compensator/flags.h"
+#include "anhyst/numeric/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "anhyst/numeric/f32.h"
+#include "anhyst/compensator/generic/compensator.h"
+#include "anhyst/numeric/no_format.h"
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The compensator in double precision. Declarations are in generic/compensator.h. */
+#ifndef ANHYST_COMPENSATOR_F64_H
+#define ANHYST_COMPENSATOR_F64_H
+
+#include <stdint.h>
+
+#include "anhyst/compensator/flags.h"
+#include "anhyst/numeric/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "anhyst/numeric/f64.h"
+#include "anhyst/compensator/generic/compensator.h"
+#include "anhyst/numeric/no_format.h"
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The force controller of force_controller.h in floating point, in the units of the model. A probe
+   that is not there gives what is not a number. */
+#ifndef ANHYST_FORCE_CONTROLLER_REAL_H
+#define ANHYST_FORCE_CONTROLLER_REAL_H
+
+#include "anhyst/compensator/compensator_real.h"
+#include "anhyst/compensator/force_method.h"
+#include "anhyst/compensator/map_real.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "anhyst/numeric/f64.h"
+#include "anhyst/compensator/generic/flux_loop.h"
+#include "anhyst/compensator/generic/force_controller.h"
+#include "anhyst/numeric/f32.h"
+#include "anhyst/compensator/generic/flux_loop.h"
+#include "anhyst/compensator/generic/force_controller.h"
+#include "anhyst/numeric/no_format.h"
+
+anhyst_status anhyst_force_controller_init_compensator_f64(anhyst_force_controller_f64 *c,
+                                                           const anhyst_parameters_f64 *parameters);
+anhyst_status anhyst_force_controller_init_compensator_f32(anhyst_force_controller_f32 *c,
+                                                           const anhyst_parameters_f32 *parameters);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

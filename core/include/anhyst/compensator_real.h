@@ -1,9 +1,0 @@
-/* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator in both precisions. */
-#ifndef ANHYST_COMPENSATOR_REAL_H
-#define ANHYST_COMPENSATOR_REAL_H
-
-#include "anhyst/compensator_f32.h"
-#include "anhyst/compensator_f64.h"
-
-#endif

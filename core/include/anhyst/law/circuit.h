@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Physical quantities: drive to flux density and back, through a gap, with eddy currents. */
+#ifndef ANHYST_CIRCUIT_H
+#define ANHYST_CIRCUIT_H
+
+#include <stddef.h>
+
+#include "anhyst/law/solver.h"
+
+/* Permeability of free space, V s/(A m). */
+#define ANHYST_MU0 1.2566370614359173e-6
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* A material in physical units. */
+typedef struct {
+  anhyst_operator_f64 law;
+  double saturation;  /* M_s, A/m */
+  double shape;       /* a, A/m */
+  double interaction; /* alpha, below 1 */
+} anhyst_iron_f64;
+
+/* The circuit around the iron at one sample. All zero: the drive is the field itself. */
+typedef struct {
+  double gap_ratio; /* rho: reluctance of the gap over that of an air-filled iron path, >= 0 */
+  double eddy;      /* gamma/dt, A/(m T): opposing field per change of flux density, >= 0 */
+} anhyst_circuit_f64;
+
+/* A solution that has not been committed. */
+typedef struct {
+  anhyst_state_f64 state;
+  double drive; /* c_H*I, or the applied field, A/m */
+  double field; /* in the iron, A/m */
+  double flux;  /* flux density B, T */
+} anhyst_reaction_f64;
+
+/* Fills an iron from physical parameters; k, r_d in A/m. The branch may be null unless step is
+   exact, and must outlive the iron. Returns ANHYST_OK or ANHYST_BAD_PARAMETER. */
+anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_step step, double saturation,
+                                   double shape, double pinning, double reversibility,
+                                   double interaction, double play_width,
+                                   const anhyst_branch_f64 *branch);
+
+/* Flux density of a state, T. */
+double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_state_f64 *state);
+
+/* Drive given: x + (R/(1+R) - alpha)*M = (drive + eddy*B0)/(1+R), R = rho + eddy*mu0; backward
+   Euler for the eddy field gamma*dB/dt. The state is not touched; status as anhyst_solve. */
+anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_state_f64 *state,
+                                 const anhyst_circuit_f64 *circuit, double drive,
+                                 anhyst_reaction_f64 *reaction);
+
+/* Flux density given: x + (1-alpha)*M = B/mu0, then
+   drive = x - alpha*M + rho*B/mu0 + eddy*(B - B0). The state is not touched. */
+anhyst_status anhyst_inverse_f64(const anhyst_iron_f64 *iron, const anhyst_state_f64 *state,
+                                 const anhyst_circuit_f64 *circuit, double flux,
+                                 anhyst_reaction_f64 *reaction);
+
+/* Advances the state with the drive that was really applied (after limits and the amplifier).
+   On failure the state is unchanged. */
+anhyst_status anhyst_commit_f64(const anhyst_iron_f64 *iron, anhyst_state_f64 *state,
+                                const anhyst_circuit_f64 *circuit, double applied_drive);
+
+/* A whole record: for each of n samples the given quantity in given[i] and the circuit in rho[i],
+   eddy[i]; with inverse = 0 the given one is the drive and found[i] the flux density, otherwise the
+   other way round. field[i] is the field in the iron. The state is advanced. On failure *index is
+   the sample, and the state that of the last good one. */
+anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_state_f64 *state, int inverse,
+                                size_t n, const double *given, const double *rho,
+                                const double *eddy, double *found, double *field, size_t *index);
+
+/* Repeats a cycle of n samples until x, y and p return within tol (in units of a and M_s) after one
+   repetition; every fourth repetition is used to extrapolate, since the law creeps geometrically.
+   The state is then that of the settled cycle before its first sample; *cycles counts the
+   repetitions. Returns ANHYST_NOT_SETTLED after most_cycles. */
+anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_state_f64 *state, int inverse,
+                                size_t n, const double *given, const double *rho,
+                                const double *eddy, double tol, int most_cycles, int *cycles,
+                                size_t *index);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

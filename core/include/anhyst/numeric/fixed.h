@@ -1,0 +1,190 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Fractional numbers in 16 and 32 bits.
+
+   Formats: q15 is an int16_t with the value n/2^15, q31 an int32_t with n/2^31, q30 an int32_t with
+   n/2^30, so that it reaches from -2 up to just below 2. A weight is an int16_t with n/2^16: a
+   factor between -0.5 and 0.5.
+
+   Every function is defined for every argument within its stated range; none overflows on the way
+   (proved). "Saturates" means: a result beyond the format becomes its largest
+   or smallest number. "Floor" means towards minus infinity. */
+#ifndef ANHYST_FIXED_H
+#define ANHYST_FIXED_H
+
+#include "anhyst/numeric/port.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define ANHYST_Q30_ONE ((int32_t)1073741824)
+#define ANHYST_Q28_MAX ((int32_t)268435455)
+#define ANHYST_Q28_MIN ((int32_t)(-268435455 - 1))
+#define ANHYST_Q15_MAX ((int16_t)32767)
+#define ANHYST_Q15_MIN ((int16_t)(-32767 - 1))
+#define ANHYST_Q31_MAX ((int32_t)2147483647)
+#define ANHYST_Q31_MIN ((int32_t)(-2147483647 - 1))
+
+/* The nearest q15 to an int32_t that holds a q15: saturates. Exact inside the range. */
+static inline int16_t anhyst_sat_q15(int32_t a)
+{
+#ifdef ANHYST_PORT_SAT_Q15
+  return (int16_t)ANHYST_PORT_SAT_Q15(a);
+#else
+  if (a > ANHYST_Q15_MAX) {
+    return ANHYST_Q15_MAX;
+  }
+  return a < ANHYST_Q15_MIN ? ANHYST_Q15_MIN : (int16_t)a;
+#endif
+}
+
+/* The nearest number of 0..32767. Exact inside the range. */
+static inline int32_t anhyst_sat_u15(int32_t a)
+{
+#ifdef ANHYST_PORT_SAT_U15
+  return ANHYST_PORT_SAT_U15(a);
+#else
+  if (a > ANHYST_Q15_MAX) {
+    return ANHYST_Q15_MAX;
+  }
+  return a < 0 ? 0 : a;
+#endif
+}
+
+/* The nearest number of -2^28..2^28 - 1, which is -1 to just below 1 in q28. Exact inside. */
+static inline int32_t anhyst_sat_q28(int32_t a)
+{
+#ifdef ANHYST_PORT_SAT_Q28
+  return ANHYST_PORT_SAT_Q28(a);
+#else
+  if (a > ANHYST_Q28_MAX) {
+    return ANHYST_Q28_MAX;
+  }
+  return a < ANHYST_Q28_MIN ? ANHYST_Q28_MIN : a;
+#endif
+}
+
+/* a + b, saturates. Exact inside the range. */
+static inline int16_t anhyst_add_q15(int16_t a, int16_t b)
+{
+  return anhyst_sat_q15((int32_t)a + b);
+}
+
+/* a - b, saturates. Exact inside the range. */
+static inline int16_t anhyst_sub_q15(int16_t a, int16_t b)
+{
+  return anhyst_sat_q15((int32_t)a - b);
+}
+
+/* a*b, rounded to the nearest (halves upwards); saturates for (-1)*(-1) alone. */
+static inline int16_t anhyst_mul_q15(int16_t a, int16_t b)
+{
+  return anhyst_sat_q15(((int32_t)a * b + 0x4000) >> 15);
+}
+
+/* a + b, saturates. Exact inside the range. */
+static inline int32_t anhyst_add_q31(int32_t a, int32_t b)
+{
+#ifdef ANHYST_PORT_ADD_Q31
+  return ANHYST_PORT_ADD_Q31(a, b);
+#else
+  if (b > 0) {
+    return a > ANHYST_Q31_MAX - b ? ANHYST_Q31_MAX : a + b;
+  }
+  return a < ANHYST_Q31_MIN - b ? ANHYST_Q31_MIN : a + b;
+#endif
+}
+
+/* a - b, saturates. Exact inside the range. */
+static inline int32_t anhyst_sub_q31(int32_t a, int32_t b)
+{
+#ifdef ANHYST_PORT_SUB_Q31
+  return ANHYST_PORT_SUB_Q31(a, b);
+#else
+  if (b > 0) {
+    return a < ANHYST_Q31_MIN + b ? ANHYST_Q31_MIN : a - b;
+  }
+  return a > ANHYST_Q31_MAX + b ? ANHYST_Q31_MAX : a - b;
+#endif
+}
+
+/* |a|, saturates for -1. */
+static inline int32_t anhyst_abs_q31(int32_t a)
+{
+  if (a >= 0) {
+    return a;
+  }
+  return a == ANHYST_Q31_MIN ? ANHYST_Q31_MAX : -a;
+}
+
+/* The number of low..high nearest to a. Precondition: low <= high. */
+static inline int32_t anhyst_clamp(int32_t a, int32_t low, int32_t high)
+{
+  if (a < low) {
+    return low;
+  }
+  return a > high ? high : a;
+}
+
+/* a times the weight b, floor(a*b/65536), in the format of a. Cannot overflow: |result| <= (|a| +
+   1)/2. Error below one unit in the last place. The workhorse: two 16-bit products, or one
+   instruction (SMULWB) where the port has it. */
+static inline int32_t anhyst_scale(int32_t a, int16_t b)
+{
+#ifdef ANHYST_PORT_SCALE
+  return ANHYST_PORT_SCALE(a, b);
+#else
+  const int32_t high = a >> 16;              /* -32768..32767 */
+  const int32_t low = (int32_t)(a & 0xFFFF); /* 0..65535 */
+  return high * b + ((low * b) >> 16);
+#endif
+}
+
+/* a*2^n for 0 <= n <= 31, saturates. Exact inside the range. */
+static inline int32_t anhyst_shl_q31(int32_t a, uint16_t n)
+{
+  const int32_t shifted = (int32_t)((uint32_t)a << n);
+  if ((shifted >> n) != a) { /* what was shifted out is missing */
+    return a < 0 ? ANHYST_Q31_MIN : ANHYST_Q31_MAX;
+  }
+  return shifted;
+}
+
+/* Nearest q15 to a q31 (halves upwards), saturates. */
+static inline int16_t anhyst_round_q31(int32_t a) { return anhyst_sat_q15(((a >> 15) + 1) >> 1); }
+
+/* How far a positive number can be shifted left before its top bit would reach the sign: 0..30.
+   Precondition: a > 0. */
+static inline uint16_t anhyst_headroom(int32_t a)
+{
+#ifdef ANHYST_PORT_LEADING_ZEROS
+  return (uint16_t)(ANHYST_PORT_LEADING_ZEROS((uint32_t)a) - 1);
+#else
+  uint16_t n = 0;
+  if (a < 0x8000) {
+    a *= 0x10000;
+    n = 16;
+  }
+  if (a < 0x800000) {
+    a *= 0x100;
+    n = (uint16_t)(n + 8);
+  }
+  if (a < 0x8000000) {
+    a *= 0x10;
+    n = (uint16_t)(n + 4);
+  }
+  if (a < 0x20000000) {
+    a *= 4;
+    n = (uint16_t)(n + 2);
+  }
+  if (a < 0x40000000) {
+    n = (uint16_t)(n + 1);
+  }
+  return n;
+#endif
+}
+
+#ifdef __cplusplus
+}
+#endif
+#endif

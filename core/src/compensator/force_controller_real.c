@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/compensator/force_controller_real.h"
+
+#include "lookup_real.h"
+
+#include "anhyst/numeric/f64.h"
+#include "generic/force_controller_real.h"
+#include "generic/force_controller.h"
+#include "anhyst/numeric/f32.h"
+#include "generic/force_controller_real.h"
+#include "generic/force_controller.h"

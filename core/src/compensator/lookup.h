@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Interpolation in the tables of a parameter block, the quotient of Newton's steps, and ratios that
+   have to be exact. */
+#ifndef ANHYST_LOOKUP_H
+#define ANHYST_LOOKUP_H
+
+#include "anhyst/numeric/fixed.h"
+
+/* Slopes are counted in 1/1024. */
+#define ANHYST_SLOPE_MAX 32767
+
+/* Where a number falls in a table of equal segments. */
+typedef struct {
+  const int16_t *at; /* lower end of the segment */
+  int32_t part;      /* of the segment, 0..32768 */
+} anhyst_spot;
+
+/* The value there: q15 in, q30 out, exact between the entries but for its last place. */
+static inline int32_t anhyst_value_at(anhyst_spot spot)
+{
+  const int32_t low = spot.at[0];
+  const int32_t rise = spot.at[1] - low;
+  return low * 32768 + rise * spot.part;
+}
+
+/* numerator*65536/denominator, both positive, to 14 bits; saturates. */
+static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
+{
+  const uint16_t up = anhyst_headroom(numerator);
+  const uint16_t down = anhyst_headroom(denominator);
+  const int32_t top = (int32_t)((uint32_t)numerator << up);
+  const int32_t bottom = (int32_t)((uint32_t)denominator << down) >> 16; /* 2^14..2^15 - 1 */
+  const int32_t ratio = top / bottom;                                    /* 2^15..2^17 */
+  return down >= up ? anhyst_shl_q31(ratio, (uint16_t)(down - up)) : ratio >> (up - down);
+}
+
+/* a*part, part a q31 that is not negative: within 4 units in the last place, floor. */
+static inline int32_t anhyst_share(int32_t a, int32_t part)
+{
+  const int16_t high = (int16_t)(part >> 16);
+  const int16_t low = (int16_t)((part & 0xFFFF) >> 1);
+  return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);
+}
+
+/* numerator/denominator as a q31, floor, digit by digit; 0 <= numerator < denominator. */
+static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)
+{
+  const uint32_t whole = (uint32_t)denominator;
+  uint32_t rest = (uint32_t)numerator;
+  uint32_t part = 0;
+  for (uint16_t digit = 0; digit < 31U; digit++) {
+    rest <<= 1;
+    part <<= 1;
+    if (rest >= whole) {
+      rest -= whole;
+      part |= 1U;
+    }
+  }
+  return (int32_t)part;
+}
+
+#endif

@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Interpolation in the tables of a compensator in single precision, and what its parts share. */
+#ifndef ANHYST_LOOKUP_F32_H
+#define ANHYST_LOOKUP_F32_H
+
+#include <stdint.h>
+
+#include "anhyst/numeric/f32.h"
+#include "generic/lookup.h"
+#include "anhyst/numeric/no_format.h"
+
+#endif

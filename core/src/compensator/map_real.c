@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/compensator/map_real.h"
+
+#include <stddef.h>
+
+#include "lookup_real.h"
+
+#include "anhyst/numeric/f64.h"
+#include "generic/map.h"
+#include "anhyst/numeric/f32.h"
+#include "generic/map.h"

@@ -1,0 +1,252 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/control/levitation.h"
+
+anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
+                                      const anhyst_levitation_settings *settings)
+{
+  const int range = limits->low < limits->high && limits->step > 0 && limits->selftest > 0U;
+  const int rates = settings->detect > 0 && settings->rise > 0 && settings->descend > 0 &&
+                    settings->lift > 0 && settings->set_down > 0 && settings->most > 0 &&
+                    settings->press <= 0;
+  return range && rates ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+}
+
+/* The next sample is judged by its range alone. */
+static void forget(anhyst_levitation *l)
+{
+  l->phase = ANHYST_PHASE_REST;
+  l->seen = 0;
+  l->lost = 0;
+  l->let_go = 0;
+}
+
+void anhyst_levitation_start(anhyst_levitation *levitation)
+{
+  anhyst_supervisor_start(&levitation->supervisor);
+  forget(levitation);
+  levitation->position = 0;
+  levitation->rest = 0;
+  levitation->reference = 0;
+  levitation->demand = 0;
+  levitation->tick = 0;
+  levitation->flags = 0;
+  levitation->begins = 0;
+}
+
+/* A step from one number towards another. */
+static int32_t towards(int32_t from, int32_t to, int32_t step)
+{
+  return anhyst_clamp(to, anhyst_sub_q31(from, step), anhyst_add_q31(from, step));
+}
+
+/* Whether the change since the last plausible position can be: one step for each tick in between.
+ */
+static int is_reachable(const anhyst_levitation *l, int32_t step, int32_t position)
+{
+  const int32_t ticks = (int32_t)l->supervisor.age + 1;
+  if (l->seen == 0U || step > ANHYST_Q31_MAX / ticks) {
+    return 1;
+  }
+  return anhyst_abs_q31(anhyst_sub_q31(position, l->position)) <= step * ticks;
+}
+
+/* The reason of a fault that this sample would be, or none. */
+static uint16_t judge(const anhyst_levitation *l, const anhyst_levitation_limits *limits,
+                      const anhyst_levitation_input *input)
+{
+  if (input->dropped != 0U) {
+    return ANHYST_FAULT_POSITION_MISSING;
+  }
+  if (input->position < limits->low || input->position > limits->high) {
+    return ANHYST_FAULT_POSITION_RANGE;
+  }
+  return is_reachable(l, limits->step, input->position) ? ANHYST_FAULT_NONE
+                                                        : ANHYST_FAULT_POSITION_STEP;
+}
+
+/* Comes down from wherever it is; the position is known. */
+static void come_down(anhyst_levitation *l)
+{
+  if (l->phase == ANHYST_PHASE_BREAKAWAY) {
+    l->phase = ANHYST_PHASE_SET_DOWN;
+  } else if (anhyst_levitation_controls(l)) {
+    l->phase = ANHYST_PHASE_DESCEND;
+  }
+}
+
+static void lose_position(anhyst_levitation *l)
+{
+  if (anhyst_levitation_controls(l)) {
+    l->phase = ANHYST_PHASE_FALL;
+    l->tick = 0;
+  } else if (l->phase == ANHYST_PHASE_BREAKAWAY) {
+    l->phase = ANHYST_PHASE_SET_DOWN;
+  }
+}
+
+/* Begins to control from here, with the demand there was. */
+static void begin(anhyst_levitation *l, uint16_t phase)
+{
+  l->phase = phase;
+  l->reference = l->position;
+  l->begins = 1;
+}
+
+/* Goes by the sample: on from selftest, to a fault, or back from a fall. */
+static void watch(anhyst_levitation *l, const anhyst_levitation_limits *limits,
+                  const anhyst_levitation_input *input)
+{
+  const uint16_t wrong = judge(l, limits, input);
+  if (anhyst_supervisor_sample(&l->supervisor, wrong, limits->patience, limits->selftest)) {
+    /* A sensor that jumped would be believed again as soon as time makes its step possible. */
+    l->lost |= wrong == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
+    lose_position(l);
+  }
+  if (wrong != ANHYST_FAULT_NONE) {
+    l->flags |= ANHYST_SAMPLE_DOUBTFUL;
+    return;
+  }
+  l->position = input->position;
+  l->seen = 1;
+  if (l->phase == ANHYST_PHASE_FALL && l->lost == 0U) {
+    begin(l, ANHYST_PHASE_DESCEND);
+  }
+}
+
+uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t command,
+                                   uint16_t at_zero)
+{
+  anhyst_levitation *l = levitation;
+  const int resting = l->phase == ANHYST_PHASE_REST || l->phase == ANHYST_PHASE_CONDITION;
+  const anhyst_body body = {1U, resting ? 1U : 0U, at_zero};
+  const uint16_t refused = anhyst_supervisor_obstacle(&l->supervisor, command, &body);
+  if (refused != ANHYST_REFUSED_NOT) {
+    return refused;
+  }
+  anhyst_supervisor_command(&l->supervisor, command, &body);
+  switch (command) {
+  case ANHYST_COMMAND_LIFT:
+    l->phase = ANHYST_PHASE_BREAKAWAY;
+    l->demand = 0;
+    l->tick = 0;
+    break;
+  case ANHYST_COMMAND_LAND:
+  case ANHYST_COMMAND_STOP:
+    come_down(l);
+    break;
+  case ANHYST_COMMAND_CLEAR:
+    forget(l);
+    break;
+  default:
+    break;
+  }
+  return ANHYST_REFUSED_NOT;
+}
+
+void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int lands)
+{
+  anhyst_supervisor_fail(&levitation->supervisor, reason);
+  if (lands) {
+    come_down(levitation);
+  } else {
+    levitation->lost = 1;
+    lose_position(levitation);
+  }
+}
+
+static void break_away(anhyst_levitation *l, const anhyst_levitation_settings *settings)
+{
+  if (l->tick == 0) { /* the tick after the command: here it lies */
+    l->rest = l->position;
+    l->tick = 1;
+  }
+  if (anhyst_sub_q31(l->position, l->rest) >= settings->detect) {
+    begin(l, ANHYST_PHASE_RISE);
+  } else if (l->demand >= settings->most) {
+    anhyst_supervisor_fail(&l->supervisor, ANHYST_FAULT_NO_LIFT);
+    l->phase = ANHYST_PHASE_SET_DOWN;
+  } else {
+    l->demand = towards(l->demand, settings->most, settings->lift);
+  }
+}
+
+static void set_down(anhyst_levitation *l, const anhyst_levitation_settings *settings)
+{
+  if (l->demand != settings->press) {
+    l->demand = towards(l->demand, settings->press, settings->set_down);
+    return;
+  }
+  l->phase = ANHYST_PHASE_REST;
+  anhyst_supervisor_rest(&l->supervisor);
+}
+
+static void move_reference(anhyst_levitation *l, const anhyst_levitation_settings *settings,
+                           int32_t target)
+{
+  switch (l->phase) {
+  case ANHYST_PHASE_RISE:
+    l->reference = towards(l->reference, target, settings->rise);
+    if (l->reference == target) {
+      l->phase = ANHYST_PHASE_HOVER;
+    }
+    break;
+  case ANHYST_PHASE_DESCEND:
+    if (l->reference == l->rest) {
+      l->phase = ANHYST_PHASE_SET_DOWN;
+    } else {
+      l->reference = towards(l->reference, l->rest, settings->descend);
+    }
+    break;
+  default: /* hover */
+    l->reference = target;
+    break;
+  }
+}
+
+/* Where the phase has led to by this tick. */
+static void go_on(anhyst_levitation *l, const anhyst_levitation_limits *limits,
+                  const anhyst_levitation_settings *settings, const anhyst_levitation_input *input)
+{
+  switch (l->phase) {
+  case ANHYST_PHASE_BREAKAWAY:
+    break_away(l, settings);
+    break;
+  case ANHYST_PHASE_SET_DOWN:
+    set_down(l, settings);
+    break;
+  case ANHYST_PHASE_FALL:
+    l->let_go = l->tick == 0 ? 1U : 0U;
+    l->tick++;
+    if (l->tick > (int32_t)limits->hold) {
+      l->phase = ANHYST_PHASE_REST;
+    }
+    break;
+  case ANHYST_PHASE_REST:
+  case ANHYST_PHASE_CONDITION:
+    l->phase = anhyst_supervisor_condition(&l->supervisor, input->conditioning)
+                   ? ANHYST_PHASE_CONDITION
+                   : ANHYST_PHASE_REST;
+    break;
+  default:
+    /* The first reference is the position itself, so that control begins without a jump. */
+    if (l->begins == 0U) {
+      move_reference(l, settings, anhyst_clamp(input->target, limits->low, limits->high));
+    }
+    break;
+  }
+}
+
+void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitation_limits *limits,
+                            const anhyst_levitation_settings *settings,
+                            const anhyst_levitation_input *input)
+{
+  levitation->flags = 0;
+  levitation->begins = 0;
+  levitation->let_go = 0;
+  if (anhyst_levitation_controls(levitation)) {
+    levitation->demand = input->demand;
+  }
+  anhyst_supervisor_begin(&levitation->supervisor);
+  watch(levitation, limits, input);
+  go_on(levitation, limits, settings, input);
+}

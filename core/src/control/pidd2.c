@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/control/pidd2.h"
+
+anhyst_status anhyst_pidd2_check_q31(const anhyst_pidd2_gains_q31 *gains)
+{
+  const int factors =
+      anhyst_factor_is_valid(gains->proportional) && anhyst_factor_is_valid(gains->integral) &&
+      anhyst_factor_is_valid(gains->derivative) && anhyst_factor_is_valid(gains->second) &&
+      anhyst_factor_is_valid(gains->load) && anhyst_factor_is_valid(gains->back) &&
+      gains->back.mantissa >= 0;
+  const int rest = anhyst_factor_is_share(gains->smoothing) &&
+                   anhyst_factor_is_share(gains->smoothing_2) && gains->unweighted <= 0 &&
+                   gains->low <= gains->high;
+  return factors && rest ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+}
+
+int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
+                               const anhyst_pidd2_state_q31 *state, int32_t reference,
+                               int32_t position, int32_t load,
+                               anhyst_pidd2_candidate_q31 *candidate)
+{
+  const int32_t y = position >> 1; /* q30: differences of two such numbers fit */
+  const int32_t r = reference >> 1;
+  const int32_t weighted = r + anhyst_scale(reference, gains->unweighted); /* 0..r */
+
+  /* A filter moves by the derivative it gives: differentiating costs no state of its own, and an
+     error of rounding is not integrated. */
+  const int32_t first = anhyst_factor_product(state->position - y, gains->smoothing);
+  const int32_t second =
+      anhyst_factor_product(anhyst_sub_q31(state->velocity, first), gains->smoothing_2);
+
+  int32_t u = anhyst_factor_product(weighted - y, gains->proportional);
+  u = anhyst_add_q31(u, state->integral >> 2);
+  u = anhyst_sub_q31(u, anhyst_factor_product(first, gains->derivative));
+  u = anhyst_sub_q31(u, anhyst_factor_product(second, gains->second));
+  u = anhyst_add_q31(u, anhyst_factor_product(load, gains->load));
+
+  candidate->next.position = state->position + first;
+  candidate->next.velocity = anhyst_add_q31(state->velocity, second);
+  candidate->next.integral =
+      anhyst_add_q31(state->integral, anhyst_factor_product(r - y, gains->integral));
+  candidate->wanted = u;
+  candidate->output = anhyst_clamp(anhyst_shl_q31(u, 3), gains->low, gains->high);
+  return candidate->output;
+}
+
+void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
+                             const anhyst_pidd2_candidate_q31 *candidate, int32_t applied)
+{
+  /* Exactly zero where the output was applied as it was wanted. */
+  const int32_t missing = anhyst_sub_q31(applied >> 3, candidate->wanted);
+  *state = candidate->next;
+  state->integral = anhyst_add_q31(state->integral, anhyst_factor_product(missing, gains->back));
+}
+
+/* Moves the integral so that the wanted output goes from one number to another, q28. */
+static void shift_integral(anhyst_pidd2_state_q31 *state, int32_t from, int32_t to)
+{
+  state->integral = anhyst_add_q31(state->integral, anhyst_shl_q31(anhyst_sub_q31(to, from), 2));
+}
+
+void anhyst_pidd2_start_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
+                            int32_t reference, int32_t position, int32_t load, int32_t output)
+{
+  anhyst_pidd2_candidate_q31 without;
+  state->position = position >> 1;
+  state->velocity = 0;
+  state->integral = 0;
+  (void)anhyst_pidd2_solve_q31(gains, state, reference, position, load, &without);
+  shift_integral(state, without.wanted, output >> 3);
+}
+
+void anhyst_pidd2_change_q31(const anhyst_pidd2_gains_q31 *from, const anhyst_pidd2_gains_q31 *to,
+                             anhyst_pidd2_state_q31 *state, int32_t reference, int32_t position,
+                             int32_t load)
+{
+  anhyst_pidd2_candidate_q31 before;
+  anhyst_pidd2_candidate_q31 after;
+  (void)anhyst_pidd2_solve_q31(from, state, reference, position, load, &before);
+  (void)anhyst_pidd2_solve_q31(to, state, reference, position, load, &after);
+  shift_integral(state, after.wanted, before.wanted);
+}

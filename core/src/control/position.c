@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/control/position.h"
+
+#include "anhyst/numeric/q31.h"
+
+#include <stddef.h>
+
+/* Positions and demands are the integers of levitation.h as they are. */
+
+static int32_t position_code_q31(const anhyst_position_units_q31 *units, int32_t position)
+{
+  (void)units;
+  return position;
+}
+
+static int32_t position_of_q31(const anhyst_position_units_q31 *units, int32_t code)
+{
+  (void)units;
+  return code;
+}
+
+static int32_t demand_code_q31(const anhyst_position_units_q31 *units, int32_t demand)
+{
+  (void)units;
+  return demand;
+}
+
+static int32_t demand_of_q31(const anhyst_position_units_q31 *units, int32_t code)
+{
+  (void)units;
+  return code;
+}
+
+static int is_number_q31(int32_t a)
+{
+  (void)a;
+  return 1;
+}
+
+static int32_t sum_q31(int32_t a, int32_t b) { return anhyst_add_q31(a, b); }
+
+static int32_t difference_q31(int32_t a, int32_t b) { return anhyst_sub_q31(a, b); }
+
+static int32_t half_q31(int32_t a) { return a >> 1; }
+
+static int32_t within_q31(int32_t a, int32_t low, int32_t high)
+{
+  return anhyst_clamp(a, low, high);
+}
+
+static int32_t gap_of_q31(const anhyst_gap_line_q31 *line, int32_t position)
+{
+  const int32_t part = anhyst_shl_q31(anhyst_factor_product(position, line->factor), 1);
+  return anhyst_add_q31(line->offset, part);
+}
+
+/* The distance between two numbers in order, which may be beyond an int32_t. */
+static uint32_t distance(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
+
+/* The nearest of the converter's currents, for one within the limits. */
+static int32_t on_grid_q31(const anhyst_position_limits_q31 *limits, int32_t current)
+{
+  const uint32_t step = (uint32_t)limits->current_step;
+  const uint32_t above = distance(limits->current_low, current);
+  const uint32_t rest = above % step;
+  const uint32_t reached = rest >= step - rest ? above - rest + step : above - rest;
+  return (int32_t)((uint32_t)limits->current_low + reached);
+}
+
+static int are_sound_q31(const anhyst_position_limits_q31 *limits,
+                         const anhyst_position_settings_q31 *settings)
+{
+  int factors = 1;
+  for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
+    factors = factors && anhyst_factor_is_valid(settings->units.gap[i].factor);
+  }
+  return factors && limits->current_low < limits->current_high && limits->current_step > 0 &&
+         distance(limits->current_low, limits->current_high) % (uint32_t)limits->current_step ==
+             0U &&
+         limits->release >= limits->current_step;
+}
+
+static void demagnetise_q31(anhyst_force_controller_q31 *magnet)
+{
+  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
+  magnet->compensator.memory = demagnetised;
+  magnet->compensator.solved = 0;
+}
+
+#include "generic/position.h"
+
+/* The currents that the blocks now in force give for what was wanted at the tick before. */
+static void want_again(anhyst_position_q31 *c, int32_t *wanted)
+{
+  const anhyst_position_sample_q31 unmeasured = {0, 0, 0, {0, 0}, {ANHYST_NO_FLUX, ANHYST_NO_FLUX},
+                                                 0, 0};
+  switch (c->levitation.phase) {
+  case ANHYST_PHASE_REST:
+  case ANHYST_PHASE_FALL:
+    break; /* on the ramp to zero from what is driven, whatever the block */
+  case ANHYST_PHASE_CONDITION:
+    for (int i = 0; i < magnets_q31(c); i++) {
+      wanted[i] = anhyst_force_controller_conditioning_q31(c->magnet[i], 0);
+    }
+    break;
+  default:
+    solve_q31(c, &unmeasured, wanted);
+    break;
+  }
+}
+
+void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
+{
+  anhyst_supervisor *supervisor = &c->levitation.supervisor;
+  int32_t wanted[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
+  for (int i = 0; i < magnets_q31(c); i++) {
+    anhyst_compensator_swap(&c->magnet[i]->compensator, words);
+  }
+  if (supervisor->conditioning != 0U) {
+    supervisor->step = -1; /* begins anew */
+  }
+  want_again(c, wanted);
+  for (int i = 0; i < magnets_q31(c); i++) {
+    const int32_t reached =
+        anhyst_clamp(wanted[i], c->limits->current_low, c->limits->current_high);
+    c->fading[i] = anhyst_sub_q31(c->current[i], reached);
+  }
+}

@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/control/position_real.h"
+
+#include <stddef.h>
+
+#include "anhyst/numeric/f64.h"
+#include "generic/position_real.h"
+#include "generic/position.h"
+#include "anhyst/numeric/f32.h"
+#include "generic/position_real.h"
+#include "generic/position.h"

@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The effective-field law, exact at any step length: y follows the steady branch, and what it is
+   off that branch at the departure is forgotten as an exponential. */
+#include <math.h>
+
+#include "anhyst/numeric/elementary.h"
+
+#include "lag.h"
+
+static int is_valid(const anhyst_operator_f64 *law)
+{
+  return law->branch != 0 && !(law->branch->kappa < law->kappa) &&
+         !(law->branch->kappa > law->kappa);
+}
+
+static double carry(anhyst_path_f64 *path, double p, double pull, double slope, double *y_slope)
+{
+  const anhyst_operator_f64 *law = path->law;
+  (void)slope;
+  if (!path->departure_known) {
+    anhyst_path_depart(path);
+    path->lead =
+        path->from.y - path->sign * anhyst_branch_at_f64(law->branch, path->sign * path->departure);
+  }
+  if (path->sign * (p - path->departure) <= 0.0) {
+    return path->from.y;
+  }
+  const double kept = anhyst_exp_f64(-fabs(p - path->departure) / law->kappa);
+  const double y =
+      path->sign * anhyst_branch_at_f64(law->branch, path->sign * p) + path->lead * kept;
+  const double drive = path->sign * (pull - y);
+  *y_slope = drive > 0.0 ? drive / law->kappa : 0.0;
+  return y;
+}
+
+const anhyst_lag anhyst_lag_exact = {is_valid, anhyst_lag_straight, carry};

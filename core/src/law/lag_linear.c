@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The effective-field law, the anhysteretic curve taken as a straight line over a step. */
+#include <math.h>
+
+#include "anhyst/numeric/elementary.h"
+
+#include "lag.h"
+#include "weights.h"
+
+static int is_valid(const anhyst_operator_f64 *law)
+{
+  (void)law;
+  return 1;
+}
+
+static double carry(anhyst_path_f64 *path, double p, double pull, double slope, double *y_slope)
+{
+  const double y0 = path->from.y;
+  const double way = p - path->from.p;
+  const double s = fabs(way) / path->law->kappa;
+  const double rise = pull - path->pull;
+  const double ahead = pull - y0;
+  const double start = path->pull - y0;
+  if (path->sign * start >= 0.0) {
+    const weights w = weights_at(s);
+    *y_slope =
+        path->sign / path->law->kappa * (start * (1.0 - w.e) + rise * w.g_slope) + slope * w.g;
+    return y0 + start * w.e + rise * w.g;
+  }
+  const double share = s * ahead / rise;
+  const weights w = weights_at(share);
+  *y_slope = slope * w.g + ahead * w.g_slope * share * (1.0 / way + slope / ahead - slope / rise);
+  return y0 + ahead * w.g;
+}
+
+const anhyst_lag anhyst_lag_linear = {is_valid, anhyst_lag_straight, carry};

@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/law/sensitivity.h"
+
+#include <math.h>
+
+#include "anhyst/numeric/elementary.h"
+#include "anhyst/law/langevin.h"
+
+#include "weights.h"
+
+/* How one step depends on what went in, the same for all directions:
+   y1_t = by_y*y0_t + by_p0*p0_t + by_p1*p1_t + by_kappa*kappa_t. */
+typedef struct {
+  double by_y, by_p0, by_p1, by_kappa;
+  double sign;
+  double carried;          /* dp1/dx1, 1 or 0 */
+  double pull, pull_slope; /* L(x1), L'(x1) */
+} partials;
+
+/* A step that leaves y at rest. */
+static void rest(partials *d)
+{
+  d->by_y = 1.0;
+  d->by_p0 = 0.0;
+  d->by_p1 = 0.0;
+  d->by_kappa = 0.0;
+}
+
+static void partials_exact(const anhyst_path_f64 *path, const anhyst_branch_slope_f64 *slope,
+                           const anhyst_answer_f64 *end, partials *d)
+{
+  const double kappa = path->law->kappa;
+  const double sign = path->sign;
+  const double s = fabs(end->state.p - path->departure) / kappa;
+  const double kept = anhyst_exp_f64(-s);
+  const int held = sign * (path->pull - path->from.y) < 0.0;
+  d->by_y = kept;
+  /* A departure at the crossing of the anhysteretic has L = y there: moving it changes nothing. */
+  d->by_p0 = held ? 0.0 : -kept * sign * (path->pull - path->from.y) / kappa;
+  d->by_p1 = end->y_slope;
+  d->by_kappa = sign * (anhyst_branch_slope_at_f64(slope, sign * end->state.p) -
+                        anhyst_branch_slope_at_f64(slope, sign * path->departure) * kept) +
+                path->lead * kept * s / kappa;
+}
+
+static void partials_linear(const anhyst_path_f64 *path, const anhyst_answer_f64 *end,
+                            double y_slope, partials *d)
+{
+  const double kappa = path->law->kappa;
+  const double way = end->state.p - path->from.p;
+  const double s = fabs(way) / kappa;
+  double p0_slope;
+  double p1_slope;
+  const double m0 = anhyst_langevin_f64(path->from.p, &p0_slope);
+  const double m1 = anhyst_langevin_f64(end->state.p, &p1_slope);
+  const double start = m0 - path->from.y;
+  const double rise = m1 - m0;
+  d->by_p1 = y_slope;
+  if (path->sign * start >= 0.0) {
+    const weights w = weights_at(s);
+    const double by_s = start * (1.0 - w.e) + rise * w.g_slope;
+    d->by_y = 1.0 - w.e;
+    d->by_p0 = (w.e - w.g) * p0_slope - path->sign * by_s / kappa;
+    d->by_kappa = -by_s * s / kappa;
+    return;
+  }
+  const double ahead = m1 - path->from.y;
+  const double share = s * ahead / rise;
+  const weights w = weights_at(share);
+  const double by_share = ahead * w.g_slope * share;
+  d->by_y = 1.0 - w.g - w.g_slope * share;
+  d->by_p0 = by_share * (p0_slope / rise - 1.0 / way);
+  d->by_kappa = -by_share / kappa;
+}
+
+static void step_partials(const anhyst_operator_f64 *law, const anhyst_branch_slope_f64 *slope,
+                          const anhyst_state_f64 *from, const anhyst_state_f64 *to, partials *d)
+{
+  anhyst_path_f64 path;
+  anhyst_answer_f64 start;
+  anhyst_answer_f64 end;
+  d->sign = to->x < from->x ? -1.0 : 1.0;
+  anhyst_path_begin_f64(&path, law, from, d->sign, &start);
+  anhyst_path_at_f64(&path, to->x, &end);
+  d->pull = anhyst_langevin_f64(to->x, &d->pull_slope);
+  d->carried = end.p_slope;
+  if (!(fabs(end.y_slope) > 0.0)) {
+    rest(d);
+  } else if (law->step == ANHYST_STEP_EXACT) {
+    partials_exact(&path, slope, &end, d);
+  } else {
+    partials_linear(&path, &end, end.y_slope, d);
+  }
+}
+
+/* Carries one tangent over the step that led to `to` with magnetisation m. */
+static void advance_tangent(const anhyst_operator_f64 *law, const partials *d,
+                            const anhyst_state_f64 *to, double m, double omega, double omega_t,
+                            double r_t, anhyst_tangent_f64 *t, double *m_t)
+{
+  /* What p1 and y1 become with x1 held fast, then the share of x1. */
+  const double p_fixed = d->carried > 0.0 ? -d->sign * t->play : t->state.p;
+  const double y_fixed =
+      d->by_y * t->state.y + d->by_p0 * t->state.p + d->by_p1 * p_fixed + d->by_kappa * t->kappa;
+  const double y_slope = d->by_p1 * d->carried;
+  const double m_fixed = (1.0 - law->c) * y_fixed + (d->pull - to->y) * t->c;
+  const double m_slope = (1.0 - law->c) * y_slope + law->c * d->pull_slope;
+  const double x_t = (r_t - omega_t * m - omega * m_fixed) / (1.0 + omega * m_slope);
+  t->state.x = x_t;
+  t->state.p = p_fixed + d->carried * x_t;
+  t->state.y = y_fixed + y_slope * x_t;
+  *m_t = m_fixed + m_slope * x_t;
+}
+
+anhyst_status anhyst_sensitivity_f64(const anhyst_operator_f64 *law,
+                                     const anhyst_branch_slope_f64 *branch_slope,
+                                     const anhyst_differentiated_drive_f64 *drive,
+                                     anhyst_state_f64 *state, anhyst_tangent_f64 *tangents,
+                                     double *x, double *m, double *x_t, double *m_t, size_t *index)
+{
+  const size_t count = drive->directions;
+  if (law->step == ANHYST_STEP_JA1986 || (law->step == ANHYST_STEP_EXACT && branch_slope == 0)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  for (size_t i = 0; i < drive->n; i++) {
+    anhyst_candidate_f64 next;
+    partials d;
+    const anhyst_status status = anhyst_solve_f64(law, state, drive->omega[i], drive->r[i], &next);
+    if (status != ANHYST_OK) {
+      *index = i;
+      return status;
+    }
+    step_partials(law, branch_slope, state, &next.state, &d);
+    for (size_t j = 0; j < count; j++) {
+      const size_t at = i * count + j;
+      advance_tangent(law, &d, &next.state, next.m, drive->omega[i], drive->omega_t[at],
+                      drive->r_t[at], &tangents[j], &m_t[at]);
+      x_t[at] = tangents[j].state.x;
+    }
+    x[i] = next.state.x;
+    m[i] = next.m;
+    *state = next.state;
+  }
+  return ANHYST_OK;
+}
