@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from anhyst.data import read_columns, write_csv
-from anhyst.data.layout import read_layout
-from anhyst.data.raw_table import Texts
+from anhyst.data.columns import Texts
+from anhyst.data.formats.layout import read_layout
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.errors import InputError
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from anhyst.data import History, Loop, LoopSet, read_columns, write_csv
+from anhyst.data.columns import Texts
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import turning_points
-from anhyst.data.raw_table import Texts
 from anhyst.data.reading import read_loops
 from anhyst.support.units import INPUTS, QUANTITIES, UNITS, parse_header
 

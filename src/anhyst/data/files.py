@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.layout import PathLike
-from anhyst.data.raw_table import Texts
+from anhyst.data.columns import Texts
 from anhyst.support.arrays import FloatArray
-from anhyst.support.atomic import atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer
 
 Column = FloatArray | NDArray[np.bool_] | Texts
 

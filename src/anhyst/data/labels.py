@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.data.columns import Texts
 from anhyst.data.hints import mapping
 from anhyst.data.path import reversal_count
-from anhyst.data.raw_table import Texts
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import Header

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anhyst.data.columns import Texts
 from anhyst.data.files import Column, write_csv
 from anhyst.data.history import SETTLED, History
-from anhyst.data.layout import PathLike
 from anhyst.data.path import reversal_count, time_fault, value_fault
-from anhyst.data.raw_table import Texts
 from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Quantity
 

@@ -11,18 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.branches import are_even
+from anhyst.data.columns import Texts, is_number
+from anhyst.data.formats import FORMATS, MemoryTable, OpenTable, open_table
 from anhyst.data.history import History
 from anhyst.data.joining import Part, join
 from anhyst.data.labels import SHORTEST, find_label, may_label
-from anhyst.data.layout import PathLike, is_number, read_layout
 from anhyst.data.loop_set import Loop, LoopSet, Source
 from anhyst.data.path import time_fault, value_fault
-from anhyst.data.raw_table import Texts, read_raw, row_line
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
 from anhyst.data.sidecar import Reading, is_sidecar
 from anhyst.data.start import propose_histories
-from anhyst.data.table import first_rows, map_headers
+from anhyst.data.table import map_headers
 from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header
@@ -34,7 +35,6 @@ _DWELL = 6
 _MOST_LOOPS = 2000
 _ALONE = "1"
 """Label of a loop that nobody labelled."""
-_SUFFIXES = (".csv", ".tsv", ".txt", ".dat")
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,56 +136,14 @@ def loops_of_frame(
     InputError
         If a column is missing, holds text or cannot be understood.
     """
-    place = "data frame"
     given = Reading.from_arguments(
         columns=columns, history=history, schedule=schedule, loop=loop, constants=constants
     )
     names = list(getattr(frame, "columns", frame))
-    texts = [str(name) for name in names]
-    headers = map_headers(place, texts, given.columns)
-    roles = find_roles(place, headers, given)
-
-    def values(index: int | None) -> FloatArray | None:
-        if index is None:
-            return None
-        try:
-            column = np.asarray(frame[names[index]], dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InputError(f"{place}: column '{texts[index]}' holds text, not numbers") from None
-        unit = headers[index].unit
-        return unit.to_si(column) if unit else column
-
-    drive, answer = values(roles.input), values(roles.output)
-    assert drive is not None
-    assert answer is not None
-
-    def text(index: int) -> Texts:
-        rows = [str(name) for name in frame[names[index]]]
-        order = {name: code for code, name in enumerate(dict.fromkeys(rows))}
-        return Texts(tuple(order), np.array([order[name] for name in rows], np.int32))
-
-    gaps = _schedule_values(roles, values(roles.schedule), drive.size)
-    idle = {index: text(index) for index in _unlabelled(roles)}
-    idle = {
-        index: column
-        for index, column in idle.items()
-        if may_label(headers[index], column.rows()[:SHORTEST])
-    }
-    roles = roles.with_label(find_label(place, headers, idle, drive, answer, gaps))
-    if roles.label is None:
-        labels = _one_label(roles.fixed_label or _ALONE, drive.size)
-    else:
-        labels = text(roles.label)
-    cut = _Columns(
-        place,
-        drive,
-        answer,
-        gaps,
-        values(roles.time),
-        labels,
-        lambda row: f"{place}: row {row}",
+    table = MemoryTable(
+        "data frame", tuple(map(str, names)), tuple(np.asarray(frame[name]) for name in names)
     )
-    return join(_with_histories([_cut(cut, headers, roles, given, None, ())]))
+    return join(_with_histories([_read_table(table, _ALONE, given, None)]))
 
 
 def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
@@ -193,9 +151,9 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     files: list[Path] = []
     for path in map(Path, listed):
         if path.is_dir():
-            found = sorted(f for f in path.iterdir() if f.suffix.lower() in _SUFFIXES)
+            found = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
             if not found:
-                raise InputError(f"{path}: this folder holds no {', '.join(_SUFFIXES)} file")
+                raise InputError(f"{path}: this folder holds no {', '.join(FORMATS)} file")
             files += found
         else:
             files.append(path)
@@ -211,23 +169,28 @@ def _find_sidecar(path: Path) -> Reading:
 
 
 def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: bool) -> Part:
-    layout = read_layout(path)
     told = with_file_name(path, told)
-    headers = map_headers(str(path), layout.header, told.columns, layout.units)
-    head = first_rows(layout, SHORTEST)
-    words = [place for place, field in enumerate(head[0]) if not is_number(field)]
-    roles = find_roles(str(path), headers, told, words)
+    return _read_table(open_table(path), _ALONE if alone else path.stem, told, progress)
+
+
+def _read_table(table: OpenTable, name: str, told: Reading, progress: Progress | None) -> Part:
+    """Read a table; ``name`` is that of its loop where it is all there is to call it by."""
+    place = table.place
+    headers = map_headers(place, table.header, told.columns, table.units)
+    head = table.first_rows(SHORTEST)
+    words = [index for row in head[:1] for index, field in enumerate(row) if not is_number(field)]
+    roles = find_roles(place, headers, told, words)
     numbers = [roles.input, roles.output]
     numbers += [index for index in (roles.time, roles.schedule) if index is not None]
-    chosen = {name: find_column(str(path), headers, name) for name in told.select}
+    chosen = {name: find_column(place, headers, name) for name in told.select}
     asked = {index: [row[index] for row in head] for index in _unlabelled(roles)}
     asked = {index: first for index, first in asked.items() if may_label(headers[index], first)}
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
-    raw = read_raw(layout, numbers, sorted(texts), progress)
-    keep = _selection(str(path), told, {name: raw.texts[i] for name, i in chosen.items()})
+    raw = table.read(numbers, sorted(texts), progress)
+    keep = _selection(place, told, {name: raw.texts[i] for name, i in chosen.items()})
 
     def where(row: int) -> str:
-        return f"{path}: line {row_line(layout, row if keep is None else int(keep[row]))}"
+        return table.where(row if keep is None else int(keep[row]))
 
     def values(index: int | None) -> FloatArray | None:
         if index is None:
@@ -246,16 +209,16 @@ def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: b
         return column if keep is None else Texts(column.values, column.codes[keep])
 
     idle = {index: text(index) for index in asked}
-    roles = roles.with_label(find_label(str(path), headers, idle, drive, answer, schedule))
+    roles = roles.with_label(find_label(place, headers, idle, drive, answer, schedule))
     if roles.label is None:
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
         # there is to tell them apart by.
-        name = _ALONE if alone or roles.quantity is not None else path.stem
-        labels = _one_label(roles.fixed_label or name, drive.size)
+        own = _ALONE if roles.quantity is not None else name
+        labels = _one_label(roles.fixed_label or own, drive.size)
     else:
         labels = text(roles.label)
-    columns = _Columns(str(path), drive, answer, schedule, values(roles.time), labels, where)
-    source = Source(str(path), raw.sha256, dict(told.columns))
+    columns = _Columns(place, drive, answer, schedule, values(roles.time), labels, where)
+    source = Source(place, raw.sha256, dict(told.columns)) if raw.sha256 else None
     return _cut(columns, headers, roles, told, source, raw.notes)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.data.history import History
-from anhyst.data.layout import PathLike
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from anhyst.data.columns import TextInNumbersError, Texts, is_number
+from anhyst.data.formats import OpenTable, open_table
+from anhyst.data.formats.raw_table import shown
 from anhyst.data.hints import map_one, mapping
-from anhyst.data.layout import Layout, PathLike, is_number, read_layout
 from anhyst.data.path import time_fault
-from anhyst.data.raw_table import TextInNumbersError, Texts, read_raw, row_line, shown, split_lines
 from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse_header
@@ -31,7 +32,7 @@ class Table:
     headers: tuple[Header, ...]
     columns: tuple[FloatArray | Texts, ...]
     notes: tuple[str, ...]
-    layout: Layout
+    opened: OpenTable
 
     def __len__(self) -> int:
         return len(self.columns[0])
@@ -67,23 +68,17 @@ class Table:
         if isinstance(column, Texts):
             bad = next((r for r, text in enumerate(column.rows()) if not is_number(text)), 0)
             raise InputError(
-                f"{self.path}: line {row_line(self.layout, bad)}, column '{header.text}': "
+                f"{self.where(bad)}, column '{header.text}': "
                 f"'{shown(column.values[column.codes[bad]])}' is not a number; correct or "
                 "remove the line"
             )
         values = header.unit.to_si(column) if header.unit else column
         values.flags.writeable = False
         if name == "time" and (back := time_fault(values)) is not None:
-            raise InputError(
-                f"{self.path}: line {row_line(self.layout, back)}: time going backwards; sort the "
-                "rows"
-            )
+            raise InputError(f"{self.where(back)}: time going backwards; sort the rows")
         if name == "gap" and float(values.min()) < 0.0:
             below = int(np.argmax(values < 0.0))
-            raise InputError(
-                f"{self.path}: line {row_line(self.layout, below)}: negative gap "
-                f"{values[below]:g} m; {GAP_ADVICE}"
-            )
+            raise InputError(f"{self.where(below)}: negative gap {values[below]:g} m; {GAP_ADVICE}")
         return values
 
     def need(self, name: str, example: str) -> FloatArray:
@@ -108,11 +103,15 @@ class Table:
         texts = [place for place, column in enumerate(self.columns) if isinstance(column, Texts)]
         return mapping(self.headers, [name], skip=texts, least=0) if name in QUANTITIES else ""
 
+    def where(self, row: int) -> str:
+        """Return the place of a row of data, such as ``file.csv: line 12``."""
+        return self.opened.where(row)
+
     def as_columns(self) -> dict[str, FloatArray | Texts]:
         """Columns as they stood in the file by header, ready for `write_csv` to repeat."""
         names = {}
-        for place, (text, column) in enumerate(zip(self.layout.header, self.columns, strict=True)):
-            unit = self.layout.units[place] if self.layout.units else ""
+        for place, (text, column) in enumerate(zip(self.opened.header, self.columns, strict=True)):
+            unit = self.opened.units[place] if self.opened.units else ""
             names[f"{text} [{unit}]" if unit else text] = column
         return names
 
@@ -122,7 +121,7 @@ def read_columns(
     columns: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> Table:
-    """Read every column of a text table, such as a drive or a demand.
+    """Read every column of a table, such as a drive or a demand.
 
     Parameters
     ----------
@@ -138,9 +137,9 @@ def read_columns(
     InputError
         As `read_raw`; also if ``columns`` names a column that is not there.
     """
-    layout = read_layout(path, least=1)
-    headers = map_headers(str(layout.path), layout.header, columns or {}, layout.units)
-    (first,) = first_rows(layout, 1)
+    opened = open_table(path, least=1)
+    headers = map_headers(opened.place, opened.header, columns or {}, opened.units)
+    (first,) = opened.first_rows(1)
     known = {place for place, header in enumerate(headers) if header.is_known}
     texts = {
         place
@@ -148,33 +147,22 @@ def read_columns(
         if header.is_label or (place not in known and not is_number(first[place]))
     }
     while True:
-        numbers = [place for place in range(layout.width) if place not in texts]
+        numbers = [place for place in range(len(headers)) if place not in texts]
         try:
-            raw = read_raw(layout, numbers, sorted(texts), progress)
+            raw = opened.read(numbers, sorted(texts), progress)
             break
         except TextInNumbersError as error:
             if error.column in known:
                 raise
             texts.add(error.column)  # a column nobody asked for may hold anything
     held: list[FloatArray | Texts] = []
-    for place in range(layout.width):
+    for place in range(len(headers)):
         if place in texts:
             held.append(raw.texts[place])
         else:
             raw.numbers[place].flags.writeable = False
             held.append(raw.numbers[place])
-    return Table(str(layout.path), raw.sha256, headers, tuple(held), raw.notes, layout)
-
-
-def first_rows(layout: Layout, count: int) -> list[list[str]]:
-    """Fields of the first rows of data, as many as the table has columns."""
-    with layout.path.open("rb") as file:
-        file.seek(layout.offset)
-        lines = [
-            line for line in itertools.islice(split_lines(file, layout), count) if line.strip()
-        ]
-    rows = [layout.split(line) for line in lines]
-    return [row[: layout.width] + [""] * (layout.width - len(row)) for row in rows]
+    return Table(opened.place, raw.sha256, headers, tuple(held), raw.notes, opened)
 
 
 def map_headers(

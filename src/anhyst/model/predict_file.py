@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.data.columns import Texts
 from anhyst.data.files import write_csv
-from anhyst.data.raw_table import Texts, row_line
 from anhyst.data.table import Table, read_columns
 from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
 from anhyst.model.valid_range import Given, flag
@@ -161,10 +161,9 @@ def _compute(
             kind: Given = "drive" if forward else "demand"
             result = run_through(model, kind, _part(values, rows), at, clock, history)
         except SampleError as error:
-            line = row_line(table.layout, int(rows[error.sample]))
             raise InputError(
-                f"{table.path}: line {line}: {given.name.replace('_', ' ')} {error.what}; stay "
-                "nearer to the valid range of the model"
+                f"{table.where(int(rows[error.sample]))}: {given.name.replace('_', ' ')} "
+                f"{error.what}; stay nearer to the valid range of the model"
             ) from error
         except (InputError, NegativeResult) as error:
             where = "" if rows.size == values.size else f"rows from {rows[0] + 1}: "

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.raw_table import row_line
 from anhyst.data.table import Table, read_columns
 from anhyst.rig.parts.magnet import FluxTable
 from anhyst.support.arrays import FloatArray
@@ -49,12 +48,12 @@ def read_flux_table(path: PathLike) -> FluxTable:
             raise InputError(f"{table.path}: has a single {name}; measure at least two")
     if currents[0] != 0.0:
         text = f"currents begin at {currents[0]:g} A; begin at 0, the flux is taken as odd in it"
-        raise InputError(f"{_where(table, int(np.argmin(current)))}: {text}")
+        raise InputError(f"{table.where(int(np.argmin(current)))}: {text}")
     numbers = np.full((gaps.size, currents.size), -1)
     for number, place in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
         if numbers[place] >= 0:
             point = _point(gap[number], current[number])
-            raise InputError(f"{_where(table, number)}: {point} comes twice; remove one")
+            raise InputError(f"{table.where(number)}: {point} comes twice; remove one")
         numbers[place] = number
     _check_full(table.path, gaps, currents, numbers)
     made = FluxTable(currents, gaps, psi[numbers])
@@ -118,12 +117,8 @@ def _check_monotone(table: Table, made: FluxTable, numbers: Numbers) -> None:
         if len(places):
             g, i = places[0].tolist()
             point = _point(made.gap[g], made.current[i])
-            where = _where(table, int(numbers[g, i]))
+            where = table.where(int(numbers[g, i]))
             raise InputError(f"{where}: {text} at {point}; correct this point")
-
-
-def _where(table: Table, number: int) -> str:
-    return f"{table.path}: line {row_line(table.layout, number)}"
 
 
 def _point(gap: float, current: float) -> str:

@@ -11,10 +11,10 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
+from anhyst.data.columns import is_number
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
-
-PathLike = str | os.PathLike[str]
 
 _HEAD_BYTES = (1 << 16, 1 << 22)
 """Bytes looked at for the header: few, and many where comments or columns are many."""
@@ -62,15 +62,6 @@ def split_line(text: str, delimiter: str | None) -> list[str]:
         with contextlib.suppress(csv.Error):  # rubbish that is no CSV either
             return [field.strip() for field in next(csv.reader([text], delimiter=delimiter))]
     return [field.strip() for field in text.split(delimiter)]
-
-
-def is_number(text: str) -> bool:
-    """Whether a field reads as a number, with decimal point or comma (NaN and Inf included)."""
-    try:
-        float(text.replace(",", ".", 1))
-    except ValueError:
-        return False
-    return "_" not in text
 
 
 def read_layout(path: PathLike, least: int = 2) -> Layout:

@@ -10,15 +10,15 @@ from __future__ import annotations
 import hashlib
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.layout import Layout
+from anhyst.data.columns import RawColumns, TextInNumbersError, Texts
+from anhyst.data.formats.layout import Layout
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -31,53 +31,12 @@ _CHUNK = 1 << 22
 _SHOWN = 30
 
 
-class TextInNumbersError(InputError):
-    """A column that was taken for numbers holds text, NaN or Inf; ``column`` is its index."""
-
-    def __init__(self, message: str, column: int) -> None:
-        super().__init__(message)
-        self.column = column
-
-
-@dataclass(frozen=True, slots=True)
-class Texts:
-    """A column of text: the distinct values and, for each row, which of them."""
-
-    values: tuple[str, ...]
-    codes: NDArray[np.int32]
-
-    def __len__(self) -> int:
-        return self.codes.size
-
-    def groups(self) -> list[NDArray[np.intp]]:
-        """Return the rows of each text that occurs, ascending, in the order of `values`."""
-        order = np.argsort(self.codes, kind="stable")
-        ends = np.cumsum(np.bincount(self.codes, minlength=len(self.values)))
-        return [rows for rows in np.split(order, ends[:-1]) if rows.size]
-
-    def rows(self) -> list[str]:
-        """Return the text of every row."""
-        return [self.values[code] for code in self.codes.tolist()]
-
-
-@dataclass(frozen=True, slots=True)
-class RawTable:
-    """Columns as the file holds them, by index: numbers in the file's own units, or text."""
-
-    layout: Layout
-    sha256: str
-    rows: int
-    numbers: Mapping[int, FloatArray]
-    texts: Mapping[int, Texts]
-    notes: tuple[str, ...]
-
-
 def read_raw(
     layout: Layout,
     numbers: Sequence[int],
     texts: Sequence[int] = (),
     progress: Progress | None = None,
-) -> RawTable:
+) -> RawColumns:
     """Read the wanted columns of a table, the others are not even parsed.
 
     Parameters
@@ -179,7 +138,7 @@ class _Reader:
                 self.codes[index].append(self._encode(index, texts))
         self.line += lines
 
-    def finish(self, sha256: str) -> RawTable:
+    def finish(self, sha256: str) -> RawColumns:
         """Trim and hand over what was collected."""
         if self.rows == 0:
             raise InputError(f"{self.layout.path}: has a header but no data; nothing to read")
@@ -190,7 +149,7 @@ class _Reader:
             for index in self.texts
         }
         notes = (*self.layout.notes, *self.notes)
-        return RawTable(self.layout, sha256, self.rows, self.store, texts, notes)
+        return RawColumns(sha256, self.store, texts, notes)
 
     def _append(self, values: FloatArray) -> None:
         needed = self.rows + values.shape[0]

@@ -1,0 +1,87 @@
+"""What every file format gives: a header, a look at the first rows, and columns by index."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from anhyst.data.columns import RawColumns, TextInNumbersError, Texts
+from anhyst.support.progress import Progress
+
+
+class OpenTable(Protocol):
+    """A table that has been looked at, and not yet read."""
+
+    @property
+    def place(self) -> str:
+        """Where it stands, for messages."""
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Names of the columns."""
+
+    @property
+    def units(self) -> tuple[str, ...] | None:
+        """Units of the columns, where they stand apart from their names."""
+
+    def first_rows(self, count: int) -> list[list[str]]:
+        """Return the fields of the first rows of data, as many as there are columns."""
+
+    def read(
+        self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
+    ) -> RawColumns:
+        """Read columns by their indices.
+
+        Raises
+        ------
+        InputError
+            Text, NaN or Inf in a column of numbers (`TextInNumbersError`), or a damaged file;
+            names the place.
+        """
+
+    def where(self, row: int) -> str:
+        """Return the place of a row of data, counted from 0, such as ``file.csv: line 12``."""
+
+
+@dataclass(frozen=True, eq=False)
+class MemoryTable:
+    """A table whose columns are in memory: a data frame, or a file that is read whole."""
+
+    place: str
+    header: tuple[str, ...]
+    columns: tuple[Any, ...]
+    units: tuple[str, ...] | None = None
+    sha256: str = ""
+
+    def first_rows(self, count: int) -> list[list[str]]:
+        """Return the first rows as text."""
+        heads = [[str(value) for value in column[:count]] for column in self.columns]
+        return [list(row) for row in zip(*heads, strict=True)]
+
+    def read(
+        self,
+        numbers: Sequence[int],
+        texts: Sequence[int] = (),
+        progress: Progress | None = None,
+    ) -> RawColumns:
+        """Take columns by their indices."""
+        found = {}
+        for index in numbers:
+            try:
+                found[index] = np.array(self.columns[index], dtype=np.float64)
+            except (TypeError, ValueError):
+                text = f"{self.place}: column '{self.header[index]}' holds text, not numbers"
+                raise TextInNumbersError(text, index) from None
+        return RawColumns(self.sha256, found, {index: self._text(index) for index in texts}, ())
+
+    def where(self, row: int) -> str:
+        """Return the place of a row."""
+        return f"{self.place}: row {row}"
+
+    def _text(self, index: int) -> Texts:
+        rows = [str(value) for value in self.columns[index]]
+        order = {text: code for code, text in enumerate(dict.fromkeys(rows))}
+        return Texts(tuple(order), np.array([order[text] for text in rows], np.int32))
