@@ -10,7 +10,7 @@ import pytest
 from anhyst.data import Loop, LoopSet
 from anhyst.identify import identify
 from anhyst.identify.default import follow
-from anhyst.identify.fit_records import WEIGHTINGS, Records, records_of
+from anhyst.identify.fit_records import WEIGHTINGS, FitRecords, records_of
 from anhyst.identify.fitting import Evaluation
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
@@ -203,7 +203,7 @@ def test_a_silent_loop_cannot_be_weighed_by_itself() -> None:
     silent = loops.with_loops([loops.loops[0], replace(loops.loops[1], output=np.zeros(599))])
     with pytest.raises(InputError, match="a loop has no output at all"):
         records_of(silent, "relative")
-    assert len(records_of(silent).drives) == 2
+    assert len(records_of(silent).loops) == 2
 
 
 def test_thinning_keeps_the_fit() -> None:
@@ -212,10 +212,10 @@ def test_thinning_keeps_the_fit() -> None:
     loops = loops_of(truth, "demagnetised", samples=2000, noise=2e-3)
     space = space_of(truth, "reluctance", loops)
     thin = space.records.thinned(400)
-    for drive, whole in zip(thin.drives, space.records.drives, strict=True):
-        assert 400 <= drive.input.size <= 420
-        assert drive.input.max() == whole.input.max()
-        assert drive.weight**2 * drive.input.size == pytest.approx(
+    for record, whole in zip(thin.loops, space.records.loops, strict=True):
+        assert 400 <= record.input.size <= 420
+        assert record.input.max() == whole.input.max()
+        assert record.weight**2 * record.input.size == pytest.approx(
             whole.weight**2 * whole.input.size
         )
     begin = near(space, truth, seed=4)
@@ -229,7 +229,7 @@ def test_loops_are_never_thicker_after_thinning() -> None:
     records = records_of(loops_of(core(), samples=50))
     assert all(
         np.array_equal(one.input, other.input)
-        for one, other in zip(records.thinned(400).drives, records.drives, strict=True)
+        for one, other in zip(records.thinned(400).loops, records.loops, strict=True)
     )
 
 
@@ -255,7 +255,7 @@ def test_ties_count_differences_from_gap_to_gap() -> None:
     assert float(ties @ ties) == pytest.approx(0.25 * float(np.sum(np.diff(scales) ** 2)))
 
 
-def one_gap(records: Records) -> Records:
+def one_gap(records: FitRecords) -> FitRecords:
     return records.at(0)
 
 

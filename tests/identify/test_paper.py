@@ -11,7 +11,7 @@ import pytest
 
 from anhyst.data import LoopSet
 from anhyst.identify import IdentifyResult, identify
-from anhyst.identify.fit_records import Records, records_of
+from anhyst.identify.fit_records import FitRecords, records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.paper import sequence as sequence_module
 from anhyst.identify.paper.criterion import IMPOSSIBLE, Criterion, mean_deviation
@@ -101,7 +101,7 @@ def two_gaps() -> LoopSet:
 
 
 @pytest.fixture
-def records(loops: LoopSet) -> Records:
+def records(loops: LoopSet) -> FitRecords:
     return records_of(loops)
 
 
@@ -329,7 +329,7 @@ def test_scales_are_averaged_geometrically_and_the_rest_plainly() -> None:
     assert mean_over_gaps("alpha", [-0.1, 0.3]) == pytest.approx(0.1)
 
 
-def test_coordinates_and_parameters_agree(loops: LoopSet, records: Records) -> None:
+def test_coordinates_and_parameters_agree(loops: LoopSet, records: FitRecords) -> None:
     variables, known = variables_of(records, loops.input, loops.output, frozenset())
     assert known == {}
     back = variables.outward(variables.inward(SET))
@@ -338,7 +338,7 @@ def test_coordinates_and_parameters_agree(loops: LoopSet, records: Records) -> N
     assert variables.only(["c_H", "k"]).names == ("k", "c_H")
 
 
-def test_batch_and_exact_law_cost_the_same(loops: LoopSet, records: Records) -> None:
+def test_batch_and_exact_law_cost_the_same(loops: LoopSet, records: FitRecords) -> None:
     rng = np.random.default_rng(3)
     count = 20
     many = {name: value * (1.0 + 0.1 * rng.random(count)) for name, value in SET.items()}
@@ -353,7 +353,7 @@ def test_batch_and_exact_law_cost_the_same(loops: LoopSet, records: Records) -> 
     assert criterion.evaluations == 2 * count
 
 
-def test_what_the_law_cannot_do_costs_a_fortune(loops: LoopSet, records: Records) -> None:
+def test_what_the_law_cannot_do_costs_a_fortune(loops: LoopSet, records: FitRecords) -> None:
     form = form_of(loops.input, loops.output, "effective-field")
     criterion = Criterion(form, records.at(0))
     impossible = SET | {"k": 1e-9}

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from anhyst.data.history import DEMAGNETISED
-from anhyst.identify.fit_records import Drive, Records
+from anhyst.identify.fit_records import FitRecord, FitRecords
 from anhyst.identify.gauge import AIR_CORE, form_of, physical
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import Form, Local
@@ -85,10 +85,10 @@ def fitted(space: Space, sets: list[Local]) -> list[FloatArray]:
 
 def space_of(form: Form, gap_map: GapMap, count: int) -> Space:
     drives = tuple(
-        Drive(str(gap), gap, np.empty(0), PATH, PATH, settled=False, weight=1.0)
+        FitRecord(str(gap), gap, np.empty(0), PATH, PATH, settled=False, weight=1.0)
         for gap in range(count)
     )
-    return Space(gap_map, Records(drives, np.array(GAPS[:count]), 1.0, 1.0), form)
+    return Space(gap_map, FitRecords(drives, np.array(GAPS[:count]), 1.0, 1.0), form)
 
 
 def model_of(

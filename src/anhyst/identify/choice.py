@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -34,12 +33,11 @@ from anhyst.identify.default import (
     search_each_gap,
     search_one_gap,
 )
-from anhyst.identify.fit_records import Records
+from anhyst.identify.fit_records import FitRecords
 from anhyst.identify.offsets import OFFSETS, only_demanded
 from anhyst.identify.response import Local
 from anhyst.identify.run import SEARCHED, Run
 from anhyst.identify.screening import starts
-from anhyst.identify.space import Space
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CrossValidation
 from anhyst.support.errors import InputError
@@ -69,15 +67,6 @@ class Candidate:
     common: frozenset[str] = frozenset()
     rank: int = 0
 
-    @property
-    def label(self) -> str:
-        """Name of its stages."""
-        return f"{self.gap_map} holding {sorted(self.held)} sharing {sorted(self.common)}"
-
-    def space(self, run: Run) -> Space:
-        """Space of the fits to all gaps."""
-        return Space(self.gap_map, run.searched, run.form, self.held, self.common)
-
 
 @dataclass(frozen=True, eq=False)
 class Choice:
@@ -105,7 +94,7 @@ class Choice:
     promised: CrossValidation | None = None
 
 
-def require_gaps(records: Records, wanted: str) -> None:
+def require_gaps(records: FitRecords, wanted: str) -> None:
     """Refuse a gap map where there is nothing to see of it.
 
     Raises
@@ -289,7 +278,7 @@ def _passes(found: Found, loopset: LoopSet) -> bool:
 
 
 def _is_thinned(run: Run) -> bool:
-    return any(drive.input.size > SEARCHED for drive in run.records.drives)
+    return any(record.input.size > SEARCHED for record in run.records.loops)
 
 
 def _finished(run: Run, loopset: LoopSet, found: Found, why: str) -> tuple[Found, str, str]:
@@ -304,12 +293,10 @@ def _finished(run: Run, loopset: LoopSet, found: Found, why: str) -> tuple[Found
     if run.dead_band:
         found, dead_band = _with_dead_band(run, loopset, found)
     if _is_thinned(run):  # the search took fewer samples
-        space, label = found.on(run.records).space, _label(found)
-        plain = run.stage(
-            f"{label} on all samples",
-            lambda: follow(space, found.theta, 1e-8, 50, found.tie).plain,
+        start = found
+        found = run.step(
+            lambda: follow(start.on(run.records).space, start.theta, 1e-8, 50, start.tie)
         )
-        found = Found.from_plain(space, plain)
     return found, why, dead_band
 
 
@@ -317,44 +304,28 @@ def _with_dead_band(run: Run, loopset: LoopSet, found: Found) -> tuple[Found, st
     def usable(one: Found) -> bool:
         return obstacle(model_of(one, loopset)) is None and _passes(one, loopset)
 
-    def work() -> dict[str, Any]:
+    def work() -> Found:
         matters = usable(found)
-        after = add_dead_band(found, lambda one: not matters or usable(one))
-        part = after.space.form.dead_band
-        return {**after.plain, "part": part, "why": why_dead_band(found, after)}
+        return add_dead_band(found, lambda one: not matters or usable(one))
 
-    plain = run.stage(f"dead band of {_label(found)}", work)
-    space = replace(found.space, form=replace(found.space.form, dead_band=plain["part"]))
-    return Found.from_plain(space, plain), plain["why"]
-
-
-def _label(found: Found) -> str:
-    return f"{found.space.gap_map} holding {sorted(found.space.held)}"
+    after = run.step(work)
+    return after, why_dead_band(found, after)
 
 
 def _known(run: Run) -> list[Local]:
     """Give sets at the gap that shows most: its optimum first, then others worth a try."""
     home = run.searched.at(reference_gap(run.searched))
-    space = Space("none", home, run.form, run.held)
-    plain = run.stage(
-        "one gap",
-        lambda: _pair(run, search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1),
+    fits = run.step(
+        lambda: _pair(search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1)
     )
-    fits = _fits(space, plain)
     if run.searched.gaps == 1:
         run.best = fits.found
         return fits.found.sets
-    return [*fits.wide.sets, *starts(space, SCREENED, CARRIED, run.seed)]
+    return [*fits.wide.sets, *starts(fits.wide.space, SCREENED, CARRIED, run.seed)]
 
 
-def _pair(run: Run, wide: Found, decide: bool = True) -> dict[str, Any]:
-    found = only_demanded(wide) if decide else wide
-    return {"wide": wide.plain, "held": sorted(found.space.held - run.held), "found": found.plain}
-
-
-def _fits(space: Space, plain: dict[str, Any]) -> _Fits:
-    held, _ = space.holding(frozenset(plain["held"]))
-    return _Fits(Found.from_plain(space, plain["wide"]), Found.from_plain(held, plain["found"]))
+def _pair(wide: Found, decide: bool = True) -> _Fits:
+    return _Fits(wide, only_demanded(wide) if decide else wide)
 
 
 def _joined(run: Run, one: Candidate, known: list[Local]) -> _Fits:
@@ -365,26 +336,16 @@ def _joined(run: Run, one: Candidate, known: list[Local]) -> _Fits:
             return join_circuit(run.form, run.searched, known, one.held, one.common)
         return join_gaps(run.form, run.searched, one.gap_map, known, one.held)
 
-    plain = run.stage(f"joined by {one.label}", lambda: _pair(run, search()))
-    fits = _fits(one.space(run), plain)
+    fits = run.step(lambda: _pair(search()))
     if run.best is None or (one.rank == 0 and fits.found.cost < run.best.cost):
         run.best = fits.found
     return fits
 
 
 def _without(run: Run, contest: _Contest, loopset: LoopSet, fold: Fold) -> dict[Candidate, Refit]:
-    def work() -> dict[str, Any]:
-        return {
-            one.label: refit(contest.fits[one].wide, loopset, fold).plain
-            for one in contest.entrants
-        }
-
-    plain = run.stage(f"{_names(contest)} without {sorted(fold)}", work)
-    return {one: Refit.from_plain(plain[one.label]) for one in contest.entrants}
-
-
-def _names(contest: _Contest) -> str:
-    return ", ".join(one.label for one in contest.entrants)
+    return run.step(
+        lambda: {one: refit(contest.fits[one].wide, loopset, fold) for one in contest.entrants}
+    )
 
 
 def _why(contest: _Contest, best: Candidate, wanted: str, gaps: int) -> str:

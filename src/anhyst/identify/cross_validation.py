@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -67,18 +66,6 @@ class Refit:
 
     cost: float
     missed: Mapping[int, Miss]
-
-    @property
-    def plain(self) -> dict[str, Any]:
-        """What a checkpoint keeps."""
-        missed = {str(gap): [miss.mean, *miss.loops] for gap, miss in self.missed.items()}
-        return {"cost": self.cost, "missed": missed}
-
-    @classmethod
-    def from_plain(cls, plain: dict[str, Any]) -> Refit:
-        """Rebuild from what a checkpoint kept."""
-        missed = {int(gap): Miss(m[0], tuple(m[1:])) for gap, m in plain["missed"].items()}
-        return cls(plain["cost"], missed)
 
 
 def inner(gaps: int) -> range:

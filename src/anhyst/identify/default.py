@@ -12,11 +12,10 @@ Everything random comes from the seed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from anhyst.identify.fit_records import Records
+from anhyst.identify.fit_records import FitRecords
 from anhyst.identify.fitting import descend
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import Form, Local
@@ -50,28 +49,14 @@ class Found:
         """Gauge-free parameters at each gap."""
         return [local for local, _ in self.space.unpack(self.theta)]
 
-    def on(self, records: Records) -> Found:
+    def on(self, records: FitRecords) -> Found:
         """Take the same parameters to other records of the same gaps."""
         return replace(self, space=replace(self.space, records=records))
-
-    @property
-    def plain(self) -> dict[str, Any]:
-        """What a checkpoint keeps."""
-        return {
-            "theta": self.theta.tolist(),
-            "cost": self.cost,
-            "evaluations": self.evaluations,
-        }
 
     @property
     def tie(self) -> float:
         """Weight of the ties of its map, for a descent that goes on from here."""
         return TIE * self.cost if self.space.gap_map in TIED else 0.0
-
-    @classmethod
-    def from_plain(cls, space: Space, plain: dict[str, Any]) -> Found:
-        """Rebuild from what a checkpoint kept."""
-        return cls(space, np.array(plain["theta"]), plain["cost"], plain["evaluations"])
 
 
 def follow(
@@ -83,22 +68,22 @@ def follow(
     return Found(space, fit.theta, fit.cost, objective.evaluations)
 
 
-def reference_gap(records: Records) -> int:
+def reference_gap(records: FitRecords) -> int:
     """Gap with the largest output: there the iron is driven furthest and shows most."""
     sizes = np.zeros(records.gaps)
-    for drive in records.drives:
-        sizes[drive.gap] = max(sizes[drive.gap], float(np.max(np.abs(drive.output))))
+    for record in records.loops:
+        sizes[record.gap] = max(sizes[record.gap], float(np.max(np.abs(record.output))))
     return int(np.argmax(sizes))
 
 
-def search_one_gap(form: Form, records: Records, seed: int, held: frozenset[str]) -> Found:
+def search_one_gap(form: Form, records: FitRecords, seed: int, held: frozenset[str]) -> Found:
     """Fit one gap from scratch.
 
     Parameters
     ----------
     form : Form
         Equations of the measured quantities.
-    records : Records
+    records : FitRecords
         Loops at a single gap.
     seed : int
         Seed of the screening.
@@ -121,7 +106,7 @@ def _best_end(space: Space, begins: list[FloatArray]) -> Found:
     return replace(final, evaluations=final.evaluations + sum(one.evaluations for one in tried))
 
 
-def search_each_gap(form: Form, records: Records, seed: int, held: frozenset[str]) -> Found:
+def search_each_gap(form: Form, records: FitRecords, seed: int, held: frozenset[str]) -> Found:
     """Fit every gap with parameters of its own: the map ``free``.
 
     Each gap is fitted from scratch, and once more from its neighbour's end, so that all gaps can
@@ -156,7 +141,7 @@ def search_each_gap(form: Form, records: Records, seed: int, held: frozenset[str
 
 
 def join_gaps(
-    form: Form, records: Records, gap_map: str, known: list[Local], held: frozenset[str]
+    form: Form, records: FitRecords, gap_map: str, known: list[Local], held: frozenset[str]
 ) -> Found:
     """Fit all gaps together under one map, from what is known at the reference gap.
 
@@ -186,7 +171,7 @@ def join_gaps(
 
 def join_circuit(
     form: Form,
-    records: Records,
+    records: FitRecords,
     known: list[Local],
     held: frozenset[str],
     common: frozenset[str] = frozenset(),

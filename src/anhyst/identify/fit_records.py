@@ -20,7 +20,7 @@ WEIGHTINGS = ("loops", "points", "relative")
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class FitRecord:
     """One loop as the objective sees it.
 
     Parameters
@@ -49,15 +49,15 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
-class Records:
-    """All drives of one identification, and the scales of their quantities.
+class FitRecords:
+    """All loops of one identification, and the scales of their quantities.
 
     ``nodes`` are the scheduling values, ascending, empty if nothing is scheduled. ``input_span``
     and ``output_span`` are the largest absolute input and output, SI. ``rest`` is what the sensors
-    read at rest: its offsets have been taken from every drive.
+    read at rest: its offsets have been taken from every loop.
     """
 
-    drives: tuple[Drive, ...]
+    loops: tuple[FitRecord, ...]
     nodes: FloatArray
     input_span: float
     output_span: float
@@ -68,33 +68,35 @@ class Records:
         """Number of parameter sets that differ by the gap; one if nothing is scheduled."""
         return max(1, self.nodes.size)
 
-    def at(self, gap: int) -> Records:
+    def at(self, gap: int) -> FitRecords:
         """Only one gap, as a problem of its own with the same scales."""
-        kept = tuple(replace(drive, gap=0) for drive in self.drives if drive.gap == gap)
-        return replace(self, drives=kept, nodes=self.nodes[gap : gap + 1])
+        kept = tuple(replace(record, gap=0) for record in self.loops if record.gap == gap)
+        return replace(self, loops=kept, nodes=self.nodes[gap : gap + 1])
 
-    def without(self, left_out: Collection[int]) -> Records:
+    def without(self, left_out: Collection[int]) -> FitRecords:
         """Take all gaps but these, numbered again from zero."""
         keep = [gap for gap in range(self.gaps) if gap not in left_out]
         numbers = {old: new for new, old in enumerate(keep)}
-        drives = tuple(
-            replace(drive, gap=numbers[drive.gap]) for drive in self.drives if drive.gap in numbers
+        loops = tuple(
+            replace(record, gap=numbers[record.gap])
+            for record in self.loops
+            if record.gap in numbers
         )
-        return replace(self, drives=drives, nodes=self.nodes[keep])
+        return replace(self, loops=loops, nodes=self.nodes[keep])
 
-    def thinned(self, most: int) -> Records:
+    def thinned(self, most: int) -> FitRecords:
         """Take at most about `most` samples of each loop, weighing the same together.
 
         The exact step does not care how densely a path is sampled, so a search may.
         """
-        drives = []
-        for drive in self.drives:
-            kept = thinned(drive.input, most)
-            weight = drive.weight * float(np.sqrt(drive.input.size / kept.size))
-            drives.append(
-                replace(drive, input=drive.input[kept], output=drive.output[kept], weight=weight)
+        loops = []
+        for record in self.loops:
+            kept = thinned(record.input, most)
+            weight = record.weight * float(np.sqrt(record.input.size / kept.size))
+            loops.append(
+                replace(record, input=record.input[kept], output=record.output[kept], weight=weight)
             )
-        return replace(self, drives=tuple(drives))
+        return replace(self, loops=tuple(loops))
 
 
 def thinned(drive: FloatArray, most: int) -> NDArray[np.intp]:
@@ -121,7 +123,7 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
     return [weight / size for weight, size in zip(each, sizes, strict=True)]
 
 
-def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = None) -> Records:
+def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = None) -> FitRecords:
     """Make the loops of a set ready for fitting.
 
     Parameters
@@ -131,11 +133,11 @@ def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = N
     weighting : str
         One of :data:`WEIGHTINGS`.
     rest : Rest or None
-        Offsets to take from every drive.
+        Offsets to take from every loop.
 
     Returns
     -------
-    Records
+    FitRecords
 
     Raises
     ------
@@ -153,8 +155,8 @@ def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = N
     output_span = largest_output(loopset)
     if not any(np.any(loop.output) for loop in loops):
         raise InputError(f"the {loopset.output.name} is zero throughout; check the columns")
-    drives = tuple(
-        Drive(
+    fitted = tuple(
+        FitRecord(
             label=loop.label,
             gap=gap,
             lead=np.asarray(loop.history.turning_points, dtype=np.float64) - rest.input.offset,
@@ -169,4 +171,4 @@ def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = N
     )
     nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)
     input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
-    return Records(drives, nodes, input_span, output_span, rest)
+    return FitRecords(fitted, nodes, input_span, output_span, rest)

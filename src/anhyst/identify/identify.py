@@ -12,8 +12,9 @@ import numpy as np
 
 from anhyst.data import History, LoopSet
 from anhyst.data.plausibility import check_plausible
+from anhyst.identify.any_law import fit_any
 from anhyst.identify.bare import model_of, valid_range
-from anhyst.identify.choice import Choice, search_maps
+from anhyst.identify.choice import Choice, require_gaps, search_maps
 from anhyst.identify.default import Found
 from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
@@ -22,13 +23,19 @@ from anhyst.identify.paper.search import check_splines
 from anhyst.identify.paper.sequence import search_paper
 from anhyst.identify.rest import rest_of
 from anhyst.identify.result import IdentifyResult
-from anhyst.identify.run import Run
+from anhyst.identify.run import SEARCHED, Run
 from anhyst.identify.space import IN_SERIES
 from anhyst.identify.uncertainty import assess
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.compilable import obstacle
-from anhyst.model.fit_record import CrossValidation, Provenance, ReductionStep, fit_figures
+from anhyst.model.fit_record import (
+    CrossValidation,
+    Provenance,
+    ReductionStep,
+    Uncertainty,
+    fit_figures,
+)
 from anhyst.model.parameters import GAP_MAPS
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -81,7 +88,8 @@ def identify(
     progress : callable or None
         Told the number of stages done and the total.
     checkpoint : path-like or None
-        File that keeps finished stages, so that a killed run goes on where it was.
+        File that keeps the finished stages of the search ``paper``, so that a killed one goes on
+        where it was.
 
     Returns
     -------
@@ -99,27 +107,27 @@ def identify(
     began = time.perf_counter()
     check_wanted(law, gap_map, search)
     odd = check_plausible(loopset)
-    run = Run(
-        form=form_of(loopset.input, loopset.output, law),
-        records=records_of(
-            loopset, weights, rest_of(loopset) if offsets and search == "default" else None
-        ),
-        seed=seed,
-        held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
-        dead_band=dead_band and search == "default",
-        progress=progress,
-        checkpoint=None if checkpoint is None else Path(checkpoint),
-        key=f"{search} {law} {dead_band}",
-    )
-    outcome = _search(run, loopset, gap_map, search)
-    found, why = outcome.found, outcome.why
-    warnings = [*odd, *_warnings(loopset, run, why, found.theta.size)]
+    if LAWS[law].kernel is None:
+        outcome = _any_law(loopset, law, gap_map, seed, weights, offsets=offsets)
+    else:
+        rest = rest_of(loopset) if offsets and search == "default" else None
+        run = Run(
+            form=form_of(loopset.input, loopset.output, law),
+            records=records_of(loopset, weights, rest),
+            seed=seed,
+            held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
+            dead_band=dead_band and search == "default",
+            progress=progress,
+            checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
+        )
+        outcome = _search(run, loopset, gap_map, search)
+    warnings = [*odd, *_warnings(loopset, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
         "offsets": offsets,
         "gap_map_wanted": gap_map,
-        "gap_map_reason": why,
+        "gap_map_reason": outcome.why,
         "dead_band": outcome.dead_band,
     }
     common = {
@@ -135,11 +143,9 @@ def identify(
     model = replace(
         model,
         fit=fit_figures(loopset, fitted, outcome.left_out, acceptance.passed, outcome.promised),
-        uncertainty=assess(found, loopset),
+        uncertainty=outcome.uncertainty,
     )
     warnings += [reason] if (reason := obstacle(model)) is not None else []
-    if not outcome.interrupted:
-        run.finish()
     return IdentifyResult(
         model=model,
         loops=loopset,
@@ -149,7 +155,7 @@ def identify(
         per_gap=per_gap,
         splines=None if per_gap is None else check_splines(per_gap),
         seconds=time.perf_counter() - began,
-        evaluations=found.evaluations,
+        evaluations=outcome.evaluations,
         interrupted=outcome.interrupted,
     )
 
@@ -187,8 +193,10 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
 class _Outcome:
     """What a search has come to; the model is bare yet."""
 
-    found: Found
     model: ActuatorModel
+    uncertainty: Uncertainty
+    quantities: int
+    evaluations: int
     fitted: tuple[FloatArray, ...]
     why: str
     interrupted: bool
@@ -197,23 +205,51 @@ class _Outcome:
     promised: CrossValidation | None = None
     steps: tuple[ReductionStep, ...] = ()
     per_gap: ActuatorModel | None = None
+    resumed: int = 0
+
+
+def _any_law(
+    loopset: LoopSet, law: str, gap_map: str, seed: int, weights: str, *, offsets: bool
+) -> _Outcome:
+    """Fit a law that the core does not have."""
+    records = records_of(loopset, weights)
+    require_gaps(records, gap_map)
+    end = fit_any(loopset, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
+    fitted = _predicted(end.model, loopset)
+    return _Outcome(
+        end.model,
+        end.uncertainty,
+        len(end.uncertainty.names),
+        end.evaluations,
+        fitted,
+        end.why,
+        False,
+    )
+
+
+def _predicted(model: ActuatorModel, loopset: LoopSet) -> tuple[FloatArray, ...]:
+    return tuple(
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
+        for loop in loopset.loops
+    )
 
 
 def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
     if search == "paper":
         end = search_paper(run, loopset, gap_map)
-        fitted = tuple(
-            end.model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-            for loop in loopset.loops
-        )
+        if not end.interrupted:
+            run.finish()
         return _Outcome(
-            end.found,
             end.model,
-            fitted,
+            assess(end.found, loopset),
+            end.found.theta.size,
+            end.found.evaluations,
+            _predicted(end.model, loopset),
             end.why,
             end.interrupted,
             steps=end.steps,
             per_gap=end.per_gap,
+            resumed=run.resumed,
         )
     interrupted = False
     try:
@@ -225,8 +261,10 @@ def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
         choice = Choice(best, "the search was interrupted: this is the best so far")
     found = choice.found
     return _Outcome(
-        found,
         model_of(found, loopset),
+        assess(found, loopset),
+        found.theta.size,
+        found.evaluations,
         _fitted(found, loopset),
         choice.why,
         interrupted,
@@ -238,8 +276,7 @@ def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
 
 def _fitted(found: Found, loopset: LoopSet) -> tuple[FloatArray, ...]:
     """Modelled outputs in the order of the loops of the set."""
-    drives = found.space.records.drives
-    ends = np.cumsum([drive.input.size for drive in drives])[:-1]
+    ends = np.cumsum([record.input.size for record in found.space.records.loops])[:-1]
     offset = found.space.records.rest.output.offset
     outputs = np.split(Objective(found.space).outputs(found.sets) + offset, ends)
     ordered = [id(loop) for group in loopset.by_schedule().values() for loop in group]
@@ -247,12 +284,13 @@ def _fitted(found: Found, loopset: LoopSet) -> tuple[FloatArray, ...]:
     return tuple(by_loop[id(loop)] for loop in loopset.loops)
 
 
-def _warnings(loopset: LoopSet, run: Run, why: str, quantities: int) -> list[str]:
+def _warnings(loopset: LoopSet, outcome: _Outcome) -> list[str]:
+    gaps, quantities = len(loopset.schedule_values), outcome.quantities
     warnings = [note for note in loopset.notes if "columns not used" in note]
-    warnings += [why] if run.records.gaps == 2 else []
-    if run.resumed:
-        warnings.append(f"went on from a checkpoint: {run.resumed} stages were done already")
-    if loopset.schedule is not None and run.records.gaps == 1:
+    warnings += [outcome.why] if gaps == 2 else []
+    if outcome.resumed:
+        warnings.append(f"went on from a checkpoint: {outcome.resumed} stages were done already")
+    if loopset.schedule is not None and gaps == 1:
         warnings.append(
             f"loops at one {loopset.schedule.name} only: the model holds there and nowhere else"
         )

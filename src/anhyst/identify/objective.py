@@ -33,9 +33,9 @@ class Objective:
     _responder: Responder = field(default_factory=Responder)
 
     def __post_init__(self) -> None:
-        drives = self.space.records.drives
-        self.measured = np.concatenate([drive.output for drive in drives])
-        self.weights = np.concatenate([np.full(d.output.size, d.weight) for d in drives])
+        loops = self.space.records.loops
+        self.measured = np.concatenate([record.output for record in loops])
+        self.weights = np.concatenate([np.full(r.output.size, r.weight) for r in loops])
         self._ties = np.sqrt(self.tie) * _differences(self.space)
 
     @property
@@ -61,12 +61,12 @@ class Objective:
         return found
 
     def outputs(self, sets: list[Local]) -> FloatArray:
-        """Modelled outputs of all drives, one after the other, SI."""
+        """Modelled outputs of all loops, one after the other, SI."""
         self.evaluations += 1
         operators = self._operators(sets)
         parts = [
             self._responder.output(self.space.form, sets[d.gap], operators[d.gap], d)
-            for d in self.space.records.drives
+            for d in self.space.records.loops
         ]
         return np.concatenate(parts)
 
@@ -84,13 +84,13 @@ class Objective:
         sets = self.space.unpack(theta)
         operators = self._operators([local for local, _ in sets])
         values, rows = [], []
-        for drive in self.space.records.drives:
-            local, by_theta = sets[drive.gap]
+        for record in self.space.records.loops:
+            local, by_theta = sets[record.gap]
             output, by_local = self._responder.with_derivatives(
-                self.space.form, local, operators[drive.gap], drive
+                self.space.form, local, operators[record.gap], record
             )
-            values.append((output - drive.output) * drive.weight)
-            rows.append((by_local * drive.weight) @ by_theta)
+            values.append((output - record.output) * record.weight)
+            rows.append((by_local * record.weight) @ by_theta)
         values.append(self._ties @ theta)
         rows.append(self._ties)
         return np.concatenate(values), np.concatenate(rows)
@@ -108,14 +108,14 @@ class Objective:
         squares = np.zeros((len(sets), len(LOCAL), len(LOCAL)))
         slopes = np.zeros((len(sets), len(LOCAL)))
         values = []
-        for drive in self.space.records.drives:
+        for record in self.space.records.loops:
             output, by_local = self._responder.with_derivatives(
-                self.space.form, sets[drive.gap][0], operators[drive.gap], drive
+                self.space.form, sets[record.gap][0], operators[record.gap], record
             )
-            value = (output - drive.output) * drive.weight
-            by_local *= drive.weight
-            squares[drive.gap] += by_local.T @ by_local
-            slopes[drive.gap] += value @ by_local
+            value = (output - record.output) * record.weight
+            by_local *= record.weight
+            squares[record.gap] += by_local.T @ by_local
+            slopes[record.gap] += value @ by_local
             values.append(value)
         values.append(self._ties @ theta)
         gradient, matrix = self._ties.T @ values[-1], self._ties.T @ self._ties

@@ -94,8 +94,8 @@ def _independent(space: Space, deviation: FloatArray) -> float:
     A law misses the same iron in the same way in every loop: of the part of the deviations that
     runs on from sample to sample, one loop counts; noise counts everywhere.
     """
-    drives = len(space.records.drives)
-    ends = np.cumsum([drive.input.size for drive in space.records.drives])
+    drives = len(space.records.loops)
+    ends = np.cumsum([record.input.size for record in space.records.loops])
     shares = [_lasting(one) for one in np.split(deviation, ends)[:-1]]
     alike = 1.0 + (drives - 1) * float(np.mean(shares))
     return max(2.0, float(ends[-1]) / mean_memory(space, deviation) / alike)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst._core import Operator, demagnetised, langevin, status_text
-from anhyst.identify.fit_records import Drive
+from anhyst.identify.fit_records import FitRecord
 from anhyst.laws.law import Kernel
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.support.arrays import FloatArray
@@ -121,39 +121,39 @@ class Responder:
     def __init__(self) -> None:
         self._starts: dict[int, FloatArray] = {}
 
-    def output(self, form: Form, local: Local, operator: Operator, drive: Drive) -> FloatArray:
+    def output(self, form: Form, local: Local, operator: Operator, record: FitRecord) -> FloatArray:
         """Output of one drive, shape (n,), SI, without derivatives."""
-        r = (drive.input - local.in_0) / local.scale
+        r = (record.input - local.in_0) / local.scale
         omega = np.full(r.size, local.omega)
         state = demagnetised()
-        if drive.lead.size:
-            lead = (drive.lead - local.in_0) / local.scale
+        if record.lead.size:
+            lead = (record.lead - local.in_0) / local.scale
             _, _, state, status, _ = operator.run(np.full(lead.size, local.omega), lead, state)
             _refuse(status)
-        elif drive.settled and id(drive) in self._starts:
-            state = _admissible(self._starts[id(drive)], form, local, float(r[-1]))
+        elif record.settled and id(record) in self._starts:
+            state = _admissible(self._starts[id(record)], form, local, float(r[-1]))
         x, m, after, status, _ = operator.run(omega, r, state)
         _refuse(status)
         ends = [float(state[1])]
-        while drive.settled and abs(after[1] - state[1]) > _CLOSED and len(ends) < _PASSES:
+        while record.settled and abs(after[1] - state[1]) > _CLOSED and len(ends) < _PASSES:
             ends.append(float(after[1]))
             state = after
             if len(ends) % _CREEPING == 0:
                 state = _admissible(_limit(after, ends), form, local, float(r[-1]))
             x, m, after, status, _ = operator.run(omega, r, state)
             _refuse(status)
-        if drive.settled:
-            self._starts[id(drive)] = after
+        if record.settled:
+            self._starts[id(record)] = after
         return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
 
     def with_derivatives(
-        self, form: Form, local: Local, operator: Operator, drive: Drive
+        self, form: Form, local: Local, operator: Operator, record: FitRecord
     ) -> tuple[FloatArray, FloatArray]:
         """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
-        if drive.settled:
-            x, m, x_t, m_t = self._settled(form, local, operator, drive)
+        if record.settled:
+            x, m, x_t, m_t = self._settled(form, local, operator, record)
         else:
-            x, m, x_t, m_t = _once(form, local, operator, drive)
+            x, m, x_t, m_t = _once(form, local, operator, record)
         b = m + local.h * x
         steep = local.gain * form.power * b ** (form.power - 1)
         jacobian = np.empty((x.size, len(LOCAL)))
@@ -167,11 +167,11 @@ class Responder:
         return local.gain * b**form.power + local.out_0, jacobian
 
     def _settled(
-        self, form: Form, local: Local, operator: Operator, drive: Drive
+        self, form: Form, local: Local, operator: Operator, record: FitRecord
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Close the cycle by Newton on the one number that is free: y before the first sample."""
-        terms = _Terms(form, local, drive.input, _DIRECTIONS + 1)
-        state = self._starts.get(id(drive))
+        terms = _Terms(form, local, record.input, _DIRECTIONS + 1)
+        state = self._starts.get(id(record))
         if state is None:
             _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
             _refuse(status)
@@ -191,7 +191,7 @@ class Responder:
         # The rest of the way is so short that the derivatives carry it: no further pass.
         x += missing * x_t[:, _SEED]
         m += missing * m_t[:, _SEED]
-        self._starts[id(drive)] = after + kept * missing * seeds[_SEED]
+        self._starts[id(record)] = after + kept * missing * seeds[_SEED]
         start_t = seeds_after[:_DIRECTIONS, 1] / (1.0 - kept)
         m_t[:, :_DIRECTIONS] += m_t[:, _SEED, None] * start_t
         x_t[:, :_DIRECTIONS] += x_t[:, _SEED, None] * start_t
@@ -217,9 +217,9 @@ class _Terms:
 
 
 def _once(
-    form: Form, local: Local, operator: Operator, drive: Drive
+    form: Form, local: Local, operator: Operator, record: FitRecord
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    whole = np.concatenate([drive.lead, drive.input])
+    whole = np.concatenate([record.lead, record.input])
     terms = _Terms(form, local, whole, _DIRECTIONS)
     x, m, x_t, m_t, _, _, status, _ = operator.sensitivity(
         terms.omega,
@@ -231,7 +231,7 @@ def _once(
         np.zeros((_DIRECTIONS, 3)),
     )
     _refuse(status)
-    first = drive.lead.size
+    first = record.lead.size
     return x[first:], m[first:], x_t[first:], m_t[first:]
 
 

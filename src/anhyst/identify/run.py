@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from anhyst.identify.fit_records import Records
+from anhyst.identify.fit_records import FitRecords
 from anhyst.identify.response import Form
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.progress import Progress
@@ -50,8 +50,6 @@ class Run:
         Told the number of stages done and the total.
     checkpoint
         File that keeps finished stages until the run ends well; None keeps nothing.
-    key
-        What the stages depend on; a checkpoint with another key is not used.
     resumed
         Number of stages taken from the checkpoint.
     best
@@ -59,32 +57,32 @@ class Run:
     """
 
     form: Form
-    records: Records
+    records: FitRecords
     seed: int
     held: frozenset[str]
     dead_band: bool = True
     total: int = 1
     progress: Progress | None = None
     checkpoint: Path | None = None
-    key: str = ""
     resumed: int = 0
     best: Found | None = None
+    _key: str = ""
     _done: int = 0
     _kept: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.checkpoint is None:
             return
-        self.key = _key(self)
+        self._key = _key(self)
         try:
             stored = json.loads(self.checkpoint.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return  # none there, or not one of ours: begin from the start
-        if isinstance(stored, dict) and stored.get("key") == self.key:
+        if isinstance(stored, dict) and stored.get("key") == self._key:
             self._kept = dict(stored.get("stages", {}))
 
     @cached_property
-    def searched(self) -> Records:
+    def searched(self) -> FitRecords:
         """What the search runs on: long loops thinned, since the exact step does not mind."""
         return self.records.thinned(SEARCHED)
 
@@ -94,7 +92,7 @@ class Run:
         Parameters
         ----------
         name : str
-            Tells stages apart.
+            Distinguishes stages.
         work : callable
             Does the stage; what it returns must be lists, dicts, numbers and texts only, which a
             checkpoint gives back exactly.
@@ -105,11 +103,16 @@ class Run:
             self._kept[name] = work()
             if self.checkpoint is not None:
                 with atomic_writer(self.checkpoint) as file:
-                    json.dump({"key": self.key, "stages": self._kept}, file)
+                    json.dump({"key": self._key, "stages": self._kept}, file)
+        return self.step(lambda: cast("Stage", self._kept[name]))
+
+    def step(self, work: Callable[[], Stage]) -> Stage:
+        """Do one stage of which nothing is kept, and report the progress."""
+        made = work()
         self._done += 1
         if self.progress is not None:
             self.progress(self._done, max(self.total, self._done))
-        return cast("Stage", self._kept[name])
+        return made
 
     def finish(self) -> None:
         """Remove the checkpoint: the run has ended well."""
@@ -121,12 +124,10 @@ def _key(run: Run) -> str:
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(source.read_bytes())  # a search that was changed does not go on
-    digest.update(
-        f"{running_version()} {run.form} {run.seed} {sorted(run.held)} {run.key}".encode()
-    )
-    for drive in run.records.drives:
-        digest.update(f"{drive.label} {drive.gap} {drive.settled} {drive.weight!r}".encode())
-        for values in (drive.lead, drive.input, drive.output):
+    digest.update(f"{running_version()} {run.form} {run.seed} {sorted(run.held)}".encode())
+    for record in run.records.loops:
+        digest.update(f"{record.label} {record.gap} {record.settled} {record.weight!r}".encode())
+        for values in (record.lead, record.input, record.output):
             digest.update(np.ascontiguousarray(values).tobytes())
     digest.update(run.records.nodes.tobytes())
     return digest.hexdigest()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import batch
 from anhyst.identify.dispatch import batch_level
-from anhyst.identify.fit_records import Drive, Records, thinned
+from anhyst.identify.fit_records import FitRecord, FitRecords, thinned
 from anhyst.identify.response import LOCAL, Form, Local
 from anhyst.identify.space import IN_SERIES, Space
 from anhyst.support.arrays import FloatArray
@@ -35,7 +35,7 @@ _THIN = 64
 """Samples a loop at the screening, at most."""
 
 
-def _evenly(dimensions: int, count: int, seed: int) -> FloatArray:
+def evenly(dimensions: int, count: int, seed: int) -> FloatArray:
     """Fill the unit cube evenly from a random start, shape (dimensions, count).
 
     Multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio of d dimensions
@@ -50,8 +50,8 @@ def _evenly(dimensions: int, count: int, seed: int) -> FloatArray:
     return np.asarray((begin[:, None] + steps[:, None] * np.arange(count)) % 1.0)
 
 
-def sample_sets(records: Records, count: int, seed: int, interacting: bool = True) -> FloatArray:
-    """Draw kappa, c, omega, scale by an additive sequence of low discrepancy (:func:`_evenly`).
+def sample_sets(records: FitRecords, count: int, seed: int, interacting: bool = True) -> FloatArray:
+    """Draw kappa, c, omega, scale by an additive sequence of low discrepancy (:func:`evenly`).
 
     What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
     effective field, 0.3 to 30 on a logarithmic scale), pinning relative to that (0.01 to 3,
@@ -63,19 +63,19 @@ def sample_sets(records: Records, count: int, seed: int, interacting: bool = Tru
     ndarray, shape (4, count)
         Rows in the order above; ``scale`` in units of the input.
     """
-    draw = _evenly(4, count, seed)
+    draw = evenly(4, count, seed)
     reach = 0.3 * 100.0 ** draw[0]
     kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
     c = 0.95 * draw[2]
     omega = 0.1 * 3000.0 ** draw[3] - OMEGA_JUMP if interacting else np.zeros(count)
     saturated = 1.0 / np.tanh(reach) - 1.0 / reach
     drive = np.maximum(reach + omega * saturated, 0.1 * reach)
-    largest = max(float(np.max(np.abs(drive_.input))) for drive_ in records.drives)
+    largest = max(float(np.max(np.abs(record.input))) for record in records.loops)
     return np.stack([kappa, c, omega, largest / drive])
 
 
 def screen(
-    form: Form, records: Records, sets: FloatArray
+    form: Form, records: FitRecords, sets: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Deviation of many sets at one gap, with the best gain and offset for each.
 
@@ -83,7 +83,7 @@ def screen(
     ----------
     form : Form
         Equations of the measured quantities; ``h`` is taken as its fixed value.
-    records : Records
+    records : FitRecords
         Loops at a single gap.
     sets : ndarray, shape (4, count)
         As :func:`sample_sets` draws them.
@@ -103,13 +103,13 @@ def screen(
 
 
 def follow_sets(
-    drive: Drive, kept: NDArray[np.intp], sets: FloatArray, offset: FloatArray
+    record: FitRecord, kept: NDArray[np.intp], sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Follow one drive with many sets at once.
 
     Parameters
     ----------
-    drive : Drive
+    record : FitRecord
         What drives them; a settled cycle is repeated a few times first.
     kept : ndarray, shape (n,)
         Samples to stop at (:func:`thinned`).
@@ -126,19 +126,19 @@ def follow_sets(
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
-    driven = np.ascontiguousarray(drive.input[kept])
+    driven = np.ascontiguousarray(record.input[kept])
     # Up to the first sample in small steps: the linear step is not exact over long ones.
-    rise = np.concatenate([np.linspace(0.0, end, 16)[1:] for end in (*drive.lead, driven[0])])
+    rise = np.concatenate([np.linspace(0.0, end, 16)[1:] for end in (*record.lead, driven[0])])
     follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
     follow(drive=rise, keep=False)
-    for _ in range(_WARM_UP if drive.settled else 0):
+    for _ in range(_WARM_UP if record.settled else 0):
         follow(drive=driven, keep=False)
     m, xi = follow(drive=driven)
     return m, xi
 
 
 def _moments(
-    form: Form, records: Records, sets: FloatArray, offset: FloatArray
+    form: Form, records: FitRecords, sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, float]:
     """Weighted sums, over all samples, that the deviation of any gain and offset follows from.
 
@@ -147,12 +147,12 @@ def _moments(
     count = sets.shape[1]
     moments = np.zeros((5, count))
     total = 0.0
-    for drive in records.drives:
-        kept = thinned(drive.input, _THIN)
-        m, x_out = follow_sets(drive, kept, sets, offset)
+    for record in records.loops:
+        kept = thinned(record.input, _THIN)
+        m, x_out = follow_sets(record, kept, sets, offset)
         shape = (m + form.h * x_out) ** form.power
-        weight = drive.weight**2 * drive.input.size / kept.size
-        measured = drive.output[kept]
+        weight = record.weight**2 * record.input.size / kept.size
+        measured = record.output[kept]
         moments[0] += weight * kept.size
         moments[1] += weight * shape.sum(axis=0)
         moments[2] += weight * np.einsum("ij,ij->j", shape, shape)
@@ -261,7 +261,7 @@ def _table(known: list[Local]) -> FloatArray:
     return np.array([[getattr(local, name) for local in known] for name in LOCAL])
 
 
-def _cost_of(form: Form, records: Records, table: FloatArray) -> FloatArray:
+def _cost_of(form: Form, records: FitRecords, table: FloatArray) -> FloatArray:
     kappa, c, omega, scale, gain, in_0, out_0 = table
     followed = np.stack([kappa, c, np.maximum(omega, _ALMOST_JUMPING), scale])
     moments, total = _moments(form, records, followed, in_0)

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.identify.fit_records import Records
+from anhyst.identify.fit_records import FitRecords
 from anhyst.identify.response import LOCAL, Form, Local
 from anhyst.laws.law import FitNumber
 from anhyst.support.arrays import FloatArray
@@ -62,7 +62,7 @@ class Space:
     """
 
     gap_map: str
-    records: Records
+    records: FitRecords
     form: Form
     held: frozenset[str] = frozenset()
     common: frozenset[str] = frozenset()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -41,7 +41,7 @@ def memory(deviations: FloatArray) -> float:
 
 def mean_memory(space: Space, deviation: FloatArray) -> float:
     """Average the memory of weighted deviations over the drives of a space."""
-    ends = np.cumsum([drive.input.size for drive in space.records.drives])
+    ends = np.cumsum([record.input.size for record in space.records.loops])
     return float(np.mean([memory(one) for one in np.split(deviation, ends)[:-1]]))
 
 
@@ -90,7 +90,7 @@ def assess(found: Found, loopset: LoopSet) -> Uncertainty:
         _, slope = space.outward(name, float(coordinate))
         stds.append(float(std * (abs(value) if number.coordinate == "log" else slope)))
         values.append(value + (readings[name].offset if name in readings else 0.0))
-    said = _statements(found, names, values, stds, correlation)
+    said = statements(names, values, stds, correlation) + _of_the_gauge(found)
     for name, reading in readings.items():
         if name in space.held and reading.std is not None and reading.offset != 0.0:
             names.append(_label(space.numbers[name], units))
@@ -112,9 +112,10 @@ def _label(number: FitNumber, units: Mapping[str, str]) -> str:
     return f"{number.meaning} ({units[number.of]})" if number.of else number.meaning
 
 
-def _statements(
-    found: Found, names: list[str], values: list[float], stds: list[float], correlation: FloatArray
+def statements(
+    names: Sequence[str], values: Sequence[float], stds: Sequence[float], correlation: FloatArray
 ) -> list[str]:
+    """Say which numbers the data determine badly, and which only together."""
     said = []
     for name, value, std in zip(names, values, stds, strict=True):
         if "offset" not in name and std > _LOOSE * abs(value):
@@ -125,6 +126,12 @@ def _statements(
         f"{_TIED:g}); none of them means much by itself"
         for group in _tied(correlation)
     )
+    return said
+
+
+def _of_the_gauge(found: Found) -> list[str]:
+    """Say what was chosen, because no output depends on it."""
+    said = []
     form, gap_map = found.space.form, found.space.gap_map
     if form.permeability == 0.0:
         said.append(

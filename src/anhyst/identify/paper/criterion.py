@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from anhyst._core import Operator
-from anhyst.identify.fit_records import Drive, Records
+from anhyst.identify.fit_records import FitRecord, FitRecords
 from anhyst.identify.paper.seven import Variables, gauge_free, local_of
 from anhyst.identify.response import Form, Local, NoResponseError, Responder
 from anhyst.identify.screening import OMEGA_JUMP, follow_sets
@@ -27,7 +27,7 @@ class Criterion:
     ----------
     form : Form
         Equations of the measured quantities.
-    records : Records
+    records : FitRecords
         Loops at a single gap, thinned or whole.
 
     Attributes
@@ -36,12 +36,12 @@ class Criterion:
         Parameter sets computed so far.
     """
 
-    def __init__(self, form: Form, records: Records) -> None:
+    def __init__(self, form: Form, records: FitRecords) -> None:
         self._form = form
-        self._drives = records.drives
+        self._loops = records.loops
         # The square of the weight of a deviation is what its sample counts.
-        total = sum(drive.weight**2 * drive.input.size for drive in self._drives)
-        self._shares = [drive.weight**2 / (total * records.output_span) for drive in self._drives]
+        total = sum(record.weight**2 * record.input.size for record in self._loops)
+        self._shares = [record.weight**2 / (total * records.output_span) for record in self._loops]
         self._responder = Responder()
         self._built: tuple[tuple[float, ...], Operator] | None = None
         self.evaluations = 0
@@ -53,8 +53,8 @@ class Criterion:
         try:
             operator = self._operator(local)
             return sum(
-                share * self._off(local, operator, drive)
-                for share, drive in zip(self._shares, self._drives, strict=True)
+                share * self._off(local, operator, record)
+                for share, record in zip(self._shares, self._loops, strict=True)
             )
         except NoResponseError:
             return IMPOSSIBLE
@@ -74,10 +74,10 @@ class Criterion:
         in_0, out_0 = values["in_0"][sane], values["out_0"][sane]
         sets = np.stack([kept["kappa"], kept["c"], kept["omega"], kept["scale"]])
         found = np.zeros(in_0.size)
-        for share, drive in zip(self._shares, self._drives, strict=True):
-            m, xi = follow_sets(drive, np.arange(drive.input.size), sets, in_0)
+        for share, record in zip(self._shares, self._loops, strict=True):
+            m, xi = follow_sets(record, np.arange(record.input.size), sets, in_0)
             output = kept["gain"] * (m + kept["h"] * xi) ** self._form.power + out_0
-            found += share * np.abs(output - drive.output[:, None]).sum(axis=0)
+            found += share * np.abs(output - record.output[:, None]).sum(axis=0)
         costs[sane] = found
         return costs
 
@@ -88,17 +88,17 @@ class Criterion:
             self._built = (key, self._form.operator(local))
         return self._built[1]
 
-    def _off(self, local: Local, operator: Operator, drive: Drive) -> float:
-        output = self._responder.output(self._form, local, operator, drive)
-        return float(np.abs(output - drive.output).sum())
+    def _off(self, local: Local, operator: Operator, record: FitRecord) -> float:
+        output = self._responder.output(self._form, local, operator, record)
+        return float(np.abs(output - record.output).sum())
 
 
-def mean_deviation(records: Records, outputs: FloatArray) -> float:
+def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
     """Criterion of eq. 16 for outputs that are known already.
 
     Parameters
     ----------
-    records : Records
+    records : FitRecords
         What was measured.
     outputs : ndarray, shape (samples,)
         Modelled outputs of all drives, one after the other, SI.
@@ -108,8 +108,8 @@ def mean_deviation(records: Records, outputs: FloatArray) -> float:
     float
         Relative to the largest output.
     """
-    measured = np.concatenate([drive.output for drive in records.drives])
-    counts = np.concatenate([np.full(d.output.size, d.weight**2) for d in records.drives])
+    measured = np.concatenate([record.output for record in records.loops])
+    counts = np.concatenate([np.full(d.output.size, d.weight**2) for d in records.loops])
     return float(np.average(np.abs(outputs - measured), weights=counts) / records.output_span)
 
 

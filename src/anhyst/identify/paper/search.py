@@ -107,7 +107,7 @@ class Bench:
         self.searched = tuple(name for name in self.variables.names if name not in OFFSETS)
         self._records = [self.run.records.at(gap) for gap in range(self.gaps)]
         counts = [
-            sum(drive.weight**2 * drive.input.size for drive in records.drives)
+            sum(record.weight**2 * record.input.size for record in records.loops)
             for records in self._records
         ]
         self._shares = [count / sum(counts) for count in counts]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.output_map import output_map
-from anhyst.identify.fit_records import Records
+from anhyst.identify.fit_records import FitRecords
 from anhyst.identify.response import Local
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0, Quantity
@@ -115,13 +115,13 @@ def _outward(name: str, coordinate: FloatArray, spans: Mapping[str, float]) -> F
 
 
 def variables_of(
-    records: Records, given: Quantity, answer: Quantity, held: frozenset[str]
+    records: FitRecords, given: Quantity, answer: Quantity, held: frozenset[str]
 ) -> tuple[Variables, Values]:
     """Choose what a search may vary, between which bounds, and what is known beforehand.
 
     Parameters
     ----------
-    records : Records
+    records : FitRecords
         For the spans of input and output.
     given, answer : Quantity
         Input and output.
