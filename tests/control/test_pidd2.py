@@ -13,8 +13,8 @@ from scipy import signal
 
 from anhyst._core import Controller, ControllerF32, FixedController
 from anhyst.control import FullScales, Pidd2
-from anhyst.control.reference import respond
 from anhyst.support.errors import InputError
+from tests.control.pidd2_oracle import respond
 
 SCALES = FullScales(position=0.5e-3, output=400.0, load=200.0)
 GAINS = Pidd2(

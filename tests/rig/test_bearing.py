@@ -18,7 +18,7 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import lost_at
 from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import flux_table
-from anhyst.rig.bearing.recording import HOVER, Recording
+from anhyst.rig.bearing.recording import HOVER, READY, Recording
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bearing.tables import DisturbanceTable, ModelTable
 from anhyst.study.bearing.operating import find_operating_point
@@ -26,7 +26,6 @@ from anhyst.study.bearing.variations import changed
 from tests.study import bearings
 from tests.study.bearings import GAP
 
-READY = 16 * 3
 Changes = dict[str, Any]
 FULL = bearings.single
 

@@ -6,13 +6,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, ControllerTable, read_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Loop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.bearing.recording import HOVER, Recording
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bearing.tables import PositionTable
@@ -100,3 +102,9 @@ def run(setup: Setup, scenario: Scenario, seed: int = 0) -> Recording:
 
 def run_plant(setup: Setup, script: Script, seed: int = 0) -> Recording:
     return Loop(setup, seed).run(script.build())
+
+
+def hovers_from(recording: Recording) -> int | None:
+    """Return the first tick at which the reference was reached, or None."""
+    hovering = recording["state"] == HOVER
+    return int(np.argmax(hovering)) if hovering.any() else None

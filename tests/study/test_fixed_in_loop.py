@@ -17,7 +17,16 @@ from anhyst.compensate.compiled import Compiled
 from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command
 from anhyst.rig.bearing.position import position_control
-from anhyst.rig.bearing.recording import COLUMNS, HOVER, RUN, Recording
+from anhyst.rig.bearing.recording import (
+    BREAKAWAY,
+    COLUMNS,
+    DESCEND,
+    HOVER,
+    READY,
+    RISE,
+    SET_DOWN,
+    Recording,
+)
 from anhyst.rig.bearing.scenario import DROP, Scenario
 from anhyst.rig.bearing.setup import Setup
 from tests.study import bearings
@@ -25,8 +34,6 @@ from tests.study.bearings import GAP
 
 Q31 = 2.0**31
 NO_FLUX = -(2**31)
-READY = 16 * 3
-BREAKAWAY, RISE, DESCEND, SET_DOWN = (16 * RUN + phase for phase in (1, 2, 4, 5))
 
 
 def steps(setup: Setup) -> Scenario:

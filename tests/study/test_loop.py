@@ -13,7 +13,7 @@ from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.position import make_position
-from anhyst.rig.bearing.recording import COLUMNS, HOVER, Recording
+from anhyst.rig.bearing.recording import COLUMNS, HOVER, READY, Recording
 from anhyst.rig.bearing.scenario import DROP, Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.responses import Run, run_steps
@@ -21,7 +21,6 @@ from anhyst.support.jobs import all_of
 from tests.study import bearings
 from tests.study.bearings import GAP
 
-READY = 16 * 3
 ARRANGEMENTS = {"single": bearings.single, "pair": bearings.pair}
 GAPS = np.linspace(0.36e-3, 0.54e-3, 7).tolist()
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.interface import MethodName
-from anhyst.control.states import Command
-from anhyst.rig.bearing.loop import Loop, hovers_from, lost_at
-from anhyst.rig.bearing.recording import HOVER
+from anhyst.control.states import Command, Phase, State
+from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.recording import BREAKAWAY, FAULT, HOVER, in_column
 from anhyst.rig.bearing.scenario import DROP
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.experiments import (
@@ -24,7 +24,7 @@ from tests.study import bearings
 from tests.study.bearings import GAP
 
 PATIENCE = 3
-BREAKAWAY, FAULT_REST, FAULT_FALL = 16 * 4 + 1, 16 * 5, 16 * 5 + 6
+FAULT_FALL = in_column(State.FAULT, Phase.FALL)
 VARIANTS: tuple[MethodName, ...] = ("full", "single-valued")
 
 
@@ -142,7 +142,7 @@ def test_too_many_dropped_samples_end_in_a_fault_on_the_ground(count: int) -> No
     assert recording["state"][begin + PATIENCE] == FAULT_FALL
     before, after = recording["command_A"][begin + PATIENCE - 1 : begin + PATIENCE + 1]
     assert after == pytest.approx(0.875 * before, abs=5e-3)
-    assert recording["state"][-1] == FAULT_REST
+    assert recording["state"][-1] == FAULT
     assert recording["command_A"][-1] == 0.0
     assert abs(recording["current_A"][-1]) < 1e-4
     assert recording["gap_m"][-1] >= rig.settings.mechanics.stop_high_m
@@ -157,7 +157,7 @@ def test_a_fault_is_cleared_and_it_lifts_again() -> None:
     cleared = script.ticks
     script.lift_off(setup.controller)
     recording = bearings.run_plant(setup, script)
-    assert recording["state"][cleared - 1] == 16 * 2
+    assert recording["state"][cleared - 1] == in_column(State.IDLE)
     again = recording.part(cleared, len(recording))
-    assert hovers_from(again) is not None
+    assert bearings.hovers_from(again) is not None
     assert np.abs(again["gap_m"] - GAP)[-1000:].max() < BACK_M

@@ -10,12 +10,9 @@ import numpy as np
 
 from anhyst.control.states import Command, Flag
 from anhyst.rig.bearing.loop import lost_at
-from anhyst.rig.bearing.recording import BREAKAWAY, FAULT, HOVER, RISE, RUN, Recording
+from anhyst.rig.bearing.recording import BREAKAWAY, FAULT, HOVER, READY, RISE, RUN, Recording
 from anhyst.rig.bearing.scenario import Scenario, Script, land_time, steps_up_and_down
 from anhyst.rig.bearing.setup import Setup
-
-READY = 16 * 3
-"""On the ground, ready to lift again."""
 
 _RESTLESS = 0.01
 """Part of the travel: an armature that moves by more in its hover, rms, is not held."""
@@ -70,7 +67,7 @@ class LevitationRun:
             return rejected
         controlled = (state >= RISE) & (state <= HOVER)
         if not controlled.any():
-            faults = state >= 16 * FAULT
+            faults = state >= FAULT
             if faults.any():
                 force = self.setup.controller.limits.force_high_N
                 return (
@@ -78,7 +75,7 @@ class LevitationRun:
                     f"{time[np.argmax(faults)]:.4f} s, when {force:g} N were demanded; raise "
                     "force_high_N or lower the load"
                 )
-            if (state >= 16 * RUN).any():
+            if (state >= RUN).any():
                 return f"the armature had not left its rest at {time[-1]:.4f} s"
             return f"the command to lift was refused, the state is {state[-1]:.0f}"
         if len(steps) > self.steps.lifted and state[self.steps.lifted] in (BREAKAWAY, RISE):
@@ -92,8 +89,8 @@ class LevitationRun:
         missing = self.setup.controller.safety.max_missing_samples
         # Whether every one of the last samples, and this one, was implausible: the position is lost.
         row = np.convolve(implausible, np.ones(missing + 1), "valid") > missing + 0.5
-        if (steps["state"] >= 16 * RUN).any():
-            row &= steps["state"][missing:] >= 16 * FAULT
+        if (steps["state"] >= RUN).any():
+            row &= steps["state"][missing:] >= FAULT
         if not row.any():
             return None
         end = int(np.argmax(row)) + missing

@@ -8,7 +8,7 @@ from anhyst._core import Bearing, BearingLoop
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.position import make_position
-from anhyst.rig.bearing.recording import FAULT, HOVER, RUN, Recording
+from anhyst.rig.bearing.recording import DESCEND, FAULT, RISE, Recording
 from anhyst.rig.bearing.scenario import Scenario
 from anhyst.rig.bearing.setup import Setup
 
@@ -82,19 +82,13 @@ def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | No
         Time, s.
     """
     mechanics = rig.settings.mechanics
-    fault = recording["state"] >= 16 * FAULT
+    fault = recording["state"] >= FAULT
     if fault.any():
         since = min(since, int(np.argmax(fault)))
     gap, state = recording["gap_m"][since:], recording["state"][since:]
-    levitating = (state >= 16 * RUN + 2) & (state <= 16 * RUN + 4)
+    levitating = (state >= RISE) & (state <= DESCEND)
     touched = (gap <= mechanics.stop_low_m) | (gap >= mechanics.stop_high_m)
     bad = ~levitating | touched | ~np.isfinite(gap)
     if not bad.any():
         return None
     return float(recording["t_s"][since + int(np.argmax(bad))])
-
-
-def hovers_from(recording: Recording) -> int | None:
-    """Return the first tick at which the reference was reached, or None."""
-    hovering = recording["state"] == HOVER
-    return int(np.argmax(hovering)) if hovering.any() else None

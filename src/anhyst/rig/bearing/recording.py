@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from anhyst._core import LOOP_COLUMNS
+from anhyst.control.states import Phase, State
 from anhyst.data.files import write_csv
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, write_bytes
@@ -18,14 +19,20 @@ from anhyst.support.errors import InputError
 COLUMNS: tuple[str, ...] = tuple(LOOP_COLUMNS.split())
 """Of every recording, the unit in the name; described in docs/simulate.md."""
 
-RUN, FAULT = 4, 5
-"""States of the controller, times 16 in the column ``state``; the phase is the rest."""
 
-BREAKAWAY, RISE = 16 * RUN + 1, 16 * RUN + 2
-"""On its rest while the force rises; on its way, under control."""
+def in_column(state: State, phase: Phase = Phase.REST) -> int:
+    """Return what the column ``state`` says of a state and a phase of the controller."""
+    return 16 * state + phase
 
-HOVER = 16 * RUN + 3
-"""In the air and under control, the reference reached."""
+
+READY, RUN, FAULT = (in_column(state) for state in (State.READY, State.RUN, State.FAULT))
+"""The least that the column says in each of these states; the phase comes on top."""
+
+BREAKAWAY, RISE, HOVER, DESCEND, SET_DOWN = (
+    in_column(State.RUN, phase)
+    for phase in (Phase.BREAKAWAY, Phase.RISE, Phase.HOVER, Phase.DESCEND, Phase.SET_DOWN)
+)
+"""On its rest while the force rises; under control on its way, there, and down; let go."""
 
 
 @dataclass(frozen=True)
