@@ -35,9 +35,9 @@ def bearing_model(
         raise InputError("model: does not say where it holds; identify it from loops")
     seen = model.valid.schedule
     if seen is None or gaps[0] < seen[0] - 1e-9 or gaps[1] > seen[1] + 1e-9:
-        told = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
+        known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
         raise InputError(
-            f"model: holds at {told}, wanted are {gaps[0]:g} to {gaps[1]:g} m; identify it "
+            f"model: holds at {known}, wanted are {gaps[0]:g} to {gaps[1]:g} m; identify it "
             "from loops at more gaps or narrow the range"
         )
     return replace(model, valid=ValidRange((0.0, current_max), (0.0, force_max), gaps))

@@ -253,7 +253,7 @@ def _late(model: ActuatorModel, demand: FloatArray, gap: FloatArray) -> FloatArr
 
     The iron's memory is advanced at the ticks alone. Between them the gap moves under a current
     that rests and then leaps; iron comes back from such ripples, but the law of the model drifts
-    along them a little, at any rate, and this is not to be told as an error of sampling.
+    along them a little, at any rate, and this is not to be reported as an error of sampling.
     """
     iron, state = model.iron_at(float(gap[0])), np.zeros(3)
     circuit = model.circuit(gap, np.zeros(gap.size))
@@ -299,7 +299,7 @@ def _may_drift(plan: Plan, budget: Budget) -> float:
 
 
 def why_drifting(plan: Plan, budget: Budget) -> str:
-    """Tell how far a held output drifts, and what helps."""
+    """Report how far a held output drifts, and what helps."""
     drift, part = percent(budget, budget.drift.worst or 0.0), budget.drift
     return (
         f"{part.title}: {drift:.2g} % of the largest output ({part.note.partition('; ')[2]}), more "

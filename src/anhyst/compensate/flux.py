@@ -19,7 +19,7 @@ class FluxCalibration:
     Parameters
     ----------
     gap, force, flux_density : ndarray, shape (n,)
-        m, N, and T as the probe tells it.
+        m, N, and T as the probe reads it.
     delay : float
         From a sample to the output of the current found from it, s.
     lag : float

@@ -187,7 +187,7 @@ def make_plan(model: ActuatorModel, request: Request, model_hash: int, share: fl
 
 
 def not_computed(error: InputError | NegativeResult) -> InputError:
-    """Return the error of a model whose law ends within its own limits; `error` tells where."""
+    """Return the error of a model whose law ends within its own limits; `error` says where."""
     return InputError(
         f"[valid]: the law cannot be computed within these limits ({error}); narrow them, or "
         "correct the parameters"

@@ -25,7 +25,7 @@ WINDOW = 0.25
 """Half-width, over the largest force and over the range of gaps, of what a slope is fitted to."""
 
 TOP = 0.1
-"""Share of the known levels that tell the slope beyond the last one."""
+"""Share of the known levels that give the slope beyond the last one."""
 
 DEGREE = 5
 SPAN = 11

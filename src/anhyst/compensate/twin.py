@@ -92,7 +92,7 @@ class FixedTwin(Twin):
         return self._codes(demand, 0.0, self.block.scales.demand)
 
     def current_codes(self, current: ArrayLike) -> CodeArray:
-        """Drive in units of the input -> what the controller is given."""
+        """Turn currents in units of the input into what the controller is given."""
         return self._codes(current, 0.0, self.block.scales.current)
 
     def gap_codes(self, gap: ArrayLike | None, size: int = 1) -> CodeArray:
@@ -104,13 +104,13 @@ class FixedTwin(Twin):
         return np.broadcast_to(self._codes(gap, scales.gap_low, span), (size,)).copy()
 
     def solve(self, demand: float, gap: float | None = None) -> float:
-        """Return the drive that gives `demand` now; the memory is not touched."""
+        """Return the current that gives `demand` now; the state is not touched."""
         solve = self._core.solve_q15 if self.io == "q15" else self._core.solve_q31
         code = solve(int(self.demand_codes(demand)[0]), int(self.gap_codes(gap)[0]))
         return code / self.one * self.block.scales.current
 
     def commit(self, applied: float, gap: float | None = None) -> float:
-        """Advance the memory with the drive that was applied; return the expected output."""
+        """Advance the state with the current that was applied; return the expected output."""
         commit = self._core.commit_q15 if self.io == "q15" else self._core.commit_q31
         commit(int(self.current_codes(applied)[0]), int(self.gap_codes(gap)[0]))
         return self.output
@@ -163,11 +163,11 @@ class RealTwin(Twin):
         return self.block.scales.gap_low if gap is None else gap
 
     def solve(self, demand: float, gap: float | None = None) -> float:
-        """Return the drive that gives `demand` now; the memory is not touched."""
+        """Return the current that gives `demand` now; the state is not touched."""
         return self._core.solve(demand, self._gap(gap))
 
     def commit(self, applied: float, gap: float | None = None) -> float:
-        """Advance the memory with the drive that was applied; return the expected output."""
+        """Advance the state with the current that was applied; return the expected output."""
         self._core.commit(applied, self._gap(gap))
         return self.output
 

@@ -129,7 +129,7 @@ class ControllerPlan:
 
     @property
     def magnets(self) -> int:
-        """How many drives it has."""
+        """How many compensators it has."""
         return self.source.magnets
 
     @property
@@ -138,7 +138,7 @@ class ControllerPlan:
         return np.asarray(self.control.gains("fixed"), dtype=np.int32)
 
     def start(self) -> FixedPosition:
-        """Return the very controller, just switched on, with drives that remember nothing."""
+        """Return the very controller, just switched on, with compensators that remember nothing."""
         drives = [
             FixedForceController.compensator(self.block.kind, self.block.words)
             for _ in range(self.magnets)

@@ -113,8 +113,8 @@ def _lined_up(rows: Rows) -> list[str]:
     return [f"{line:<{end}} /* {doc} */" if doc else line for line, doc in found]
 
 
-def told(plan: ControllerPlan) -> dict[str, object]:
-    """Return what the templates of the controller tell."""
+def controller_values(plan: ControllerPlan) -> dict[str, object]:
+    """Return what the templates of the controller show."""
     control, settings = plan.control, plan.settings
     limits, converter = control.limits, control.converter
     first, _ = converter.within(limits.current_low, limits.current_high)

@@ -36,7 +36,7 @@ _SUBSTEPS = 4
 _SENSOR_STEPS = 4096  # over the gaps that can be
 _WAIT_S = 0.01
 _RAMP_S = 0.03  # of the force, at lift-off and after landing
-_MOST_TICKS = 20_000  # of one flight
+_MOST_TICKS = 20_000  # of one run
 _Q31 = 2.0**31
 
 Row = tuple[int, ...]
@@ -47,8 +47,8 @@ def code(value: float, full: float) -> int:
     return int(max(-_Q31, min(_Q31 - 1.0, math.floor(value / full * _Q31 + 0.5))))
 
 
-def flight_vectors(plan: Plan, controller: ControllerPlan) -> list[Row]:
-    """Fly a simulated armature and write down what the controller was told and answered.
+def levitation_vectors(plan: Plan, controller: ControllerPlan) -> list[Row]:
+    """Levitate a simulated armature and write down what the controller was given and answered.
 
     Power on, lift-off, a step, a sample that is missing and one that cannot be, landing.
 
@@ -64,11 +64,11 @@ def flight_vectors(plan: Plan, controller: ControllerPlan) -> list[Row]:
     list of tuple of int
         A row a tick, as :data:`COLUMNS`.
     """
-    return _Flight(plan, controller).fly()
+    return _LevitationRun(plan, controller).run()
 
 
 @dataclass
-class _Flight:
+class _LevitationRun:
     plan: Plan
     controller: ControllerPlan
     rows: list[Row] = field(default_factory=list)
@@ -93,7 +93,7 @@ class _Flight:
         ]
         self.flows = [0.0, 0.0]
 
-    def fly(self) -> list[Row]:
+    def run(self) -> list[Row]:
         wait = max(round(_WAIT_S / self.tick), 20)
         for _ in range(self.controller.control.limits.selftest + 5):
             self._step()
@@ -181,6 +181,6 @@ def _mass(controller: ControllerPlan) -> float:
     return gains.K_d**2 / gains.K_p / damped if gains.K_d else 1.0
 
 
-def flight_csv(rows: list[Row]) -> str:
+def levitation_csv(rows: list[Row]) -> str:
     """Return the vectors as a CSV file."""
     return "\n".join([",".join(COLUMNS), *(",".join(map(str, row)) for row in rows)]) + "\n"

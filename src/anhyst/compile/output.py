@@ -25,7 +25,7 @@ from anhyst.compensate.plan import ACCURACY, Plan, Request, make_plan, not_compu
 from anhyst.compensate.twin import Io
 from anhyst.compile.controller import Controller, read_fitting
 from anhyst.compile.folder import check_folder, write_folder
-from anhyst.compile.lifting import flight_csv, flight_vectors
+from anhyst.compile.lifting import levitation_csv, levitation_vectors
 from anhyst.compile.manifest import manifest
 from anhyst.compile.page import budget_page
 from anhyst.compile.source import sources
@@ -142,14 +142,14 @@ def compile_model(
         "budget.html": budget_page(plan, budget, version),
     }
     if around is not None:
-        files["controller.csv"] = flight_csv(flight_vectors(plan, around))
+        files["controller.csv"] = levitation_csv(levitation_vectors(plan, around))
     described = manifest(plan, budget, sha256, version, around)
     write_folder(out, files, described)
     return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"))
 
 
 def _accuracy(budget: Budget) -> dict[str, str]:
-    """Return what the drop-in guide tells of the accuracy, per cent of the largest output."""
+    """Return what the drop-in guide says of the accuracy, per cent of the largest output."""
     return {
         name: f"{percent(budget, part.worst or 0.0):.2g}"
         for name, part in (("travelling", budget.compiled), ("drift", budget.drift))

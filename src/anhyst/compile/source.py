@@ -13,7 +13,7 @@ from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.plan import Plan
 from anhyst.compensate.words import Names
 from anhyst.compile.controller import ControllerPlan
-from anhyst.compile.controller_source import told
+from anhyst.compile.controller_source import controller_values
 from anhyst.compile.core import CONTROL, SINGLE, SOURCES, SRC, core_files, read_core
 from anhyst.compile.floating_source import c_parameters_f32
 from anhyst.compile.memory import controller_bytes, parameters_bytes, state_bytes
@@ -71,13 +71,15 @@ def sources(
     guide = common | _guide(plan) | dict(accuracy)
     if controller is not None:
         files |= _controller_files(common, plan.name, controller)
-        guide |= told(controller) | {"controller_bytes": controller_bytes(controller.magnets)}
+        guide |= controller_values(controller) | {
+            "controller_bytes": controller_bytes(controller.magnets)
+        }
     files["DROP_IN.md"] = render("DROP_IN.md.j2", guide)
     return files if real else {**files, PORT: read_core(PORT)}
 
 
 def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
-    """Return what all files may tell."""
+    """Return what all files may show."""
     model, block, io = plan.model, plan.block, plan.request.io
     return {
         "name": plan.name,
@@ -99,7 +101,7 @@ def _controller_files(
     common: Mapping[str, object], name: str, controller: ControllerPlan
 ) -> dict[str, str]:
     """Return the files of the position controller; its example stands for the compensator's."""
-    values = dict(common) | told(controller)
+    values = dict(common) | controller_values(controller)
     values["controller"] = _in_comment(str(values["controller"]))
     return {
         f"{name}_controller.h": render("controller.h.j2", values),
@@ -109,16 +111,16 @@ def _controller_files(
 
 
 def _parameters(plan: Plan) -> dict[str, object]:
-    """Return what the files of the parameters tell beside what all files do."""
+    """Return what the files of the parameters show beside what all files do."""
     model, block = plan.model, plan.block
     names = Names(model.output.unit, model.input.unit)
-    told: dict[str, object] = {
+    values: dict[str, object] = {
         "signals": signal_lines(plan),
         "rate": f"{plan.request.rate:.10g}",
     }
     if isinstance(block, RealBlock):
-        return told | {"structures": c_parameters_f32(plan.name, block, names, model.schedule)}
-    return told | {
+        return values | {"structures": c_parameters_f32(plan.name, block, names, model.schedule)}
+    return values | {
         "kernel": f"anhyst_kernel_{block.kind}",
         "defines": _defines(plan),
         "scales": scales_source(block),
@@ -128,7 +130,7 @@ def _parameters(plan: Plan) -> dict[str, object]:
 
 
 def _guide(plan: Plan) -> dict[str, object]:
-    """Return what the drop-in guide tells beside the code."""
+    """Return what the drop-in guide says beside the code."""
     start, io = plan.start, plan.request.io
     cycles = start.conditioning.cycles
     rows = [line.partition(" ") for line in signal_lines(plan)]

@@ -56,7 +56,7 @@ FINEST_STEP = 1e-9
 """Least that a gap may be allowed to change from tick to tick, m."""
 
 CONVERTER_BITS = 16
-"""Of the converter of the current references, where the file does not tell."""
+"""Of the converter of the current references, where the file does not say."""
 
 
 class DesignTable(Table):

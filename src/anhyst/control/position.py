@@ -2,7 +2,7 @@
 
 ``core/include/anhyst/control/position.h`` runs it in fixed point, ``position_real.h`` in floating point,
 ``levitation.h`` says what happens when. The numbers of a format are given by name; the core's
-``Position``, ``PositionF32`` and ``FixedPosition`` take them with the gains and the drives.
+``Position``, ``PositionF32`` and ``FixedPosition`` take them with the gains and the compensators.
 """
 
 from __future__ import annotations

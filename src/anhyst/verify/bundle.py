@@ -15,7 +15,7 @@ from anhyst.support.errors import InputError
 FORMAT = 2
 MANIFEST = "manifest.json"
 VECTORS = "vectors.csv"
-FLIGHT = "controller.csv"
+LEVITATION = "controller.csv"
 """What a folder with a position controller holds beside the compensator's vectors."""
 PORT_HEADER = "port/anhyst_port_cortex_m4.h"
 EXAMPLE = "main.c"
@@ -127,7 +127,7 @@ def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None
     name = _text(place, manifest, "name")
     needed = [f"{name}_parameters.h", f"{name}_parameters.c", VECTORS]
     if manifest.get("controller") is not None:
-        needed += [f"{name}_controller.h", f"{name}_controller.c", FLIGHT]
+        needed += [f"{name}_controller.h", f"{name}_controller.c", LEVITATION]
     for file in needed:
         if file not in files:
             raise InputError(f"{place}: key 'files' does not name {file}; {AGAIN}")

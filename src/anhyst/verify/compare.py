@@ -56,7 +56,7 @@ class Difference:
     found: int
 
     def text(self) -> str:
-        """Tell it in one line."""
+        """Report it in one line."""
         return (
             f"{PARTS[self.part]} {self.step}: {self.quantity} is {self.found}, not {self.expected}"
         )
@@ -186,7 +186,7 @@ def _locate(
             replies[0].checkpoints[: len(marks)] != replies[1].checkpoints[: len(marks)]
         )
         bad = int(wrong[0]) if len(wrong) else len(marks)
-        # The hash kept before a step tells of the steps before it.
+        # The hash kept before a step speaks of the steps before it.
         first, last = marks[bad - 1], marks[bad] if bad < len(marks) else last
         stride = _stride(last - first)
         replies = _again(programs, seed, first, last, stride)

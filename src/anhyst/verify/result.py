@@ -99,7 +99,7 @@ class TargetResult:
         return f"{self.target} ({self.build})"
 
     def verdict(self) -> str:
-        """Tell in one line what came out."""
+        """Report in one line what came out."""
         if self.failure:
             return self.failure
         if self.difference is not None:

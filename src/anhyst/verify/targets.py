@@ -71,7 +71,7 @@ class Cortex:
     cpu, model : str
         Names of compiler and emulator.
     float_unit : str
-        What the compiler is told to use floating-point instructions; empty without.
+        What the compiler is asked to use floating-point instructions; empty without.
     has_port : bool
         Whether it has the instructions of the port header.
     """

@@ -1,4 +1,4 @@
-"""Compilers: found, called, and their refusals told in one line."""
+"""Compilers: found, called, and their refusals reported in one line."""
 
 from __future__ import annotations
 

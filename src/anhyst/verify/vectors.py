@@ -24,7 +24,7 @@ OUTPUTS = {
     "memory_c": "memory c",
 }
 
-TOLD = ("position", "target", "load", "current_1", "current_2", "dropped", "command")
+GIVEN = ("position", "target", "load", "current_1", "current_2", "dropped", "command")
 ANSWERED = {
     "drive_1": "current 1",
     "drive_2": "current 2",
@@ -84,17 +84,17 @@ def read_vectors(path: Path, floating: bool) -> GoldenVectors:
     return GoldenVectors(inputs, outputs)
 
 
-def read_flight(path: Path) -> GoldenVectors:
-    """Read ``controller.csv``: what a position controller is told and has to answer.
+def read_levitation(path: Path) -> GoldenVectors:
+    """Read ``controller.csv``: what a position controller is given and has to answer.
 
     Raises
     ------
     InputError
         A column is missing, or a cell is not an integer of 32 bits.
     """
-    columns = _columns(path, (*TOLD, *ANSWERED), floating=False)
+    columns = _columns(path, (*GIVEN, *ANSWERED), floating=False)
     event = columns["dropped"] << np.uint32(16) | columns["command"]
-    inputs = np.stack([*(columns[name] for name in TOLD[:-2]), event], axis=1)
+    inputs = np.stack([*(columns[name] for name in GIVEN[:-2]), event], axis=1)
     outputs = {ANSWERED[name]: columns[name] for name in ANSWERED}
     return GoldenVectors(inputs, outputs, CONTROLLER)
 

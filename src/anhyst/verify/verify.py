@@ -13,7 +13,7 @@ from pathlib import Path
 
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.progress import Progress
-from anhyst.verify.bundle import FLIGHT, VECTORS, read_bundle
+from anhyst.verify.bundle import LEVITATION, VECTORS, read_bundle
 from anhyst.verify.compare import Outcome, compare, run
 from anhyst.verify.cortex_m import CortexProgram
 from anhyst.verify.elf import Image, Sizes, measure_sizes
@@ -33,7 +33,7 @@ from anhyst.verify.targets import (
     reference,
 )
 from anhyst.verify.tools import Missing
-from anhyst.verify.vectors import GoldenVectors, read_flight, read_vectors
+from anhyst.verify.vectors import GoldenVectors, read_levitation, read_vectors
 from anhyst.verify.workshop import CONTROL_SOURCES, Variant, Workshop
 
 DEFAULT = "host,cortex-m4"
@@ -99,8 +99,8 @@ def verify(
         if bundle.has_controller:
             place = Path(scratch) / "controller"
             around = Workshop.set_up(bundle, place, "controller")
-            flight = _Job(around, read_flight(folder / FLIGHT), *numbers)
-            jobs.append((flight, _offers(around, names)[0]))
+            levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
+            jobs.append((levitation, _offers(around, names)[0]))
         counted = _Counted(
             progress,
             sum(len(one.orders) for _, some in jobs for one in some.values()) + (FIRMWARE in works),
@@ -269,7 +269,7 @@ def _estimates(job: _Job) -> tuple[Estimate, ...]:
             for name, prices in PRICES.items()
         }
     except NegativeResult:
-        return ()  # told as a failure of the target where it was asked for
+        return ()  # reported as a failure of the target where it was asked for
     found: list[Estimate] = []
     whose = "controller: " if job.workshop.subject == "controller" else ""
     for name, reply in replies.items():
