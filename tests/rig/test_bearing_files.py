@@ -31,6 +31,7 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.tables import POSITION_SENSORS, BearingTable
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import TomlFileError
+from tests.study import bearings
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "bearing"
@@ -506,3 +507,12 @@ def test_the_page_tells_what_each_kind_of_sensor_has() -> None:
         values = [float(c[0]) * scale[c[1]] if c[1:] and c[1] in scale else 0.0 for c in cells]
         expected = [usual.step, usual.noise, usual.bandwidth, usual.delay]
         assert values == pytest.approx(expected), kind
+
+
+def test_magnets_are_a_list_each_with_its_own_gap() -> None:
+    (only,) = bearings.example().magnets
+    first, second = bearings.pair_rig().magnets
+    total = bearings.pair_rig().settings.magnet.gap_total_m
+    assert total is not None
+    assert only.gap(0.4e-3) == first.gap(0.4e-3) == 0.4e-3
+    assert second.gap(0.4e-3) == total - 0.4e-3

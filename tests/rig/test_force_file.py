@@ -10,7 +10,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from anhyst.rig.force.file import RigTable, SolenoidFile, read_rig
+from anhyst.rig.force.file import ForceRigTable, SolenoidFile, read_rig
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import TomlFileError
 
@@ -113,5 +113,5 @@ def tables(annotation: Any) -> Iterator[type[BaseModel]]:
 
 def test_every_key_is_described() -> None:
     text = (ROOT / "docs" / "force-control.md").read_text()
-    for name in {*keys(RigTable), *keys(SolenoidFile)}:
+    for name in {*keys(ForceRigTable), *keys(SolenoidFile)}:
         assert f"`{name}`" in text, f"{name} is not described in docs/force-control.md"

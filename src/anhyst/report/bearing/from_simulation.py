@@ -64,7 +64,7 @@ def subject_of(simulation: Simulation, command: str) -> Subject:
     still = experiments.standing(simulation.setups[simulation.own])
     chosen = {name: run for name, run in shown.items() if name in (*_COLUMNS, simulation.own)}
     linear_gain, linear_sensitivity = _linear(simulation)
-    single = rig.settings.magnet.arrangement == "single"
+    single = len(rig.magnets) == 1
     loops, current = simulation.knowledge.loops, rig.settings.measurement.current_max_A
     return Subject(
         rig=rig,

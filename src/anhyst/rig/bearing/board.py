@@ -75,7 +75,7 @@ class BearingPlant:
         self._integral = [0.0, 0.0]
         self._read = (0.0, 0.0)
         self._last: float | None = None
-        self._pair = rig.settings.magnet.arrangement == "pair"
+        self._magnets = len(rig.magnets)
 
     def amperes(self, drives: tuple[float, float]) -> tuple[float, float]:
         """Return what fractions of full scale are, A."""
@@ -114,7 +114,7 @@ class BearingPlant:
         if loop["gain"] == 0.0:
             return reference
         volts = [0.0, 0.0]
-        for i in range(2 if self._pair else 1):
+        for i in range(self._magnets):
             error = reference[i] - self._read[i]
             wanted = loop["resistance"] * reference[i] + loop["gain"] * error + self._integral[i]
             volts[i] = min(max(wanted, -loop["limit"]), loop["limit"])

@@ -53,10 +53,10 @@ def _rig_faults(settings: ControllerTable, rig: BearingRig) -> list[Fault]:
     if limits.current_high_A > amplifier.current_high_A:
         text = f"the amplifier of {rig.path} ends at {amplifier.current_high_A:g} A; lower it"
         faults.append((("limits", "current_high_A"), text))
-    if plant.magnet.arrangement == "single" and limits.force_low_N < 0.0:
+    if len(rig.magnets) == 1 and limits.force_low_N < 0.0:
         text = "a single magnet cannot push; raise it to 0 or more"
         faults.append((("limits", "force_low_N"), text))
-    if plant.magnet.arrangement == "single" and not rig.load < limits.force_high_N:
+    if len(rig.magnets) == 1 and not rig.load < limits.force_high_N:
         text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.load:g} N"
         faults.append((("limits", "force_high_N"), f"{text}; raise it"))
     if settings.compensation.variant == "flux" and plant.hall_probe is None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from anhyst.data import LoopSet
-from anhyst.rig.bearing.tables import BearingTable
+from anhyst.rig.bearing.tables import BearingTable, MagnetTable
 from anhyst.rig.from_loops import Fitted, fit_magnet
 from anhyst.rig.loop_files import Measured, identify_faults
 from anhyst.support.atomic import PathLike
@@ -27,6 +27,27 @@ TICKS_PER_PERIOD = 10.0
 """More than so many ticks make a period of a trajectory."""
 MOST_DELAY = 128
 """Sub-steps between sample and output, or by which a sensor may be late."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedMagnet:
+    """A magnet in its place.
+
+    Parameters
+    ----------
+    table : MagnetTable
+        What it is.
+    total : float or None
+        Its gap and that of the bearing together, m, for one on the other side of the armature;
+        None for one that closes the gap.
+    """
+
+    table: MagnetTable
+    total: float | None = None
+
+    def gap(self, gap: float) -> float:
+        """Return its own gap at a gap of the bearing, both m."""
+        return gap if self.total is None else self.total - gap
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +83,15 @@ class BearingRig:
         """The loops that its file names."""
         settings = self.settings
         return Measured(self.path, ("loops",), tuple(settings.loops), settings.identify)
+
+    @property
+    def magnets(self) -> tuple[PlacedMagnet, ...]:
+        """All that pull the armature; the first one closes the gap."""
+        magnet = self.settings.magnet
+        first = PlacedMagnet(magnet)
+        if magnet.arrangement == "single":
+            return (first,)
+        return first, PlacedMagnet(magnet, magnet.gap_total_m)
 
     @property
     def model(self) -> Path | None:

@@ -38,8 +38,7 @@ class Loop:
         rig = setup.rig
         bearing = bearing or make_bearing(rig, seed)
         if largest_first:
-            pair = rig.settings.magnet.arrangement == "pair"
-            for magnet in range(2 if pair else 1):
+            for magnet in range(len(rig.magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
                     bearing.hold(current, magnet)
         self._loop = BearingLoop(

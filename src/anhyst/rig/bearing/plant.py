@@ -132,14 +132,13 @@ def make_bearing(rig: BearingRig, seed: int, magnet: Magnet | None = None) -> Be
         Its magnet, where it has been made before.
     """
     own = magnet or make_magnet(rig)
-    pair = rig.settings.magnet.arrangement == "pair"
     return Bearing(
         _mechanics(rig),
         _amplifier(rig),
         _load(rig),
         _sensors(rig),
         own,
-        own if pair else None,
+        own if len(rig.magnets) > 1 else None,
         (rig.settings.seed << 32) + seed,
     )
 

@@ -16,11 +16,9 @@ _CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
 
 def make_position(setup: Setup) -> LoopController:
     """Return the controller of a setup, just switched on, with compensators that remember nothing."""
-    magnet = setup.rig.settings.magnet
-    pair = magnet.arrangement == "pair"
     number_format = setup.compensator.format
     control = position_control(setup)
-    natives = [setup.compensator.fresh().native for _ in range(2 if pair else 1)]
+    natives = [setup.compensator.fresh().native for _ in setup.rig.magnets]
     controller: LoopController = _CLASSES[number_format](
         control.gains(number_format), natives, dict(control.settings(number_format))
     )

@@ -12,14 +12,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from anhyst.identify.options import IdentifyTable
 from anhyst.rig.loop_files import FileList
 from anhyst.rig.magnet_table import ElectromagnetTable
+from anhyst.rig.tables import ForceSensorTable, Name, RigTable, ShuntTable, ordered
 from anhyst.support.toml_file import Bits, NotNegative, Number, Positive, Share, Table
 
 MOST_SEED = 1 << 31
 """Seeds are below it."""
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
 Spread = Annotated[float, Field(ge=0.0, le=30.0)]
 
@@ -88,7 +87,7 @@ class AmplifierTable(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        _ordered("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
+        ordered("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
         return self
 
 
@@ -103,7 +102,7 @@ class MechanicsTable(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        _ordered("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
+        ordered("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
         return self
 
 
@@ -178,7 +177,7 @@ class PositionTable(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        _ordered("low_m", self.low_m, "high_m", self.high_m)
+        ordered("low_m", self.low_m, "high_m", self.high_m)
         if self.step_m is not None and self.adc_bits is not None:
             raise ValueError("step_m and adc_bits both say the resolution; keep one")
         return self
@@ -209,35 +208,11 @@ POSITION_SENSORS = {
 """What each kind of sensor has where the file says nothing; the range never comes from here."""
 
 
-class CurrentSensorTable(Table):
+class CurrentSensorTable(ShuntTable):
     """``[current_sensor]``: the shunts, one for each coil, as the controller reads them."""
 
-    low_A: Number
-    high_A: Number
-    adc_bits: Bits
-    noise_A: NotNegative
     bandwidth_Hz: Positive
     gain_error: GainError = 0.0
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _ordered("low_A", self.low_A, "high_A", self.high_A)
-        return self
-
-
-class ForceSensorTable(Table):
-    """``[force_sensor]``: measures the loops; the position controller does not see it."""
-
-    low_N: Number
-    high_N: Number
-    adc_bits: Bits
-    noise_N: NotNegative
-    bandwidth_Hz: Positive
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _ordered("low_N", self.low_N, "high_N", self.high_N)
-        return self
 
 
 class HallTable(Table):
@@ -300,15 +275,12 @@ class DriftTable(Table):
     gap_offset_m: NotNegative = 2e-6
 
 
-class BearingTable(Table):
+class BearingTable(RigTable):
     """The whole file."""
 
     format: Literal["anhyst-bearing"]
-    version: Literal[1]
-    name: str
     seed: Annotated[int, Field(ge=0, lt=MOST_SEED)]
     loops: FileList
-    identify: IdentifyTable = Field(default_factory=IdentifyTable)
     timing: TimingTable
     magnet: MagnetTable
     amplifier: AmplifierTable
@@ -321,8 +293,3 @@ class BearingTable(Table):
     measurement: MeasurementTable
     simulate: SimulateTable
     drift: DriftTable = Field(default_factory=DriftTable)
-
-
-def _ordered(low_key: str, low: float, high_key: str, high: float) -> None:
-    if not low < high:
-        raise ValueError(f"{low_key} must be below {high_key}; correct them")

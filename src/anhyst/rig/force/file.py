@@ -15,7 +15,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from anhyst.data import LoopSet
-from anhyst.identify.options import IdentifyTable
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.distance import Follow, PlantCheck, along, distance, model_distance
 from anhyst.rig.from_loops import Fitted, fit_magnet
@@ -25,6 +24,7 @@ from anhyst.rig.parts.amplifier import Amplifier
 from anhyst.rig.parts.magnet import Electromagnet, cell_magnet
 from anhyst.rig.parts.sensors import Converter, Sensor
 from anhyst.rig.parts.solenoid import Geometry, Solenoid
+from anhyst.rig.tables import ForceSensorTable, Name, RigTable, ShuntTable, ordered
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.toml_file import (
@@ -107,15 +107,6 @@ class AmplifierTable(Table):
         return Amplifier(converter, self.bandwidth_Hz, self.slew_A_per_s, self.shunt_offset_A, dt)
 
 
-class CurrentTable(Table):
-    """``[current_sensor]``: the shunt of the amplifier, as the controller reads it."""
-
-    low_A: Number
-    high_A: Number
-    adc_bits: Bits
-    noise_A: NotNegative
-
-
 class LvdtTable(Table):
     """``[lvdt]``: sensor of the armature's position."""
 
@@ -126,20 +117,10 @@ class LvdtTable(Table):
     bandwidth_Hz: Positive
 
 
-class ForceTable(Table):
-    """``[force_sensor]``."""
-
-    low_N: Number
-    high_N: Number
-    adc_bits: Bits
-    noise_N: NotNegative
-    bandwidth_Hz: Positive
-
-
 class TriangleTable(Table):
     """``[[force_control.demand]]``: a triangle between two shares of the largest force."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+    name: Name
     low: Share
     high: Share
     period_s: Positive
@@ -147,8 +128,7 @@ class TriangleTable(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if not self.low < self.high:
-            raise ValueError("low must be below high; correct them")
+        ordered("low", self.low, "high", self.high)
         return self
 
 
@@ -171,21 +151,18 @@ class ForceControlTable(Table):
     moving: MovingTable
 
 
-class RigTable(Table):
+class ForceRigTable(RigTable):
     """The whole file."""
 
     format: Literal["anhyst-rig"]
-    version: Literal[1]
-    name: str
     solenoid: str | None = None
     magnet: ElectromagnetTable | None = None
-    identify: IdentifyTable = Field(default_factory=IdentifyTable)
     rate_Hz: Annotated[float, Field(ge=100.0, le=100e3)]
     seed: Annotated[int, Field(ge=0)]
     amplifier: AmplifierTable
-    current_sensor: CurrentTable
+    current_sensor: ShuntTable
     lvdt: LvdtTable
-    force_sensor: ForceTable
+    force_sensor: ForceSensorTable
     force_control: ForceControlTable
 
     @model_validator(mode="after")
@@ -215,7 +192,7 @@ class Rig:
     ----------
     path : Path
         The rig file.
-    settings : RigTable
+    settings : ForceRigTable
         What it says.
     solenoid_file : SolenoidFile or None
         Where it names one.
@@ -224,7 +201,7 @@ class Rig:
     """
 
     path: Path
-    settings: RigTable
+    settings: ForceRigTable
     solenoid_file: SolenoidFile | None
     fitted: Fitted | None = None
 
@@ -347,7 +324,7 @@ def read_rig(path: PathLike) -> Rig:
         A file cannot be read or does not fit its schema; with file, line and key.
     """
     place = Path(path)
-    settings = read_toml(place, RigTable)
+    settings = read_toml(place, ForceRigTable)
     faults = identify_faults(settings.identify)
     if faults:
         raise faults_error(place, faults)

@@ -60,16 +60,15 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
     """
     settings = rig.settings
     gap, high = settings.simulate.gap_m, settings.amplifier.current_high_A
-    pair = settings.magnet.arrangement == "pair"
     up = np.linspace(0.0, high, _CURRENTS)
     path = np.concatenate([up, up[::-1]])
     force, psi, _ = static_map(rig, path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENTS - 1]))
     _check_rest(rig)
     _check_probe(rig)
-    key = ("magnet", "bias_force_N") if pair else ("load", "force_N")
-    wanted = settings.magnet.bias_force_N if pair else rig.load
-    assert wanted is not None
+    bias = settings.magnet.bias_force_N
+    key = ("load", "force_N") if bias is None else ("magnet", "bias_force_N")
+    wanted = rig.load if bias is None else bias
     least, most = float(force[0]), float(force[_CURRENTS - 1])
     if not least < wanted < most:
         text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
@@ -91,7 +90,7 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
         raise faults_error(rig.path, [(key, text)]) from error
     around = 0.05 * high
     ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
-    magnets = 2.0 if pair else 1.0
+    magnets = float(len(rig.magnets))
     point = linear.Point(
         mass=settings.mechanics.mass_kg,
         k_i=magnets * slopes.static.k_i,
@@ -128,12 +127,11 @@ def _check_rest(rig: BearingRig) -> None:
 def _check_probe(rig: BearingRig) -> None:
     """Refuse a Hall probe that ends below what the largest current makes at the smallest gap."""
     settings = rig.settings
-    probe, mechanics, total = settings.hall_probe, settings.mechanics, settings.magnet.gap_total_m
+    probe, mechanics = settings.hall_probe, settings.mechanics
     if probe is None:
         return
-    gap = mechanics.stop_low_m
-    if total is not None:
-        gap = min(gap, total - mechanics.stop_high_m)
+    stops = mechanics.stop_low_m, mechanics.stop_high_m
+    gap = min(magnet.gap(stop) for magnet in rig.magnets for stop in stops)
     up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
     density = float(static_map(rig, up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
     if density > probe.range_T:
@@ -161,7 +159,7 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     sensor = rig.settings.position_sensor.sensor()
-    magnets = 2.0 if rig.settings.magnet.arrangement == "pair" else 1.0
+    magnets = float(len(rig.magnets))
     late = timing.delay_ticks + (amplifier.delay_s + sensor.delay) * timing.rate_Hz
     numbers = setup.compensator.parameters.numbers
     k_i, k_s = at.point.k_i, at.point.k_s
