@@ -22,12 +22,20 @@ from anhyst.laws.sampled import SampledIron, State
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.compilable import obstacle
 from anhyst.model.file import read_model
+from anhyst.model.parameters import Parameter
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 
 GAPS = (0.3e-3, 0.5e-3)
 RHO = (0.004, 0.009)
-TRUE = {"chi": 350.0, "r": 0.21, "c_H": 1.0, "rho": RHO, "c_out": 3e5, "out_0": 0.4}
+TRUE: dict[str, Parameter] = {
+    "chi": 350.0,
+    "r": 0.21,
+    "c_H": 1.0,
+    "rho": RHO,
+    "c_out": 3e5,
+    "out_0": 0.4,
+}
 
 
 @dataclass(frozen=True)
@@ -91,7 +99,7 @@ def magnet() -> ActuatorModel:
 
 def cycle(largest: float) -> list[float]:
     up = np.linspace(0.0, largest, 13)
-    return np.concatenate([up, up[-2::-1], up[1:]]).tolist()
+    return [float(value) for value in np.concatenate([up, up[-2::-1], up[1:]])]
 
 
 @pytest.fixture(scope="module")
