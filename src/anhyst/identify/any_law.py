@@ -248,7 +248,7 @@ def fit_any(
 
 
 def _descend(problem: _Problem, seed: int) -> Fitted:
-    from scipy.optimize import least_squares
+    from scipy.optimize import OptimizeResult, least_squares
 
     begins = problem.begins(seed)
     if not begins:
@@ -256,20 +256,23 @@ def _descend(problem: _Problem, seed: int) -> Fitted:
             "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
             "or columns with 'anhyst inspect --plot'"
         )
-    ends = [
-        (
-            least_squares(
-                lambda theta, entries=entries: problem.residuals(entries, theta),
-                np.clip(theta, 1e-6, 1.0 - 1e-6),
-                bounds=(0.0, 1.0),
-                xtol=1e-10,
-                diff_step=1e-6,
-            ),
-            entries,
+
+    def descend(
+        entries: tuple[_Entry, ...], theta: FloatArray, tolerance: float, most: int
+    ) -> OptimizeResult:
+        return least_squares(
+            lambda at: problem.residuals(entries, at),
+            np.clip(theta, 1e-6, 1.0 - 1e-6),
+            bounds=(0.0, 1.0),
+            ftol=tolerance,
+            xtol=tolerance,
+            diff_step=1e-6,
+            max_nfev=most,
         )
-        for _, entries, theta in begins
-    ]
-    best, entries = min(ends, key=lambda one: float(one[0].cost))
+
+    short = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in begins]
+    end, entries = min(short, key=lambda one: float(one[0].cost))
+    best = descend(entries, end.x, 1e-8, 60)
     model = problem.model(entries, best.x)
     return Fitted(
         model,
