@@ -93,7 +93,6 @@ def test_a_disk_that_fills_up_leaves_the_old_file_as_it_was(folder: Path, verb: 
     start, name = LARGE[verb]
     (folder / name).write_text("old")
     before = contents(folder)
-    # Room for the checkpoint of a search, not for what comes out.
     result = anhyst(*start, name, cwd=folder, preexec_fn=small_files(2000))
     said = said_in_one_line(result)
     assert said == f"{name}: cannot be written: File too large; raise the limit on file sizes"
@@ -102,7 +101,9 @@ def test_a_disk_that_fills_up_leaves_the_old_file_as_it_was(folder: Path, verb: 
 
 def test_a_disk_without_room_for_a_checkpoint_is_told(folder: Path) -> None:
     start, name = WRITERS["identify"]
-    said = refused(*start, name, cwd=folder, preexec_fn=small_files(0))
+    verb, *rest = start
+    paper = [verb, "--search", "paper", *rest]
+    said = refused(*paper, name, cwd=folder, preexec_fn=small_files(0))
     assert said.startswith(f"{name}.checkpoint: cannot be written: File too large")
 
 

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from anhyst.identify import IdentifyResult
     from anhyst.model.actuator import ActuatorModel
 
-RESUME = "the same command goes on from there"
-
 
 class GapMapChoice(StrEnum):
     """Gap maps, and letting the cross-validation error choose."""
@@ -137,8 +135,8 @@ def identify(
     range, fit figures, uncertainty and where it came from. A model whose force does not rise
     everywhere as the gap closes and as the current rises is written, but fails: exit code 1.
 
-    A run that was killed goes on where it was when it is started again. Ctrl-C writes the best
-    model so far and ends with exit code 130.
+    Ctrl-C writes the best model so far and ends with exit code 130. A search 'paper' that was
+    stopped or killed goes on where it was when it is started again.
 
     Example: anhyst identify loops.csv --out model.toml --gap-map auto
     """
@@ -154,7 +152,7 @@ def identify(
     from anhyst.model.sources import with_read_options
     from anhyst.model.writer import write_model
 
-    checkpoint = _checkpoint(out)
+    checkpoint = _checkpoint(out) if search is Search.PAPER else None
     with _stoppable(checkpoint), progress_bar("searching") as progress:
         result = find_model(
             measured,
@@ -169,7 +167,7 @@ def identify(
             checkpoint=checkpoint,
         )
     write_model(with_read_options(result.model, options), out)
-    _report(result, out, as_json)
+    _report(result, out, checkpoint, as_json)
 
 
 def _checkpoint(out: Path) -> Path | None:
@@ -179,16 +177,21 @@ def _checkpoint(out: Path) -> Path | None:
     return out.with_name(f"{out.name}.checkpoint")
 
 
+def _go_on(checkpoint: Path | None) -> str:
+    """Say that a stopped search may go on, where it may."""
+    kept = checkpoint is not None and checkpoint.exists()
+    return "; the same command goes on from there" if kept else ""
+
+
 @contextmanager
 def _stoppable(checkpoint: Path | None) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        kept = f"; {RESUME}" if checkpoint is not None and checkpoint.exists() else ""
-        raise Interrupted(f"too early for a model, nothing written{kept}") from None
+        raise Interrupted(f"too early for a model, nothing written{_go_on(checkpoint)}") from None
 
 
-def _report(result: IdentifyResult, out: Path, as_json: bool) -> None:
+def _report(result: IdentifyResult, out: Path, checkpoint: Path | None, as_json: bool) -> None:
     """Say what came out, and end as it deserves."""
     for text in result.warnings:
         warn(text)
@@ -197,7 +200,7 @@ def _report(result: IdentifyResult, out: Path, as_json: bool) -> None:
     else:
         _show(result, out)
     if result.interrupted:
-        raise Interrupted(f"{out} holds the best model so far; {RESUME}")
+        raise Interrupted(f"{out} holds the best model so far{_go_on(checkpoint)}")
     if result.acceptance.passed is False:
         raise NegativeResult(f"{out}: {result.acceptance.text(result.model.input.unit)}")
 
