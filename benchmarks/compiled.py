@@ -11,7 +11,7 @@ import numpy as np
 from anhyst.compensate.block import Limits, Scales, Sizes
 from anhyst.compensate.plan import Request, find_limits, find_scales
 from anhyst.compensate.scheduled import nodes
-from anhyst.compensate.simplified import build_euler, build_simplified, fit_closed_form
+from anhyst.compensate.simplified import build_simplified, fit_closed_form
 from anhyst.compensate.twin import FixedTwin
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.data.reading import read_loops
@@ -159,10 +159,10 @@ def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) ->
     for name, demand in _demands(scales, limits).items():
         wanted = exact.run(demand, scales.gap_high)
         off = []
-        for build in (build_simplified, build_euler):
-            current = FixedTwin(build(model, scales, limits, sizes, law=law)).run(
-                demand, scales.gap_high
-            )
+        for kind in ("simplified", "euler"):
+            current = FixedTwin(
+                build_simplified(model, scales, limits, sizes, law=law, kind=kind)
+            ).run(demand, scales.gap_high)
             apart = np.abs(current - wanted)[RAMP:]
             off.append(100.0 * float(apart.max()) / limits.current[1])
             exact = FixedTwin(build_simplified(model, scales, limits, fine, law=law))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.block import Block, Conditioning, Kind, Limits, Scales, Sizes
 from anhyst.compensate.full import build_full
-from anhyst.compensate.simplified import build_euler, build_simplified, fit_closed_form
+from anhyst.compensate.simplified import build_simplified, fit_closed_form
 from anhyst.compensate.twin import FixedTwin
 from anhyst.data import read_loops
 from anhyst.identify import identify
@@ -120,7 +120,7 @@ def actuator_of(
     blocks: dict[Kind, Block] = {
         "full": build_full(model, scales, wide, sizes, start),
         "simplified": build_simplified(model, scales, wide, sizes, start, law=law),
-        "euler": build_euler(model, scales, wide, sizes, start, law=law),
+        "euler": build_simplified(model, scales, wide, sizes, start, law=law, kind="euler"),
     }
     return Actuator(model, gap, current, force, blocks)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from anhyst.compensate.block import Block, Kind, Limits, Scales, Sizes
 from anhyst.compensate.full import build_full
-from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified, fit_closed_form
+from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
@@ -101,8 +101,8 @@ def compiled(
     scales, limits = ranges(gap_map, play)
     if kind == "full":
         return build_full(magnet(gap_map, play), scales, limits, sizes)
-    build = build_simplified if kind == "simplified" else build_euler
-    return build(magnet(gap_map, play), scales, limits, sizes, law=closed_form(gap_map))
+    law = closed_form(gap_map)
+    return build_simplified(magnet(gap_map, play), scales, limits, sizes, law=law, kind=kind)
 
 
 def triangles(low: float, high: float, samples: int, cycles: int = 3) -> FloatArray:

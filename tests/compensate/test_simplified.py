@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import Block, Kind, Limits, Scales, Sizes
-from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified
+from anhyst.compensate.simplified import ClosedForm, build_simplified
 from anhyst.compensate.twin import FixedTwin
 from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
 from anhyst.support.arrays import FloatArray
@@ -59,10 +59,9 @@ def block_of(
     """Return a block whose demand is the flux and whose current is the bounded state."""
     one = np.ones(1)
     form = ClosedForm(rate_of(law), law.nu, 0.0 * one, 0.0 * one, 0.0 * one, one, 0.0, 0.0)
-    build = build_euler if kind == "euler" else build_simplified
     limits = Limits((-0.999 * UNIT, 0.999 * UNIT), (-1.05, 1.05))
     sizes = Sizes(octave_segments=segments, substeps=substeps)
-    return build(ring(), Scales(UNIT, 1.1, 0.0, 0.0), limits, sizes, law=form)
+    return build_simplified(ring(), Scales(UNIT, 1.1, 0.0, 0.0), limits, sizes, law=form, kind=kind)
 
 
 def followed(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import Block
-from anhyst.compensate.compiled import Compiled
+from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile, write_controller
 from anhyst.control.states import Command, Phase, State
@@ -59,7 +59,7 @@ class Built:
         other = IdentifiedMagnet(known.loops, model)
         rig, table = self.setup.rig, self.setup.controller
         law = make_setup(rig, table, other, self.variant, "fixed").compensator.parameters
-        assert isinstance(law, Compiled)
+        assert isinstance(law, HysteresisInverse)
         assert isinstance(law.block, Block)
         return law.block
 

@@ -13,7 +13,7 @@ import pytest
 
 from anhyst._core import FixedCompensator, FixedController, FixedForceController
 from anhyst.compensate.block import Block
-from anhyst.compensate.compiled import Compiled
+from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command
 from anhyst.rig.bearing.position import position_control
@@ -84,7 +84,7 @@ class Pieces:
 def flashed(setup: Setup) -> FixedCompensator | None:
     """The block that ``anhyst compile`` writes, in the compensator that it writes beside it."""
     law = setup.compensator.parameters
-    if not isinstance(law, Compiled):
+    if not isinstance(law, HysteresisInverse):
         return None
     assert isinstance(law.block, Block)
     return FixedCompensator(law.block.kind, law.block.words)

@@ -22,7 +22,6 @@ class KindChoice(StrEnum):
 
     FULL = "full"
     SIMPLIFIED = "simplified"
-    EULER = "euler"  # the paper's integration, as a baseline
 
 
 class IoChoice(StrEnum):

@@ -24,7 +24,7 @@ _Q31 = 2.0**31
 _NO_FLUX = -(2**31)
 
 
-class Parameters(Protocol):
+class MethodParameters(Protocol):
     """What a method found, of which a controller is made."""
 
     @property
@@ -53,7 +53,7 @@ class ForceController(Compensator):
         How it finds the current.
     format : str
         Number format.
-    parameters : Parameters
+    parameters : MethodParameters
         What it was fitted to.
 
     Notes
@@ -63,7 +63,7 @@ class ForceController(Compensator):
 
     method: MethodName
     format: NumberFormat
-    parameters: Parameters
+    parameters: MethodParameters
 
     @cached_property
     def native(self) -> Native:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from anhyst.compensate.compiled import fit_full, fit_simplified
 from anhyst.compensate.current_map import (
     fit_linearised,
     fit_ratio,
@@ -18,7 +17,8 @@ from anhyst.compensate.current_map import (
     fit_single_valued,
 )
 from anhyst.compensate.flux_feedback import fit_flux
-from anhyst.compensate.force_controller import ForceController, Parameters
+from anhyst.compensate.force_controller import ForceController, MethodParameters
+from anhyst.compensate.hysteresis_inverse import fit_full, fit_simplified
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.sources import Sources
 
@@ -29,7 +29,7 @@ Role = Literal["baseline", "model", "sensor"]
 class Method:
     """One way from a wanted force to a current.
 
-    Parameters
+    MethodParameters
     ----------
     title : str
         In words.
@@ -42,7 +42,7 @@ class Method:
 
     title: str
     role: Role
-    fit: Callable[[Sources, NumberFormat], Parameters]
+    fit: Callable[[Sources, NumberFormat], MethodParameters]
 
 
 METHODS: Mapping[MethodName, Method] = {
@@ -64,7 +64,7 @@ def make_compensator(
 ) -> ForceController:
     """Fit a way from force to current.
 
-    Parameters
+    MethodParameters
     ----------
     method : str
         A key of :data:`METHODS`.

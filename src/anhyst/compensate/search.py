@@ -15,7 +15,7 @@ from anhyst.compensate.full import build_full
 from anhyst.compensate.layout import LEAST_WORDS, MOST_WORDS
 from anhyst.compensate.measure import against_demand, between, interpolation, snapped
 from anhyst.compensate.paths import paths
-from anhyst.compensate.simplified import ClosedForm, build_euler, build_simplified, fit_closed_form
+from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.model.actuator import ActuatorModel
 
@@ -89,8 +89,7 @@ class Builder:
         given = (self.model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
         if self.kind == "full":
             return build_full(*given)
-        build = build_simplified if self.kind == "simplified" else build_euler
-        return build(*given, self.law)
+        return build_simplified(*given, self.law, self.kind)
 
     def exact(self, sizes: Sizes) -> RealBlock:
         """Return the same tables for double precision, with as many iterations as can matter.

@@ -374,37 +374,13 @@ def build_simplified(
     conditioning: Conditioning | None = None,
     model_hash: int = 0,
     law: ClosedForm | None = None,
+    kind: Kind = "simplified",
 ) -> Block:
     """Make the parameter block of the simplified law; parameters as for `build_full`.
 
-    `law` is the outcome of `fit_closed_form`, which is called where it is missing.
+    `law` is the outcome of `fit_closed_form`, which is called where it is missing. The `kind`
+    ``"euler"`` is the paper's Euler form of the same five numbers, with ``sizes.substeps``.
     """
-    return _build("simplified", model, scales, limits, sizes, conditioning, model_hash, law)
-
-
-def build_euler(
-    model: ActuatorModel,
-    scales: Scales,
-    limits: Limits,
-    sizes: Sizes | None = None,
-    conditioning: Conditioning | None = None,
-    model_hash: int = 0,
-    law: ClosedForm | None = None,
-) -> Block:
-    """Make the block of the paper's Euler form: the same five numbers, ``sizes.substeps``."""
-    return _build("euler", model, scales, limits, sizes, conditioning, model_hash, law)
-
-
-def _build(
-    kind: Kind,
-    model: ActuatorModel,
-    scales: Scales,
-    limits: Limits,
-    sizes: Sizes | None,
-    conditioning: Conditioning | None,
-    model_hash: int,
-    law: ClosedForm | None,
-) -> Block:
     refuse_uncompilable(model)
     sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)

@@ -17,7 +17,7 @@ from anhyst.support.errors import InputError
 
 
 @dataclass(frozen=True)
-class Compiled:
+class HysteresisInverse:
     """The inverse of hysteresis, compiled.
 
     Parameters
@@ -53,19 +53,19 @@ class Compiled:
         return _core.ForceController.compensator(_core.Parameters(*given))
 
 
-def fit_full(sources: Sources, number_format: NumberFormat) -> Compiled:
+def fit_full(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
     """Compile the full law."""
     return _compile("full", sources, number_format)
 
 
-def fit_simplified(sources: Sources, number_format: NumberFormat) -> Compiled:
+def fit_simplified(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
     """Compile the simplified law."""
     return _compile("simplified", sources, number_format)
 
 
 def _compile(
     kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
-) -> Compiled:
+) -> HysteresisInverse:
     """Compile as for a controller; floating point takes the tables chosen for fixed point."""
     model, where = sources.model, sources.operating
     if model is None:
@@ -77,4 +77,4 @@ def _compile(
         law = plan.builder.law if kind == "simplified" else None
         given = plan.model, kind, block.scales, block.limits, plan.sizes
         block = build_real(*given, plan.start.conditioning, law)
-    return Compiled(block, plan.sizes.iterations)
+    return HysteresisInverse(block, plan.sizes.iterations)
