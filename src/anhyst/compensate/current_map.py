@@ -69,7 +69,7 @@ def table_words(values: FloatArray, one: float, name: str) -> NDArray[np.int16]:
     return np.array(words, dtype=np.int16)
 
 
-def fit_single_valued(sources: Sources, _: NumberFormat) -> CurrentMap:
+def single_valued_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Take the best current without memory as it is."""
     surface = sources.surface()
     return current_map(surface.current, sources.operating, {})
@@ -85,17 +85,17 @@ def current_map(
     return CurrentMap(np.ascontiguousarray(entries), scales, limits, numbers)
 
 
-def fit_ratio(sources: Sources, _: NumberFormat) -> CurrentMap:
+def ratio_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Fit a constant force-current ratio around the operating point."""
     return _plane(sources, fit_line)
 
 
-def fit_linearised(sources: Sources, _: NumberFormat) -> CurrentMap:
+def linearised_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Fit the two constants of a magnet around the operating point."""
     return _plane(sources, fit_plane, "k_s_N_per_m")
 
 
-def fit_secant(sources: Sources, _: NumberFormat) -> CurrentMap:
+def secant_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Take force over current at the operating point, through the origin."""
     return _plane(sources, _secant)
 

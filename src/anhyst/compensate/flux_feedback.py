@@ -85,7 +85,7 @@ class FluxFeedback:
         return np.array(rows, dtype=np.int16)
 
 
-def fit_flux(sources: Sources, _: NumberFormat) -> FluxFeedback:
+def flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
     """Design the flux loop around the best current without memory."""
     surface, operating, calibration = sources.surface(), sources.operating, sources.flux_calibration
     if calibration is None:

@@ -53,12 +53,12 @@ class HysteresisInverse:
         return _core.ForceController.compensator(_core.Parameters(*given))
 
 
-def fit_full(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
+def full_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
     """Compile the full law."""
     return _compile("full", sources, number_format)
 
 
-def fit_simplified(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
+def simplified_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
     """Compile the simplified law."""
     return _compile("simplified", sources, number_format)
 

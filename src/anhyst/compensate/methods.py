@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from anhyst.compensate.current_map import (
-    fit_linearised,
-    fit_ratio,
-    fit_secant,
-    fit_single_valued,
+    linearised_map,
+    ratio_map,
+    secant_map,
+    single_valued_map,
 )
-from anhyst.compensate.flux_feedback import fit_flux
+from anhyst.compensate.flux_feedback import flux_feedback
 from anhyst.compensate.force_controller import ForceController, MethodParameters
-from anhyst.compensate.hysteresis_inverse import fit_full, fit_simplified
+from anhyst.compensate.hysteresis_inverse import full_inverse, simplified_inverse
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.sources import Sources
 
@@ -29,7 +29,7 @@ Role = Literal["baseline", "model", "sensor"]
 class Method:
     """One way from a wanted force to a current.
 
-    MethodParameters
+    Parameters
     ----------
     title : str
         In words.
@@ -46,13 +46,13 @@ class Method:
 
 
 METHODS: Mapping[MethodName, Method] = {
-    "ratio": Method("constant force-current ratio", "baseline", fit_ratio),
-    "secant": Method("force in proportion to current", "baseline", fit_secant),
-    "linearised": Method("two constants, k_i and k_s", "baseline", fit_linearised),
-    "single-valued": Method("best current without memory", "baseline", fit_single_valued),
-    "simplified": Method("simplified hysteresis compensator", "model", fit_simplified),
-    "full": Method("full hysteresis compensator", "model", fit_full),
-    "flux": Method("measured flux density", "sensor", fit_flux),
+    "ratio": Method("constant force-current ratio", "baseline", ratio_map),
+    "secant": Method("force in proportion to current", "baseline", secant_map),
+    "linearised": Method("two constants, k_i and k_s", "baseline", linearised_map),
+    "single-valued": Method("best current without memory", "baseline", single_valued_map),
+    "simplified": Method("simplified hysteresis compensator", "model", simplified_inverse),
+    "full": Method("full hysteresis compensator", "model", full_inverse),
+    "flux": Method("measured flux density", "sensor", flux_feedback),
 }
 
 BASELINES = tuple(name for name, method in METHODS.items() if method.role == "baseline")
@@ -64,7 +64,7 @@ def make_compensator(
 ) -> ForceController:
     """Fit a way from force to current.
 
-    MethodParameters
+    Parameters
     ----------
     method : str
         A key of :data:`METHODS`.

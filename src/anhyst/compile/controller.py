@@ -139,11 +139,11 @@ class ControllerPlan:
 
     def start(self) -> FixedPosition:
         """Return the very controller, just switched on, with compensators that remember nothing."""
-        drives = [
+        compensators = [
             FixedForceController.compensator(self.block.kind, self.block.words)
             for _ in range(self.magnets)
         ]
-        return FixedPosition(self.gains, drives, dict(self.settings))
+        return FixedPosition(self.gains, compensators, dict(self.settings))
 
 
 def read_fitting(path: PathLike, request: Request, model_path: PathLike) -> Controller:

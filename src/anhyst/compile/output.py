@@ -73,7 +73,7 @@ class Compiled:
         if not keeps_allowance(self.plan, self.budget):
             found.append(
                 f"formats and tables cost more than the {ACCURACY:g} % of the largest output that "
-                f"is usual: {REASON[culprit(self.budget).name]}; {self.out / 'budget.html'} tells "
+                f"is usual: {REASON[culprit(self.budget).name]}; {self.out / 'budget.html'} shows "
                 "how much"
             )
         if not is_held(self.plan, self.budget):

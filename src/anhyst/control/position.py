@@ -338,10 +338,10 @@ class PositionControl:
         span = scales.gap_high - scales.gap_low
         for i, (offset, direction) in enumerate(self._gap_lines(), 1):
             factor = 0.5 * direction * self.position_full / span
-            mantissa, shift = as_factor("range of the drive's gaps", factor)
+            mantissa, shift = as_factor("range of the compensator's gaps", factor)
             if shift > 0:
                 raise InputError(
-                    "gap_high: the drive covers too little of the gaps that can be; narrow them"
+                    "gap_high: the compensator covers too little of the gaps that can be; narrow them"
                 )
             numbers |= {
                 f"gap_offset_{i}": q31((offset - scales.gap_low) / span),

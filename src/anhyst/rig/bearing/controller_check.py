@@ -96,11 +96,11 @@ def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> l
 
 def _visited(rig: BearingRig) -> tuple[float, float]:
     """Return the smallest gap that is referred to, and that of the armature at rest, m."""
-    tried = rig.settings.simulate
-    gaps = [tried.gap_m, *tried.also_gaps_m]
-    lowest = min(step_ends(gap, height)[1] for gap in gaps for height in tried.steps_m)
-    for trajectory in tried.trajectories:
-        lowest = min(lowest, tried.gap_m - trajectory.amplitude_m)
+    cases = rig.settings.simulate
+    gaps = [cases.gap_m, *cases.also_gaps_m]
+    lowest = min(step_ends(gap, height)[1] for gap in gaps for height in cases.steps_m)
+    for trajectory in cases.trajectories:
+        lowest = min(lowest, cases.gap_m - trajectory.amplitude_m)
     return lowest, rig.settings.mechanics.stop_high_m
 
 

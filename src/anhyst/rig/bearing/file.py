@@ -273,7 +273,7 @@ def _simulate_faults(settings: BearingTable) -> list[Fault]:
     """Find references outside the travel."""
     faults: list[Fault] = []
     low, high = settings.mechanics.stop_low_m, settings.mechanics.stop_high_m
-    tried = settings.simulate
+    cases = settings.simulate
 
     def check(key: KeyPath, what: str, lowest: float, highest: float) -> bool:
         if low < lowest and highest < high:
@@ -283,17 +283,17 @@ def _simulate_faults(settings: BearingTable) -> list[Fault]:
         faults.append((("simulate", *key), f"{text}; lower it or move the stops"))
         return False
 
-    check(("gap_m",), "the reference", tried.gap_m, tried.gap_m)
-    for place, gap in enumerate(tried.also_gaps_m):
+    check(("gap_m",), "the reference", cases.gap_m, cases.gap_m)
+    for place, gap in enumerate(cases.also_gaps_m):
         check(("also_gaps_m", place), "the reference", gap, gap)
-    for place, height in enumerate(tried.steps_m):
-        for gap in (tried.gap_m, *tried.also_gaps_m):
+    for place, height in enumerate(cases.steps_m):
+        for gap in (cases.gap_m, *cases.also_gaps_m):
             lower, upper = step_ends(gap, height)
             if not check(("steps_m", place), f"the step around {gap:g} m", upper, lower):
                 break
-    for place, trajectory in enumerate(tried.trajectories):
+    for place, trajectory in enumerate(cases.trajectories):
         away = trajectory.amplitude_m
-        ends = tried.gap_m - away, tried.gap_m + away
+        ends = cases.gap_m - away, cases.gap_m + away
         check(("trajectories", place, "amplitude_m"), "the reference", *ends)
     return [*faults, *_time_faults(settings)]
 
@@ -301,13 +301,13 @@ def _simulate_faults(settings: BearingTable) -> list[Fault]:
 def _time_faults(settings: BearingTable) -> list[Fault]:
     """Find what is too short or too long for the rate."""
     faults: list[Fault] = []
-    tried, rate = settings.simulate, settings.timing.rate_Hz
-    if round(tried.hold_s * rate) < LEAST_HOLD:
-        text = f"holds a step for {tried.hold_s * rate:.3g} ticks of 1/{rate:g} s"
+    cases, rate = settings.simulate, settings.timing.rate_Hz
+    if round(cases.hold_s * rate) < LEAST_HOLD:
+        text = f"holds a step for {cases.hold_s * rate:.3g} ticks of 1/{rate:g} s"
         text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
         faults.append((("simulate", "hold_s"), text))
     most, least = rate / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
-    for place, trajectory in enumerate(tried.trajectories):
+    for place, trajectory in enumerate(cases.trajectories):
         frequency, text = trajectory.frequency_Hz, ""
         if frequency >= most:
             text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {most:g} Hz; lower it"

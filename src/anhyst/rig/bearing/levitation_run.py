@@ -133,10 +133,10 @@ def parts_of_run(setup: Setup) -> tuple[Scenario, Scenario, int]:
         Tick of the command to land, counted over both.
     """
     rig = setup.rig
-    tried, load = rig.settings.simulate, rig.settings.load.force_N
-    steps = steps_up_and_down(rig, setup.controller, tried.gap_m, tried.steps_m)
+    cases, load = rig.settings.simulate, rig.settings.load.force_N
+    steps = steps_up_and_down(rig, setup.controller, cases.gap_m, cases.steps_m)
     script = Script(rig, float(steps.target[-1]))
-    for step in tried.load_steps_N:
+    for step in cases.load_steps_N:
         script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
     landing = steps.ticks + script.ticks
     script.command(Command.LAND).hold(land_time(rig, setup.controller))
