@@ -20,7 +20,7 @@ from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bearing.tables import PositionTable, TrajectoryTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
-from anhyst.study.bearing.responses import Cell, compare, default_seeds
+from anhyst.study.bearing.responses import StepCell, compare, default_seeds
 from anhyst.study.bearing.variations import changed, with_iron
 from rows import ROOT, Row
 
@@ -70,19 +70,19 @@ def make_iron(rig: BearingRig, controller: ControllerFile, fraction: float) -> I
     return Iron(own, find_operating_point(own), knowledge, setups)
 
 
-def same_gains(iron: Iron) -> list[Cell]:
+def same_gains(iron: Iron) -> list[StepCell]:
     """Run steps of every height with every variant behind the same gains."""
     gap = iron.rig.settings.simulate.gap_m
     load = iron.rig.settings.load.force_N
     return compare(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
 
 
-def overshoot(cells: Sequence[Cell], variant: MethodName) -> list[float]:
+def overshoot(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
     """Mean overshoot of a variant at every height, per cent; not a number where a run was lost."""
     return [one.of("overshoot_percent").mean for one in cells if one.variant == variant]
 
 
-def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[Cell]]) -> str:
+def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> str:
     """Overshoot of every cell with its confidence interval, Markdown."""
     head = "| iron | variant | " + " | ".join(f"{1e6 * h:.0f} um" for h in HEIGHTS)
     head += " | settling at 50 um | standstill |"
@@ -102,7 +102,7 @@ _SETTLING = "settling_in_noise_s", 1e3, ".2f", "ms"
 _STANDSTILL = "standstill_rms_m", 1e9, ".0f", "nm"
 
 
-def _percent(cell: Cell) -> str:
+def _percent(cell: StepCell) -> str:
     """Overshoot with its interval, and whether it is no more than the noise of a standstill."""
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
@@ -110,7 +110,7 @@ def _percent(cell: Cell) -> str:
     return f"{one.mean:.2f} ± {one.half_width:.2f} %{'' if cell.overshoots else ' ≤ noise'}"
 
 
-def _mean(cell: Cell, name: str, factor: float, form: str, unit: str) -> str:
+def _mean(cell: StepCell, name: str, factor: float, form: str, unit: str) -> str:
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
     return f"{factor * cell.of(name).mean:{form}} {unit}"
@@ -179,7 +179,7 @@ def rows() -> list[Row]:
     ]
 
 
-def _claims(irons: Sequence[Iron], results: Sequence[Sequence[Cell]]) -> list[Row]:
+def _claims(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> list[Row]:
     found = []
     for iron, cells in zip(irons, results, strict=True):
         full = overshoot(cells, "full")

@@ -20,7 +20,7 @@ from anhyst.compensate.current_map import CurrentMap
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing, step_ends
-from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.plant import STOP_RESONANCE, current_gains, make_bearing
 from anhyst.rig.bearing.position import position_control
@@ -202,7 +202,7 @@ def ours(case: Case, variant: MethodName, number_format: NumberFormat) -> Measur
     lift = start.lift_off(case.controller.settings).build()
     best, gap = math.inf, np.empty(0)
     for _ in range(REPETITIONS):
-        loop = Loop(setup)
+        loop = SimulatedLoop(setup)
         loop.run(lift)
         began = time.process_time()
         run = loop.run(scenario)

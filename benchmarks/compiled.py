@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.compensate.block import Limits, Scales, Sizes
-from anhyst.compensate.plan import Request, find_limits, find_scales
+from anhyst.compensate.block import DemandLimits, Scales, TableSizes
+from anhyst.compensate.plan import CompileRequest, find_limits, find_scales
 from anhyst.compensate.scheduled import nodes
 from anhyst.compensate.simplified import build_simplified, fit_closed_form
 from anhyst.compensate.twin import FixedTwin
@@ -35,9 +35,9 @@ TARGETS = "cortex-m4,cortex-m0plus,avr,msp430"
 
 
 def _compiled(model: Path, folder: Path, kind: str) -> Compiled:
-    request = {"full": Request("full", "q15", RATE, ACCURACY)}.get(kind)
+    request = {"full": CompileRequest("full", "q15", RATE, ACCURACY)}.get(kind)
     if request is None:
-        request = Request("euler" if kind == "euler" else "simplified", "q15", RATE)
+        request = CompileRequest("euler" if kind == "euler" else "simplified", "q15", RATE)
     return compile_model(model, folder / kind, request)
 
 
@@ -151,7 +151,7 @@ def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) ->
     """Compare the closed form with Euler steps of the paper, at the same rate."""
     limits = find_limits(model)
     scales = find_scales(model, limits)
-    sizes = Sizes()
+    sizes = TableSizes()
     law = fit_closed_form(model, limits, nodes(model, scales, sizes), sizes)
     fine = replace(sizes, octaves=14, octave_segments=5)
     exact = FixedTwin(build_simplified(model, scales, limits, fine, law=law))
@@ -184,7 +184,7 @@ def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) ->
     ]
 
 
-def _demands(scales: Scales, limits: Limits) -> dict[str, FloatArray]:
+def _demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
     """Triangles at several samplings, and full-range jumps; a force the widest gap can give.
 
     They begin with a slow ramp, which is not counted: an Euler step from nothing to a first demand

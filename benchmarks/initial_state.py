@@ -15,7 +15,7 @@ from itertools import pairwise, permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.block import Block, Conditioning, Kind, Limits, Scales, Sizes
+from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, Scales, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_simplified, fit_closed_form
 from anhyst.compensate.twin import FixedTwin
@@ -112,11 +112,11 @@ def actuator_of(
     force *= 0.98  # what lies beyond is within reach of no compensator
     # Twice the current, so that pasts beyond the working range are within the numbers.
     scales = Scales(1.2 * top, 2.1 * current, *gaps)
-    limits = Limits((0.0, top), (-0.2 * current, current))
+    limits = DemandLimits((0.0, top), (-0.2 * current, current))
     start = Conditioning(cycles=2, ramp_ticks=SAMPLES)
-    wide = Limits(limits.demand, (-2.0 * current, 2.0 * current))
+    wide = DemandLimits(limits.demand, (-2.0 * current, 2.0 * current))
     law = fit_closed_form(model, limits, np.linspace(*gaps, 5))
-    sizes = Sizes(iterations=8, octave_segments=4, curve_segments=8)
+    sizes = TableSizes(iterations=8, octave_segments=4, curve_segments=8)
     blocks: dict[Kind, Block] = {
         "full": build_full(model, scales, wide, sizes, start),
         "simplified": build_simplified(model, scales, wide, sizes, start, law=law),

@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 
-from anhyst.compensate.plan import Request
+from anhyst.compensate.plan import CompileRequest
 from anhyst.compile.output import compile_model
 from anhyst.control.states import Command, State
 from anhyst.data.reading import read_loops
 from anhyst.identify import identify
-from anhyst.link.client import ForceController
+from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build, read_sizes
 from anhyst.link.frames import DemandRequest, StatusAnswer
 from anhyst.link.plant_bus import Reading
@@ -53,7 +53,7 @@ def rows() -> list[Row]:
         folder = Path(place)
         loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
         write_model(identify(loops, gap_map="scaling").model, folder / "model.toml")
-        request = Request(kind="full", io="q31", rate=RATE)
+        request = CompileRequest(kind="full", io="q31", rate=RATE)
         compiled = compile_model(folder / "model.toml", folder / "compiled", request).out
         return [
             *_emulated(compiled, folder),
@@ -87,7 +87,7 @@ def _process(compiled: Path, folder: Path) -> Row:
     program = build("host", compiled, folder / "host")
     with run_host(program, Coil()) as board:
         seconds, lost = _stream(board, ON_HOST)
-        with ForceController(board.url, timeout=1.0) as controller:
+        with ControllerLink(board.url, timeout=1.0) as controller:
             began = time.perf_counter()
             for n in range(ON_HOST):
                 controller.demand(n)
@@ -104,7 +104,7 @@ def _process(compiled: Path, folder: Path) -> Row:
 
 def _stream(board: Running, count: int) -> tuple[float, int]:
     """Send demands while the plant goes on; return the seconds and how many were lost."""
-    with ForceController(board.url, timeout=2.0) as controller:
+    with ControllerLink(board.url, timeout=2.0) as controller:
         board.bus.step(40)
         controller.command(Command.ARM)
         controller.command(Command.RUN)

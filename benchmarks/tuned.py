@@ -12,7 +12,7 @@ from pathlib import Path
 from anhyst.compensate.interface import MethodName
 from anhyst.study.bearing.monte_carlo import monte_carlo
 from anhyst.study.tuning.aims import Aims
-from anhyst.study.tuning.search import Found, Search
+from anhyst.study.tuning.search import FoundGains, GainSearch
 from anhyst.study.tuning.trial import default_conditions
 from bearing import IRONS, Iron, make_iron, read
 from rows import Row, Stopwatch
@@ -30,9 +30,9 @@ COMPARED: tuple[MethodName, ...] = (
 )
 
 
-def tune(iron: Iron, variant: MethodName) -> Found:
+def tune(iron: Iron, variant: MethodName) -> FoundGains:
     """Tune one variant over 3 gaps, 4 heights and 2 loads."""
-    return Search(iron.setups[variant], default_conditions(iron.rig), AIMS).run()
+    return GainSearch(iron.setups[variant], default_conditions(iron.rig), AIMS).run()
 
 
 def rows() -> list[Row]:

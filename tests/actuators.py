@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.compensate.block import Block, Kind, Limits, Scales, Sizes
+from anhyst.compensate.block import Block, DemandLimits, Kind, Scales, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.model.actuator import ActuatorModel
@@ -19,7 +19,7 @@ GAPS = (0.3e-3, 0.4e-3, 0.6e-3)
 WIDE = 0.45e-3
 """A gap between the nodes."""
 CURRENTS = (-0.4, 2.0)
-SIZES = Sizes(iterations=6)
+SIZES = TableSizes(iterations=6)
 """What the magnet of the map reluctance needs for full-range jumps."""
 
 AROUND: dict[str, dict[str, Parameter]] = {
@@ -79,11 +79,11 @@ def largest_force(gap_map: GapMap, play: float = 0.0, gap: float = WIDE) -> floa
     return float(magnet(gap_map, play).predict(drive, at, history="demagnetised").output[-1])
 
 
-def ranges(gap_map: GapMap, play: float = 0.0) -> tuple[Scales, Limits]:
+def ranges(gap_map: GapMap, play: float = 0.0) -> tuple[Scales, DemandLimits]:
     """Full scales and limits of the magnet: all it gives at its smallest gap, and some room."""
     top = largest_force(gap_map, play, GAPS[0])
     scales = Scales(1.2 * top, 1.1 * CURRENTS[1], GAPS[0], GAPS[-1])
-    return scales, Limits((0.0, top), CURRENTS)
+    return scales, DemandLimits((0.0, top), CURRENTS)
 
 
 @cache
@@ -95,7 +95,7 @@ def closed_form(gap_map: GapMap) -> ClosedForm:
 
 @cache
 def compiled(
-    kind: Kind, gap_map: GapMap = "reluctance", play: float = 0.0, sizes: Sizes = SIZES
+    kind: Kind, gap_map: GapMap = "reluctance", play: float = 0.0, sizes: TableSizes = SIZES
 ) -> Block:
     """Return the magnet's compensator."""
     scales, limits = ranges(gap_map, play)

@@ -17,7 +17,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from anhyst.compensate.plan import Request
+from anhyst.compensate.plan import CompileRequest
 from anhyst.compile.output import compile_model
 from anhyst.link.firmware import actuator_defines
 from anhyst.model.actuator import ActuatorModel
@@ -67,7 +67,7 @@ def small_magnet() -> ActuatorModel:
 def build(kind: str, folder: Path, clang: str) -> Path:
     """Compile the compensator and the harness on it; return the program."""
     compiled = folder / f"compiled-{kind}"
-    compile_model(folder / "model.toml", compiled, Request(kind, "q31", RATE, name=NAME))  # type: ignore[arg-type]
+    compile_model(folder / "model.toml", compiled, CompileRequest(kind, "q31", RATE, name=NAME))  # type: ignore[arg-type]
     sources = [
         ROOT / "tests" / "firmware" / "fuzz_firmware.c",
         *sorted(ROOT.glob("firmware/link/*.c")),

@@ -23,7 +23,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from anhyst.compensate.plan import Request
+from anhyst.compensate.plan import CompileRequest
 from anhyst.compile.output import compile_model
 from anhyst.data import LoopSet
 from anhyst.data.inspection import inspect
@@ -175,7 +175,7 @@ def table_of(models: dict[str, ActuatorModel], truth: LoopSet, seconds: dict[str
 def compiled_and_verified(model: Path, folder: Path) -> str:
     """Turn a model into C and run that on an emulated Cortex-M4; report what came out."""
     compiled = compile_model(
-        model, folder, Request("full", "q15", rate=20e3, accuracy=0.2, name="electromagnet")
+        model, folder, CompileRequest("full", "q15", rate=20e3, accuracy=0.2, name="electromagnet")
     )
     found = verify(folder, "cortex-m4")
     worst = compiled.manifest["accuracy"]["worst_percent"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import Block, Conditioning, Kind, Scales, Sizes
+from anhyst.compensate.block import Block, Conditioning, Kind, Scales, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.twin import FixedTwin
 from anhyst.support.arrays import FloatArray
@@ -131,11 +131,14 @@ def test_a_swap_keeps_the_memory_and_goes_on_with_the_other_block(kind: Kind) ->
 
 def other_block(kind: Kind) -> Block:
     """Return a block for the same actuator with smaller limits and coarser tables."""
-    return compiled(kind, sizes=Sizes(gap_segments=3, iterations=9, root_knee=4))
+    return compiled(kind, sizes=TableSizes(gap_segments=3, iterations=9, root_knee=4))
 
 
 def test_a_swap_between_solve_and_commit_takes_the_new_block_for_the_commit() -> None:
-    here, there = compiled("full"), compiled("full", "reluctance", 0.0, Sizes(curve_segments=5))
+    here, there = (
+        compiled("full"),
+        compiled("full", "reluctance", 0.0, TableSizes(curve_segments=5)),
+    )
     swapped, fresh = FixedCompensator("full", here.words), FixedCompensator("full", there.words)
     current = swapped.solve_q31(600_000_000, 0)
     swapped.swap(there.words)

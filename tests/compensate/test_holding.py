@@ -15,7 +15,7 @@ from anhyst.compensate.holding import Held, hold
 from anhyst.compensate.measure import exact_output
 from anhyst.compensate.paths import Path as Way
 from anhyst.compensate.paths import find_reach
-from anhyst.compensate.plan import Plan, Request, make_plan
+from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compensate.twin import FixedTwin, Io, twin_of
 from anhyst.identify import identify
 from anhyst.model.actuator import ActuatorModel
@@ -38,7 +38,7 @@ def model_of(name: str, *, dead_band: bool = True) -> ActuatorModel:
 
 @cache
 def plan_of(name: str, *, dead_band: bool = True, kind: str = "full", io: Io = "q15") -> Plan:
-    request = Request("full" if kind == "full" else "simplified", io, RATE)
+    request = CompileRequest("full" if kind == "full" else "simplified", io, RATE)
     return make_plan(model_of(name, dead_band=dead_band), request, 0)
 
 
@@ -98,7 +98,7 @@ def test_without_a_dead_band_it_creeps_away() -> None:
 @pytest.mark.parametrize("name", sorted(MAGNETS))
 def test_foreign_magnets_are_held_too(name: str, tmp_path: Path) -> None:
     loops = ReadOptions().read([MAGNETS[name].write_loops(tmp_path / "loops.csv")])
-    plan = make_plan(identify(loops).model, Request("full", "q31", RATE), 0)
+    plan = make_plan(identify(loops).model, CompileRequest("full", "q31", RATE), 0)
     assert worst(plan) < WANTED
 
 

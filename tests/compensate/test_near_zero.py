@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import Kind, Sizes
+from anhyst.compensate.block import Kind, TableSizes
 from anhyst.compensate.twin import FixedTwin
 from tests.actuators import SIZES, WIDE, compiled, magnet
 
@@ -18,7 +18,9 @@ DEMAND_LIMITED, CURRENT_LIMITED = 1, 2
 
 def block_with(knee: int) -> tuple[FixedTwin, float]:
     """Return a compensator and its full-scale demand."""
-    twin = FixedTwin(compiled("full", sizes=Sizes(iterations=SIZES.iterations, root_knee=knee)))
+    twin = FixedTwin(
+        compiled("full", sizes=TableSizes(iterations=SIZES.iterations, root_knee=knee))
+    )
     return twin, twin.block.scales.demand
 
 

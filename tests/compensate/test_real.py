@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import Compensator, Parameters
-from anhyst.compensate.block import Limits, Scales, Sizes
+from anhyst.compensate.block import DemandLimits, Scales, TableSizes
 from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, build_real
 from anhyst.compensate.twin import FixedTwin, RealTwin
 from anhyst.compensate.words import Names
@@ -38,7 +38,7 @@ from tests.actuators import (
 
 KINDS: tuple[RealKind, ...] = ("full", "simplified")
 IOS: tuple[RealIo, ...] = ("f32", "f64")
-FINE = Sizes(
+FINE = TableSizes(
     gap_segments=6,
     curve_segments=11,
     inverse_segments=9,
@@ -47,7 +47,7 @@ FINE = Sizes(
     octave_segments=6,
     root_knee=8,
 )
-SAME = Sizes(iterations=8)
+SAME = TableSizes(iterations=8)
 DEMAND_LIMITED, CURRENT_LIMITED, FLUX_LIMITED = 1, 2, 4
 HIGH = largest_force("reluctance", 0.0, GAPS[-1])
 
@@ -57,7 +57,7 @@ def real(
     kind: RealKind,
     gap_map: GapMap = "reluctance",
     play: float = 0.0,
-    sizes: Sizes = FINE,
+    sizes: TableSizes = FINE,
 ) -> RealBlock:
     scales, limits = ranges(gap_map, play)
     law = closed_form(gap_map) if kind == "simplified" else None
@@ -95,7 +95,7 @@ def test_full_with_fine_tables_gives_the_demanded_force(
 def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
     model = ring(play)
     top = float(model.predict([0.0, 150.0], history="demagnetised").output[-1])
-    limits = Limits((-top, top), (-150.0, 150.0))
+    limits = DemandLimits((-top, top), (-150.0, 150.0))
     block = build_real(model, "full", Scales(1.1 * top, 160.0, 0.0, 0.0), limits, FINE)
     demand = np.concatenate(
         [reversals(-0.95 * top, 0.95 * top, 100, 7), np.tile([0.95 * top, -0.95 * top], 50)]
@@ -200,7 +200,7 @@ def test_expected_force_is_that_of_the_current_a_slow_amplifier_gave() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_limits_are_kept_and_told(kind: RealKind) -> None:
     scales, limits = ranges("reluctance")
-    low = Limits(limits.demand, (CURRENTS[0], 0.8))
+    low = DemandLimits(limits.demand, (CURRENTS[0], 0.8))
     law = closed_form("reluctance") if kind == "simplified" else None
     twin = RealTwin(build_real(magnet(), kind, scales, low, FINE, law=law))
     demand_high = limits.demand[1]
@@ -219,7 +219,7 @@ def test_limits_are_kept_and_told(kind: RealKind) -> None:
 
 def test_more_flux_than_saturation_is_limited_and_told() -> None:
     model, (scales, _) = magnet(), ranges("reluctance")
-    block = build_real(model, "full", scales, Limits((0.0, 400.0), CURRENTS))
+    block = build_real(model, "full", scales, DemandLimits((0.0, 400.0), CURRENTS))
     twin = RealTwin(block)
     twin.solve(400.0, WIDE)
     assert twin.flags & FLUX_LIMITED
@@ -360,7 +360,7 @@ def test_the_c_that_is_written_out_gives_the_same_bits(
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("gcc is not installed")
-    block = real(kind, sizes=Sizes())
+    block = real(kind, sizes=TableSizes())
     core = core_folder()
     parameters = c_parameters_f32("magnet", block, Names("N", "A"), magnet().schedule)
     source, program = tmp_path / "all.c", tmp_path / "all"

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.compensate.block import Block, Kind, Limits, Scales, Sizes
+from anhyst.compensate.block import Block, DemandLimits, Kind, Scales, TableSizes
 from anhyst.compensate.simplified import ClosedForm, build_simplified
 from anhyst.compensate.twin import FixedTwin
 from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
@@ -59,8 +59,8 @@ def block_of(
     """Return a block whose demand is the flux and whose current is the bounded state."""
     one = np.ones(1)
     form = ClosedForm(rate_of(law), law.nu, 0.0 * one, 0.0 * one, 0.0 * one, one, 0.0, 0.0)
-    limits = Limits((-0.999 * UNIT, 0.999 * UNIT), (-1.05, 1.05))
-    sizes = Sizes(octave_segments=segments, substeps=substeps)
+    limits = DemandLimits((-0.999 * UNIT, 0.999 * UNIT), (-1.05, 1.05))
+    sizes = TableSizes(octave_segments=segments, substeps=substeps)
     return build_simplified(ring(), Scales(UNIT, 1.1, 0.0, 0.0), limits, sizes, law=form, kind=kind)
 
 

@@ -20,7 +20,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.layout import BODY
 from anhyst.compensate.measure import against_demand, run_with_losses
 from anhyst.compensate.paths import paths
-from anhyst.compensate.plan import Request, full_scale
+from anhyst.compensate.plan import CompileRequest, full_scale
 from anhyst.compensate.twin import twin_of
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.model.actuator import ActuatorModel
@@ -72,13 +72,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 )
 def compiled(folder: Path, request: pytest.FixtureRequest) -> Compiled:
     kind, io = request.param
-    return compile_model(folder / "magnet.toml", folder / f"{kind}-{io}", Request(kind, io, 1e4))
+    return compile_model(
+        folder / "magnet.toml", folder / f"{kind}-{io}", CompileRequest(kind, io, 1e4)
+    )
 
 
 @cache
 def full(folder: Path) -> Compiled:
     """Return the compensator that most tests look at."""
-    return compile_model(folder / "magnet.toml", folder / "out", Request("full", "q15", 1e4))
+    return compile_model(folder / "magnet.toml", folder / "out", CompileRequest("full", "q15", 1e4))
 
 
 def built(place: Path, compiler: str, program: Path) -> str:
@@ -161,7 +163,9 @@ def test_lost_currents_are_told_to_the_memory(folder: Path) -> None:
 
 def test_same_model_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     first = full(folder)
-    again = compile_model(folder / "magnet.toml", tmp_path / "again", Request("full", "q15", 1e4))
+    again = compile_model(
+        folder / "magnet.toml", tmp_path / "again", CompileRequest("full", "q15", 1e4)
+    )
     assert sorted(again.files) == sorted(first.files)
     for name in first.files:
         assert (again.out / name).read_bytes() == (first.out / name).read_bytes()
@@ -212,7 +216,7 @@ def test_rounding_costs_less_the_finer_the_format(folder: Path) -> None:
     for io in ("q15", "q31", "f32"):
         place = folder / f"full-{io}" / "budget.json"
         if not place.is_file():
-            compile_model(folder / "magnet.toml", place.parent, Request("full", io, 1e4))
+            compile_model(folder / "magnet.toml", place.parent, CompileRequest("full", io, 1e4))
         parts = json.loads(place.read_text())["parts"]
         costs[io] = next(p["rms"] for p in parts if p["name"] == "quantisation")
     assert costs["f32"] < 0.1 * costs["q31"]
@@ -261,7 +265,7 @@ def test_the_core_is_shipped_as_it_is(compiled: Compiled) -> None:
 
 
 def test_names_of_an_actuator_begin_with_its_name(folder: Path, tmp_path: Path) -> None:
-    request = Request("full", "q31", 1e4, accuracy=2.0, name="left_2")
+    request = CompileRequest("full", "q31", 1e4, accuracy=2.0, name="left_2")
     out = compile_model(folder / "magnet.toml", tmp_path / "out", request).out
     text = (out / "left_2_parameters.h").read_text() + (out / "left_2_parameters.c").read_text()
     defined = re.findall(r"^#define (\w+)|^(?:extern )?const \w+ (\w+)", text, re.M)
@@ -324,7 +328,7 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io
         manifest = full(folder).manifest
     else:
         place = tmp_path / "out"
-        request = Request("full", "f32", 1e4, accuracy=2.0)
+        request = CompileRequest("full", "f32", 1e4, accuracy=2.0)
         manifest = compile_model(folder / "magnet.toml", place, request).manifest
     (tmp_path / "size.c").write_text(
         f'#include <stdio.h>\n#include "anhyst/compensator/compensator{suffix}.h"\n'
@@ -346,7 +350,9 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io
 
 def test_a_ring_without_a_gap_and_of_either_sign_compiles(tmp_path: Path) -> None:
     write_model(measured(ring(), -120.0, 120.0), tmp_path / "ring.toml")
-    compiled = compile_model(tmp_path / "ring.toml", tmp_path / "out", Request("full", "q31", 1e3))
+    compiled = compile_model(
+        tmp_path / "ring.toml", tmp_path / "out", CompileRequest("full", "q31", 1e3)
+    )
     assert compiled.manifest["signals"]["gap"] is None
     assert compiled.plan.block.limits.demand[0] < 0.0
     assert compiled.budget.compiled.worst is not None
@@ -361,7 +367,7 @@ def test_a_ring_without_a_gap_and_of_either_sign_compiles(tmp_path: Path) -> Non
 
 def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
     rough = compile_model(
-        folder / "magnet.toml", tmp_path / "rough", Request("full", "q15", 1e4, accuracy=2.0)
+        folder / "magnet.toml", tmp_path / "rough", CompileRequest("full", "q15", 1e4, accuracy=2.0)
     )
     fine = full(folder).manifest["memory"]["parameters_bytes"]
     assert rough.manifest["memory"]["parameters_bytes"] < fine
@@ -371,12 +377,12 @@ def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("request_", "culprit", "advice"),
     [
-        (Request("simplified", "q15", 1e4, 0.5), "straight anhysteretic", "--kind full"),
-        (Request("full", "q31", 1e4, 0.001), "tables", "2 KiB"),
+        (CompileRequest("simplified", "q15", 1e4, 0.5), "straight anhysteretic", "--kind full"),
+        (CompileRequest("full", "q31", 1e4, 0.001), "tables", "2 KiB"),
     ],
 )
 def test_unreachable_accuracy_names_its_cause(
-    folder: Path, tmp_path: Path, request_: Request, culprit: str, advice: str
+    folder: Path, tmp_path: Path, request_: CompileRequest, culprit: str, advice: str
 ) -> None:
     with pytest.raises(NegativeResult, match=f"the largest part is {culprit}.*{advice}"):
         compile_model(folder / "magnet.toml", tmp_path / "out", request_)
@@ -430,7 +436,7 @@ def test_bad_options_exit_with_two(
 
 
 def test_only_its_own_folder_is_replaced(folder: Path, tmp_path: Path) -> None:
-    model, request = folder / "magnet.toml", Request("full", "q15", 1e4, accuracy=2.0)
+    model, request = folder / "magnet.toml", CompileRequest("full", "q15", 1e4, accuracy=2.0)
     out = tmp_path / "out"
     out.mkdir()
     (out / "notes.txt").write_text("mine")

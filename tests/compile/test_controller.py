@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compensate.plan import Request
+from anhyst.compensate.plan import CompileRequest
 from anhyst.compile.lifting import COLUMNS, INPUTS
 from anhyst.compile.output import Compiled, compile_model
 from anhyst.control.controller_file import read_controller
@@ -22,7 +22,7 @@ from anhyst.data.reading import read_loops
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import DROP, Scenario, Script
@@ -50,7 +50,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def compiled(place: Path) -> Compiled:
     """Compile the bundled controller."""
-    request = Request("full", "q31", RATE, name="bearing")
+    request = CompileRequest("full", "q31", RATE, name="bearing")
     return compile_model(place / "model.toml", place / "out", request, place / "controller.toml")
 
 
@@ -221,13 +221,13 @@ def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_
     known = IdentifiedMagnet(read_loops(place / "loops.csv"), model)
     setup = make_setup(rig, read_controller(path).settings, known, kind, "fixed")
     scenario = eventful(setup)
-    recording = Loop(setup, seed=3).run(scenario)
+    recording = SimulatedLoop(setup, seed=3).run(scenario)
     flown = {int(state) for state in recording["state"]}
     assert {16 * State.RUN + phase for phase in (1, 2, 3, 4, 5)} <= flown
     assert recording["state"][-1] == 16 * State.READY
     assert np.isnan(recording["gap_read_m"]).sum() == 2
 
-    request = Request(kind, "q31", RATE)
+    request = CompileRequest(kind, "q31", RATE)
     compiled = compile_model(place / "model.toml", tmp_path / "out", request, path)
     program = built(compiled.out, "cc", tmp_path / "example")
     rows = as_rows(recording, scenario, compiled)
@@ -235,7 +235,7 @@ def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_
 
 
 def test_same_inputs_give_the_same_bytes(place: Path, compiled: Compiled, tmp_path: Path) -> None:
-    request = Request("full", "q31", RATE, name="bearing")
+    request = CompileRequest("full", "q31", RATE, name="bearing")
     again = compile_model(
         place / "model.toml", tmp_path / "again", request, place / "controller.toml"
     )

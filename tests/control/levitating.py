@@ -19,11 +19,11 @@ from anhyst._core import (
 from anhyst.compensate.block import Scales
 from anhyst.compensate.interface import NumberFormat
 from anhyst.control import (
-    Converter,
     Levitation,
-    Limits,
     Pidd2,
     PositionControl,
+    PositionLimits,
+    ReferenceConverter,
     design,
 )
 from anhyst.control.states import Command, Phase, State
@@ -56,7 +56,7 @@ CONTROL = PositionControl(
     levitation=Levitation(
         detect=2e-6, rise_speed=2e-3, descend_speed=2e-3, lift_rate=1000.0, set_down_rate=1000.0
     ),
-    limits=Limits(
+    limits=PositionLimits(
         gap_low=0.33e-3,
         gap_high=0.57e-3,
         step=20e-6,
@@ -66,7 +66,7 @@ CONTROL = PositionControl(
         max_missing_samples=3,
         hold=200,
     ),
-    converter=Converter(0.0, 4.5, 16),
+    converter=ReferenceConverter(0.0, 4.5, 16),
     scales=SCALES,
     load_full_scale=200.0,
 )

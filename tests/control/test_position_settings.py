@@ -14,7 +14,7 @@ from anhyst._core import FixedForceController, FixedPosition, ForceController, P
 from anhyst.compensate.block import Scales
 from anhyst.compensate.floating import build_real
 from anhyst.compensate.interface import NumberFormat
-from anhyst.control import Converter, PositionControl
+from anhyst.control import PositionControl, ReferenceConverter
 from anhyst.control.states import Command, Phase, State
 from anhyst.support.errors import InputError
 from tests.actuators import CURRENTS, compiled, magnet, ranges
@@ -101,10 +101,10 @@ def test_what_has_no_meaning_is_refused(change: dict[str, Any], text: str) -> No
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"converter": Converter(0.0, 4.5e-3, 16)}, "bits: the converter is too fine"),
+        ({"converter": ReferenceConverter(0.0, 4.5e-3, 16)}, "bits: the converter is too fine"),
         ({"scales": Scales(300.0, 5.0, 0.44e-3, 0.46e-3)}, "covers too little"),
         ({"levitation__rise_speed": 1e-10}, "rise_speed: too small"),
-        ({"converter": Converter(5.0, 9.0, 12)}, "no step of the converter"),
+        ({"converter": ReferenceConverter(5.0, 9.0, 12)}, "no step of the converter"),
     ],
 )
 def test_what_fixed_point_cannot_hold_is_refused(change: dict[str, Any], text: str) -> None:
@@ -138,7 +138,7 @@ def with_hysteresis(number_format: NumberFormat) -> tuple[Any, Any]:
     control = replace(
         CONTROL,
         scales=scales,
-        converter=Converter(*CURRENTS, 16),
+        converter=ReferenceConverter(*CURRENTS, 16),
         limits=replace(CONTROL.limits, current_low=CURRENTS[0], current_high=CURRENTS[1]),
         pidd2=replace(CONTROL.pidd2, K_load=0.0, high=limits.demand[1]),
     )

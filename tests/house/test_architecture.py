@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -37,3 +39,13 @@ def test_every_c_source_is_in_the_one_list() -> None:
         path.name for path in (ROOT / "core" / "src").rglob("*.c") if path.name not in listed
     ]
     assert missing == []
+
+
+def test_no_public_class_name_stands_in_two_modules() -> None:
+    places: dict[str, list[str]] = defaultdict(list)
+    for path in (ROOT / "src" / "anhyst").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places[node.name].append(str(path.relative_to(ROOT)))
+    assert places
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}

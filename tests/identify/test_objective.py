@@ -16,7 +16,7 @@ from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import LOCAL, Local, NoResponseError
 from anhyst.identify.screening import sample_sets, screen, starts
-from anhyst.identify.space import PER_GAP, Space
+from anhyst.identify.space import PER_GAP, CoordinateSpace
 from anhyst.identify.uncertainty import memory
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.parameters import GapMap
@@ -36,12 +36,14 @@ CASES: dict[str, tuple[ActuatorModel, str]] = {
 }
 
 
-def space_of(truth: ActuatorModel, gap_map: str, loops: LoopSet, weights: str = "loops") -> Space:
+def space_of(
+    truth: ActuatorModel, gap_map: str, loops: LoopSet, weights: str = "loops"
+) -> CoordinateSpace:
     form = form_of(loops.input, loops.output, truth.law)
-    return Space(gap_map, records_of(loops, weights), form)
+    return CoordinateSpace(gap_map, records_of(loops, weights), form)
 
 
-def near(space: Space, truth: ActuatorModel, seed: int) -> FloatArray:
+def near(space: CoordinateSpace, truth: ActuatorModel, seed: int) -> FloatArray:
     """Coordinates some way off the truth, each in its own direction."""
     rng = np.random.default_rng(seed)
     theta = space.pack(gauge_free(truth))
@@ -58,7 +60,7 @@ def central_differences(objective: Objective, theta: FloatArray, step: float = 1
     return np.stack(columns, axis=1)
 
 
-def with_dead_band(space: Space, part: float) -> Space:
+def with_dead_band(space: CoordinateSpace, part: float) -> CoordinateSpace:
     return replace(space, form=replace(space.form, dead_band=part))
 
 
@@ -181,7 +183,7 @@ def test_weights_do_what_they_say(weights: str) -> None:
     assert float(np.sum(objective.deviations(theta) ** 2)) == pytest.approx(expected, rel=1e-9)
 
 
-def sets_at(space: Space, theta: FloatArray) -> list[Local]:
+def sets_at(space: CoordinateSpace, theta: FloatArray) -> list[Local]:
     return [local for local, _ in space.unpack(theta)]
 
 
@@ -263,7 +265,7 @@ def test_the_screening_ranks_as_the_objective_does() -> None:
     truth = magnet("reluctance", gaps=TWO)
     loops = loops_of(truth, "demagnetised")
     form = form_of(loops.input, loops.output, truth.law)
-    space = Space("none", one_gap(records_of(loops)), form)
+    space = CoordinateSpace("none", one_gap(records_of(loops)), form)
     sets = sample_sets(space.records, 64, seed=5)
     cost, gain, out_0 = screen(form, space.records, sets)
     objective = Objective(space)

@@ -16,7 +16,13 @@ from anhyst.identify.gauge import form_of
 from anhyst.identify.paper import sequence as sequence_module
 from anhyst.identify.paper.criterion import IMPOSSIBLE, Criterion, mean_deviation
 from anhyst.identify.paper.reduction import reductions
-from anhyst.identify.paper.search import Bench, Effort, Stand, search_each_gap, spline_model_at
+from anhyst.identify.paper.search import (
+    SearchBench,
+    SearchEffort,
+    Stand,
+    search_each_gap,
+    spline_model_at,
+)
 from anhyst.identify.paper.sequence import search_paper
 from anhyst.identify.paper.seven import (
     AIR_SLOPE,
@@ -28,13 +34,13 @@ from anhyst.identify.paper.seven import (
     mean_over_gaps,
     variables_of,
 )
-from anhyst.identify.run import Run
+from anhyst.identify.run import SearchRun
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.errors import InputError
 from tests.identify.truths import GAPS, core, loops_of, magnet
 
-SHORT = Effort(generations=60, final=80, trial=20)
-BRIEF = Effort(generations=20, final=20, trial=5)
+SHORT = SearchEffort(generations=60, final=80, trial=20)
+BRIEF = SearchEffort(generations=20, final=20, trial=5)
 NO_OFFSETS = frozenset({"in_0", "out_0"})
 THREE = GAPS[:3]
 
@@ -51,9 +57,9 @@ SET: Values = {
 }
 
 
-def run_of(loops: LoopSet, held: frozenset[str] = NO_OFFSETS, **settings: object) -> Run:
+def run_of(loops: LoopSet, held: frozenset[str] = NO_OFFSETS, **settings: object) -> SearchRun:
     form = form_of(loops.input, loops.output, "effective-field")
-    return Run(form=form, records=records_of(loops), seed=1, held=held, **settings)  # type: ignore[arg-type]
+    return SearchRun(form=form, records=records_of(loops), seed=1, held=held, **settings)  # type: ignore[arg-type]
 
 
 def stopper(after: int) -> Callable[[int, int], None]:
@@ -79,12 +85,14 @@ def loops(truth: ActuatorModel) -> LoopSet:
 
 @pytest.fixture(scope="module")
 def free(loops: LoopSet) -> Stand:
-    return search_each_gap(Bench(run_of(loops), loops, Effort(generations=150, final=250)))
+    return search_each_gap(
+        SearchBench(run_of(loops), loops, SearchEffort(generations=150, final=250))
+    )
 
 
 @pytest.fixture(scope="module")
 def reduced(loops: LoopSet, free: Stand) -> list[Stand]:
-    bench = Bench(run_of(loops), loops, Effort(generations=50, final=120, trial=30))
+    bench = SearchBench(run_of(loops), loops, SearchEffort(generations=50, final=120, trial=30))
     return [free, *(stand for stand, _ in reductions(bench, free))]
 
 
@@ -150,7 +158,7 @@ def test_a_parameter_can_be_kept_to_the_last(two_gaps: LoopSet) -> None:
 
 def test_alpha_is_read_as_a_reluctance_in_the_law_that_allows_it(two_gaps: LoopSet) -> None:
     form = form_of(two_gaps.input, two_gaps.output, "jiles-atherton-1986")
-    run = Run(form=form, records=records_of(two_gaps), seed=1, held=NO_OFFSETS)
+    run = SearchRun(form=form, records=records_of(two_gaps), seed=1, held=NO_OFFSETS)
     found = search_paper(run, two_gaps, "reluctance", BRIEF)
     assert found.model.law == "jiles-atherton-1986"
     assert found.model.gap_map == "free"
@@ -209,7 +217,7 @@ def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: LoopS
     def found(seed: int) -> tuple[Values, ...]:
         run = run_of(two_gaps)
         run.seed = seed
-        return search_each_gap(Bench(run, two_gaps, BRIEF)).sets
+        return search_each_gap(SearchBench(run, two_gaps, BRIEF)).sets
 
     assert found(1) == found(1)
     assert found(1) != found(2)
@@ -218,7 +226,7 @@ def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: LoopS
 def test_progress_ends_at_the_total_it_promised(two_gaps: LoopSet) -> None:
     seen: list[tuple[int, int]] = []
     run = run_of(two_gaps, held=frozenset(), progress=lambda *stage: seen.append(stage))
-    search_paper(run, two_gaps, "scaling", Effort(5, 5, 2))
+    search_paper(run, two_gaps, "scaling", SearchEffort(5, 5, 2))
     assert [done for done, _ in seen] == list(range(1, len(seen) + 1))
     assert {total for _, total in seen} == {len(seen)}
 
@@ -226,7 +234,7 @@ def test_progress_ends_at_the_total_it_promised(two_gaps: LoopSet) -> None:
 @pytest.mark.parametrize(("stage", "frozen"), [(4, 0), (16, 1)])
 def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: LoopSet) -> None:
     run = run_of(two_gaps, progress=stopper(stage))
-    found = search_paper(run, two_gaps, "auto", Effort(5, 5, 2))
+    found = search_paper(run, two_gaps, "auto", SearchEffort(5, 5, 2))
     assert found.interrupted
     assert len(found.steps) == frozen
     assert found.model.gap_map == "free"
@@ -236,18 +244,18 @@ def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: LoopS
 def test_ctrl_c_before_every_gap_has_a_set_leaves_nothing(two_gaps: LoopSet) -> None:
     run = run_of(two_gaps, progress=stopper(1))
     with pytest.raises(KeyboardInterrupt):
-        search_paper(run, two_gaps, "auto", Effort(5, 5, 2))
+        search_paper(run, two_gaps, "auto", SearchEffort(5, 5, 2))
 
 
 def test_offsets_become_common_to_all_gaps(two_gaps: LoopSet) -> None:
     run = run_of(two_gaps, held=frozenset())
-    found = search_each_gap(Bench(run, two_gaps, BRIEF))
+    found = search_each_gap(SearchBench(run, two_gaps, BRIEF))
     for name in ("in_0", "out_0"):
         assert found.sets[0][name] == found.sets[1][name] != 0.0
 
 
 def test_without_reduction_everything_stays_free(two_gaps: LoopSet) -> None:
-    found = search_paper(run_of(two_gaps), two_gaps, "free", Effort(5, 5, 2))
+    found = search_paper(run_of(two_gaps), two_gaps, "free", SearchEffort(5, 5, 2))
     assert found.steps == ()
     assert found.model.gap_map == "free"
     assert set(found.model.varying) == set(SEVEN)
@@ -263,7 +271,7 @@ def test_one_gap_gives_a_model_of_that_gap() -> None:
 
 def test_a_measured_field_and_flux_density_leave_five() -> None:
     loops = loops_of(core(in_0=0.0, out_0=0.0), samples=40)
-    found = search_paper(run_of(loops), loops, "auto", Effort(150, 150, 5))
+    found = search_paper(run_of(loops), loops, "auto", SearchEffort(150, 150, 5))
     assert found.model.parameters["c_H"] == found.model.parameters["c_out"] == 1.0
     modelled = [
         found.model.predict(loop.input, history=loop.history).output for loop in loops.loops

@@ -13,7 +13,7 @@ from anhyst.data import LoopSet
 from anhyst.identify import IdentifyResult, identify
 from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
-from anhyst.identify.run import Run
+from anhyst.identify.run import SearchRun
 from tests.identify.truths import GAPS, largest, loops_of, magnet, noisy
 
 NOISE = 2e-3
@@ -59,11 +59,11 @@ def same(one: IdentifyResult, other: IdentifyResult) -> bool:
     )
 
 
-def run_of(loops: LoopSet, checkpoint: Path, **settings: Any) -> Run:
+def run_of(loops: LoopSet, checkpoint: Path, **settings: Any) -> SearchRun:
     form = form_of(loops.input, loops.output, settings.pop("law", "effective-field"))
     records = records_of(loops, settings.pop("weights", "loops"))
     given: dict[str, Any] = {"seed": 1, "held": frozenset[str]()} | settings
-    return Run(form, records, checkpoint=checkpoint, **given)
+    return SearchRun(form, records, checkpoint=checkpoint, **given)
 
 
 def is_resumed(loops: LoopSet, checkpoint: Path, **settings: Any) -> bool:

@@ -22,7 +22,7 @@ from anhyst.laws.oracle.equation import (
 )
 from anhyst.laws.oracle.iron import Iron
 from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
-from anhyst.laws.oracle.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
 
@@ -153,19 +153,19 @@ def test_drive_that_is_not_finite_is_refused() -> None:
 @pytest.mark.parametrize(
     ("state", "reason"),
     [
-        (State(0.0, math.nan, 0.0), "not finite"),
-        (State(0.0, 0.9, 0.0), "k\\*A"),
-        (State(0.0, -0.23, 0.0), "k\\*A"),
-        (State(0.0, 0.0, 0.5), "r_d"),
+        (LawState(0.0, math.nan, 0.0), "not finite"),
+        (LawState(0.0, 0.9, 0.0), "k\\*A"),
+        (LawState(0.0, -0.23, 0.0), "k\\*A"),
+        (LawState(0.0, 0.0, 0.5), "r_d"),
     ],
 )
-def test_state_that_no_path_reaches_is_refused(state: State, reason: str) -> None:
+def test_state_that_no_path_reaches_is_refused(state: LawState, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
         IRON.forward([10.0], state=state)
 
 
 def test_state_on_the_bound_is_accepted() -> None:
-    IRON.operator.check_state(State(0.0, IRON.k / IRON.a / 3.0, 0.0))
+    IRON.operator.check_state(LawState(0.0, IRON.k / IRON.a / 3.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 from anhyst.laws.oracle.explicit import ExplicitForm
 from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
-from anhyst.laws.oracle.operator import State
+from anhyst.laws.oracle.operator import LawState
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
 
@@ -36,7 +36,7 @@ def test_bounded_state_outside_its_bounds_is_refused() -> None:
     with pytest.raises(InputError, match="u0"):
         LAW.inverse([0.1], u0=1.1)
     with pytest.raises(InputError, match="state"):
-        LAW.check_state(State(0.0, 1.01 * 60.0 * 500.0, 0.0))
+        LAW.check_state(LawState(0.0, 1.01 * 60.0 * 500.0, 0.0))
 
 
 def test_flux_density_that_stands_still_keeps_the_state() -> None:

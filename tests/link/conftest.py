@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.link import firmware
-from anhyst.link.client import ForceController
+from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build
 from anhyst.link.process import Running, run_host
 
@@ -48,6 +48,6 @@ def board(host_firmware: Path) -> Iterator[Running]:
 
 
 @pytest.fixture
-def controller(board: Running) -> Iterator[ForceController]:
-    with ForceController(board.url, timeout=1.0) as controller:
+def controller(board: Running) -> Iterator[ControllerLink]:
+    with ControllerLink(board.url, timeout=1.0) as controller:
         yield controller

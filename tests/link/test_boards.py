@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.states import Command, Fault, State
-from anhyst.link.client import ForceController
+from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build, read_sizes
 from anhyst.link.plant_bus import PlantBus
 from anhyst.link.process import run_host, run_qemu
@@ -40,7 +40,7 @@ def test_the_same_parameters_give_the_same_firmware(parameters: Path, tmp_path: 
 def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path) -> None:
     with (
         run_qemu(qemu_firmware, NoisyPlant()) as board,
-        ForceController(board.url, timeout=2.0) as controller,
+        ControllerLink(board.url, timeout=2.0) as controller,
     ):
         board.bus.step(40)
         controller.command(Command.ARM)
@@ -68,7 +68,7 @@ def test_process_and_emulated_board_drive_the_same_currents(
         plant = NoisyPlant()
         with (
             runner(program, plant) as board,
-            ForceController(board.url, timeout=2.0) as controller,
+            ControllerLink(board.url, timeout=2.0) as controller,
         ):
             board.bus.step(40)
             controller.command(Command.ARM)
@@ -86,7 +86,7 @@ def test_a_firmware_keeps_its_port_while_clients_come_and_go(host_firmware: Path
     for link in ("pty", "tcp:0"):
         with run_host(host_firmware, NoisyPlant(), link) as board:
             for _ in range(3):
-                with ForceController(board.url, timeout=1.0) as controller:
+                with ControllerLink(board.url, timeout=1.0) as controller:
                     assert controller.status().state is State.INIT
 
 

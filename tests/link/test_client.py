@@ -11,7 +11,7 @@ import pytest
 from anhyst.control.states import Command, Fault, Flag, State
 from anhyst.link import frames
 from anhyst.link.blocks import regenerate
-from anhyst.link.client import ForceController, Refused
+from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import (
     AckAnswer,
     BlockBeginRequest,
@@ -36,7 +36,7 @@ from .plant import NOISE, NoisyPlant
 TENTH = (1 << 31) // 10
 
 
-def run(board: Running, controller: ForceController) -> None:
+def run(board: Running, controller: ControllerLink) -> None:
     """Bring a controller that is idle to run."""
     controller.command(Command.ARM)
     controller.command(Command.RUN)
@@ -44,14 +44,14 @@ def run(board: Running, controller: ForceController) -> None:
     assert board.bus.state is State.RUN
 
 
-def test_a_controller_says_who_it_is(controller: ForceController) -> None:
+def test_a_controller_says_who_it_is(controller: ControllerLink) -> None:
     assert controller.info.rate == RATE
     assert controller.info.version == frames.VERSION
     assert controller.status().state is State.IDLE
 
 
 def test_a_demand_becomes_a_current_two_ticks_later(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     run(board, controller)
     before = controller.demand(3 * TENTH)
@@ -71,20 +71,20 @@ def test_sensors_come_back_as_they_were_shown(host_firmware: Path) -> None:
     plant.reading = {"gap": 0.25, "force": 0.5, "current": -0.125}
     with run_host(host_firmware, plant, "tcp:0") as board:
         board.bus.step(3)
-        with ForceController(board.url, timeout=1.0) as controller:
+        with ControllerLink(board.url, timeout=1.0) as controller:
             status = controller.status()
     assert (status.gap, status.force, status.current) == (0.25, 0.5, -0.125)
     assert status.tick == 3
 
 
-def test_commands_that_do_not_fit_the_state_are_refused(controller: ForceController) -> None:
+def test_commands_that_do_not_fit_the_state_are_refused(controller: ControllerLink) -> None:
     with pytest.raises(Refused, match="not in the state idle") as refused:
         controller.command(Command.RUN)
     assert refused.value.reason is Reason.STATE
     assert controller.status().state is State.IDLE
 
 
-def test_settings_are_read_and_written(controller: ForceController) -> None:
+def test_settings_are_read_and_written(controller: ControllerLink) -> None:
     assert controller.read_setting(Setting.HEARTBEAT_TICKS) == RATE // 10
     assert controller.write_setting(Setting.DEMAND_SLEW, 12345) == 12345
     assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
@@ -94,7 +94,7 @@ def test_settings_are_read_and_written(controller: ForceController) -> None:
 
 
 def test_demands_beyond_the_model_are_limited_and_said_so(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     run(board, controller)
     controller.demand((1 << 31) - 1)
@@ -105,7 +105,7 @@ def test_demands_beyond_the_model_are_limited_and_said_so(
 
 
 def test_a_block_is_swapped_between_two_ticks_while_it_runs(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     run(board, controller)
     controller.demand(2 * TENTH)
@@ -123,7 +123,7 @@ def test_a_block_is_swapped_between_two_ticks_while_it_runs(
 
 @pytest.mark.parametrize("at", [8, 33, -1])
 def test_a_corrupted_block_is_rejected_and_the_old_one_stays(
-    controller: ForceController, at: int
+    controller: ControllerLink, at: int
 ) -> None:
     old = controller.read_block()
     spoilt = regenerate(old, 7)
@@ -135,7 +135,7 @@ def test_a_corrupted_block_is_rejected_and_the_old_one_stays(
     assert controller.read_block() == old
 
 
-def test_a_block_that_arrives_incomplete_is_not_put_in_force(controller: ForceController) -> None:
+def test_a_block_that_arrives_incomplete_is_not_put_in_force(controller: ControllerLink) -> None:
     controller.request(BlockBeginRequest(64, 3, 0), AckAnswer)
     with pytest.raises(Refused) as refused:
         controller.request(BlockDataRequest(20, (1, 2)), AckAnswer)
@@ -146,7 +146,7 @@ def test_a_block_that_arrives_incomplete_is_not_put_in_force(controller: ForceCo
 
 
 def test_a_recording_holds_the_ticks_around_its_trigger(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     run(board, controller)
     when = When(Trigger.RISING, Signal.DEMAND, TENTH, before=5)
@@ -171,7 +171,7 @@ def test_a_recording_holds_the_ticks_around_its_trigger(
     assert np.array_equal(recording.signals[Signal.DRIVE][5:95], drives)
 
 
-def test_demands_stream_in_order(board: Running, controller: ForceController) -> None:
+def test_demands_stream_in_order(board: Running, controller: ControllerLink) -> None:
     run(board, controller)
     forces = [n * 1000 for n in range(300)]
     answers = list(controller.stream(forces, window=16))
@@ -186,7 +186,7 @@ def test_demands_stream_in_order(board: Running, controller: ForceController) ->
 
 
 def test_heartbeats_in_the_background_keep_the_link_alive(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     run(board, controller)
     beats: list[Status] = []
@@ -210,7 +210,7 @@ def test_heartbeats_in_the_background_keep_the_link_alive(
     assert board.bus.state is State.FAULT
 
 
-def test_waiting_for_a_state_tells_of_a_fault(board: Running, controller: ForceController) -> None:
+def test_waiting_for_a_state_tells_of_a_fault(board: Running, controller: ControllerLink) -> None:
     run(board, controller)
     plant = board.bus.plant
     assert isinstance(plant, NoisyPlant)

@@ -11,7 +11,7 @@ import pytest
 
 from anhyst.control.states import Command, State
 from anhyst.link.blocks import regenerate
-from anhyst.link.client import ForceController
+from anhyst.link.client import ControllerLink
 from anhyst.link.frames import Setting, Signal, Trigger
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, start_recording
@@ -32,12 +32,12 @@ STEP = 1_000_000
 
 
 @contextmanager
-def session(firmware: Path, line: Disturbance) -> Iterator[tuple[Running, ForceController]]:
+def session(firmware: Path, line: Disturbance) -> Iterator[tuple[Running, ControllerLink]]:
     """A controller that runs behind such a line, over which it was brought to run too."""
     with (
         disturbed_line(line) as ends,
         run_host(firmware, NoisyPlant(), ends.controller) as board,
-        ForceController(ends.pc, timeout=0.02, attempts=200) as controller,
+        ControllerLink(ends.pc, timeout=0.02, attempts=200) as controller,
     ):
         board.bus.step(40)
         controller.command(Command.ARM)

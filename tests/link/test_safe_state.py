@@ -7,7 +7,7 @@ import math
 import pytest
 
 from anhyst.control.states import Command, Fault, State
-from anhyst.link.client import ForceController, Refused
+from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running
 
@@ -17,7 +17,7 @@ from .plant import NoisyPlant
 HALF = 1 << 30
 
 
-def run(board: Running, controller: ForceController) -> NoisyPlant:
+def run(board: Running, controller: ControllerLink) -> NoisyPlant:
     """Bring a controller to run at half of the full-scale force; return its plant."""
     controller.command(Command.ARM)
     controller.command(Command.RUN)
@@ -40,7 +40,7 @@ def milliseconds_to_zero(board: Running, most: int) -> float:
 
 
 def test_a_lost_link_brings_the_current_to_zero_in_time(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     run(board, controller)
     timeout = 1e3 * controller.read_setting(Setting.HEARTBEAT_TICKS) / RATE
@@ -52,7 +52,7 @@ def test_a_lost_link_brings_the_current_to_zero_in_time(
     assert (status.state, status.fault) == (State.FAULT, Fault.LINK_LOST)
 
 
-def test_a_shorter_timeout_is_kept_too(board: Running, controller: ForceController) -> None:
+def test_a_shorter_timeout_is_kept_too(board: Running, controller: ControllerLink) -> None:
     run(board, controller)
     controller.write_setting(Setting.HEARTBEAT_TICKS, 8)
     board.bus.step(8)
@@ -75,7 +75,7 @@ def test_a_shorter_timeout_is_kept_too(board: Running, controller: ForceControll
     ],
 )
 def test_a_sensor_that_lies_is_found(
-    board: Running, controller: ForceController, reading: dict[str, float], fault: Fault
+    board: Running, controller: ControllerLink, reading: dict[str, float], fault: Fault
 ) -> None:
     plant = run(board, controller)
     plant.reading = reading
@@ -85,7 +85,7 @@ def test_a_sensor_that_lies_is_found(
 
 
 def test_a_sensor_that_is_stuck_is_found_while_the_current_moves(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     plant = run(board, controller)
     plant.reading = {"gap": 0.5}
@@ -95,7 +95,7 @@ def test_a_sensor_that_is_stuck_is_found_while_the_current_moves(
     assert board.bus.fault is Fault.GAP_STUCK
 
 
-def test_a_gap_that_stands_still_is_no_fault(board: Running, controller: ForceController) -> None:
+def test_a_gap_that_stands_still_is_no_fault(board: Running, controller: ControllerLink) -> None:
     run(board, controller)
     for n in range(40):
         controller.demand(HALF // 2 if n % 2 else HALF)
@@ -104,7 +104,7 @@ def test_a_gap_that_stands_still_is_no_fault(board: Running, controller: ForceCo
 
 
 def test_missed_ticks_are_counted_and_too_many_are_a_fault(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     run(board, controller)
     board.bus.skip(2)
@@ -117,7 +117,7 @@ def test_missed_ticks_are_counted_and_too_many_are_a_fault(
 
 
 def test_the_first_reason_stays_until_it_is_cleared(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     plant = run(board, controller)
     plant.reading = {"force": math.nan}

@@ -12,7 +12,7 @@ from anhyst.compensate.block import Scales
 from anhyst.compensate.simplified import build_simplified
 from anhyst.control.states import Command
 from anhyst.link.blocks import regenerate
-from anhyst.link.client import ForceController, Refused
+from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Reason
 from anhyst.link.process import Running
 from tests.actuators import SIZES, closed_form, compiled, magnet, ranges
@@ -42,7 +42,7 @@ def weaker(part: float) -> list[int]:
     return regenerate(words.tolist(), 8)
 
 
-def at_full_demand(board: Running, controller: ForceController) -> None:
+def at_full_demand(board: Running, controller: ControllerLink) -> None:
     controller.command(Command.ARM)
     controller.command(Command.RUN)
     controller.demand(FULL)
@@ -52,7 +52,7 @@ def at_full_demand(board: Running, controller: ForceController) -> None:
 
 @pytest.mark.parametrize("name", ["demand", "current", "gap_low", "gap_high"])
 def test_a_block_made_for_another_board_is_refused_in_one_line(
-    board: Running, controller: ForceController, name: str
+    board: Running, controller: ControllerLink, name: str
 ) -> None:
     at_full_demand(board, controller)
     own, drive = ranges("reluctance")[0], board.bus.drive
@@ -71,7 +71,7 @@ def test_a_block_made_for_another_board_is_refused_in_one_line(
     assert controller.status().generation == 0
 
 
-def follow(board: Running, controller: ForceController, words: list[int]) -> list[float]:
+def follow(board: Running, controller: ControllerLink, words: list[int]) -> list[float]:
     """Put a block in force, and return the currents from the one before it on."""
     drives = [board.bus.drive]
     controller.write_block(words)
@@ -82,7 +82,7 @@ def follow(board: Running, controller: ForceController, words: list[int]) -> lis
 
 
 def test_a_swap_at_full_demand_moves_the_current_along_the_ramp(
-    board: Running, controller: ForceController
+    board: Running, controller: ControllerLink
 ) -> None:
     at_full_demand(board, controller)
     less = follow(board, controller, weaker(0.8))

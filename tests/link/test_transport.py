@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.link import frames
-from anhyst.link.client import ForceController
+from anhyst.link.client import ControllerLink
 from anhyst.link.frames import HelloRequest, InfoAnswer, NakAnswer, Reason, StatusAnswer
 from anhyst.link.process import Running
 from anhyst.link.wire import Receiver, encode
@@ -22,7 +22,7 @@ from anhyst.support.errors import InputError
 
 def refusal(url: str) -> str:
     with pytest.raises(InputError) as error:
-        ForceController(url, timeout=0.02, attempts=3)
+        ControllerLink(url, timeout=0.02, attempts=3)
     text = str(error.value)
     assert "\n" not in text
     assert text.startswith(url)
@@ -46,7 +46,7 @@ def test_something_that_is_not_a_port(tmp_path: Path) -> None:
 
 
 def test_a_port_that_is_taken(board: Running) -> None:
-    with ForceController(board.url, timeout=1.0) as first:
+    with ControllerLink(board.url, timeout=1.0) as first:
         assert "is taken by another program" in refusal(board.url)
         assert first.status().tick == board.bus.tick
 
@@ -61,7 +61,7 @@ def test_a_port_without_a_controller() -> None:
 
 
 def test_a_controller_that_vanishes(board: Running) -> None:
-    with ForceController(board.url, timeout=0.02, attempts=3) as controller:
+    with ControllerLink(board.url, timeout=0.02, attempts=3) as controller:
         board.bus._connection.close()  # the firmware ends when its plant hangs up
         with pytest.raises(InputError, match=r"no answer|the port is gone"):
             list(controller.stream(range(100)))

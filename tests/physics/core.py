@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from anhyst import _core
 from anhyst.laws.oracle.iron import Iron
-from anhyst.laws.oracle.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 
 
@@ -18,7 +18,7 @@ class Record(NamedTuple):
 
     found: FloatArray
     field: FloatArray
-    state: State
+    state: LawState
     status: int
     sample: int
 
@@ -33,7 +33,7 @@ def run(
     given: ArrayLike,
     rho: ArrayLike = 0.0,
     eddy: ArrayLike = 0.0,
-    state: State = DEMAGNETISED,
+    state: LawState = DEMAGNETISED,
 ) -> Record:
     """Run the core forward or inverse without asking for success."""
     samples = np.atleast_1d(np.asarray(given, dtype=np.float64))
@@ -41,7 +41,7 @@ def run(
     memory = np.broadcast_to(np.asarray(eddy, dtype=np.float64), samples.shape).copy()
     call = core.forward if direction == "forward" else core.inverse
     found, field, after, status, index = call(samples, ratio, memory, np.array(state))
-    return Record(found, field, State(*np.asarray(after).tolist()), status, index)
+    return Record(found, field, LawState(*np.asarray(after).tolist()), status, index)
 
 
 def forward(
@@ -49,8 +49,8 @@ def forward(
     drive: ArrayLike,
     rho: ArrayLike = 0.0,
     eddy: ArrayLike = 0.0,
-    state: State = DEMAGNETISED,
-) -> tuple[FloatArray, FloatArray, State]:
+    state: LawState = DEMAGNETISED,
+) -> tuple[FloatArray, FloatArray, LawState]:
     """Return what :meth:`Iron.forward` returns, from the core."""
     record = run(core_of(iron), "forward", drive, rho, eddy, state)
     assert record.status == 0, (_core.status_text(record.status), record.sample, iron)
@@ -62,8 +62,8 @@ def inverse(
     b: ArrayLike,
     rho: ArrayLike = 0.0,
     eddy: ArrayLike = 0.0,
-    state: State = DEMAGNETISED,
-) -> tuple[FloatArray, FloatArray, State]:
+    state: LawState = DEMAGNETISED,
+) -> tuple[FloatArray, FloatArray, LawState]:
     """Return what :meth:`Iron.inverse` returns, from the core."""
     record = run(core_of(iron), "inverse", b, rho, eddy, state)
     assert record.status == 0, (_core.status_text(record.status), record.sample, iron)

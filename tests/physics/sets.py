@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from anhyst.laws.oracle.effective_field import StepKind
 from anhyst.laws.oracle.iron import Iron, LawName
-from anhyst.laws.oracle.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 
 
@@ -71,7 +71,7 @@ def random_walk(amplitude: float, samples: int, seed: int) -> FloatArray:
     return np.asarray(amplitude * rng.uniform(-1.0, 1.0, samples) * rng.uniform(0, 1, samples))
 
 
-def wandered(iron: Iron, seed: int) -> State:
+def wandered(iron: Iron, seed: int) -> LawState:
     """Return a state that lies somewhere inside the major loop."""
     rng = np.random.default_rng(seed)
     state = DEMAGNETISED

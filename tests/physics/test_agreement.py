@@ -12,7 +12,7 @@ from anhyst.laws.oracle.equation import solve
 from anhyst.laws.oracle.explicit import ExplicitForm, Scheme
 from anhyst.laws.oracle.iron import Iron, LawName
 from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
-from anhyst.laws.oracle.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 
@@ -95,7 +95,7 @@ def test_closed_form_of_the_linear_law_undoes_the_general_equation() -> None:
         alpha = float(rng.choice([-1.0, 0.9]) * rng.uniform() / k1)
         law = LinearAnhysteretic(k1, float(rng.normal() * k), k, float(rng.uniform()), alpha)
         drive = random_walk(5.0 * k, 20, number)
-        state = State(0.0, law.k2, 0.0)
+        state = LawState(0.0, law.k2, 0.0)
         b0 = MU_0 * (1.0 - alpha) * law.k2
         b = []
         for field in drive.tolist():

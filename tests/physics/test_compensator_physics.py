@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.compensate.block import Limits, Scales, Sizes
+from anhyst.compensate.block import DemandLimits, Scales, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.twin import FixedTwin
 from anhyst.model.parameters import GapMap
@@ -90,7 +90,7 @@ def test_a_demand_too_slow_for_single_codes_loses_nothing(gap_map: GapMap, play:
 def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
     model = ring(play)
     top = float(model.predict([0.0, 150.0], history="demagnetised").output[-1])
-    limits = Limits((-top, top), (-150.0, 150.0))
+    limits = DemandLimits((-top, top), (-150.0, 150.0))
     block = build_full(model, Scales(1.1 * top, 160.0, 0.0, 0.0), limits)
     wanted = np.concatenate(
         [reversals(-0.95 * top, 0.95 * top, 150, 7), np.tile([0.95 * top, -0.95 * top], 50)]
@@ -171,7 +171,9 @@ def test_every_kind_of_iron_is_inverted(a: float, kappa: float, c: float) -> Non
         for gap in (GAPS[-1], GAPS[0])
     )
     scales = Scales(1.2 * high, 1.4, GAPS[0], GAPS[-1])
-    block = build_full(model, scales, Limits((0.0, high), (-1.3, 1.3)), Sizes(iterations=10))
+    block = build_full(
+        model, scales, DemandLimits((0.0, high), (-1.3, 1.3)), TableSizes(iterations=10)
+    )
     first = RESIDUAL + 0.05 * (low - RESIDUAL)
     wanted = np.concatenate(
         [reversals(first, 0.95 * low, 60, 1), np.tile([0.95 * low, first], 60), jumps(low)[400:800]]
@@ -196,7 +198,7 @@ def test_the_strongest_current_that_is_taken_gives_a_sound_block() -> None:
     scales, limits = ranges("reluctance")
     taken = 0
     for current in np.geomspace(0.5, CURRENTS[1], 12).tolist():
-        narrowed = Limits(limits.demand, (-0.4, current))
+        narrowed = DemandLimits(limits.demand, (-0.4, current))
         try:
             block = build_full(model, scales, narrowed)
         except InputError:

@@ -10,7 +10,7 @@ import pytest
 from anhyst import _core
 from anhyst.laws.oracle.effective_field import StepKind
 from anhyst.laws.oracle.iron import Iron, LawName
-from anhyst.laws.oracle.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 
@@ -32,7 +32,7 @@ def settled(case: Case, samples: int) -> tuple[FloatArray, FloatArray]:
         drive, zero, zero, _core.demagnetised(), max_cycles=20000, tol=1e-12
     )
     assert status == 0, case
-    b, h, _ = core.forward(case.iron, drive, state=State(*np.asarray(state).tolist()))
+    b, h, _ = core.forward(case.iron, drive, state=LawState(*np.asarray(state).tolist()))
     return h, b
 
 
@@ -133,7 +133,7 @@ def test_law_is_odd(law: LawName) -> None:
         mirrored_b, mirrored_h, mirrored = core.forward(case.iron, -drive)
         np.testing.assert_array_equal(mirrored_b, -b)
         np.testing.assert_array_equal(mirrored_h, -h)
-        assert mirrored == State(*(-value for value in state))
+        assert mirrored == LawState(*(-value for value in state))
 
 
 def test_laws_agree_without_a_reversible_part() -> None:
@@ -239,7 +239,7 @@ def test_state_that_no_path_reaches_is_refused() -> None:
         [0.0, np.inf, 0.0],
     ):
         assert core_iron.check_state(np.array(state)) != 0
-        assert core.run(core_iron, "forward", [1.0], state=State(*state)).status != 0
+        assert core.run(core_iron, "forward", [1.0], state=LawState(*state)).status != 0
 
 
 def test_every_state_on_a_path_passes_the_check() -> None:

@@ -9,7 +9,7 @@ from anhyst import _core
 from anhyst.laws.oracle.effective_field import StepKind
 from anhyst.laws.oracle.iron import Iron, LawName
 from anhyst.laws.oracle.langevin import langevin, langevin_slope
-from anhyst.laws.oracle.operator import State
+from anhyst.laws.oracle.operator import LawState
 from anhyst.support.units import MU_0
 
 from . import core
@@ -98,6 +98,6 @@ def test_core_settles_where_repeating_the_cycle_leads(size: float) -> None:
         assert compiled.check_state(settled) == 0
         repeats = min(100 * cycles, 3000)
         repeated = core.forward(iron, np.tile(drive, repeats))[2]
-        once_more = core.forward(iron, drive, state=State(*settled.tolist()))[2]
+        once_more = core.forward(iron, drive, state=LawState(*settled.tolist()))[2]
         assert once_more.y == pytest.approx(settled[1], abs=1e-11)
         assert settled[1] == pytest.approx(repeated.y, abs=1e-8), (iron, cycles)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.laws.oracle.iron import Iron
-from anhyst.laws.oracle.operator import State
+from anhyst.laws.oracle.operator import LawState
 
 from .sets import random_cases, sine
 
@@ -17,7 +17,7 @@ NOISE = 0.01
 """Rms of the field noise over ``k``."""
 
 
-def remanent(iron: Iron) -> State:
+def remanent(iron: Iron) -> LawState:
     """Return the state after saturating and going back to zero field."""
     return iron.forward([40.0 * (iron.a + iron.k + iron.r_d), 0.0])[2]
 

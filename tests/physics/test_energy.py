@@ -8,7 +8,7 @@ import pytest
 from anhyst.laws.oracle.effective_field import StepKind
 from anhyst.laws.oracle.iron import Iron, LawName
 from anhyst.laws.oracle.langevin import inverse_langevin_scalar, langevin_slope_scalar
-from anhyst.laws.oracle.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 
@@ -18,7 +18,7 @@ LAWS: tuple[LawName, ...] = ("effective-field", "jiles-atherton-1986")
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
-def settle(iron: Iron, drive: FloatArray, cycles: int = 60) -> State:
+def settle(iron: Iron, drive: FloatArray, cycles: int = 60) -> LawState:
     """Repeat a cycle until the irreversible part comes back to itself."""
     state = DEMAGNETISED
     for _ in range(cycles):
@@ -29,7 +29,7 @@ def settle(iron: Iron, drive: FloatArray, cycles: int = 60) -> State:
     return state
 
 
-def heat_rates(iron: Iron, state: State, x1: float) -> FloatArray:
+def heat_rates(iron: Iron, state: LawState, x1: float) -> FloatArray:
     """Return the heat per distance at quadrature nodes of a straight path, over ``mu0*M_s*a``.
 
     It is the way from the anhysteretic curve at the same irreversible part to the field, times what
@@ -122,7 +122,7 @@ def test_law_is_odd(law: LawName) -> None:
         mirrored_b, mirrored_h, mirrored = case.iron.forward(-drive)
         np.testing.assert_array_equal(mirrored_b, -b)
         np.testing.assert_array_equal(mirrored_h, -h)
-        assert mirrored == State(*(-value for value in state))
+        assert mirrored == LawState(*(-value for value in state))
 
 
 @pytest.mark.parametrize("jumping", [False, True])

@@ -13,7 +13,7 @@ from anhyst.laws.oracle.effective_field import EffectiveField
 from anhyst.laws.oracle.iron import LawName
 from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
 from anhyst.laws.oracle.langevin import langevin_scalar, langevin_slope_scalar
-from anhyst.laws.oracle.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 
 from .sets import random_cases, random_walk, sine, virgin_fold, wandered
@@ -190,4 +190,4 @@ def test_play_moves_only_when_pushed() -> None:
     pushed = law.step(DEMAGNETISED, 1.0).state
     assert pushed.p == pytest.approx(0.7)
     back = law.step(pushed, 0.45).state
-    assert back == State(0.45, pushed.y, pushed.p)
+    assert back == LawState(0.45, pushed.y, pushed.p)

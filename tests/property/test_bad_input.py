@@ -16,7 +16,7 @@ from anhyst.data import read_columns
 from anhyst.data.clean import STEPS, clean
 from anhyst.data.inspection import inspect
 from anhyst.data.reading import read_loops
-from anhyst.data.sidecar import Reading
+from anhyst.data.sidecar import FileDescription
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty, ValidRange
@@ -132,7 +132,7 @@ def wash(path: Path) -> None:
 
 
 def describe(path: Path) -> None:
-    Reading.from_toml(path)
+    FileDescription.from_toml(path)
 
 
 def model_of_everything() -> str:

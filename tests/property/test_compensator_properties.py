@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import Block, Kind, Limits, Scales
+from anhyst.compensate.block import Block, DemandLimits, Kind, Scales
 from anhyst.compensate.full import build_full
 from anhyst.compensate.twin import FixedTwin
 from anhyst.model.parameters import GapMap
@@ -164,7 +164,7 @@ def test_any_demand_within_the_limits_is_met(
 @pytest.fixture(scope="module")
 def flux_block() -> Block:
     top = float(ring().predict([0.0, 150.0], history="demagnetised").output[-1])
-    limits = Limits((-top, top), (-150.0, 150.0))
+    limits = DemandLimits((-top, top), (-150.0, 150.0))
     return build_full(ring(), Scales(1.1 * top, 160.0, 0.0, 0.0), limits)
 
 

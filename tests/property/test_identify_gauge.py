@@ -13,8 +13,8 @@ from anhyst.data.history import DEMAGNETISED
 from anhyst.identify.fit_records import FitRecord, FitRecords
 from anhyst.identify.gauge import AIR_CORE, form_of, physical
 from anhyst.identify.objective import Objective
-from anhyst.identify.response import Form, Local
-from anhyst.identify.space import Space
+from anhyst.identify.response import Local, ResponseForm
+from anhyst.identify.space import CoordinateSpace
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
@@ -79,16 +79,16 @@ def reluctance_scales(sets: list[Local]) -> list[Local]:
     return [replace(one, scale=sets[0].scale / (1.0 - one.h * one.omega)) for one in sets]
 
 
-def fitted(space: Space, sets: list[Local]) -> list[FloatArray]:
+def fitted(space: CoordinateSpace, sets: list[Local]) -> list[FloatArray]:
     return list(np.split(Objective(space).outputs(sets), len(sets)))
 
 
-def space_of(form: Form, gap_map: GapMap, count: int) -> Space:
+def space_of(form: ResponseForm, gap_map: GapMap, count: int) -> CoordinateSpace:
     drives = tuple(
         FitRecord(str(gap), gap, np.empty(0), PATH, PATH, settled=False, weight=1.0)
         for gap in range(count)
     )
-    return Space(gap_map, FitRecords(drives, np.array(GAPS[:count]), 1.0, 1.0), form)
+    return CoordinateSpace(gap_map, FitRecords(drives, np.array(GAPS[:count]), 1.0, 1.0), form)
 
 
 def model_of(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anhyst.compensate.block import Block, Limits, Sizes
+from anhyst.compensate.block import Block, DemandLimits, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_simplified
 from anhyst.model.actuator import ActuatorModel
@@ -30,7 +30,7 @@ from tests.swaps import apart, jump
 MAPS = st.sampled_from(["reluctance", "circuit"])
 """With ``circuit`` the flux arm is negative."""
 
-FULL_SIZES = Sizes(iterations=10)
+FULL_SIZES = TableSizes(iterations=10)
 ACCURACY = 3e-4
 """Of full scale: formats, tables and searches of both blocks."""
 
@@ -59,7 +59,7 @@ def block_of(gap_map: GapMap, model: ActuatorModel, reach: float) -> Block:
     """Return a block for the signals of the magnet whose current ends at a part of its range."""
     scales, limits = ranges(gap_map, PLAY)
     low, high = limits.current
-    narrow = Limits(limits.demand, (reach * low, reach * high))
+    narrow = DemandLimits(limits.demand, (reach * low, reach * high))
     return build_full(model, scales, narrow, FULL_SIZES)
 
 

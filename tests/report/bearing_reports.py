@@ -11,23 +11,23 @@ import numpy as np
 
 from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerTable, read_controller
-from anhyst.report.bearing import Subject
+from anhyst.report.bearing import SimulationSubject
 from anhyst.report.bearing.force_current import LoopCurve
 from anhyst.report.bearing.over_frequency import Response
 from anhyst.report.bearing.over_runs import (
     BenefitCell,
-    Candidate,
+    GainsPoint,
     Spread,
-    Tuning,
+    TuningPicture,
 )
 from anhyst.report.bearing.over_time import StepPanel
-from anhyst.report.bearing.subject import Comparison, Tracking, grouped
+from anhyst.report.bearing.subject import FigureTable, Tracking, grouped
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.recording import COLUMNS, Recording
-from anhyst.rig.bearing.scenario import Step
+from anhyst.rig.bearing.scenario import ReferenceStep
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.metrics import Interval, no_mean
-from anhyst.study.bearing.responses import Cell
+from anhyst.study.bearing.responses import StepCell
 from anhyst.support.page.blocks import Items, Note
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -77,9 +77,9 @@ def response(overshoot: float, seed: int) -> Recording:
     return Recording(table)
 
 
-def cells() -> list[Cell]:
+def cells() -> list[StepCell]:
     return [
-        Cell(
+        StepCell(
             name,
             GAP,
             height,
@@ -110,9 +110,9 @@ def runs() -> dict[MethodName, Recording]:
 
 
 @cache
-def subject() -> Subject:
+def subject() -> SimulationSubject:
     """Everything that a report can hold."""
-    step = Step(BEGIN, 800, GAP + HEIGHT / 2, GAP - HEIGHT / 2)
+    step = ReferenceStep(BEGIN, 800, GAP + HEIGHT / 2, GAP - HEIGHT / 2)
     overshoot = {name: Interval(*OVERSHOOT[name][0], 20) for name in SHOWN}
     current = np.concatenate([np.linspace(0.0, 4.0, 40), np.linspace(4.0, 0.0, 40)])
     benefit = tuple(
@@ -127,10 +127,13 @@ def subject() -> Subject:
         for height in (10e-6, 50e-6)
         for outcome in (("gain" if ratio < 0.95 else "no gain"),)
     )
-    chosen = Candidate("full", 5.5e-3, 2.125, kept=True)
-    others = (Candidate("full", 4e-3, 3.5, kept=True), Candidate("full", math.inf, 1.2, kept=False))
+    chosen = GainsPoint("full", 5.5e-3, 2.125, kept=True)
+    others = (
+        GainsPoint("full", 4e-3, 3.5, kept=True),
+        GainsPoint("full", math.inf, 1.2, kept=False),
+    )
     margins = Margins(True, 0.31, 3.7, 41.5, 1.2e-4, 392.0, 1.82, 650.0)
-    return Subject(
+    return SimulationSubject(
         rig=rig(),
         controller=controller(),
         seeds=20,
@@ -150,7 +153,7 @@ def subject() -> Subject:
         margins={"full": margins},
         tables={
             "standstill": (
-                Comparison(
+                FigureTable(
                     "Standstill <rms>",
                     "nm",
                     1e9,
@@ -162,7 +165,7 @@ def subject() -> Subject:
         benefit=benefit,
         drift=(Spread("overshoot (%)", {"full": np.arange(1.0, 101.0)}),),
         plants=100,
-        tuning=Tuning((chosen, *others), {"full": chosen}, 6e-3, 3.0),
+        tuning=TuningPicture((chosen, *others), {"full": chosen}, 6e-3, 3.0),
         notes=(Note("warn", "Note", "noise <b>was</b> added"),),
         files={"rig.toml": "ab" * 32},
         command="anhyst simulate rig.toml --out run.csv",

@@ -16,13 +16,13 @@ from matplotlib.figure import Figure
 from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.data.loop_set import Loop, LoopSet
-from anhyst.report.bearing import Subject
+from anhyst.report.bearing import SimulationSubject
 from anhyst.report.bearing.block_diagram import figure_structure
 from anhyst.report.bearing.force_current import LoopCurve, figure_force_current, nearest_loops
 from anhyst.report.bearing.look import COLOURS, DASHES, MOST_POINTS, thinned
 from anhyst.report.bearing.over_frequency import figure_sensitivity
 from anhyst.report.bearing.over_runs import (
-    Candidate,
+    GainsPoint,
     Outcome,
     Spread,
     figure_benefit,
@@ -57,7 +57,7 @@ def _controller() -> ControllerTable:
 
 
 @pytest.fixture(scope="module", name="subject")
-def _subject() -> Subject:
+def _subject() -> SimulationSubject:
     return bearing_reports.subject()
 
 
@@ -190,7 +190,9 @@ def test_variants_are_told_apart_by_colour_or_by_dash(sight: str) -> None:
         assert apart > (20.0 if DASHES[one] == DASHES[two] else 8.0), (one, two, apart)
 
 
-def test_steps_show_reference_and_every_variant_with_its_overshoot(subject: Subject) -> None:
+def test_steps_show_reference_and_every_variant_with_its_overshoot(
+    subject: SimulationSubject,
+) -> None:
     ax, below = figure_steps(subject.panels).axes
     labels = [str(line.get_label()) for line in ax.lines]
     assert labels == [
@@ -247,7 +249,7 @@ def test_loops_are_drawn_less_their_curve_too(runs: dict[MethodName, Recording])
 
 
 def test_the_second_panel_of_the_plane_holds_the_whole_run(
-    runs: dict[MethodName, Recording], subject: Subject
+    runs: dict[MethodName, Recording], subject: SimulationSubject
 ) -> None:
     _, near, _ = figure_force_current(runs, subject.measured, subject.identified).axes
     low, high = near.get_xlim()
@@ -272,7 +274,7 @@ def test_sensitivities_beyond_the_figure_widen_it() -> None:
     assert ax.get_ylim()[1] > 20.0 * math.log10(40.0)
 
 
-def test_cells_without_a_certain_gain_are_hatched(subject: Subject) -> None:
+def test_cells_without_a_certain_gain_are_hatched(subject: SimulationSubject) -> None:
     figure = figure_benefit(subject.benefit, "full")
     maps = [ax for ax in figure.axes if ax.get_title(loc="left")]
     hatched = {ax.get_title(loc="left"): len(ax.patches) for ax in maps}
@@ -290,7 +292,7 @@ def test_cells_without_a_certain_gain_are_hatched(subject: Subject) -> None:
     )
 
 
-def test_every_outcome_but_a_gain_has_a_hatch_of_its_own(subject: Subject) -> None:
+def test_every_outcome_but_a_gain_has_a_hatch_of_its_own(subject: SimulationSubject) -> None:
     outcomes: tuple[Outcome, ...] = ("gain", "no gain", "nothing to gain", "loss")
     cells = [
         replace(subject.benefit[0], reversible=0.1 * place, outcome=outcome)
@@ -308,7 +310,7 @@ def test_every_outcome_but_a_gain_has_a_hatch_of_its_own(subject: Subject) -> No
 def test_nothing_on_the_front_is_beaten() -> None:
     rng = np.random.default_rng(5)
     tried = [
-        Candidate("full", settling, peak, kept=True)
+        GainsPoint("full", settling, peak, kept=True)
         for settling, peak in rng.uniform(1.0, 2.0, (200, 2)).tolist()
     ]
     front = pareto_front(tried)
@@ -324,7 +326,7 @@ def test_nothing_on_the_front_is_beaten() -> None:
 
 
 def test_the_pareto_picture_shows_what_was_chosen_and_leaves_out_what_never_settles(
-    subject: Subject,
+    subject: SimulationSubject,
 ) -> None:
     assert subject.tuning is not None
     (ax,) = figure_pareto(subject.tuning).axes
@@ -333,7 +335,7 @@ def test_the_pareto_picture_shows_what_was_chosen_and_leaves_out_what_never_sett
     assert sum(np.asarray(points.get_offsets()).shape[0] for points in ax.collections) == 2
 
 
-def test_plants_that_were_lost_stay_below_nothing(subject: Subject) -> None:
+def test_plants_that_were_lost_stay_below_nothing(subject: SimulationSubject) -> None:
     values = np.array([*range(1, 91), *[math.inf] * 10], dtype=np.float64)
     (ax,) = figure_drift([Spread("overshoot (%)", {"full": values})]).axes
     shares = np.asarray(ax.lines[0].get_ydata())

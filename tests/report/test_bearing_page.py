@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.report.bearing import Subject, write_simulation_report
+from anhyst.report.bearing import SimulationSubject, write_simulation_report
 from anhyst.report.bearing.look import COLOURS, interval_text
 from anhyst.report.bearing.page import render
 from anhyst.report.bearing.subject import grouped
@@ -41,12 +41,12 @@ def _controller() -> ControllerTable:
 
 
 @pytest.fixture(scope="module", name="subject")
-def _subject() -> Subject:
+def _subject() -> SimulationSubject:
     return bearing_reports.subject()
 
 
 @pytest.fixture(scope="module")
-def html(subject: Subject, tmp_path_factory: pytest.TempPathFactory) -> str:
+def html(subject: SimulationSubject, tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("report") / "report.html"
     write_simulation_report(path, subject)
     return path.read_text(encoding="utf-8")
@@ -65,7 +65,7 @@ def test_every_part_has_its_section_in_order(page: Page) -> None:
 
 
 def test_absent_parts_have_no_section(rig: BearingRig, controller: ControllerTable) -> None:
-    bare = Page(render(Subject(rig, controller, seeds=20)))
+    bare = Page(render(SimulationSubject(rig, controller, seeds=20)))
     assert bare.sections() == ["structure", "origin"]
 
 
@@ -92,11 +92,11 @@ def test_the_page_is_well_formed_with_figures_told_in_words(html: str, page: Pag
         assert ET.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"
 
 
-def test_the_same_subject_gives_the_same_bytes(html: str, subject: Subject) -> None:
+def test_the_same_subject_gives_the_same_bytes(html: str, subject: SimulationSubject) -> None:
     assert render(subject) == html
 
 
-def every_variant(subject: Subject) -> Subject:
+def every_variant(subject: SimulationSubject) -> SimulationSubject:
     """Steps at three gaps with every variant, and remarks beside many of them."""
     (one,) = (cell for cell in cells() if cell.variant == "full" and cell.height == 10e-6)
     noise = {**one.figures, "noise_percent": Interval(20.0, 0.05, 20)}
@@ -109,14 +109,14 @@ def every_variant(subject: Subject) -> Subject:
     return replace(subject, steps=grouped(steps))
 
 
-def test_tables_with_every_variant_wrap_and_narrow_ones_do_not(subject: Subject) -> None:
+def test_tables_with_every_variant_wrap_and_narrow_ones_do_not(subject: SimulationSubject) -> None:
     page = Page(render(every_variant(subject)))
     tables = [str(given.get("class")) for tag, given in page.tags if tag == "figure"]
     assert tables.count("table wide") >= 3
     assert tables.count("table") >= 3
 
 
-def test_a_browser_shows_every_table_whole(subject: Subject, tmp_path: Path) -> None:
+def test_a_browser_shows_every_table_whole(subject: SimulationSubject, tmp_path: Path) -> None:
     chromium = shutil.which("chromium")
     if chromium is None:
         pytest.skip("chromium is missing: apt install chromium")
@@ -174,7 +174,9 @@ def test_every_percentage_names_its_baseline(page: Page) -> None:
     assert "60 % less +2.1 points" in text  # against ratio, in the table below
 
 
-def test_the_tiles_name_the_strongest_baseline_and_measured_flux(subject: Subject) -> None:
+def test_the_tiles_name_the_strongest_baseline_and_measured_flux(
+    subject: SimulationSubject,
+) -> None:
     flux = [replace(cell, variant="flux") for cell in cells() if cell.variant == "full"]
     with_flux = replace(subject, steps=grouped([*cells(), *flux]))
     text = Page(render(with_flux)).text.replace("\N{NO-BREAK SPACE}", " ")
@@ -226,7 +228,7 @@ def test_zones_follow_the_peak(page: Page) -> None:
     assert "ratio: peak 4.40, zone C; single-valued: peak 2.00, zone A" in page.text
 
 
-def test_lost_levitation_is_told_first(subject: Subject) -> None:
+def test_lost_levitation_is_told_first(subject: SimulationSubject) -> None:
     fallen = [
         replace(cell, figures={}, lost=7) if cell.variant == "ratio" else cell for cell in cells()
     ]
@@ -237,7 +239,7 @@ def test_lost_levitation_is_told_first(subject: Subject) -> None:
     assert "nan" not in text
 
 
-def test_an_overshoot_that_is_noise_is_marked(subject: Subject) -> None:
+def test_an_overshoot_that_is_noise_is_marked(subject: SimulationSubject) -> None:
     same = Interval(OVERSHOOT["full"][1][0], 0.3, 20)
     noisy = [
         replace(cell, figures={**cell.figures, "noise_percent": same})
@@ -251,7 +253,9 @@ def test_an_overshoot_that_is_noise_is_marked(subject: Subject) -> None:
     assert "24.75 ± 0.30 7.12 ± 0.30 7.25 ± 0.25 ≤ noise" in text
 
 
-def test_no_difference_within_the_noise_of_a_standstill_is_certain(subject: Subject) -> None:
+def test_no_difference_within_the_noise_of_a_standstill_is_certain(
+    subject: SimulationSubject,
+) -> None:
     loud = Interval(2.5, 0.05, 20)
     noisy = [
         replace(cell, figures={**cell.figures, "noise_percent": loud})

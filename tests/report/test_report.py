@@ -26,7 +26,7 @@ from anhyst.report.model.figures import figure_between, figure_differences, figu
 from anhyst.report.model.headline import headline
 from anhyst.report.model.page import subject_of
 from anhyst.report.model.sections_model import section_gap_map
-from anhyst.report.model.subject import Subject
+from anhyst.report.model.subject import ModelSubject
 from anhyst.support.errors import InputError
 from anhyst.support.page.style import svg_text, write_png
 from anhyst.support.units import QUANTITIES, Quantity
@@ -146,7 +146,7 @@ def page(html: str) -> Page:
 
 
 @pytest.fixture(scope="module")
-def subject(folder: Path, html: str) -> Subject:
+def subject(folder: Path, html: str) -> ModelSubject:
     assert html
     return subject_of(magnet(folder), folder)
 
@@ -196,7 +196,7 @@ def test_every_figure_says_in_words_what_it_shows(page: Page) -> None:
     assert all(given["aria-hidden"] == "true" for given in pictures)
 
 
-def test_hysteresis_is_drawn_by_itself(subject: Subject) -> None:
+def test_hysteresis_is_drawn_by_itself(subject: ModelSubject) -> None:
     evidence = subject.evidence
     assert evidence is not None
     figure = figure_differences(evidence.loops, evidence.fitted, evidence.baseline)
@@ -305,7 +305,7 @@ def test_a_model_that_fails_over_the_gap_says_so_loudly(tmp_path: Path) -> None:
     assert "FAILED at" in text
 
 
-def test_a_gap_that_cannot_be_computed_is_marked(subject: Subject) -> None:
+def test_a_gap_that_cannot_be_computed_is_marked(subject: ModelSubject) -> None:
     check = subject.check
     assert check is not None
     output = check.output.copy()
@@ -317,7 +317,7 @@ def test_a_gap_that_cannot_be_computed_is_marked(subject: Subject) -> None:
     assert "no root" in headline(replace(subject, check=stuck)).notes[0].text
 
 
-def test_figures_of_an_edited_model_are_computed_anew(subject: Subject, folder: Path) -> None:
+def test_figures_of_an_edited_model_are_computed_anew(subject: ModelSubject, folder: Path) -> None:
     model = subject.model
     edited = replace(model, parameters={**model.parameters, "c_out": 70.0})
     fresh = subject_of(edited, folder)
@@ -328,7 +328,9 @@ def test_figures_of_an_edited_model_are_computed_anew(subject: Subject, folder: 
     assert subject.warnings == ()
 
 
-def test_a_model_worse_than_a_curve_without_memory_says_so(subject: Subject, folder: Path) -> None:
+def test_a_model_worse_than_a_curve_without_memory_says_so(
+    subject: ModelSubject, folder: Path
+) -> None:
     poor = replace(subject.model, parameters={**subject.model.parameters, "c_out": 90.0})
     head = headline(subject_of(poor, folder))
     assert head.notes[0].tone == "bad"
@@ -339,7 +341,9 @@ def test_a_model_worse_than_a_curve_without_memory_says_so(subject: Subject, fol
 @pytest.mark.parametrize(
     ("level", "title"), [("yes", "Worth it"), ("little", "Gains little"), ("no", "Hardly worth it")]
 )
-def test_the_verdict_is_that_of_the_measurement(subject: Subject, level: Level, title: str) -> None:
+def test_the_verdict_is_that_of_the_measurement(
+    subject: ModelSubject, level: Level, title: str
+) -> None:
     assert subject.evidence is not None
     judged = replace(subject.evidence.verdict, level=level)
     reported = headline(replace(subject, evidence=replace(subject.evidence, verdict=judged))).notes[
@@ -351,7 +355,7 @@ def test_the_verdict_is_that_of_the_measurement(subject: Subject, level: Level, 
 
 
 def test_a_model_that_cannot_be_run_over_its_loops_is_still_reported(
-    subject: Subject, folder: Path
+    subject: ModelSubject, folder: Path
 ) -> None:
     eddy = replace(subject.model, parameters={**subject.model.parameters, "gamma": 1.0})
     found = subject_of(eddy, folder)  # the file has no time column
@@ -393,7 +397,7 @@ def test_a_bare_model_can_be_reported(tmp_path: Path) -> None:
     assert "does not say which measurements" in warnings[0]
 
 
-def test_left_out_errors_that_are_not_finite_are_told_in_words(subject: Subject) -> None:
+def test_left_out_errors_that_are_not_finite_are_told_in_words(subject: ModelSubject) -> None:
     assert subject.model.fit is not None
     fit = replace(subject.model.fit, left_out={"scaling": 0.004, "free": float("inf")})
     section = section_gap_map(replace(subject, model=replace(subject.model, fit=fit)))
@@ -408,7 +412,7 @@ def test_a_report_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["model.toml"]
 
 
-def test_plots_are_written_as_pictures(subject: Subject, tmp_path: Path) -> None:
+def test_plots_are_written_as_pictures(subject: ModelSubject, tmp_path: Path) -> None:
     evidence = subject.evidence
     assert evidence is not None
     found = write_plots(subject.model, evidence.loops, evidence.fitted, tmp_path / "demo")
@@ -419,7 +423,7 @@ def test_plots_are_written_as_pictures(subject: Subject, tmp_path: Path) -> None
     assert (tmp_path / "again.png").read_bytes() == found[1].read_bytes()
 
 
-def test_fit_figures_of_a_perfect_model_do_not_divide_by_zero(subject: Subject) -> None:
+def test_fit_figures_of_a_perfect_model_do_not_divide_by_zero(subject: ModelSubject) -> None:
     none = FitFigures(0.0, 0.0, 0.0, 0.0)
     head = headline(replace(subject, fit=none, evidence=None))
     assert [tile.figure for tile in head.tiles] == ["0\xa0N"] * 3

@@ -20,7 +20,7 @@ from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import flux_table
 from anhyst.rig.bearing.recording import HOVER, READY, Recording
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import DisturbanceTable, ModelTable
+from anhyst.rig.bearing.tables import DisturbanceTable, MagnetModelTable
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.variations import changed
 from tests.study import bearings
@@ -170,13 +170,13 @@ def law(tmp_path: Path) -> BearingRig:
     current, gap = np.meshgrid(table.current, table.gap)
     columns = {"I_A": current.ravel(), "gap_m": gap.ravel(), "psi_Wb": table.psi.ravel()}
     write_csv(tmp_path / "flux.csv", columns)
-    model = ModelTable(file="model.toml")
+    model = MagnetModelTable(file="model.toml")
     rig = changed(bearings.example(), {"magnet.force": "model", "magnet.model": model})
     return replace(rig, path=tmp_path / "rig.toml")
 
 
 def with_table(rig: BearingRig) -> BearingRig:
-    table = ModelTable(file="model.toml", flux_table="flux.csv")
+    table = MagnetModelTable(file="model.toml", flux_table="flux.csv")
     return changed(rig, {"magnet.model": table, "magnet.iron": None})
 
 

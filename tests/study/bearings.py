@@ -11,7 +11,7 @@ import numpy as np
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, ControllerTable, read_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.recording import HOVER, Recording
@@ -97,11 +97,11 @@ def lifted(setup: Setup, gap: float = GAP) -> Script:
 
 
 def run(setup: Setup, scenario: Scenario, seed: int = 0) -> Recording:
-    return Loop(setup, seed).run(scenario)
+    return SimulatedLoop(setup, seed).run(scenario)
 
 
 def run_plant(setup: Setup, script: Script, seed: int = 0) -> Recording:
-    return Loop(setup, seed).run(script.build())
+    return SimulatedLoop(setup, seed).run(script.build())
 
 
 def hovers_from(recording: Recording) -> int | None:

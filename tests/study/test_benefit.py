@@ -13,7 +13,7 @@ from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.reversal import reversal_share
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.study.bearing.benefit import BASELINES, Benefit, Cell, Comparison, benefit
+from anhyst.study.bearing.benefit import BASELINES, Benefit, Comparison, MapCell, benefit
 from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.ratio import quotient
@@ -39,7 +39,7 @@ def found(rig: BearingRig, controller: ControllerFile) -> Benefit:
     return benefit(rig, controller, (1.0, 2.0), (0.05, 0.3), HEIGHTS, seeds=3)
 
 
-def cell(found: Benefit, scale: float, fraction: float, height: float) -> Cell:
+def cell(found: Benefit, scale: float, fraction: float, height: float) -> MapCell:
     (one,) = (
         cell
         for cell in found.cells

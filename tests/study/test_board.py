@@ -12,8 +12,8 @@ from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import Refused
 from anhyst.link.frames import DemandRequest, Reason, Signal, StatusAnswer, TargetRequest
 from anhyst.link.recorder import read_recording, start_recording
-from anhyst.rig.bearing.board import BearingPlant, FirmwareRun, firmware_run
-from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware, firmware_run
+from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.scenario import DROP, Script, land_time
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.force.session import BOARDS
@@ -64,7 +64,7 @@ def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def running(firmware: Path) -> Iterator[FirmwareRun]:
+def running(firmware: Path) -> Iterator[LevitatingFirmware]:
     with firmware_run(firmware, BearingPlant(bearings.single()), "host") as started:
         yield started
 
@@ -76,16 +76,16 @@ def hop(setup: Setup) -> Script:
     return script.command(Command.LAND).hold(land_time(setup.rig, setup.controller))
 
 
-def hover(running: FirmwareRun) -> None:
+def hover(running: LevitatingFirmware) -> None:
     script = bearings.lifted(bearings.single())
     running.run(script.build())
     assert Phase(running.link.status().codes.phase) is Phase.HOVER
 
 
-def test_the_firmware_does_what_the_simulation_does(running: FirmwareRun) -> None:
+def test_the_firmware_does_what_the_simulation_does(running: LevitatingFirmware) -> None:
     setup = bearings.single()
     scenario = hop(setup).build()
-    simulated = Loop(setup).run(scenario)
+    simulated = SimulatedLoop(setup).run(scenario)
     recorded = running.run(scenario)
     assert count_differences(simulated, recorded) == 0
     assert (recorded[:, 1] == simulated["gap_m"]).all()
@@ -94,10 +94,10 @@ def test_the_firmware_does_what_the_simulation_does(running: FirmwareRun) -> Non
     assert recorded[-1, 1] > setup.rig.settings.mechanics.stop_high_m - 1e-6
 
 
-def test_another_run_differs_from_it(running: FirmwareRun) -> None:
+def test_another_run_differs_from_it(running: LevitatingFirmware) -> None:
     setup = bearings.single()
     scenario = bearings.lifted(setup).build()
-    other = Loop(setup, seed=1).run(scenario)
+    other = SimulatedLoop(setup, seed=1).run(scenario)
     assert count_differences(other, running.run(scenario)) > 100
 
 
@@ -136,7 +136,7 @@ def test_a_million_ticks_differ_in_none(firmware: Path) -> None:
         for gap, load in ((0.41e-3, 130.0), (0.49e-3, 165.0), (0.45e-3, 150.0)):
             script.set_load(load).step(gap, 0.1)
     scenario = script.command(Command.LAND).hold(landing * setup.rig.dt).build()
-    simulated = Loop(setup).run(scenario)
+    simulated = SimulatedLoop(setup).run(scenario)
     with firmware_run(firmware, BearingPlant(setup), "host") as started:
         recorded = started.run(scenario)
         assert started.state is State.READY
@@ -163,7 +163,7 @@ def test_a_pair_flies_the_same(tmp_path: Path, measured: bool) -> None:
     setup, program = build_firmware(rig, file, bearings.knowledge(), "host", tmp_path)
     script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).step(GAP, 0.02)
     scenario = script.command(Command.LAND).hold(land_time(rig, table)).build()
-    simulated = Loop(setup).run(scenario)
+    simulated = SimulatedLoop(setup).run(scenario)
     with firmware_run(program, BearingPlant(setup), "host") as started:
         assert started.link.info.magnets == 2
         recorded = started.run(scenario)
@@ -172,7 +172,7 @@ def test_a_pair_flies_the_same(tmp_path: Path, measured: bool) -> None:
     assert count_differences(simulated, recorded) == 0
 
 
-def test_the_recorder_follows_position_reference_and_phase(running: FirmwareRun) -> None:
+def test_the_recorder_follows_position_reference_and_phase(running: LevitatingFirmware) -> None:
     wanted = (Signal.POSITION, Signal.REFERENCE, Signal.PHASE, Signal.DRIVE)
     hover(running)
     running.aim(GAP - 20e-6)
@@ -187,7 +187,7 @@ def test_the_recorder_follows_position_reference_and_phase(running: FirmwareRun)
     assert len(set(drive)) > 10
 
 
-def test_targets_stay_within_the_positions_that_can_be(running: FirmwareRun) -> None:
+def test_targets_stay_within_the_positions_that_can_be(running: LevitatingFirmware) -> None:
     for code, allowed in ((0, True), (1 << 30, True), ((1 << 31) - 1, False), (-(1 << 31), False)):
         if allowed:
             running.link.request(TargetRequest(code), StatusAnswer)
@@ -197,7 +197,7 @@ def test_targets_stay_within_the_positions_that_can_be(running: FirmwareRun) -> 
         assert refused.value.reason is Reason.VALUE
 
 
-def test_a_position_has_no_demand_and_levitation_no_run(running: FirmwareRun) -> None:
+def test_a_position_has_no_demand_and_levitation_no_run(running: LevitatingFirmware) -> None:
     with pytest.raises(Refused) as refused:
         running.link.request(DemandRequest(5), StatusAnswer)
     assert refused.value.reason is Reason.TYPE
@@ -209,7 +209,7 @@ def test_a_position_has_no_demand_and_levitation_no_run(running: FirmwareRun) ->
     assert refused.value.reason is Reason.VALUE
 
 
-def test_the_pc_may_come_and_go_on_the_ground_alone(running: FirmwareRun) -> None:
+def test_the_pc_may_come_and_go_on_the_ground_alone(running: LevitatingFirmware) -> None:
     for _ in range(5000):
         running.tick(beats=False)
     assert running.state is not State.FAULT

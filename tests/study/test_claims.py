@@ -10,9 +10,9 @@ import pytest
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing import responses
-from anhyst.study.bearing.experiments import Outcome, Trial, of_all, stand_still
+from anhyst.study.bearing.experiments import ExperimentOutcome, ExperimentTrial, of_all, stand_still
 from anhyst.study.bearing.limit_cycle import LimitCycle
-from anhyst.study.bearing.responses import Cell, Run, StepResult, compare
+from anhyst.study.bearing.responses import StepCell, StepResult, StepRun, compare
 from tests.study import bearings
 from tests.study.bearings import GAP
 
@@ -21,7 +21,7 @@ SEEDS = range(3)
 
 
 @cache
-def cells(variant: MethodName, number_format: NumberFormat, fraction: float) -> list[Cell]:
+def cells(variant: MethodName, number_format: NumberFormat, fraction: float) -> list[StepCell]:
     setup = bearings.single(variant, number_format, fraction)
     found = compare([setup], [GAP], HEIGHTS, [150.0], SEEDS, jobs=1)
     assert [cell.height for cell in found] == list(HEIGHTS)
@@ -62,7 +62,7 @@ def quiet(setup: Setup) -> Setup:
 
 def standstill(setup: Setup) -> float:
     """Mean rms over the seeds, m; no limit cycle in any."""
-    found = [stand_still(Trial(setup, seed)) for seed in SEEDS]
+    found = [stand_still(ExperimentTrial(setup, seed)) for seed in SEEDS]
     assert not any(one.lost for one in found)
     assert [one.cycles for one in found] == [()] * len(SEEDS)
     return float(np.mean([one.figures["rms_m"] for one in found]))
@@ -83,8 +83,8 @@ def test_what_overshoots_is_told_from_what_only_moves_about() -> None:
     )
 
 
-def falls_once(trial: Trial) -> Outcome:
-    return Outcome({"rms_m": 1.0}, trial.seed == 1)
+def falls_once(trial: ExperimentTrial) -> ExperimentOutcome:
+    return ExperimentOutcome({"rms_m": 1.0}, trial.seed == 1)
 
 
 def test_where_a_run_is_lost_there_is_no_mean_of_the_others(
@@ -95,7 +95,7 @@ def test_where_a_run_is_lost_there_is_no_mean_of_the_others(
     assert found == {"ratio": {"lost": 1, "runs": len(SEEDS)}}
     real = responses.run_steps
 
-    def but_once(run: Run) -> tuple[list[StepResult], float | None]:
+    def but_once(run: StepRun) -> tuple[list[StepResult], float | None]:
         return ([], 0.7) if run.seed == 1 else real(run)
 
     monkeypatch.setattr(responses, "run_steps", but_once)
@@ -106,14 +106,14 @@ def test_where_a_run_is_lost_there_is_no_mean_of_the_others(
     assert set(row) == {"variant", "gap_m", "height_m", "load_N", "lost", "runs"}
 
 
-def cycles_twice(trial: Trial) -> Outcome:
+def cycles_twice(trial: ExperimentTrial) -> ExperimentOutcome:
     cycles = (LimitCycle(100e-9, 8e-3, 0.8), LimitCycle(60e-9, 10e-3, 0.7))
-    return Outcome({"rms_m": 1.0}, False, cycles[trial.seed : trial.seed + 1])
+    return ExperimentOutcome({"rms_m": 1.0}, False, cycles[trial.seed : trial.seed + 1])
 
 
-def rests(trial: Trial) -> Outcome:
+def rests(trial: ExperimentTrial) -> ExperimentOutcome:
     del trial
-    return Outcome({"rms_m": 1.0}, False, ())
+    return ExperimentOutcome({"rms_m": 1.0}, False, ())
 
 
 def test_a_limit_cycle_is_told_by_its_runs_and_not_by_a_mean_with_zeros() -> None:

@@ -15,7 +15,7 @@ from anhyst.cli.app import main
 from anhyst.cli.force_control import _show as show_terminal
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
-from anhyst.compensate.plan import Request, make_plan
+from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.link.firmware import build
 from anhyst.model.file import read_model
 from anhyst.report.force.figures import draw, figure_constant_gap, figure_moving, figure_positions
@@ -25,7 +25,7 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import Program, Session, ticks_that_differ
 from anhyst.rig.force.session import run_firmware
 from anhyst.study.force.force_control import ForceControl, force_control
-from anhyst.study.force.trials import Outcome
+from anhyst.study.force.trials import ForceOutcome
 from anhyst.study.force.verdict import verdict
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
@@ -152,7 +152,7 @@ def test_the_verdict_follows_the_errors(full: tuple[float, float], level: str) -
 
 def test_errors_are_drawn_under_every_force(run: ForceControl, small: Path) -> None:
     rig = read_rig(small)
-    by_stage: dict[str, list[Outcome]] = {}
+    by_stage: dict[str, list[ForceOutcome]] = {}
     for outcome in run.outcomes:
         by_stage.setdefault(outcome.trial.stage, []).append(outcome)
     for figure_of, stage in (
@@ -181,7 +181,7 @@ def program_of(run: ForceControl, firmware: Path) -> Program:
     folder = run.out / "end" / "full"
     model = read_model(folder / "model.toml")
     sha = json.loads((folder / "controller" / "manifest.json").read_text())["model"]["sha256"]
-    block = make_plan(model, Request("full", "q31", 500.0), int(sha[:8], 16)).block
+    block = make_plan(model, CompileRequest("full", "q31", 500.0), int(sha[:8], 16)).block
     assert isinstance(block, Block)
     return Program("full", model, block.words, block.scales, block.limits.current, 1, firmware)
 

@@ -13,11 +13,11 @@ from scipy.signal import cont2discrete
 import control
 from anhyst.control import Pidd2, design, to_control
 from anhyst.study.bearing.linear import (
-    Amplifier,
     Chain,
     Compensation,
+    CurrentLoop,
     DigitalAmplifier,
-    Loop,
+    LinearLoop,
     Point,
 )
 from anhyst.study.bearing.linear_plant import sampled
@@ -33,7 +33,7 @@ POINT = Point(
     damping=3.0,
 )
 # Follows its reference as a lag of 2500 Hz.
-AMPLIFIER = Amplifier(gain=2.0 * math.pi * 2500.0 * 20e-3, reset=2.0 * math.pi * 2500.0 * 1.2)
+AMPLIFIER = CurrentLoop(gain=2.0 * math.pi * 2500.0 * 20e-3, reset=2.0 * math.pi * 2500.0 * 1.2)
 CONTROLLER = Pidd2(
     rate=RATE,
     **vars(design(2.0, 120.0, 1.0, virtual_mass=0.2)),
@@ -41,11 +41,13 @@ CONTROLLER = Pidd2(
     cutoff_2=2000.0,
     weight=0.3,
 )
-LOOP = Loop(POINT, AMPLIFIER, Chain(RATE, 1.0, 5e3), CONTROLLER, Compensation(POINT.k_i, POINT.k_s))
+LOOP = LinearLoop(
+    POINT, AMPLIFIER, Chain(RATE, 1.0, 5e3), CONTROLLER, Compensation(POINT.k_i, POINT.k_s)
+)
 FREQUENCIES = np.geomspace(1.0, 9.9e3, 60)
 
 
-def by_python_control(loop: Loop) -> tuple[Any, Any]:
+def by_python_control(loop: LinearLoop) -> tuple[Any, Any]:
     """Two factors of the loop gain with whole ticks of delay, from block diagrams."""
     s = control.TransferFunction([1.0, 0.0], [1.0])
     point, amplifier = loop.point, loop.amplifier
@@ -145,9 +147,9 @@ def test_a_symmetric_pair_is_one_magnet_with_everything_added_up() -> None:
 def test_behind_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
     rate, w = 400e3, 2.0 * math.pi * 120.0
     gains = design(2.0, 120.0, 0.6)
-    loop = Loop(
+    loop = LinearLoop(
         replace(POINT, damping=0.0),
-        Amplifier(2.0 * math.pi * 50e3 * 20e-3, 2.0 * math.pi * 50e3 * 1.2),
+        CurrentLoop(2.0 * math.pi * 50e3 * 20e-3, 2.0 * math.pi * 50e3 * 1.2),
         Chain(rate, 0.0),
         Pidd2(rate=rate, **vars(gains)),
         Compensation(POINT.k_i, POINT.k_s),
@@ -158,7 +160,7 @@ def test_behind_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
     assert np.max(np.abs(np.array(nearest) - wanted)) < 0.03 * w
 
 
-def scaled(loop: Loop, factor: float) -> Loop:
+def scaled(loop: LinearLoop, factor: float) -> LinearLoop:
     return replace(
         loop, compensation=replace(loop.compensation, k_i=loop.compensation.k_i / factor)
     )
@@ -237,7 +239,7 @@ def test_sampling_of_the_plant_agrees_with_scipy() -> None:
     assert c == pytest.approx(expected[2][0])
 
 
-def in_laplace(point: Point, amplifier: Amplifier, s: complex) -> complex:
+def in_laplace(point: Point, amplifier: CurrentLoop, s: complex) -> complex:
     """Position for each ampere of the reference, from the equations as they are written down."""
     tau = point.eddy_time
     # Unknown: position, i_m, current, voltage, flux linkage.
@@ -264,7 +266,7 @@ def in_laplace(point: Point, amplifier: Amplifier, s: complex) -> complex:
 def test_the_plant_follows_its_equations(eddy_time: float) -> None:
     rate = 1e6
     point = replace(POINT, eddy_time=eddy_time)
-    amplifier = Amplifier(300.0, 5e4)
+    amplifier = CurrentLoop(300.0, 5e4)
     a, b, c = sampled(point, amplifier, Chain(rate, 0.0))
     for frequency in (3.0, 40.0, 500.0, 4000.0):
         s = 2j * math.pi * frequency

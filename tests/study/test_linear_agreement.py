@@ -15,13 +15,19 @@ from anhyst.control import Pidd2
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
 from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.loop import Loop as Running
+from anhyst.rig.bearing.loop import SimulatedLoop as Running
 from anhyst.rig.bearing.make_setup import operating_point
 from anhyst.rig.bearing.plant import current_gains
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.linear import Amplifier, Chain, Compensation, DigitalAmplifier, Loop
+from anhyst.study.bearing.linear import (
+    Chain,
+    Compensation,
+    CurrentLoop,
+    DigitalAmplifier,
+    LinearLoop,
+)
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.sensitivity import measure_sensitivity
 from anhyst.support.arrays import FloatArray
@@ -49,16 +55,16 @@ def soft_rig(folder: Path, mode: str, eddy_time: float) -> BearingRig:
 
 def linear_loop(
     rig: BearingRig, controller: Pidd2, drive: Mapping[str, float], eddy_time: float
-) -> Loop:
+) -> LinearLoop:
     """Put the loop together from the rig's numbers."""
     gain, reset = current_gains(rig)
     bandwidth = rig.settings.current_sensor.bandwidth_Hz
     amplifier = (
-        Amplifier(gain, reset)
+        CurrentLoop(gain, reset)
         if rig.settings.amplifier.mode == "current"
         else DigitalAmplifier(1.2, gain, reset * rig.dt, bandwidth)
     )
-    return Loop(
+    return LinearLoop(
         replace(find_operating_point(rig).point, eddy_time=eddy_time),
         amplifier,
         Chain(controller.rate, 1.0, rig.settings.position_sensor.sensor().bandwidth),

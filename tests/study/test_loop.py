@@ -16,7 +16,7 @@ from anhyst.rig.bearing.position import make_position
 from anhyst.rig.bearing.recording import COLUMNS, HOVER, READY, Recording
 from anhyst.rig.bearing.scenario import DROP, Scenario, Script
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.responses import Run, run_steps
+from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.jobs import all_of
 from tests.study import bearings
 from tests.study.bearings import GAP
@@ -150,7 +150,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_one_others() -> None:
 
 def test_processes_make_no_difference() -> None:
     setups = bearings.single("single-valued"), bearings.single("full")
-    runs = [Run(setup, GAP, (20e-6,), 150.0, seed) for setup in setups for seed in (0, 1)]
+    runs = [StepRun(setup, GAP, (20e-6,), 150.0, seed) for setup in setups for seed in (0, 1)]
     alone, shared = (all_of(run_steps, runs, jobs=jobs) for jobs in (1, 2))
     assert alone == shared
     seeds = [alone[0][0][0].figures, alone[1][0][0].figures]

@@ -17,7 +17,7 @@ from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.bearing.scenario import Script
@@ -30,10 +30,16 @@ from anhyst.study.bearing.drift import (
     drifted_law,
     drifted_rig,
 )
-from anhyst.study.bearing.monte_carlo import FIGURES, MonteCarlo, Plant, monte_carlo, percentile
+from anhyst.study.bearing.monte_carlo import (
+    FIGURES,
+    DriftedPlant,
+    MonteCarlo,
+    monte_carlo,
+    percentile,
+)
 from anhyst.study.bearing.plant_row import fault_of
 from anhyst.study.bearing.ready import make_ready
-from anhyst.study.bearing.responses import Run, run_steps
+from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.errors import InputError, Interrupted
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -271,8 +277,8 @@ def test_without_drift_a_plant_is_the_nominal_one(
     knowledge = make_ready(still, controller).knowledge()
     setup = make_setup(still, controller.settings, knowledge, "full", "f64")
     tried = still.settings.simulate
-    noise = Plant((setup,), found.seed, 0).noise
-    steps, _ = run_steps(Run(setup, tried.gap_m, tuple(tried.steps_m), rig.load, noise))
+    noise = DriftedPlant((setup,), found.seed, 0).noise
+    steps, _ = run_steps(StepRun(setup, tried.gap_m, tuple(tried.steps_m), rig.load, noise))
     for place, height in enumerate(found.heights):
         pair = [one.figures for one in steps if one.height == pytest.approx(height)]
         worst = max(one["overshoot_percent"] for one in pair)
@@ -314,7 +320,7 @@ def test_the_sensor_turns_around_the_operating_gap(
         rig, controller.settings, make_ready(rig, controller).knowledge(), "linearised", "f64"
     )
     drift = Drift(position_gain=0.02, gap_offset=3e-6, current_gain=0.01)
-    loop = Loop(setup, bearing=drifted_bearing(rig, drift, 1))
+    loop = SimulatedLoop(setup, bearing=drifted_bearing(rig, drift, 1))
     script = Script(rig, 0.45e-3).lift_off(controller.settings).hold(0.1)
     begin = script.ticks
     script.follow(np.full(2000, 0.40e-3))
@@ -352,7 +358,7 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
     )
     gaps = []
     for drift in (Drift(), Drift(saturation=-0.03)):
-        loop = Loop(setup, bearing=drifted_bearing(law, drift, 1))
+        loop = SimulatedLoop(setup, bearing=drifted_bearing(law, drift, 1))
         recording = loop.run(Script(law, 0.45e-3).lift_off(controller.settings).build())
         gaps.append(float(np.mean(recording["current_A"][-1000:])))
     assert gaps[1] > gaps[0] + 1e-3  # a weaker magnet takes more current for the same load

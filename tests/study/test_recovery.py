@@ -7,7 +7,7 @@ import pytest
 
 from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command, Phase, State
-from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import BREAKAWAY, FAULT, HOVER, in_column
 from anhyst.rig.bearing.scenario import DROP
 from anhyst.study.bearing import experiments
@@ -15,7 +15,7 @@ from anhyst.study.bearing.experiments import (
     BACK_M,
     LEAST_BAND_M,
     Event,
-    Trial,
+    ExperimentTrial,
     excess_band,
     recover,
 )
@@ -33,7 +33,7 @@ SHOWN: tuple[Event, ...] = ("wrong initial state", "dropped sample")
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_it_recovers_from_an_overload(variant: MethodName) -> None:
-    found = recover(Trial(bearings.single(variant), 0, "overload"))
+    found = recover(ExperimentTrial(bearings.single(variant), 0, "overload"))
     assert not found.lost
     assert set(found.figures) == {"recovery_s"}
     assert 0.005 < found.figures["recovery_s"] < 0.03
@@ -43,7 +43,7 @@ def test_it_recovers_from_an_overload(variant: MethodName) -> None:
 @pytest.mark.parametrize("event", SHOWN)
 def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
     """More than a reading is uncertain by, and not for ever."""
-    found = recover(Trial(bearings.single(variant), 0, event))
+    found = recover(ExperimentTrial(bearings.single(variant), 0, event))
     assert not found.lost
     assert set(found.figures) == {"excess_peak_m", "excess_s"}
     assert LEAST_BAND_M < found.figures["excess_peak_m"] < BACK_M
@@ -56,8 +56,8 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
 def test_what_does_not_happen_does_not_show(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the event both runs are one, to the bit: what is counted is the event alone."""
     monkeypatch.setattr(experiments, "DROP", 0)
-    monkeypatch.setattr(experiments, "Loop", lambda setup, seed, _: Loop(setup, seed))
-    found = recover(Trial(bearings.single("full"), 0, event))
+    monkeypatch.setattr(experiments, "Loop", lambda setup, seed, _: SimulatedLoop(setup, seed))
+    found = recover(ExperimentTrial(bearings.single("full"), 0, event))
     assert found.figures == {"excess_peak_m": 0.0, "excess_s": 0.0}
 
 
@@ -66,9 +66,9 @@ def test_an_armature_that_falls_counts_as_lost(
     event: Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiments, "lost_at", lambda *_: 0.5)
-    assert recover(Trial(bearings.single("single-valued"), 0, event)) == experiments.Outcome(
-        {}, True
-    )
+    assert recover(
+        ExperimentTrial(bearings.single("single-valued"), 0, event)
+    ) == experiments.ExperimentOutcome({}, True)
 
 
 def test_the_band_is_of_the_sensor_and_of_what_never_settles() -> None:
@@ -104,7 +104,7 @@ def test_a_wrong_initial_state_is_one() -> None:
     setup = bearings.single("full")
     script = bearings.lifted(setup)
     known, unknown = (
-        Loop(setup, 0, largest_first=first).run(script.build()) for first in (False, True)
+        SimulatedLoop(setup, 0, largest_first=first).run(script.build()) for first in (False, True)
     )
     resting = known["state"] <= BREAKAWAY
     assert not np.array_equal(known["force_N"], unknown["force_N"])

@@ -14,7 +14,7 @@ from scipy.signal import cont2discrete
 from anhyst._core import Controller
 from anhyst.control import Pidd2, design
 from anhyst.rig.bearing.recording import COLUMNS, Recording
-from anhyst.study.bearing.linear import Amplifier, Chain, Compensation, Loop, Point
+from anhyst.study.bearing.linear import Chain, Compensation, CurrentLoop, LinearLoop, Point
 from anhyst.study.bearing.sensitivity import Sensitivity, measure_sensitivity
 from anhyst.study.bearing.zones import BOUNDARIES, zone
 from anhyst.support.arrays import FloatArray
@@ -22,9 +22,9 @@ from anhyst.support.arrays import FloatArray
 RATE, STEPS = 20e3, 4
 Row = FloatArray
 POINT = Point(2.0, 123.0, 5e5, 20e-3, 1.2)
-AMPLIFIER = Amplifier(gain=314.0, reset=19e3)
+AMPLIFIER = CurrentLoop(gain=314.0, reset=19e3)
 CONTROLLER = Pidd2(rate=RATE, **vars(design(2.0, 120.0, 1.0)), cutoff=2000.0)
-LINEAR = Loop(POINT, AMPLIFIER, Chain(RATE, 1.0), CONTROLLER, Compensation(123.0, 4e5))
+LINEAR = LinearLoop(POINT, AMPLIFIER, Chain(RATE, 1.0), CONTROLLER, Compensation(123.0, 4e5))
 
 
 def bearing(noise: float = 0.0, stick: float = 0.0) -> Callable[[Row], Recording]:

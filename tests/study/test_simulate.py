@@ -17,7 +17,7 @@ from scipy.io import loadmat
 
 from anhyst.cli.app import main
 from anhyst.compensate.methods import METHODS
-from anhyst.control.position import Limits
+from anhyst.control.position import PositionLimits
 from anhyst.control.states import Command, Flag, Phase, State
 from anhyst.model.writer import write_model
 from anhyst.report.bearing import write_simulation_report
@@ -288,7 +288,7 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
     script = Script(rig, bearings.GAP).lift_off(table).build()
     marks = np.flatnonzero(script.command)
     assert list(script.command[marks]) == [Command.DEMAGNETISED, Command.LIFT]
-    (selftest,) = (one.default for one in fields(Limits) if one.name == "selftest")
+    (selftest,) = (one.default for one in fields(PositionLimits) if one.name == "selftest")
     assert marks[0] > selftest
     assert marks[0] / rate >= 0.005 - 1e-9
     assert script.lifted == script.ticks >= 0.45 * rate

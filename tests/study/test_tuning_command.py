@@ -171,15 +171,15 @@ def test_a_controller_that_does_not_fit_leaves_nothing_behind(here: Path) -> Non
 def test_ctrl_c_keeps_the_best_so_far(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    attempt = search.Search._try
+    attempt = search.GainSearch._try
 
-    def stop(self: search.Search, *given: Any) -> Any:
+    def stop(self: search.GainSearch, *given: Any) -> Any:
         found = attempt(self, *given)
         if self._tried >= 15:
             raise KeyboardInterrupt
         return found
 
-    monkeypatch.setattr(search.Search, "_try", stop)
+    monkeypatch.setattr(search.GainSearch, "_try", stop)
     monkeypatch.chdir(here)
     assert cli.main(["tune", "rig.toml", "--out", "tuned", "--budget", "100"]) == 130
     kept = str(Path("tuned") / "controller.toml")
@@ -196,7 +196,7 @@ def test_ctrl_c_before_any_gains_writes_nothing(
     def stop(_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(search.Search, "run", stop)
+    monkeypatch.setattr(search.GainSearch, "run", stop)
     monkeypatch.chdir(here)
     assert cli.main(["tune", "rig.toml", "--out", "tuned"]) == 130
     assert "too early for any gains, nothing written" in capsys.readouterr().err

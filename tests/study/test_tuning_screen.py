@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from anhyst.rig.bearing.setup import with_gains
-from anhyst.study.bearing.linear import Loop
+from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.tuning.aims import MISSED, Aims
 from anhyst.study.tuning.points import make_screen
 from anhyst.study.tuning.screen import Screen, closed_loop, refine, spread_over
-from anhyst.study.tuning.space import Space
+from anhyst.study.tuning.space import GainSpace
 from tests.study import bearings
 from tests.study.small_tuning import HERE, setup
 
-SPACE = Space(20e3, 2.0)
+SPACE = GainSpace(20e3, 2.0)
 LIKE = bearings.controller().settings
 PLACES = np.array(
     [
@@ -27,7 +27,7 @@ PLACES = np.array(
 )
 
 
-def loops() -> list[Loop]:
+def loops() -> list[LinearLoop]:
     at = find_operating_point(setup().rig)
     return [linear_loop(with_gains(setup(), SPACE.controller(place, LIKE)), at) for place in PLACES]
 
@@ -48,7 +48,7 @@ def test_peaks_are_those_of_the_linear_loop() -> None:
         assert peak <= loop.margins.peak * (1.0 + 1e-9)
 
 
-def step_response(loop: Loop, ticks: int) -> tuple[np.ndarray, np.ndarray]:
+def step_response(loop: LinearLoop, ticks: int) -> tuple[np.ndarray, np.ndarray]:
     """Position and demand of a step, tick by tick, as core/include/anhyst/control/pidd2.h runs it."""
     a, b, c = loop.plant
     p, k, d, e, _, _, s, t, weight = loop.controller.per_tick[:9]

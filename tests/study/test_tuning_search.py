@@ -10,8 +10,8 @@ import pytest
 from anhyst.study.tuning import search as module
 from anhyst.study.tuning.aims import Aims
 from anhyst.study.tuning.limits import find_limits
-from anhyst.study.tuning.search import Found, Search
-from anhyst.study.tuning.trial import Condition, Outcome, Trial, run_trial
+from anhyst.study.tuning.search import FoundGains, GainSearch
+from anhyst.study.tuning.trial import Condition, GainOutcome, GainTrial, run_trial
 from tests.study import bearings
 from tests.study.small_tuning import HERE, LESS, setup
 
@@ -19,8 +19,8 @@ BUDGET = 20
 
 
 @cache
-def found(jobs: int = 1) -> Found:
-    return Search(setup(), HERE, Aims(), BUDGET, seed=0, jobs=jobs).run()
+def found(jobs: int = 1) -> FoundGains:
+    return GainSearch(setup(), HERE, Aims(), BUDGET, seed=0, jobs=jobs).run()
 
 
 def test_the_gains_found_meet_the_aims_and_settle_sooner_than_before() -> None:
@@ -56,13 +56,13 @@ def test_only_gains_filters_and_weight_are_changed() -> None:
 
 def test_a_limit_of_the_peak_is_kept_by_the_measured_one() -> None:
     aims = Aims(peak_sensitivity=1.6)
-    result = Search(setup(), HERE[:1], aims, BUDGET, jobs=1).run()
+    result = GainSearch(setup(), HERE[:1], aims, BUDGET, jobs=1).run()
     assert result.figures.peak_sensitivity <= 1.6
 
 
 def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
     aims = Aims(settling_time_s=1e-3)
-    result = Search(setup(), HERE[:1], aims, 10, jobs=1).run()
+    result = GainSearch(setup(), HERE[:1], aims, 10, jobs=1).run()
     assert "settling_time_s" in aims.misses(result.figures)
     assert result.check is not None
     limits = find_limits(result.setup, HERE[:1], aims, result.check, seed=0, jobs=1)
@@ -75,14 +75,14 @@ def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
 def test_ctrl_c_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
 
-    def stop(trial: Trial) -> Outcome:
+    def stop(trial: GainTrial) -> GainOutcome:
         calls.append(trial)
         if len(calls) > 12:
             raise KeyboardInterrupt
         return run_trial(trial)
 
     monkeypatch.setattr(module, "run_trial", stop)
-    result = Search(setup(), HERE[:1], Aims(), BUDGET, jobs=1).run()
+    result = GainSearch(setup(), HERE[:1], Aims(), BUDGET, jobs=1).run()
     assert result.interrupted
     assert result.check is None
     tried = [one.outcome.cost for one in result.candidates]
@@ -91,16 +91,16 @@ def test_ctrl_c_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_ctrl_c_before_any_gains_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stop(_: Trial) -> Outcome:
+    def stop(_: GainTrial) -> GainOutcome:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(module, "run_trial", stop)
     with pytest.raises(KeyboardInterrupt):
-        Search(setup(), HERE[:1], Aims(), BUDGET, jobs=1).run()
+        GainSearch(setup(), HERE[:1], Aims(), BUDGET, jobs=1).run()
 
 
 def test_a_pair_of_magnets_is_tuned_too() -> None:
     pair = bearings.with_rig(bearings.pair("linearised"), LESS)
     here = (Condition(bearings.GAP, 20.0),)
-    result = Search(pair, here, Aims(), 10, jobs=1).run()
+    result = GainSearch(pair, here, Aims(), 10, jobs=1).run()
     assert Aims().misses(result.figures) == {}

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from anhyst.control.controller_file import read_controller, write_controller
 from anhyst.control.design import design
-from anhyst.study.tuning.space import Space
+from anhyst.study.tuning.space import GainSpace
 from tests.study import bearings
 
-SPACE = Space(rate=20e3, mass=2.0)
+SPACE = GainSpace(rate=20e3, mass=2.0)
 PLACES = st.lists(st.floats(0.0, 1.0), min_size=7, max_size=7).map(np.array)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.compensate.plan import Request
+from anhyst.compensate.plan import CompileRequest
 from anhyst.compile.output import compile_model
 from anhyst.data.reading import read_loops
 from anhyst.identify import identify
@@ -35,7 +35,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
 
     def give(kind: str, io: str) -> Path:
         model = made_once(tmp_path_factory, "magnet", identify_magnet) / "model.toml"
-        request = Request(kind, io, RATE, name=NAME)  # type: ignore[arg-type]
+        request = CompileRequest(kind, io, RATE, name=NAME)  # type: ignore[arg-type]
         name = f"compiled-{kind}-{io}"
         place = made_once(
             tmp_path_factory, name, lambda folder: compile_model(model, folder / "out", request)

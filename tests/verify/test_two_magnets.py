@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate.plan import Request
+from anhyst.compensate.plan import CompileRequest
 from anhyst.compile.output import compile_model
 from anhyst.model.writer import write_model
 from anhyst.verify.elf import FLASH, read_image
@@ -31,8 +31,8 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     def compile_both(place: Path) -> None:
         write_model(measured(magnet("reluctance")), place / "left.toml")
         write_model(measured(magnet("circuit", residual=0.2)), place / "right.toml")
-        left = Request("full", "q31", 1e4, name="electromagnet")
-        right = Request("simplified", "q31", 1e4, name="solenoid")
+        left = CompileRequest("full", "q31", 1e4, name="electromagnet")
+        right = CompileRequest("simplified", "q31", 1e4, name="solenoid")
         compile_model(place / "left.toml", place / "electromagnet", left)
         compile_model(place / "right.toml", place / "solenoid", right)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compensate.plan import Request
+from anhyst.compensate.plan import CompileRequest
 from anhyst.compile.output import compile_model
 from anhyst.data.reading import read_loops
 from anhyst.identify import identify
@@ -38,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def compile_bearing(place: Path) -> None:
     loops = read_loops(BEARING / "loops.csv")
     write_model(identify(loops, gap_map="circuit").model, place / "model.toml")
-    request = Request("full", "q31", 20e3, name="bearing")
+    request = CompileRequest("full", "q31", 20e3, name="bearing")
     compile_model(place / "model.toml", place / "out", request, BEARING / "controller.toml")
 
 

@@ -106,10 +106,10 @@ def compile_(
 
     Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
-    from anhyst.compensate.plan import Request
+    from anhyst.compensate.plan import CompileRequest
     from anhyst.compile.output import compile_model
 
-    request = Request(kind.value, io.value, _rate(rate, controller), accuracy, name)
+    request = CompileRequest(kind.value, io.value, _rate(rate, controller), accuracy, name)
     with progress_bar("choosing tables and measuring") as progress:
         compiled = compile_model(model, out, request, controller, progress)
     for text in compiled.warnings:

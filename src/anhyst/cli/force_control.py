@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, BoardChoice
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
     from anhyst.study.force.force_control import ForceControl
-
-
-class BoardChoice(StrEnum):
-    """Boards without hardware."""
-
-    HOST = "host"
-    QEMU = "qemu-mps2"
 
 
 STAGES = {

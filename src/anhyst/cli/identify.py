@@ -50,7 +50,7 @@ class Weights(StrEnum):
     RELATIVE = "relative"
 
 
-class Search(StrEnum):
+class SearchChoice(StrEnum):
     """Ways to search."""
 
     DEFAULT = "default"
@@ -81,7 +81,7 @@ GapMapOption = Annotated[
     ),
 ]
 SearchOption = Annotated[
-    Search,
+    SearchChoice,
     typer.Option(metavar="HOW", help="'default', or 'paper' to reproduce the paper's figures."),
 ]
 Seed = Annotated[
@@ -115,7 +115,7 @@ def identify(
     out: Out,
     law: LawOption = DEFAULT_LAW,
     gap_map: GapMapOption = GapMapChoice.AUTO,
-    search: SearchOption = Search.DEFAULT,
+    search: SearchOption = SearchChoice.DEFAULT,
     seed: Seed = 1,
     weights: WeightsOption = Weights.LOOPS,
     offsets: Offsets = True,
@@ -152,7 +152,7 @@ def identify(
     from anhyst.model.sources import with_read_options
     from anhyst.model.writer import write_model
 
-    checkpoint = _checkpoint(out) if search is Search.PAPER else None
+    checkpoint = _checkpoint(out) if search is SearchChoice.PAPER else None
     with _stoppable(checkpoint), progress_bar("searching") as progress:
         result = find_model(
             measured,

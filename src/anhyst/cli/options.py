@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,14 @@ import typer
 
 if TYPE_CHECKING:
     from anhyst.model.sources import ReadOptions
+
+
+class BoardChoice(StrEnum):
+    """Boards without hardware."""
+
+    HOST = "host"
+    QEMU = "qemu-mps2"
+
 
 Loops = Annotated[
     list[Path], typer.Argument(metavar="LOOPS", help="CSV files, or folders of them.")

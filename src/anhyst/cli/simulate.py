@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, BoardChoice
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError, NegativeResult
 
@@ -21,18 +20,11 @@ if TYPE_CHECKING:
     from anhyst.study.bearing.benefit import Benefit, Comparison, Measure
     from anhyst.study.bearing.board_faults import Ending
     from anhyst.study.bearing.monte_carlo import MonteCarlo
-    from anhyst.study.bearing.responses import Cell
+    from anhyst.study.bearing.responses import StepCell
     from anhyst.study.bearing.simulate import Simulation
 
 
 REPORT = "report.html"
-
-
-class BoardChoice(StrEnum):
-    """Boards without hardware."""
-
-    HOST = "host"
-    QEMU = "qemu-mps2"
 
 
 def simulate(
@@ -298,7 +290,7 @@ def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:
     )
 
 
-def _overshoot(cell: Cell) -> str:
+def _overshoot(cell: StepCell) -> str:
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
     one = cell.of("overshoot_percent")

@@ -22,7 +22,7 @@ from anhyst.compensate.layout import (
     PLACES,
     WORDS,
 )
-from anhyst.compensate.words import Names, Unit, Word
+from anhyst.compensate.words import Names, Word, WordUnit
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -48,7 +48,7 @@ class Scales:
 
 
 @dataclass(frozen=True)
-class Limits:
+class DemandLimits:
     """Lowest and highest demand (units of the output) and current (units of the input)."""
 
     demand: tuple[float, float]
@@ -56,7 +56,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Sizes:
+class TableSizes:
     """How fine tables and searches are; segments are powers of two, given as their exponent."""
 
     gap_segments: int = 4
@@ -86,7 +86,7 @@ class Block:
     kind: Kind
     words: NDArray[np.int16]
     scales: Scales
-    limits: Limits
+    limits: DemandLimits
     tables: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     """First word and number of entries of each table, by the name of the word that points to it."""
 
@@ -104,14 +104,14 @@ class Block:
         at = WORDS[self.kind][name]
         return single_value(*self.words[at : at + 2].tolist())
 
-    def unit(self, word: Word, names: Names) -> Unit:
+    def unit(self, word: Word, names: Names) -> WordUnit:
         """Return what 1.0 of a word, or of an entry of its table, is worth."""
         scale = {"": 1.0, "demand": self.scales.demand, "current": self.scales.current}[word.of]
         units = {"demand": names.output, "current": names.input}
         units |= {"output": names.output, "input": names.input}
         named = word.of or word.unit
         shift = self.word(word.shift) if word.shift else 0
-        return Unit(word.factor * scale * 2.0**shift, units.get(named, named))
+        return WordUnit(word.factor * scale * 2.0**shift, units.get(named, named))
 
     def table(self, name: str) -> NDArray[np.int16]:
         """Entries of one table, by the name of the word that points to it."""
@@ -201,7 +201,7 @@ class Packer:
             )
         self._tables[name] = words
 
-    def close(self, scales: Scales, limits: Limits, generation: int = 0) -> Block:
+    def close(self, scales: Scales, limits: DemandLimits, generation: int = 0) -> Block:
         """Lay everything out.
 
         Raises

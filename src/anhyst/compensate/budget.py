@@ -16,8 +16,8 @@ import numpy as np
 
 from anhyst.compensate.holding import SECONDS, Held, hold
 from anhyst.compensate.measure import (
-    Deviation,
-    Run,
+    OutputDeviation,
+    PathRun,
     against_demand,
     between,
     deviation,
@@ -42,7 +42,7 @@ MOST_TICKS = 400
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class BudgetPart:
     """One line of the budget, in units of the output.
 
     Parameters
@@ -74,31 +74,31 @@ class Budget:
         Of the output.
     wanted : float or None
         Accuracy that was asked for, in units of the output; None where none was.
-    parts : tuple of Part
+    parts : tuple of BudgetPart
         Each switched on alone.
-    compiled : Part
+    compiled : BudgetPart
         Everything that compiling adds, switched on together.
-    total : Part
+    total : BudgetPart
         All parts: worst ones added up, which no path need ever reach; rms as a root of squares.
-    drift : Part
+    drift : BudgetPart
         Of an output that is held, in :data:`~anhyst.compensate.holding.SECONDS`.
     held : tuple of Held
         What was held for that.
-    runs : tuple of (Run, ndarray)
+    runs : tuple of (PathRun, ndarray)
         The paths with everything switched on, and the deviation along each.
     """
 
     largest: float
     unit: str
     wanted: float | None
-    parts: tuple[Part, ...]
-    compiled: Part
-    total: Part
-    drift: Part
+    parts: tuple[BudgetPart, ...]
+    compiled: BudgetPart
+    total: BudgetPart
+    drift: BudgetPart
     held: tuple[Held, ...]
-    runs: tuple[tuple[Run, FloatArray], ...]
+    runs: tuple[tuple[PathRun, FloatArray], ...]
 
-    def part(self, name: str) -> Part | None:
+    def part(self, name: str) -> BudgetPart | None:
         """Return the part of this name, or None."""
         return next((part for part in self.parts if part.name == name), None)
 
@@ -129,7 +129,7 @@ def measure_budget(plan: Plan) -> Budget:
     )
     known = [part for part in parts if part.name in {"model_fit", "sample_rate"}]
     added = [compiled, *known]
-    total = Part(
+    total = BudgetPart(
         "total",
         "total",
         sum(part.worst or 0.0 for part in added),
@@ -152,15 +152,17 @@ def measure_budget(plan: Plan) -> Budget:
     )
 
 
-def _part(name: str, title: str, off: Deviation, runs: Sequence[tuple[Run, FloatArray]]) -> Part:
+def _part(
+    name: str, title: str, off: OutputDeviation, runs: Sequence[tuple[PathRun, FloatArray]]
+) -> BudgetPart:
     where = next(run.path.title for run, _ in runs if run.path.name == off.path)
-    return Part(name, title, off.worst, off.rms, f"worst in {where}")
+    return BudgetPart(name, title, off.worst, off.rms, f"worst in {where}")
 
 
-def _drift(held: Sequence[Held], model: ActuatorModel) -> Part:
+def _drift(held: Sequence[Held], model: ActuatorModel) -> BudgetPart:
     off = np.array([one.drift for one in held])
     worst = held[int(np.argmax(off))]
-    return Part(
+    return BudgetPart(
         "drift",
         f"drift of a held {model.output.name.replace('_', ' ')} in {SECONDS:g} s",
         worst.drift,
@@ -170,15 +172,15 @@ def _drift(held: Sequence[Held], model: ActuatorModel) -> Part:
     )
 
 
-def _model_fit(plan: Plan) -> Part:
+def _model_fit(plan: Plan) -> BudgetPart:
     fit = plan.model.fit
     if fit is None:
-        return Part("model_fit", "model fit", None, None, "the model file has no fit figures")
+        return BudgetPart("model_fit", "model fit", None, None, "the model file has no fit figures")
     note = "model against the measured loops, as the model file says"
-    return Part("model_fit", "model fit", fit.worst, fit.rms, note)
+    return BudgetPart("model_fit", "model fit", fit.worst, fit.rms, note)
 
 
-def _law(plan: Plan, ways: list[Path]) -> list[Part]:
+def _law(plan: Plan, ways: list[Path]) -> list[BudgetPart]:
     if plan.block.kind == "full":
         return []
     off, runs = against_demand(plan.model, plan.builder.exact(FINE), "f64", ways)
@@ -186,7 +188,7 @@ def _law(plan: Plan, ways: list[Path]) -> list[Part]:
     return [replace(part, note=f"the simplified law with fine tables; {part.note}")]
 
 
-def _tables(plan: Plan, ways: list[Path]) -> Part:
+def _tables(plan: Plan, ways: list[Path]) -> BudgetPart:
     builder, sizes = plan.builder, plan.sizes
     at, block = snapped(ways, plan.model, plan.block.scales, sizes), builder.exact(sizes)
     if plan.block.kind == "full":
@@ -197,10 +199,10 @@ def _tables(plan: Plan, ways: list[Path]) -> Part:
     fine = builder.exact(replace(FINE, gap_segments=sizes.gap_segments))
     off = between(plan.model, (block, "f64"), (fine, "f64"), at)
     note = "chosen against fine tables, in double precision, at gaps that stand in the tables"
-    return Part("tables", "tables", off.worst, off.rms, note)
+    return BudgetPart("tables", "tables", off.worst, off.rms, note)
 
 
-def _quantisation(plan: Plan, ways: list[Path]) -> Part:
+def _quantisation(plan: Plan, ways: list[Path]) -> BudgetPart:
     same = plan.builder.exact(plan.sizes)
     off = between(plan.model, (plan.block, plan.request.io), (same, "f64"), ways)
     note = (
@@ -209,10 +211,10 @@ def _quantisation(plan: Plan, ways: list[Path]) -> Part:
     )
     if plan.block.kind == "euler":
         note = "Euler's steps and rounding against the closed form in double precision"
-    return Part("quantisation", "quantisation", off.worst, off.rms, note)
+    return BudgetPart("quantisation", "quantisation", off.worst, off.rms, note)
 
 
-def _gap(plan: Plan, ways: list[Path]) -> list[Part]:
+def _gap(plan: Plan, ways: list[Path]) -> list[BudgetPart]:
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
     if not model.needs_schedule:
         return []
@@ -227,10 +229,10 @@ def _gap(plan: Plan, ways: list[Path]) -> list[Part]:
         )
         off = between(model, (coarse, "f64"), (fine, "f64"), ways)
         note = "chosen entries over the gap against those of the fit, everything else fine"
-    return [Part("gap_interpolation", "gap interpolation", off.worst, off.rms, note)]
+    return [BudgetPart("gap_interpolation", "gap interpolation", off.worst, off.rms, note)]
 
 
-def _sampling(plan: Plan) -> Part:
+def _sampling(plan: Plan) -> BudgetPart:
     """Let every current act two ticks after its demand: one of delay, and the end of its hold."""
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
     asked = plan.request.rate * CROSSING
@@ -245,7 +247,7 @@ def _sampling(plan: Plan) -> Part:
         f"it, while demand and gap cross their ranges in {CROSSING:g} s; half as fast, half as much"
     )
     off = deviation([("sample_rate", error)])
-    return Part("sample_rate", "sample rate", off.worst, off.rms, note)
+    return BudgetPart("sample_rate", "sample rate", off.worst, off.rms, note)
 
 
 def _late(model: ActuatorModel, demand: FloatArray, gap: FloatArray) -> FloatArray:
@@ -323,7 +325,7 @@ def drift_refusal(plan: Plan, budget: Budget) -> NegativeResult:
     return NegativeResult(f"accuracy: {why_drifting(plan, budget)}; nothing was written")
 
 
-def culprit(budget: Budget) -> Part:
+def culprit(budget: Budget) -> BudgetPart:
     """Return the largest of the parts that compiling adds."""
     added = [part for part in budget.parts if part.name in REASON]
     return max(added, key=lambda part: part.worst or 0.0)
@@ -365,7 +367,7 @@ def percent(budget: Budget, value: float) -> float:
 def as_dict(budget: Budget) -> dict[str, Any]:
     """Return a budget as it stands in ``budget.json``."""
 
-    def row(part: Part) -> dict[str, Any]:
+    def row(part: BudgetPart) -> dict[str, Any]:
         return {
             "name": part.name,
             "title": part.title,

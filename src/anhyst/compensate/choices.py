@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from anhyst.compensate.plan import Choice, Plan
+from anhyst.compensate.plan import Decision, Plan
 
 STEPS = {"q15": 2.0**-15, "q31": 2.0**-31}
 
 
-def explain(plan: Plan) -> list[Choice]:
+def explain(plan: Plan) -> list[Decision]:
     """Say what was chosen and why, one entry a choice.
 
     Parameters
@@ -17,7 +17,7 @@ def explain(plan: Plan) -> list[Choice]:
 
     Returns
     -------
-    list of Choice
+    list of Decision
     """
     choices = [
         *_signals(plan),
@@ -33,11 +33,11 @@ def explain(plan: Plan) -> list[Choice]:
     return [*choices, _iterations(plan), _knee(plan), _start(plan)]
 
 
-def _signals(plan: Plan) -> list[Choice]:
+def _signals(plan: Plan) -> list[Decision]:
     model, scales, io = plan.model, plan.block.scales, plan.request.io
     if io == "f32":
         reason = "24 bits of mantissa: nothing has to be scaled"
-        return [Choice("signals", "single precision, SI units", reason)]
+        return [Decision("signals", "single precision, SI units", reason)]
     step = STEPS[io]
     rows = [
         ("demand", scales.demand, plan.largest, model.output.unit),
@@ -49,7 +49,7 @@ def _signals(plan: Plan) -> list[Choice]:
         ),
     ]
     choices = [
-        Choice(
+        Decision(
             f"full scale of the {name}",
             f"{scale:g} {unit}",
             f"the next round value above {largest:.4g} {unit}; a step of {io} is "
@@ -63,7 +63,7 @@ def _signals(plan: Plan) -> list[Choice]:
             f"{scales.gap_low:g} to {scales.gap_high:g} {model.schedule.unit}"
         )  # fmt: skip
         choices.append(
-            Choice(
+            Decision(
                 f"range of the {model.schedule.name}",
                 text,
                 "the measured range, so that no code is spent on places the model does not know",
@@ -72,22 +72,22 @@ def _signals(plan: Plan) -> list[Choice]:
     return choices
 
 
-def _axis(plan: Plan, axis: str, name: str, what: str) -> Choice:
+def _axis(plan: Plan, axis: str, name: str, what: str) -> Decision:
     chosen = getattr(plan.sizes, axis)
     tried = dict(plan.found.tried[axis])
     if axis == "gap_segments" and not plan.model.needs_schedule:
-        return Choice(name, "constant", "nothing runs over the gap")
+        return Decision(name, "constant", "nothing runs over the gap")
     reason = f"{what} cost {_percent(plan, tried[chosen])}"
     if chosen - 1 in tried:
         reason += f"; with {2 ** (chosen - 1)} it would be {_percent(plan, tried[chosen - 1])}"
-    return Choice(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
+    return Decision(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
 
 
-def _closed_form(plan: Plan) -> list[Choice]:
+def _closed_form(plan: Plan) -> list[Decision]:
     law, tried = plan.builder.law, plan.found.tried
     sizes = plan.sizes
     choices = [
-        Choice(
+        Decision(
             "simplified law",
             f"rate {law.rate:.4g}, nu {law.nu:.4g}",
             f"fitted in {plan.model.output.name.replace('_', ' ')} to what the model does over "
@@ -98,7 +98,7 @@ def _closed_form(plan: Plan) -> list[Choice]:
         cost = max(dict(tried["octaves"])[sizes.octaves], 0.0)
         fine = max(dict(tried["octave_segments"])[sizes.octave_segments], 0.0)
         choices.append(
-            Choice(
+            Decision(
                 "closed form",
                 f"{sizes.octaves} octaves of {2**sizes.octave_segments} segments",
                 f"so few octaves cost {_percent(plan, cost)}, so few segments "
@@ -108,9 +108,9 @@ def _closed_form(plan: Plan) -> list[Choice]:
     return choices
 
 
-def _iterations(plan: Plan) -> Choice:
+def _iterations(plan: Plan) -> Decision:
     what = "a solve" if plan.block.kind == "full" else "a commit that differs from the solve"
-    return Choice(
+    return Decision(
         "iterations",
         f"{plan.sizes.iterations} in {what}",
         "one more than the fewest that are as good as many, full-range jumps and lost currents "
@@ -118,13 +118,13 @@ def _iterations(plan: Plan) -> Choice:
     )
 
 
-def _knee(plan: Plan) -> Choice:
+def _knee(plan: Plan) -> Decision:
     k = plan.sizes.root_knee
     if plan.model.power != 2:
-        return Choice("root", "none", "the output is proportional to the flux")
+        return Decision("root", "none", "the output is proportional to the flux")
     below = plan.block.scales.demand * 4.0**-k
     unit = plan.model.output.unit
-    return Choice(
+    return Decision(
         "root near zero",
         f"straight below {below:.3g} {unit}",
         f"the root's infinite slope would turn the last bit of a demand into a jump of current; "
@@ -132,10 +132,10 @@ def _knee(plan: Plan) -> Choice:
     )
 
 
-def _start(plan: Plan) -> Choice:
+def _start(plan: Plan) -> Decision:
     start = plan.start
     cycles = start.conditioning.cycles
-    return Choice(
+    return Decision(
         "start-up",
         f"{cycles} triangle{'s' * (cycles > 1)} of current in {start.seconds:g} s",
         "whatever the iron remembers at first, afterwards at most "

@@ -1,7 +1,7 @@
 """The parameters of a compensator in floating point.
 
 The law, the tables and the number of evaluations are those of the fixed-point form with the same
-:class:`~anhyst.compensate.block.Sizes`. So the double-precision one shows what tables and iterations
+:class:`~anhyst.compensate.block.TableSizes`. So the double-precision one shows what tables and iterations
 cost, and its distance from the fixed-point one what fixed point costs.
 """
 
@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from anhyst._core import Parameters, ParametersF32
-from anhyst.compensate.block import Conditioning, Limits, Scales, Sizes
+from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
 from anhyst.compensate.full import full_tables, normal
 from anhyst.compensate.scheduled import (
     flux_gain,
@@ -44,7 +44,7 @@ class RealBlock:
     scales : Scales
         Full-scale output (counts as 1 under the root) and the range of the gap; the current needs
         no scale.
-    limits : Limits
+    limits : DemandLimits
         Of demand and current.
     numbers : dict of str to float
         Fields of the C structures that hold one number, by their names.
@@ -56,7 +56,7 @@ class RealBlock:
 
     kind: RealKind
     scales: Scales
-    limits: Limits
+    limits: DemandLimits
     numbers: dict[str, float]
     gaps: FloatArray
     tables: dict[str, FloatArray]
@@ -81,8 +81,8 @@ def build_real(
     model: ActuatorModel,
     kind: RealKind,
     scales: Scales,
-    limits: Limits,
-    sizes: Sizes | None = None,
+    limits: DemandLimits,
+    sizes: TableSizes | None = None,
     conditioning: Conditioning | None = None,
     law: ClosedForm | None = None,
 ) -> RealBlock:
@@ -96,9 +96,9 @@ def build_real(
         ``"full"`` or ``"simplified"``.
     scales : Scales
         Full-scale output and range of the gap.
-    limits : Limits
+    limits : DemandLimits
         Of demand and current.
-    sizes : Sizes, optional
+    sizes : TableSizes, optional
         How fine tables and searches are; up to 12 for the exponents of the full law's tables.
     conditioning : Conditioning, optional
         Start-up sequence.
@@ -115,7 +115,7 @@ def build_real(
         The model cannot be compiled.
     """
     refuse_uncompilable(model)
-    sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
+    sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
     offset = None
     if kind == "full":
@@ -133,7 +133,11 @@ def build_real(
 
 
 def _common(
-    model: ActuatorModel, scales: Scales, limits: Limits, sizes: Sizes, conditioning: Conditioning
+    model: ActuatorModel,
+    scales: Scales,
+    limits: DemandLimits,
+    sizes: TableSizes,
+    conditioning: Conditioning,
 ) -> dict[str, float]:
     span = scales.gap_high - scales.gap_low
     return {
@@ -152,7 +156,7 @@ def _common(
     }
 
 
-def _largest_flux(model: ActuatorModel, limits: Limits, at: FloatArray) -> float:
+def _largest_flux(model: ActuatorModel, limits: DemandLimits, at: FloatArray) -> float:
     """Return the flux that the demands need at most, or that of saturated iron."""
     circuit = model.circuit(at, np.zeros(at.size))
     needed = [circuit.flux_density(np.full(at.size, end))[0] for end in limits.demand]
@@ -163,7 +167,7 @@ Arms = tuple[FloatArray, FloatArray, FloatArray]
 Law = tuple[dict[str, float], Arms, dict[str, FloatArray]]
 
 
-def _full(model: ActuatorModel, limits: Limits, at: FloatArray, sizes: Sizes) -> Law:
+def _full(model: ActuatorModel, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
     law = normal(model, at)
     found = full_tables(law, limits, sizes)
     numbers = {
@@ -180,7 +184,7 @@ def _full(model: ActuatorModel, limits: Limits, at: FloatArray, sizes: Sizes) ->
     return numbers, (law.bias, law.flux_arm, law.field_arm), tables
 
 
-def _simplified(law: ClosedForm, at: FloatArray, sizes: Sizes) -> Law:
+def _simplified(law: ClosedForm, at: FloatArray, sizes: TableSizes) -> Law:
     numbers = {
         "rate": law.rate,
         "hold": law.rate / (1.0 - law.nu),

@@ -11,10 +11,10 @@ from anhyst._core import FixedCompensator, langevin
 from anhyst.compensate.block import (
     Block,
     Conditioning,
-    Limits,
+    DemandLimits,
     Packer,
     Scales,
-    Sizes,
+    TableSizes,
     as_word,
     mantissa,
 )
@@ -139,7 +139,7 @@ class FullTables:
     inverse: FloatArray
 
 
-def full_tables(law: Normal, limits: Limits, sizes: Sizes) -> FullTables:
+def full_tables(law: Normal, limits: DemandLimits, sizes: TableSizes) -> FullTables:
     """Return the tables of a law, as far as currents within their limits lead."""
     reach = MARGIN * largest_field(law, limits.current)
     if reach > FURTHEST:
@@ -159,8 +159,8 @@ def full_tables(law: Normal, limits: Limits, sizes: Sizes) -> FullTables:
 def build_full(
     model: ActuatorModel,
     scales: Scales,
-    limits: Limits,
-    sizes: Sizes | None = None,
+    limits: DemandLimits,
+    sizes: TableSizes | None = None,
     conditioning: Conditioning | None = None,
     model_hash: int = 0,
 ) -> Block:
@@ -172,9 +172,9 @@ def build_full(
         Of the effective-field law, without eddy currents; gap map none, scaling or reluctance.
     scales : Scales
         What 1.0 means.
-    limits : Limits
+    limits : DemandLimits
         Of demand and current.
-    sizes : Sizes, optional
+    sizes : TableSizes, optional
         How fine tables and searches are.
     conditioning : Conditioning, optional
         Start-up sequence.
@@ -192,7 +192,7 @@ def build_full(
         The model cannot be compiled, or a number does not fit.
     """
     refuse_uncompilable(model)
-    sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
+    sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
     law = normal(model, at)
     tables = full_tables(law, limits, sizes)

@@ -11,7 +11,7 @@ from anhyst.compensate.block import Block, Scales
 from anhyst.compensate.floating import RealBlock, build_real
 from anhyst.compensate.force_controller import Native
 from anhyst.compensate.interface import NumberFormat
-from anhyst.compensate.plan import Request, make_plan
+from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Sources
 from anhyst.support.errors import InputError
 
@@ -71,7 +71,7 @@ def _compile(
     if model is None:
         raise InputError("this method needs a model; identify one from the loops")
     narrowed = bearing_model(model, where.current_max, where.force_max, where.gap_range)
-    plan = make_plan(narrowed, Request(kind, "q31", where.rate), 0)
+    plan = make_plan(narrowed, CompileRequest(kind, "q31", where.rate), 0)
     block = plan.block
     if number_format != "fixed":
         law = plan.builder.law if kind == "simplified" else None

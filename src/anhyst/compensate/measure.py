@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import Limits, Scales, Sizes
+from anhyst.compensate.block import DemandLimits, Scales, TableSizes
 from anhyst.compensate.full import normal
 from anhyst.compensate.paths import Path
 from anhyst.compensate.scheduled import flux_unit, nodes
@@ -25,7 +25,7 @@ LOSS_SEED = 3
 
 
 @dataclass(frozen=True)
-class Run:
+class PathRun:
     """One path under one compensator.
 
     Parameters
@@ -47,7 +47,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation:
+class OutputDeviation:
     """Worst and root-mean-square deviation of the output, in its unit, and where the worst was."""
 
     worst: float
@@ -55,7 +55,7 @@ class Deviation:
     path: str
 
 
-def run_twin(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> Run:
+def run_twin(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> PathRun:
     """Run a compensator along a path, and the exact model with its currents.
 
     Parameters
@@ -71,13 +71,15 @@ def run_twin(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> Run:
 
     Returns
     -------
-    Run
+    PathRun
     """
     current = twin_of(block, io).run(path.demand, path.gap)
-    return Run(path, current, exact_output(model, current, path), np.ones(current.size, dtype=bool))
+    return PathRun(
+        path, current, exact_output(model, current, path), np.ones(current.size, dtype=bool)
+    )
 
 
-def run_with_losses(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> Run:
+def run_with_losses(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> PathRun:
     """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
     size = path.demand.size
     loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
@@ -87,7 +89,7 @@ def run_with_losses(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -
     else:
         current = _lossy_numbers(twin, path, loss)
     judged = np.arange(size) % LOSS_EVERY != LOSS_EVERY - 1
-    return Run(path, current, exact_output(model, current, path), judged)
+    return PathRun(path, current, exact_output(model, current, path), judged)
 
 
 def _lossy_codes(twin: FixedTwin, path: Path, loss: FloatArray) -> FloatArray:
@@ -130,14 +132,14 @@ def exact_output(model: ActuatorModel, current: FloatArray, path: Path) -> Float
     return model.predict(current, path.gap, history="demagnetised").output
 
 
-def off_demand(run: Run, limits: Limits, resolution: float) -> FloatArray:
+def off_demand(run: PathRun, limits: DemandLimits, resolution: float) -> FloatArray:
     """Return output minus demand; at a limit of the current only what is on its wrong side.
 
     Parameters
     ----------
-    run : Run
+    run : PathRun
         A path under a compensator.
-    limits : Limits
+    limits : DemandLimits
         Of the current.
     resolution : float
         What counts as being at a limit, in units of the input.
@@ -155,12 +157,12 @@ def off_demand(run: Run, limits: Limits, resolution: float) -> FloatArray:
     return np.where(run.judged, error, 0.0)
 
 
-def deviation(errors: Iterable[tuple[str, FloatArray]]) -> Deviation:
+def deviation(errors: Iterable[tuple[str, FloatArray]]) -> OutputDeviation:
     """Sum up errors over several paths, given with their names."""
     kept = [(name, np.abs(error)) for name, error in errors]
     worst = max(kept, key=lambda item: float(item[1].max()))
     squares = np.concatenate([error for _, error in kept]) ** 2
-    return Deviation(float(worst[1].max()), float(np.sqrt(squares.mean())), worst[0])
+    return OutputDeviation(float(worst[1].max()), float(np.sqrt(squares.mean())), worst[0])
 
 
 def resolution(scales: Scales) -> float:
@@ -170,12 +172,12 @@ def resolution(scales: Scales) -> float:
 
 def against_demand(
     model: ActuatorModel, block: AnyBlock, io: Io, paths: Sequence[Path]
-) -> tuple[Deviation, list[tuple[Run, FloatArray]]]:
+) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
     """Run a compensator along all paths, the first of the random ones with losses as well.
 
     Returns
     -------
-    Deviation
+    OutputDeviation
         Over all of them.
     list of (Run, ndarray)
         Each run with its errors.
@@ -194,7 +196,7 @@ def between(
     one: tuple[AnyBlock, Io],
     other: tuple[AnyBlock, Io],
     paths: Sequence[Path],
-) -> Deviation:
+) -> OutputDeviation:
     """Compare two compensators: what the exact model makes of their currents."""
 
     def errors(path: Path) -> FloatArray:
@@ -205,7 +207,7 @@ def between(
 
 
 def snapped(
-    paths: Sequence[Path], model: ActuatorModel, scales: Scales, sizes: Sizes
+    paths: Sequence[Path], model: ActuatorModel, scales: Scales, sizes: TableSizes
 ) -> list[Path]:
     """Return the paths with every gap moved to the nearest entry of the tables over it."""
     if not model.needs_schedule:
@@ -221,8 +223,12 @@ def snapped(
 
 
 def interpolation(
-    model: ActuatorModel, scales: Scales, limits: Limits, sizes: Sizes, paths: Sequence[Path]
-) -> Deviation:
+    model: ActuatorModel,
+    scales: Scales,
+    limits: DemandLimits,
+    sizes: TableSizes,
+    paths: Sequence[Path],
+) -> OutputDeviation:
     """Return what straight lines between the entries over the gap cost, everything else exact.
 
     Parameters
@@ -231,15 +237,15 @@ def interpolation(
         The model.
     scales : Scales
         Range of the gap.
-    limits : Limits
+    limits : DemandLimits
         Of the current.
-    sizes : Sizes
+    sizes : TableSizes
         How many entries.
     paths : sequence of Path
         Demands that lie above what the smallest current may leave.
     """
     if not model.needs_schedule:
-        return Deviation(0.0, 0.0, "")
+        return OutputDeviation(0.0, 0.0, "")
     at = nodes(model, scales, sizes)
     law = normal(model, at)
     unit, power = flux_unit(model), model.power
@@ -263,7 +269,9 @@ def interpolation(
         ) / (iron["a"])
         current = over(law.bias) + over(law.flux_arm) * flux + over(law.field_arm) * x
         current = np.clip(current, *limits.current)
-        run = Run(path, current, exact_output(model, current, path), np.ones(x.size, dtype=bool))
+        run = PathRun(
+            path, current, exact_output(model, current, path), np.ones(x.size, dtype=bool)
+        )
         return off_demand(run, limits, 1e-9 * scales.current)
 
     return deviation((path.name, error(path)) for path in paths)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.compensate.block import Limits, Scales
+from anhyst.compensate.block import DemandLimits, Scales
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
 
@@ -68,7 +68,7 @@ class Reach:
         return np.asarray(low + (high - low) * part)
 
 
-def find_reach(model: ActuatorModel, scales: Scales, limits: Limits) -> Reach:
+def find_reach(model: ActuatorModel, scales: Scales, limits: DemandLimits) -> Reach:
     """Find out which outputs can be reached over the gap.
 
     Parameters
@@ -77,7 +77,7 @@ def find_reach(model: ActuatorModel, scales: Scales, limits: Limits) -> Reach:
         The model.
     scales : Scales
         Range of the gap.
-    limits : Limits
+    limits : DemandLimits
         Of demand and current.
 
     Returns
@@ -101,7 +101,7 @@ def find_reach(model: ActuatorModel, scales: Scales, limits: Limits) -> Reach:
 def paths(
     model: ActuatorModel,
     scales: Scales,
-    limits: Limits,
+    limits: DemandLimits,
     *,
     lifted: bool = False,
     seed: int = 1,
@@ -115,7 +115,7 @@ def paths(
         The model.
     scales : Scales
         Range of the gap.
-    limits : Limits
+    limits : DemandLimits
         Of demand and current.
     lifted : bool
         Whether to stay above the outputs that the smallest current may leave.

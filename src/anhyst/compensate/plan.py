@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.compensate.block import Kind, Limits, Scales, Sizes
+from anhyst.compensate.block import DemandLimits, Kind, Scales, TableSizes
 from anhyst.compensate.naming import c_name, check_name
 from anhyst.compensate.scheduled import flux_gain, flux_shift, refuse_uncompilable
-from anhyst.compensate.search import Builder, Found, Search
+from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
 from anhyst.compensate.start import StartUp, plan_start
 from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.model.actuator import ActuatorModel
@@ -31,7 +31,7 @@ RATES = (1.0, 1e6)
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class CompileRequest:
     """What a user wants compiled.
 
     Parameters
@@ -70,7 +70,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class Decision:
     """One decision of the plan: what was chosen, and why."""
 
     name: str
@@ -84,28 +84,28 @@ class Plan:
 
     Parameters
     ----------
-    request : Request
+    request : CompileRequest
         What was asked for.
     builder : Builder
         The model, with scales and limits.
-    sizes : Sizes
+    sizes : TableSizes
         Of tables and searches.
     block : Block or RealBlock
         The parameters.
     start : StartUp
         The start-up sequence.
-    found : Found
+    found : FoundBlock
         What the search tried.
     allowance : float
         What formats and tables may cost, in units of the output.
     """
 
-    request: Request
+    request: CompileRequest
     builder: Builder
-    sizes: Sizes
+    sizes: TableSizes
     block: AnyBlock
     start: StartUp
-    found: Found
+    found: FoundBlock
     allowance: float
 
     @property
@@ -138,19 +138,21 @@ def full_scale(largest: float) -> float:
     return float(f"{found * decade:.6g}")
 
 
-def largest_output(limits: Limits) -> float:
+def largest_output(limits: DemandLimits) -> float:
     """Return the largest magnitude of a demand."""
     return max(abs(end) for end in limits.demand)
 
 
-def make_plan(model: ActuatorModel, request: Request, model_hash: int, share: float = 1.0) -> Plan:
+def make_plan(
+    model: ActuatorModel, request: CompileRequest, model_hash: int, share: float = 1.0
+) -> Plan:
     """Decide how a model is compiled.
 
     Parameters
     ----------
     model : ActuatorModel
         The model.
-    request : Request
+    request : CompileRequest
         What is wanted.
     model_hash : int
         First 32 bits of the hash of the model file.
@@ -181,7 +183,7 @@ def make_plan(model: ActuatorModel, request: Request, model_hash: int, share: fl
         raise not_computed(error) from error
     given = model, request.kind, request.io, scales, limits
     builder = Builder(*given, start.conditioning, model_hash)
-    found = Search(builder, share * allowance).run()
+    found = BlockSearch(builder, share * allowance).run()
     block = builder(found.sizes)
     return Plan(request, builder, found.sizes, block, start, found, allowance)
 
@@ -194,7 +196,7 @@ def not_computed(error: InputError | NegativeResult) -> InputError:
     )
 
 
-def find_limits(model: ActuatorModel) -> Limits:
+def find_limits(model: ActuatorModel) -> DemandLimits:
     """Return the limits of demand and current: where the model was seen to hold.
 
     Raises
@@ -209,7 +211,7 @@ def find_limits(model: ActuatorModel) -> Limits:
         )
     low, high = model.valid.output
     # A force is the square of the flux: what the sensor read below zero was noise.
-    limits = Limits((max(low, 0.0) if model.power == 2 else low, high), model.valid.input)
+    limits = DemandLimits((max(low, 0.0) if model.power == 2 else low, high), model.valid.input)
     over = model.valid.schedule
     ranges = [("output", limits.demand), ("input", limits.current)]
     if model.needs_schedule:
@@ -223,7 +225,7 @@ def find_limits(model: ActuatorModel) -> Limits:
     return limits
 
 
-def find_scales(model: ActuatorModel, limits: Limits) -> Scales:
+def find_scales(model: ActuatorModel, limits: DemandLimits) -> Scales:
     """Return what 1.0 of each signal means: round values, the gap's range as it is."""
     assert model.valid is not None
     gap_low, gap_high = model.valid.schedule or (0.0, 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anhyst.compensate.block import Conditioning, Limits, Packer, Scales, Sizes, as_word
+from anhyst.compensate.block import Conditioning, DemandLimits, Packer, Scales, TableSizes, as_word
 from anhyst.compensate.layout import UNITS
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.compilable import obstacle
@@ -23,7 +23,7 @@ def refuse_uncompilable(model: ActuatorModel) -> None:
         raise InputError(reason)
 
 
-def nodes(model: ActuatorModel, scales: Scales, sizes: Sizes) -> FloatArray:
+def nodes(model: ActuatorModel, scales: Scales, sizes: TableSizes) -> FloatArray:
     """Places over the gap at which a table has its entries, SI."""
     if not model.needs_schedule:
         return np.full(2, scales.gap_low)
@@ -71,8 +71,8 @@ def pack_common(
     pack: Packer,
     model: ActuatorModel,
     scales: Scales,
-    limits: Limits,
-    sizes: Sizes,
+    limits: DemandLimits,
+    sizes: TableSizes,
     conditioning: Conditioning,
     offset: FloatArray | None = None,
 ) -> None:

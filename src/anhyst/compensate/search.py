@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from anhyst.compensate.block import Conditioning, Kind, Limits, Scales, Sizes
+from anhyst.compensate.block import Conditioning, DemandLimits, Kind, Scales, TableSizes
 from anhyst.compensate.floating import RealBlock, RealKind, build_real
 from anhyst.compensate.full import build_full
 from anhyst.compensate.layout import LEAST_WORDS, MOST_WORDS
@@ -40,7 +40,7 @@ ROOM = 0.998
 KNEE_SHARE = 0.1
 """Of the wanted accuracy may go into the straight start of the root."""
 
-FINE = Sizes(
+FINE = TableSizes(
     gap_segments=4,
     curve_segments=7,
     inverse_segments=6,
@@ -70,7 +70,7 @@ class Builder:
     kind: Kind
     io: Io
     scales: Scales
-    limits: Limits
+    limits: DemandLimits
     conditioning: Conditioning = field(default_factory=Conditioning)
     model_hash: int = 0
 
@@ -82,7 +82,7 @@ class Builder:
         room = ROOM * self.scales.demand - self.limits.demand[1]
         return fit_closed_form(self.model, self.limits, at, room=room)
 
-    def __call__(self, sizes: Sizes) -> AnyBlock:
+    def __call__(self, sizes: TableSizes) -> AnyBlock:
         """Return the block with these sizes."""
         if self.io == "f32":
             return self._real(sizes)
@@ -91,14 +91,14 @@ class Builder:
             return build_full(*given)
         return build_simplified(*given, self.law, self.kind)
 
-    def exact(self, sizes: Sizes) -> RealBlock:
+    def exact(self, sizes: TableSizes) -> RealBlock:
         """Return the same tables for double precision, with as many iterations as can matter.
 
         Euler's form has no tables; it is held against the closed form.
         """
         return self._real(replace(sizes, iterations=FINE.iterations))
 
-    def _real(self, sizes: Sizes) -> RealBlock:
+    def _real(self, sizes: TableSizes) -> RealBlock:
         kind: RealKind = "full" if self.kind == "full" else "simplified"
         law = None if kind == "full" else self.law
         given = self.model, kind, self.scales, self.limits, sizes, self.conditioning
@@ -106,12 +106,12 @@ class Builder:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundBlock:
     """Outcome of the search.
 
     Parameters
     ----------
-    sizes : Sizes
+    sizes : TableSizes
         What was chosen.
     reached : float
         What they cost on the path of the plan, in units of the output.
@@ -119,12 +119,12 @@ class Found:
         For each axis the sizes tried alone, and what each costs.
     """
 
-    sizes: Sizes
+    sizes: TableSizes
     reached: float
     tried: Mapping[str, list[tuple[int, float]]]
 
 
-class Search:
+class BlockSearch:
     """Looks at each axis alone, then takes the smallest block of which the total is good enough.
 
     Parameters
@@ -148,17 +148,17 @@ class Search:
         knees = range(2, 9)
         return next((k for k in knees if full * 4.0 ** -(k + 1) <= KNEE_SHARE * self.wanted), 8)
 
-    def run(self) -> Found:
+    def run(self) -> FoundBlock:
         """Search.
 
         Returns
         -------
-        Found
+        FoundBlock
             Of the sizes tried the smallest that are good enough, or else the best.
         """
         axes = self._axes()
         enough = SPARE * self.wanted
-        best: tuple[float, Sizes] | None = None
+        best: tuple[float, TableSizes] | None = None
         for sizes in self._candidates(axes):
             cost = self._cost(sizes)
             if best is None or cost < best[0]:
@@ -167,9 +167,9 @@ class Search:
                 break
         assert best is not None
         reached, sizes = best
-        return Found(replace(sizes, iterations=self._iterations(sizes)), reached, axes)
+        return FoundBlock(replace(sizes, iterations=self._iterations(sizes)), reached, axes)
 
-    def _iterations(self, sizes: Sizes) -> int:
+    def _iterations(self, sizes: TableSizes) -> int:
         """Return one more than the fewest iterations that are as good as many."""
         b = self.builder
         ways = paths(b.model, b.scales, b.limits, seed=ITERATION_SEED, length=ITERATION_LENGTH)
@@ -181,7 +181,7 @@ class Search:
         enough = CONVERGED * worst(FINE.iterations)
         return next((n + 1 for n in ITERATION_RANGE if worst(n) <= enough), FINE.iterations)
 
-    def _cost(self, sizes: Sizes) -> float:
+    def _cost(self, sizes: TableSizes) -> float:
         """Return what sizes cost; a simplified law must not hide its tables behind itself."""
         cost = self.excess(self.builder(sizes), self.builder.io)
         return cost if self.builder.kind == "full" else max(cost, self._alone(sizes))
@@ -226,7 +226,7 @@ class Search:
         finest = b.exact(FINE)
         free = LAW_SHARE * max(self._law)
 
-        def cost(sizes: Sizes) -> float:
+        def cost(sizes: TableSizes) -> float:
             block = b.exact(sizes)
             moved = between(b.model, (block, "f64"), (finest, "f64"), self.paths).worst
             return max(self.excess(block, "f64"), moved - free, 0.0)
@@ -234,7 +234,7 @@ class Search:
         values = range(LAW_SEGMENTS + 1)
         return [(n, cost(replace(FINE, gap_segments=n))) for n in values]
 
-    def _alone(self, sizes: Sizes) -> float:
+    def _alone(self, sizes: TableSizes) -> float:
         """Return what the tables of the law cost, at gaps that stand in the tables over it."""
         b = self.builder
         at, block = snapped(self.paths, b.model, b.scales, sizes), b.exact(sizes)
@@ -243,7 +243,7 @@ class Search:
         fine = b.exact(replace(FINE, gap_segments=sizes.gap_segments))
         return between(b.model, (block, "f64"), (fine, "f64"), at).worst
 
-    def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[Sizes]:
+    def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
         """Return sizes that may be good enough, the smallest first; else the most promising."""
         fine = replace(FINE, root_knee=self.knee)
         rows = []
@@ -259,7 +259,7 @@ class Search:
         return [min(rows, key=lambda row: row[1])[2]]
 
 
-def words_of(kind: Kind, sizes: Sizes) -> int:
+def words_of(kind: Kind, sizes: TableSizes) -> int:
     """Return the length of a block, tables over the gap that are alike counted apart."""
     gap = 5 * (2**sizes.gap_segments + 1)
     if kind == "full":

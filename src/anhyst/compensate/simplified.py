@@ -22,11 +22,11 @@ from anhyst._core import FixedCompensator
 from anhyst.compensate.block import (
     Block,
     Conditioning,
+    DemandLimits,
     Kind,
-    Limits,
     Packer,
     Scales,
-    Sizes,
+    TableSizes,
     as_word,
     mantissa,
 )
@@ -121,7 +121,7 @@ def _demand(low: float, high: float) -> FloatArray:
     return np.tile(low + (high - low) * wave, CYCLES)
 
 
-def _tasks(model: ActuatorModel, at: float, limits: Limits) -> list[_Task]:
+def _tasks(model: ActuatorModel, at: float, limits: DemandLimits) -> list[_Task]:
     """Return what the full model does at one gap, one task a demand."""
     circuit = model.circuit(np.array([at]), np.zeros(1))
     unit = flux_unit(model)
@@ -163,7 +163,7 @@ def curve(nu: float, z: FloatArray) -> FloatArray:
     return np.asarray(1.0 - np.minimum(v, 1.0))
 
 
-def distances(sizes: Sizes) -> FloatArray:
+def distances(sizes: TableSizes) -> FloatArray:
     """Return where the table of the closed form has its entries: as many in each octave up to 16.
 
     Below the first octave, which ends at ``16/2**octaves``, there are as many again.
@@ -175,7 +175,7 @@ def distances(sizes: Sizes) -> FloatArray:
     return np.append(np.concatenate(ends), 16.0)
 
 
-def _pack_law(pack: Packer, rate: float, nu: float, sizes: Sizes) -> None:
+def _pack_law(pack: Packer, rate: float, nu: float, sizes: TableSizes) -> None:
     weight, shift = mantissa(rate / 8.0, "rate of the simplified law")
     pack.set("SIMPLE_RATE", weight)
     pack.set("SIMPLE_RATE_SHIFT", shift)
@@ -193,7 +193,7 @@ def _pack_law(pack: Packer, rate: float, nu: float, sizes: Sizes) -> None:
     pack.table("SIMPLE_CURVE", np.minimum(curve(nu, z), 32767 / 32768), 32768.0)
 
 
-def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: Sizes) -> list[FloatArray]:
+def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -> list[FloatArray]:
     """Return the bounded state along each row of fluxes, from the C that will run."""
     pack = Packer("simplified")
     pack.set("POWER", 1)
@@ -210,7 +210,7 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: Sizes) -> lis
     pack.table("GAP_FIELD_ARM", 0.25 * one, 65536.0)
     pack.set("CURRENT_SHIFT", 2)
     _pack_law(pack, rate, nu, sizes)
-    words = pack.close(Scales(1.0, 1.0, 0.0, 1.0), Limits((-1, 1), (-1, 1))).words
+    words = pack.close(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
     lags = []
     for flux in fluxes:
         codes = np.clip(np.rint(flux * 2.0**31), -(2**31), 2**31 - 1).astype(np.int32)
@@ -257,7 +257,7 @@ def _straighten(
     tasks: list[_Task],
     law: tuple[float, float],
     room: float,
-    sizes: Sizes,
+    sizes: TableSizes,
 ) -> tuple[float, list[_Task]]:
     """Find the offset at one gap that leaves the least error, and the demands with it."""
     own = float(model.over_schedule("out_0", np.array([at]))[0])
@@ -277,9 +277,9 @@ def _straighten(
 
 def fit_closed_form(
     model: ActuatorModel,
-    limits: Limits,
+    limits: DemandLimits,
     at: FloatArray,
-    sizes: Sizes | None = None,
+    sizes: TableSizes | None = None,
     room: float = 0.0,
 ) -> ClosedForm:
     """Fit the simplified law to a model over its working range, in force.
@@ -288,11 +288,11 @@ def fit_closed_form(
     ----------
     model : ActuatorModel
         Of the effective-field law.
-    limits : Limits
+    limits : DemandLimits
         Of demand and current.
     at : ndarray, shape (g,)
         Scheduling variable at which arms are wanted, SI.
-    sizes : Sizes, optional
+    sizes : TableSizes, optional
         How fine the table of the closed form is.
     room : float, optional
         So far above its largest demand the format reaches, in units of the output: as far may the
@@ -309,7 +309,7 @@ def fit_closed_form(
         The model cannot be compiled.
     """
     refuse_uncompilable(model)
-    sizes = sizes or Sizes()
+    sizes = sizes or TableSizes()
     places = np.unique(at)
     groups = [_tasks(model, float(place), limits) for place in places]
     if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
@@ -341,7 +341,7 @@ def fit_closed_form(
 
 
 def _fitted(
-    groups: list[list[_Task]], rate: float, nu: float, sizes: Sizes
+    groups: list[list[_Task]], rate: float, nu: float, sizes: TableSizes
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Return the best arms at each gap, and the errors they leave."""
     lags = _lags(rate, nu, [task.flux for tasks in groups for task in tasks], sizes)
@@ -349,7 +349,7 @@ def _fitted(
     return [_arms(tasks, lags[i * each : (i + 1) * each]) for i, tasks in enumerate(groups)]
 
 
-def _search(groups: list[list[_Task]], sizes: Sizes) -> tuple[float, float]:
+def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]:
     """Find the rate and nu that are best for all gaps."""
 
     def cost(point: FloatArray) -> float:
@@ -369,8 +369,8 @@ def _search(groups: list[list[_Task]], sizes: Sizes) -> tuple[float, float]:
 def build_simplified(
     model: ActuatorModel,
     scales: Scales,
-    limits: Limits,
-    sizes: Sizes | None = None,
+    limits: DemandLimits,
+    sizes: TableSizes | None = None,
     conditioning: Conditioning | None = None,
     model_hash: int = 0,
     law: ClosedForm | None = None,
@@ -382,7 +382,7 @@ def build_simplified(
     ``"euler"`` is the paper's Euler form of the same five numbers, with ``sizes.substeps``.
     """
     refuse_uncompilable(model)
-    sizes, conditioning = sizes or Sizes(), conditioning or Conditioning()
+    sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
     law = law or fit_closed_form(model, limits, at, sizes)
     pack = Packer(kind, model_hash)

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.compensate.block import Conditioning, Limits, Scales
+from anhyst.compensate.block import Conditioning, DemandLimits, Scales
 from anhyst.data.history import History
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
@@ -46,7 +46,7 @@ class StartUp:
 
 
 def plan_start(
-    model: ActuatorModel, scales: Scales, limits: Limits, rate: float, wanted: float
+    model: ActuatorModel, scales: Scales, limits: DemandLimits, rate: float, wanted: float
 ) -> StartUp:
     """Choose the sequence.
 
@@ -56,7 +56,7 @@ def plan_start(
         The model.
     scales : Scales
         Range of the gap.
-    limits : Limits
+    limits : DemandLimits
         Of the current.
     rate : float
         Ticks a second.
@@ -77,7 +77,7 @@ def plan_start(
     return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining)
 
 
-def left_after(model: ActuatorModel, scales: Scales, limits: Limits, cycles: int) -> float:
+def left_after(model: ActuatorModel, scales: Scales, limits: DemandLimits, cycles: int) -> float:
     """Return how far outputs of different starts are apart after so many cycles, at any gap."""
     low, high = limits.current
     corners = [low, high] * cycles + [low]

@@ -23,7 +23,7 @@ ONES: dict[Format, float] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class WordUnit:
     """What 1.0 of a word is worth, and in what unit."""
 
     scale: float = 1.0

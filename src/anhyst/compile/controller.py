@@ -13,7 +13,7 @@ from anhyst._core import FixedForceController, FixedPosition
 from anhyst.compensate.bearing import bearing_model
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
-from anhyst.compensate.plan import Plan, Request
+from anhyst.compensate.plan import CompileRequest, Plan
 from anhyst.control.controller_file import (
     ControllerFile,
     ControllerTable,
@@ -146,14 +146,14 @@ class ControllerPlan:
         return FixedPosition(self.gains, compensators, dict(self.settings))
 
 
-def read_fitting(path: PathLike, request: Request, model_path: PathLike) -> Controller:
+def read_fitting(path: PathLike, request: CompileRequest, model_path: PathLike) -> Controller:
     """Read a controller file for a folder.
 
     Parameters
     ----------
     path : path-like
         ``controller.toml``.
-    request : Request
+    request : CompileRequest
         What is compiled.
     model_path : path-like
         From which model.
@@ -171,7 +171,7 @@ def read_fitting(path: PathLike, request: Request, model_path: PathLike) -> Cont
     return Controller(file)
 
 
-def _faults(table: ControllerTable, request: Request) -> list[Fault]:
+def _faults(table: ControllerTable, request: CompileRequest) -> list[Fault]:
     chosen = table.compensation
     faults: list[Fault] = []
     if table.rate_Hz != request.rate:
@@ -205,7 +205,7 @@ def _model_faults(file: ControllerFile, model_path: PathLike) -> list[Fault]:
     return [(("compensation", "model"), text)] if text else []
 
 
-def _check_format(table: ControllerTable, request: Request) -> None:
+def _check_format(table: ControllerTable, request: CompileRequest) -> None:
     """Refuse what cannot carry a position."""
     if request.io == "q15":
         limits = table.limits

@@ -21,7 +21,7 @@ from anhyst.compensate.budget import (
     refusal,
     why_drifting,
 )
-from anhyst.compensate.plan import ACCURACY, Plan, Request, make_plan, not_computed
+from anhyst.compensate.plan import ACCURACY, CompileRequest, Plan, make_plan, not_computed
 from anhyst.compensate.twin import Io
 from anhyst.compile.controller import Controller, read_fitting
 from anhyst.compile.folder import check_folder, write_folder
@@ -84,7 +84,7 @@ class Compiled:
 def compile_model(
     model_path: PathLike,
     out: PathLike,
-    request: Request,
+    request: CompileRequest,
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Compiled:
@@ -96,7 +96,7 @@ def compile_model(
         A model file.
     out : path-like
         The folder to write; one that was compiled before is replaced, any other is left alone.
-    request : Request
+    request : CompileRequest
         What is wanted.
     controller_path : path-like, optional
         A controller file.
@@ -159,7 +159,7 @@ def _accuracy(budget: Budget) -> dict[str, str]:
 def _better(model: ActuatorModel, plan: Plan, controller: Controller | None) -> str:
     """Return the options that reach an accuracy which those of a plan do not; empty if none do."""
     asked = plan.request
-    tries: list[tuple[str, Request]] = []
+    tries: list[tuple[str, CompileRequest]] = []
     if asked.kind != "full":
         tries.append(("--kind full", replace(asked, kind="full")))
     elif controller is None:
@@ -177,7 +177,7 @@ def _better(model: ActuatorModel, plan: Plan, controller: Controller | None) -> 
 
 def _planned(
     model: ActuatorModel,
-    request: Request,
+    request: CompileRequest,
     model_hash: int,
     controller: Controller | None,
     progress: Progress | None,

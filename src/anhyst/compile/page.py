@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.compensate.budget import Budget, Part, percent
+from anhyst.compensate.budget import Budget, BudgetPart, percent
 from anhyst.compensate.choices import explain
 from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.plan import Plan
 from anhyst.compile.memory import parameters_bytes
 from anhyst.compile.source import signal_lines
 from anhyst.support.arrays import FloatArray
-from anhyst.support.page.blocks import Cell, Picture, Section, Table, Text, table
+from anhyst.support.page.blocks import Cell, PageTable, Picture, Section, Text, table
 from anhyst.support.page.numbers import NOT_KNOWN
 from anhyst.support.page.page import Headline, render_page
 from anhyst.support.page.style import ALARM, MODEL, new_figure, styled, svg_text
@@ -68,12 +68,12 @@ def _verdict(budget: Budget) -> str:
     return f"{text}. Held, it drifts by {drift:.2g} % in {SECONDS:g} s."
 
 
-def _parts(budget: Budget) -> Table:
+def _parts(budget: Budget) -> PageTable:
     """Each part switched on alone, everything else exact; then the sums."""
     sums = budget.compiled, budget.total, budget.drift
     largest = max(part.worst or 0.0 for part in (*budget.parts, *sums))
 
-    def row(part: Part) -> list[Cell]:
+    def row(part: BudgetPart) -> list[Cell]:
         def share(value: float | None) -> str:
             return NOT_KNOWN if value is None else f"{percent(budget, value):#.2g}"
 
@@ -96,7 +96,7 @@ def _parts(budget: Budget) -> Table:
     )
 
 
-def _along(budget: Budget) -> tuple[Picture, Table]:
+def _along(budget: Budget) -> tuple[Picture, PageTable]:
     rows = [
         [
             run.path.title,
@@ -115,7 +115,7 @@ def _along(budget: Budget) -> tuple[Picture, Table]:
     return shown, table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
 
 
-def _held(budget: Budget) -> Table:
+def _held(budget: Budget) -> PageTable:
     rows = [
         [
             one.title,
@@ -135,13 +135,13 @@ def _held(budget: Budget) -> Table:
     )
 
 
-def _choices(plan: Plan) -> tuple[Table, Text]:
+def _choices(plan: Plan) -> tuple[PageTable, Text]:
     rows = [[choice.name, choice.value, choice.reason] for choice in explain(plan)]
     size = f"Altogether {parameters_bytes(plan.block)} bytes of parameters."
     return table("Every choice", ["what", "chosen", "because"], rows, texts=3), Text(size)
 
 
-def _signals(plan: Plan) -> Table:
+def _signals(plan: Plan) -> PageTable:
     lines = [line.partition(" ") for line in signal_lines(plan)]
     return table(
         "", ["signal", "meaning"], [[name, text.strip()] for name, _, text in lines], "", 2

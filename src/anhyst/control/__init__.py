@@ -3,17 +3,17 @@
 from anhyst.control.design import Gains, design
 from anhyst.control.exchange import from_control, to_control
 from anhyst.control.pidd2 import FixedPidd2, FullScales, Pidd2
-from anhyst.control.position import Converter, Levitation, Limits, PositionControl
+from anhyst.control.position import Levitation, PositionControl, PositionLimits, ReferenceConverter
 
 __all__ = [
-    "Converter",
     "FixedPidd2",
     "FullScales",
     "Gains",
     "Levitation",
-    "Limits",
     "Pidd2",
     "PositionControl",
+    "PositionLimits",
+    "ReferenceConverter",
     "design",
     "from_control",
     "to_control",

@@ -20,10 +20,10 @@ from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.design import Gains, design
 from anhyst.control.pidd2 import Pidd2
 from anhyst.control.position import (
-    Converter,
     Levitation,
-    Limits,
     PositionControl,
+    PositionLimits,
+    ReferenceConverter,
 )
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
@@ -231,12 +231,12 @@ class ControllerTable(Table):
             high=self.limits.force_high_N,
         )
 
-    def converter_of_currents(self) -> Converter:
+    def converter_of_currents(self) -> ReferenceConverter:
         """Return the converter of the references; where none is named, one over their limits."""
         if self.converter is None:
             limits = self.limits
-            return Converter(limits.current_low_A, limits.current_high_A, CONVERTER_BITS)
-        return Converter(self.converter.low_A, self.converter.high_A, self.converter.bits)
+            return ReferenceConverter(limits.current_low_A, limits.current_high_A, CONVERTER_BITS)
+        return ReferenceConverter(self.converter.low_A, self.converter.high_A, self.converter.bits)
 
     def force_max(self, pair: PairTable | None) -> float:
         """Return the largest force of one magnet, N.
@@ -276,7 +276,7 @@ class ControllerTable(Table):
     def position_control(
         self,
         scales: Scales,
-        converter: Converter,
+        converter: ReferenceConverter,
         pair: PairTable | None,
         flux_full_scale: float = 1.0,
     ) -> PositionControl:
@@ -286,7 +286,7 @@ class ControllerTable(Table):
         ----------
         scales : Scales
             Of the compensators.
-        converter : Converter
+        converter : ReferenceConverter
             Of the current references.
         pair : PairTable or None
             What is to know of a second magnet.
@@ -313,7 +313,7 @@ class ControllerTable(Table):
                 lift_rate=self.lift_off.force_rate_N_per_s,
                 set_down_rate=self.landing.force_rate_N_per_s,
             ),
-            limits=Limits(
+            limits=PositionLimits(
                 gap_low=limits.gap_low_m,
                 gap_high=limits.gap_high_m,
                 step=limits.step_m,

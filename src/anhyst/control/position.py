@@ -30,7 +30,7 @@ _COARSEST_STEP = 500  # codes of one step of the converter: its rounding stays b
 
 
 @dataclass(frozen=True)
-class Limits:
+class PositionLimits:
     """What holds whatever the gains are.
 
     Parameters
@@ -97,7 +97,7 @@ class Levitation:
 
 
 @dataclass(frozen=True)
-class Converter:
+class ReferenceConverter:
     """Converter of the references to the amplifiers.
 
     Parameters
@@ -159,8 +159,8 @@ class PositionControl:
     pidd2 : Pidd2
         Gains; its output is the net force. Its rate is that of the ticks.
     levitation : Levitation
-    limits : Limits
-    converter : Converter
+    limits : PositionLimits
+    converter : ReferenceConverter
     scales : Scales
         Of the compensators; both of a pair have the same.
     bias : float
@@ -182,8 +182,8 @@ class PositionControl:
 
     pidd2: Pidd2
     levitation: Levitation
-    limits: Limits
-    converter: Converter
+    limits: PositionLimits
+    converter: ReferenceConverter
     scales: Scales
     bias: float = 0.0
     gap_total: float | None = None

@@ -6,14 +6,14 @@ from anhyst.data.files import write_csv
 from anhyst.data.history import History
 from anhyst.data.loop_set import Loop, LoopSet, Source
 from anhyst.data.reading import read_loops
-from anhyst.data.table import Table, read_columns
+from anhyst.data.table import DataTable, read_columns
 
 __all__ = [
+    "DataTable",
     "History",
     "Loop",
     "LoopSet",
     "Source",
-    "Table",
     "read_columns",
     "read_loops",
     "write_csv",

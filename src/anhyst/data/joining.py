@@ -14,7 +14,7 @@ from anhyst.support.units import Quantity
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class LoopPart:
     """The loops of one source; those whose history nobody stated are ``open``, by their place."""
 
     place: str
@@ -27,7 +27,7 @@ class Part:
     open: frozenset[int] = frozenset()
 
 
-def join(parts: Sequence[Part]) -> LoopSet:
+def join(parts: Sequence[LoopPart]) -> LoopSet:
     """Join the loops of several sources into one set.
 
     A loop that comes twice with the same data is taken once. Scheduling values that differ by
@@ -54,7 +54,7 @@ def join(parts: Sequence[Part]) -> LoopSet:
     )
 
 
-def _must_agree(first: Part, part: Part) -> None:
+def _must_agree(first: LoopPart, part: LoopPart) -> None:
     for role in ("input", "output", "schedule"):
         mine, theirs = getattr(first, role), getattr(part, role)
         if mine != theirs:

@@ -14,12 +14,12 @@ from anhyst.data.branches import are_even
 from anhyst.data.columns import Texts, is_number
 from anhyst.data.formats import FORMATS, MemoryTable, OpenTable, open_table
 from anhyst.data.history import History
-from anhyst.data.joining import Part, join
+from anhyst.data.joining import LoopPart, join
 from anhyst.data.labels import SHORTEST, find_label, may_label
 from anhyst.data.loop_set import Loop, LoopSet, Source
 from anhyst.data.path import time_fault, value_fault
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
-from anhyst.data.sidecar import Reading, is_sidecar
+from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import propose_histories
 from anhyst.data.table import map_headers
 from anhyst.support.arrays import FloatArray
@@ -87,7 +87,7 @@ def read_loops(
         If a file cannot be read or understood, the files do not fit together, or the same loop at
         the same gap comes twice with different data.
     """
-    given = Reading.from_arguments(
+    given = FileDescription.from_arguments(
         columns=columns,
         history=history,
         schedule=schedule,
@@ -96,7 +96,7 @@ def read_loops(
         select=select,
         file_name=file_name,
     )
-    beside = Reading.from_toml(sidecar) if sidecar is not None else None
+    beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
     files = _expand(paths)
     parts = []
     for path in files:
@@ -136,7 +136,7 @@ def loops_of_frame(
     InputError
         If a column is missing, holds text or cannot be understood.
     """
-    given = Reading.from_arguments(
+    given = FileDescription.from_arguments(
         columns=columns, history=history, schedule=schedule, loop=loop, constants=constants
     )
     names = list(getattr(frame, "columns", frame))
@@ -162,18 +162,22 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     return files
 
 
-def _find_sidecar(path: Path) -> Reading:
+def _find_sidecar(path: Path) -> FileDescription:
     sidecar = path.with_suffix(".toml")
     found = sidecar != path and is_sidecar(sidecar)
-    return Reading.from_toml(sidecar) if found else Reading()
+    return FileDescription.from_toml(sidecar) if found else FileDescription()
 
 
-def _read_file(path: Path, told: Reading, progress: Progress | None, *, alone: bool) -> Part:
+def _read_file(
+    path: Path, told: FileDescription, progress: Progress | None, *, alone: bool
+) -> LoopPart:
     told = with_file_name(path, told)
     return _read_table(open_table(path), _ALONE if alone else path.stem, told, progress)
 
 
-def _read_table(table: OpenTable, name: str, told: Reading, progress: Progress | None) -> Part:
+def _read_table(
+    table: OpenTable, name: str, told: FileDescription, progress: Progress | None
+) -> LoopPart:
     """Read a table; ``name`` is that of its loop where it is all there is to call it by."""
     place = table.place
     headers = map_headers(place, table.header, told.columns, table.units)
@@ -235,7 +239,7 @@ def _schedule_values(roles: Roles, column: FloatArray | None, rows: int) -> Floa
     return np.full(rows, roles.fixed) if roles.fixed is not None else column
 
 
-def _selection(place: str, told: Reading, columns: dict[str, Texts]) -> Rows | None:
+def _selection(place: str, told: FileDescription, columns: dict[str, Texts]) -> Rows | None:
     """Rows whose columns hold one of the selected values; ``None`` for all."""
     if not columns:
         return None
@@ -269,10 +273,10 @@ def _cut(
     columns: _Columns,
     headers: Sequence[Header],
     roles: Roles,
-    told: Reading,
+    told: FileDescription,
     source: Source | None,
     notes: Sequence[str],
-) -> Part:
+) -> LoopPart:
     """Cut the columns of one source into loops, by label and scheduling value."""
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
@@ -295,12 +299,12 @@ def _cut(
         loops.append(loop if stated is None else replace(loop, history=stated))
         unstated += [place] if stated is None else []
     texts = tuple(f"{columns.place}: {text}" for text in found)
-    return Part(
+    return LoopPart(
         columns.place, tuple(loops), drive, answer, quantity, source, texts, frozenset(unstated)
     )
 
 
-def _with_histories(parts: list[Part]) -> list[Part]:
+def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
     """Give the loops whose history nobody stated the one that their data propose, with a note."""
     loops = [loop for part in parts for place, loop in enumerate(part.loops) if place in part.open]
     proposals = iter(propose_histories(loops, even=are_even(loops, parts[0].output)))

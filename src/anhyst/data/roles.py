@@ -9,7 +9,7 @@ from pathlib import Path
 
 from anhyst.data.hints import map_one, mapping
 from anhyst.data.output_map import OUTPUT_MAPS
-from anhyst.data.sidecar import Reading
+from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.units import INPUTS, QUANTITIES, Header, Quantity, parse_header
 
@@ -58,7 +58,7 @@ class Roles:
 
 
 def find_roles(
-    place: str, headers: Sequence[Header], told: Reading, skip: Collection[int] = ()
+    place: str, headers: Sequence[Header], told: FileDescription, skip: Collection[int] = ()
 ) -> Roles:
     """Decide what each column is.
 
@@ -110,7 +110,7 @@ def find_column(place: str, headers: Sequence[Header], name: str) -> int:
     raise InputError(f"{place}: has no column '{name}' ({_have(headers)})")
 
 
-def with_file_name(path: Path, told: Reading) -> Reading:
+def with_file_name(path: Path, told: FileDescription) -> FileDescription:
     """Add the constants that the file's name holds, by the pattern ``file_name``.
 
     Raises
@@ -180,7 +180,7 @@ def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
     return healthy[0] if healthy else None
 
 
-def _label(place: str, headers: Sequence[Header], told: Reading) -> int | None:
+def _label(place: str, headers: Sequence[Header], told: FileDescription) -> int | None:
     if told.loop is not None:
         return find_column(place, headers, told.loop)
     found = [index for index, header in enumerate(headers) if header.is_label]
@@ -219,7 +219,7 @@ def _fixed_values(
 
 
 def _schedule(
-    place: str, headers: Sequence[Header], told: Reading
+    place: str, headers: Sequence[Header], told: FileDescription
 ) -> tuple[int | None, float | None, Quantity | None]:
     """Find the scheduling variable: what was asked for, else the gap, else the temperature."""
     if told.schedule == _NO_SCHEDULE:

@@ -14,7 +14,7 @@ from anhyst.support.errors import InputError
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class FileDescription:
     """What is told about files beyond their headers, by arguments or by a sidecar TOML."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class Reading:
         constants: Mapping[str, float | str] | None = None,
         select: Mapping[str, object] | None = None,
         file_name: str | None = None,
-    ) -> Reading:
+    ) -> FileDescription:
         """Collect keyword arguments.
 
         Raises
@@ -56,7 +56,7 @@ class Reading:
         )
 
     @classmethod
-    def from_toml(cls, path: PathLike) -> Reading:
+    def from_toml(cls, path: PathLike) -> FileDescription:
         """Read a sidecar.
 
         Keys: ``columns`` (table: file column = our column), ``loop`` (name of the label column),
@@ -73,7 +73,7 @@ class Reading:
         return cls._from_keys(path, _load(path))
 
     @classmethod
-    def _from_keys(cls, path: Path, found: Mapping[str, Any]) -> Reading:
+    def _from_keys(cls, path: Path, found: Mapping[str, Any]) -> FileDescription:
         kinds = {
             "columns": dict,
             "loop": str,
@@ -102,7 +102,7 @@ class Reading:
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
 
-    def over(self, other: Reading) -> Reading:
+    def over(self, other: FileDescription) -> FileDescription:
         """Combine with another reading; what this one says goes first."""
         if self.history is not None:
             other = replace(other, histories={})
@@ -110,7 +110,7 @@ class Reading:
         for item in fields(self):
             mine, theirs = getattr(self, item.name), getattr(other, item.name)
             merged[item.name] = {**theirs, **mine} if isinstance(mine, dict) else mine or theirs
-        return Reading(**merged)
+        return FileDescription(**merged)
 
 
 def is_sidecar(path: Path) -> bool:

@@ -20,7 +20,7 @@ from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class DataTable:
     """A table read whole: numbers in SI by quantity, and the columns as they stood.
 
     ``headers`` and ``columns`` belong together: numbers in the file's own units as read-only
@@ -120,7 +120,7 @@ def read_columns(
     path: PathLike,
     columns: Mapping[str, str] | None = None,
     progress: Progress | None = None,
-) -> Table:
+) -> DataTable:
     """Read every column of a table, such as a drive or a demand.
 
     Parameters
@@ -162,7 +162,7 @@ def read_columns(
         else:
             raw.numbers[place].flags.writeable = False
             held.append(raw.numbers[place])
-    return Table(opened.place, raw.sha256, headers, tuple(held), raw.notes, opened)
+    return DataTable(opened.place, raw.sha256, headers, tuple(held), raw.notes, opened)
 
 
 def map_headers(

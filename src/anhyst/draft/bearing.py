@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from anhyst.draft.instruments import identify_sections, magnet_section, noise_entry, range_entries
 from anhyst.draft.machine import Machine, Value
-from anhyst.draft.magnet import Reach
+from anhyst.draft.magnet import MeasuredMagnet
 from anhyst.draft.rounding import down, nearest, step_down, step_up, up
 from anhyst.draft.rules import LIFT_S, Numbers
-from anhyst.draft.text import Draft, Entry, Section
+from anhyst.draft.text import Draft, Entry, FileSection
 
 EXAMPLE = "as in the example bearing"
 PACE = (0.01, 1.0)
@@ -34,7 +34,7 @@ def draft_bearing(
     name: str,
     loops: str | list[str],
     reading: Mapping[str, object],
-    reach: Reach,
+    reach: MeasuredMagnet,
     machine: Machine,
     numbers: Numbers,
 ) -> BearingDraft:
@@ -48,7 +48,7 @@ def draft_bearing(
         Files with the loops, relative to the rig file.
     reading : mapping of str to object
         How they are read, where not by default.
-    reach : Reach
+    reach : MeasuredMagnet
         What the loops say about the magnet.
     machine : Machine
         What moves.
@@ -68,16 +68,18 @@ def draft_bearing(
         ],
         [
             *identify_sections(reading),
-            Section("timing", "when what happens", _timing(numbers)),
+            FileSection("timing", "when what happens", _timing(numbers)),
             magnet_section(Entry("arrangement", "single", "one magnet against the load")),
-            Section("amplifier", "power stage of the coil", _amplifier(reach, numbers)),
-            Section("mechanics", "armature and guide", _mechanics(machine)),
-            Section("load", "what pulls the gap open", _load(machine, numbers)),
-            Section("position_sensor", "what the controller reads", _position(machine, numbers)),
-            Section("current_sensor", "shunt of the amplifier", _current(reach, numbers)),
-            Section("force_sensor", "with which loops are measured", _force(reach)),
-            Section("measurement", "how loops are measured", _measurement(reach)),
-            Section("simulate", "test cases", _tried(machine, reach, numbers)),
+            FileSection("amplifier", "power stage of the coil", _amplifier(reach, numbers)),
+            FileSection("mechanics", "armature and guide", _mechanics(machine)),
+            FileSection("load", "what pulls the gap open", _load(machine, numbers)),
+            FileSection(
+                "position_sensor", "what the controller reads", _position(machine, numbers)
+            ),
+            FileSection("current_sensor", "shunt of the amplifier", _current(reach, numbers)),
+            FileSection("force_sensor", "with which loops are measured", _force(reach)),
+            FileSection("measurement", "how loops are measured", _measurement(reach)),
+            FileSection("simulate", "test cases", _tried(machine, reach, numbers)),
         ],
     )
     controller = Draft(
@@ -109,7 +111,7 @@ def _timing(numbers: Numbers) -> list[Entry]:
     ]
 
 
-def _amplifier(reach: Reach, numbers: Numbers) -> list[Entry]:
+def _amplifier(reach: MeasuredMagnet, numbers: Numbers) -> list[Entry]:
     henry = f"the {1e3 * numbers.inductance:.3g} mH that the slopes of the loops imply"
     fast = f"{numbers.amplifier_bandwidth / numbers.bandwidth:.0f} times that of the position"
     return [
@@ -161,7 +163,7 @@ def _position(machine: Machine, numbers: Numbers) -> list[Entry]:
     ]
 
 
-def _current(reach: Reach, numbers: Numbers) -> list[Entry]:
+def _current(reach: MeasuredMagnet, numbers: Numbers) -> list[Entry]:
     high = reach.current_high
     return [
         *range_entries("A", high, 0.1),
@@ -171,7 +173,7 @@ def _current(reach: Reach, numbers: Numbers) -> list[Entry]:
     ]
 
 
-def _force(reach: Reach) -> list[Entry]:
+def _force(reach: MeasuredMagnet) -> list[Entry]:
     high = float(reach.forces.max())
     return [
         *range_entries("N", high, 0.3),
@@ -181,7 +183,7 @@ def _force(reach: Reach) -> list[Entry]:
     ]
 
 
-def _measurement(reach: Reach) -> list[Entry]:
+def _measurement(reach: MeasuredMagnet) -> list[Entry]:
     pace, high = reach.pace, reach.current_high
     step, sweep = pace or (PACE[0], PACE[1] * high)
     origin = "" if pace else "the loops have no times"
@@ -206,7 +208,7 @@ def _records() -> list[dict[str, object]]:
     ]
 
 
-def _tried(machine: Machine, reach: Reach, numbers: Numbers) -> list[Entry]:
+def _tried(machine: Machine, reach: MeasuredMagnet, numbers: Numbers) -> list[Entry]:
     gap, room = machine.gap.number, machine.clearance
     load, lifted = machine.load.number, float(reach.forces[-1])
     beside = [nearest(gap + share * room, 3) for share in (-0.3, 0.3)]
@@ -223,7 +225,7 @@ def _tried(machine: Machine, reach: Reach, numbers: Numbers) -> list[Entry]:
     ]
 
 
-def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Section]:
+def _controller(machine: Machine, reach: MeasuredMagnet, numbers: Numbers) -> Sequence[FileSection]:
     low, high = machine.stops
     travel, bandwidth = high - low, numbers.bandwidth
     cutoff = nearest(min(16.0 * bandwidth, numbers.rate / 5.0))
@@ -232,7 +234,7 @@ def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Se
     pole = f"{bandwidth / numbers.pole:.2g} times the unstable pole of {numbers.pole:.3g} Hz"
     beyond = "a tenth of the travel beyond the stop"
     return [
-        Section(
+        FileSection(
             "design",
             "gains from what moves, how fast and how well damped",
             [
@@ -241,7 +243,7 @@ def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Se
                 Entry("damping", 1.0, "of the pair of poles", EXAMPLE),
             ],
         ),
-        Section(
+        FileSection(
             "filter",
             "low-passes of the first and of the second derivative",
             [
@@ -249,7 +251,7 @@ def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Se
                 Entry("cutoff_2_Hz", cutoff, "of the second", "16 times the bandwidth"),
             ],
         ),
-        Section(
+        FileSection(
             "limits",
             "hold whatever the gains are",
             [
@@ -262,7 +264,7 @@ def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Se
                 Entry("step_m", numbers.gap_step, "largest change in a tick", "force over mass"),
             ],
         ),
-        Section(
+        FileSection(
             "compensation",
             "what turns a wanted force into a current",
             [
@@ -271,7 +273,7 @@ def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Se
                 Entry("applied", "reference", "current with which the compensator goes on"),
             ],
         ),
-        Section(
+        FileSection(
             "lift_off",
             "ramp of the force until the armature has left its rest, then of the reference",
             [
@@ -280,7 +282,7 @@ def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Se
                 Entry("speed_m_per_s", speed, "of the reference", "6 over the bandwidth, in all"),
             ],
         ),
-        Section(
+        FileSection(
             "landing",
             "ramp of the reference to the rest, then of the force to zero",
             [
@@ -288,7 +290,7 @@ def _controller(machine: Machine, reach: Reach, numbers: Numbers) -> Sequence[Se
                 Entry("force_rate_N_per_s", ramp, "of the force", "as for the lift-off"),
             ],
         ),
-        Section(
+        FileSection(
             "safety",
             "what is done without a position",
             [

@@ -13,7 +13,7 @@ from anhyst.draft.examples import NEXT, example_files
 from anhyst.draft.folder import check_new, put
 from anhyst.draft.force import draft_force_control
 from anhyst.draft.machine import Machine, Wanted, machine_of
-from anhyst.draft.magnet import Reach, reach_of
+from anhyst.draft.magnet import MeasuredMagnet, reach_of
 from anhyst.draft.rules import Numbers, numbers_of
 from anhyst.draft.text import Draft
 from anhyst.model.sources import ReadOptions
@@ -214,7 +214,7 @@ def _commands(run: Sequence[str], out: PathLike) -> tuple[str, ...]:
     return tuple(one.format(out=Path(out)) for one in run)
 
 
-def _found(reach: Reach, machine: Machine, numbers: Numbers) -> tuple[str, ...]:
+def _found(reach: MeasuredMagnet, machine: Machine, numbers: Numbers) -> tuple[str, ...]:
     return (
         _magnet(reach),
         f"{machine.mass.number:g} kg held against {machine.load.number:g} N at "
@@ -223,7 +223,7 @@ def _found(reach: Reach, machine: Machine, numbers: Numbers) -> tuple[str, ...]:
     )
 
 
-def _magnet(reach: Reach) -> str:
+def _magnet(reach: MeasuredMagnet) -> str:
     gaps, forces = 1e3 * reach.gaps, reach.forces
     where = f"at {gaps[0]:.4g} mm" if gaps.size == 1 else f"{gaps[0]:.4g} to {gaps[-1]:.4g} mm"
     pull = f"{forces[0]:.4g} N" if gaps.size == 1 else f"{forces[0]:.4g} to {forces[-1]:.4g} N"

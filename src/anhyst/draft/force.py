@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from anhyst.draft.instruments import identify_sections, magnet_section, noise_entry, range_entries
-from anhyst.draft.magnet import Reach
+from anhyst.draft.magnet import MeasuredMagnet
 from anhyst.draft.rounding import down, nearest, up
-from anhyst.draft.text import Draft, Entry, Section
+from anhyst.draft.text import Draft, Entry, FileSection
 from anhyst.support.errors import InputError
 
 EXAMPLE = "as in the example solenoid"
@@ -28,7 +28,7 @@ POSITIONS = 7
 
 
 def draft_force_control(
-    name: str, loops: str | list[str], reading: Mapping[str, object], reach: Reach
+    name: str, loops: str | list[str], reading: Mapping[str, object], reach: MeasuredMagnet
 ) -> Draft:
     """Write the rig file of a magnet whose force is controlled.
 
@@ -40,7 +40,7 @@ def draft_force_control(
         Files with the loops, relative to the rig file.
     reading : mapping of str to object
         How they are read, where not by default.
-    reach : Reach
+    reach : MeasuredMagnet
         What the loops say about the magnet.
 
     Raises
@@ -65,13 +65,13 @@ def draft_force_control(
             *identify_sections(reading),
             magnet_section(),
             *_instruments(reach),
-            Section("force_control", "test cases", _tried(loops, reach)),
-            Section("force_control.moving", "the armature goes to and fro", _moving(reach)),
+            FileSection("force_control", "test cases", _tried(loops, reach)),
+            FileSection("force_control.moving", "the armature goes to and fro", _moving(reach)),
         ],
     )
 
 
-def _instruments(reach: Reach) -> list[Section]:
+def _instruments(reach: MeasuredMagnet) -> list[FileSection]:
     current, force, gap = reach.current_high, float(reach.forces.max()), float(reach.gaps[-1])
     amplifier = [
         Entry("current_max_A", current, "measured at every gap"),
@@ -98,14 +98,14 @@ def _instruments(reach: Reach) -> list[Section]:
         Entry("bandwidth_Hz", RATE / 2.0, "of -3 dB", EXAMPLE),
     ]
     return [
-        Section("amplifier", "of current, one way only", amplifier),
-        Section("current_sensor", "shunt of the amplifier", shunt),
-        Section("lvdt", "sensor of the armature's position", position),
-        Section("force_sensor", "what the force is read with", pull),
+        FileSection("amplifier", "of current, one way only", amplifier),
+        FileSection("current_sensor", "shunt of the amplifier", shunt),
+        FileSection("lvdt", "sensor of the armature's position", position),
+        FileSection("force_sensor", "what the force is read with", pull),
     ]
 
 
-def _tried(loops: str | list[str], reach: Reach) -> list[Entry]:
+def _tried(loops: str | list[str], reach: MeasuredMagnet) -> list[Entry]:
     low, high = float(reach.gaps[0]), float(reach.gaps[-1])
     count = POSITIONS if high > low else 1
     positions = [nearest(gap, 3) for gap in np.linspace(low, high, count).tolist()]
@@ -124,7 +124,7 @@ def _tried(loops: str | list[str], reach: Reach) -> list[Entry]:
     ]
 
 
-def _moving(reach: Reach) -> list[Entry]:
+def _moving(reach: MeasuredMagnet) -> list[Entry]:
     low, high = float(reach.gaps[0]), float(reach.gaps[-1])
     return [
         Entry("low_m", low, "from here", "the smallest gap"),

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from anhyst.draft.rounding import nearest, up
-from anhyst.draft.text import Entry, Section
+from anhyst.draft.text import Entry, FileSection
 
 
-def identify_sections(reading: Mapping[str, object]) -> list[Section]:
+def identify_sections(reading: Mapping[str, object]) -> list[FileSection]:
     """Return the table that says how loops are read, where there is something to say."""
     entries = [Entry(key, value, "as given") for key, value in reading.items()]
     says = "how the loops are read, as by anhyst identify"
-    return [Section("identify", says, entries)] if entries else []
+    return [FileSection("identify", says, entries)] if entries else []
 
 
-def magnet_section(*entries: Entry) -> Section:
+def magnet_section(*entries: Entry) -> FileSection:
     """Return the table of the plant's magnet: what the loops do not say, the fit guesses."""
     iron = Entry("iron", "from loops", "fitted to the loops; what you know (turns, ...), it holds")
-    return Section("magnet", "the plant: never the compensator's own law", [*entries, iron])
+    return FileSection("magnet", "the plant: never the compensator's own law", [*entries, iron])
 
 
 def range_entries(unit: str, high: float, room: float) -> list[Entry]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from anhyst.draft.magnet import Reach
+from anhyst.draft.magnet import MeasuredMagnet
 from anhyst.draft.rounding import down, nearest
 from anhyst.support.errors import InputError
 
@@ -82,14 +82,14 @@ class Machine:
         }
 
 
-def machine_of(wanted: Wanted, reach: Reach) -> Machine:
+def machine_of(wanted: Wanted, reach: MeasuredMagnet) -> Machine:
     """Complete what a user says of a machine.
 
     Parameters
     ----------
     wanted : Wanted
         What the user says.
-    reach : Reach
+    reach : MeasuredMagnet
         What the magnet can do.
 
     Returns
@@ -119,7 +119,7 @@ def machine_of(wanted: Wanted, reach: Reach) -> Machine:
     return Machine(mass, load, gap, (float(reach.gaps[0]), float(reach.gaps[-1])))
 
 
-def _gap(wanted: Wanted, reach: Reach) -> Value:
+def _gap(wanted: Wanted, reach: MeasuredMagnet) -> Value:
     low, high = float(reach.gaps[0]), float(reach.gaps[-1])
     if reach.gaps.size < 2:
         raise InputError(
@@ -143,7 +143,7 @@ def _gap(wanted: Wanted, reach: Reach) -> Value:
     return Value(gap)
 
 
-def _load(wanted: Wanted, reach: Reach) -> Value:
+def _load(wanted: Wanted, reach: MeasuredMagnet) -> Value:
     weakest = int(reach.forces.argmin())  # the largest gap, but of a solenoid with a cone
     reached, where = float(reach.forces[weakest]), float(reach.gaps[weakest])
     if wanted.load is not None:

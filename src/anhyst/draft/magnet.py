@@ -34,7 +34,7 @@ LEAST_BRANCH = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class MeasuredMagnet:
     """A magnet as its loops show it.
 
     Parameters
@@ -121,7 +121,7 @@ class Reach:
         return (step, sweep) if step > 0.0 and sweep > 0.0 else None
 
 
-def reach_of(loops: LoopSet) -> Reach:
+def reach_of(loops: LoopSet) -> MeasuredMagnet:
     """Look at the loops of a magnet.
 
     Raises
@@ -143,7 +143,7 @@ def reach_of(loops: LoopSet) -> Reach:
         raise InputError(
             "the largest current does not pull at every gap; turn the sign of the force"
         )
-    return Reach(loops, np.array(list(groups), dtype=np.float64), current_high, forces)
+    return MeasuredMagnet(loops, np.array(list(groups), dtype=np.float64), current_high, forces)
 
 
 def _force_at_top(group: Sequence[Loop], current_high: float) -> float:

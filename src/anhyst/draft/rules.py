@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from anhyst.compensate.surface import Tangent
 from anhyst.draft.machine import Machine
-from anhyst.draft.magnet import Reach
+from anhyst.draft.magnet import MeasuredMagnet
 from anhyst.draft.rounding import down, nearest, step_down, step_up, up
 from anhyst.support.errors import InputError
 
@@ -96,7 +96,7 @@ class Numbers:
     gap_step: float
 
 
-def numbers_of(machine: Machine, reach: Reach) -> Numbers:
+def numbers_of(machine: Machine, reach: MeasuredMagnet) -> Numbers:
     """Apply the rules.
 
     Raises

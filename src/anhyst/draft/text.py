@@ -48,7 +48,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class FileSection:
     """A table of a file.
 
     Parameters
@@ -75,12 +75,12 @@ class Draft:
         First comment: what it is and where it comes from; several lines are allowed.
     entries : sequence of Entry
         Above all tables.
-    sections : sequence of Section
+    sections : sequence of FileSection
     """
 
     head: str
     entries: Sequence[Entry]
-    sections: Sequence[Section]
+    sections: Sequence[FileSection]
 
     def text(self) -> str:
         """Return the file."""

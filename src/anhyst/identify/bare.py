@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from anhyst.data import LoopSet
-from anhyst.identify.default import Found
+from anhyst.identify.default import FoundModel
 from anhyst.identify.gauge import physical
 from anhyst.identify.rest import AT_REST
 from anhyst.model.actuator import ActuatorModel
@@ -13,12 +13,12 @@ from anhyst.model.fit_record import ValidRange
 from anhyst.support.arrays import FloatArray
 
 
-def model_of(found: Found, loopset: LoopSet) -> ActuatorModel:
+def model_of(found: FoundModel, loopset: LoopSet) -> ActuatorModel:
     """Bare model of a fit: parameters and gap map, no records of how it was found.
 
     Parameters
     ----------
-    found : Found
+    found : FoundModel
         The fit.
     loopset : LoopSet
         For the quantities.

@@ -25,7 +25,7 @@ from anhyst.identify.cross_validation import (
 from anhyst.identify.dead_band import add_dead_band, why_dead_band
 from anhyst.identify.default import (
     SCREENED,
-    Found,
+    FoundModel,
     follow,
     join_circuit,
     join_gaps,
@@ -36,7 +36,7 @@ from anhyst.identify.default import (
 from anhyst.identify.fit_records import FitRecords
 from anhyst.identify.offsets import OFFSETS, only_demanded
 from anhyst.identify.response import Local
-from anhyst.identify.run import SEARCHED, Run
+from anhyst.identify.run import SEARCHED, SearchRun
 from anhyst.identify.screening import starts
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CrossValidation
@@ -47,7 +47,7 @@ CARRIED = 24
 
 
 @dataclass(frozen=True)
-class Candidate:
+class MapCandidate:
     """A gap map, and what it may vary.
 
     Parameters
@@ -69,7 +69,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class MapChoice:
     """The fit chosen, and why.
 
     Parameters
@@ -87,7 +87,7 @@ class Choice:
         What the whole choice misses at gaps it has not seen; None below three gaps.
     """
 
-    found: Found
+    found: FoundModel
     why: str
     dead_band: str = "none"
     left_out: dict[str, float] = field(default_factory=dict)
@@ -109,7 +109,7 @@ def require_gaps(records: FitRecords, wanted: str) -> None:
         )
 
 
-def candidates_for(run: Run, loopset: LoopSet, wanted: str) -> list[Candidate]:
+def candidates_for(run: SearchRun, loopset: LoopSet, wanted: str) -> list[MapCandidate]:
     """Name what is tried, the simplest first.
 
     A reluctance in series is physics of a gap only, and does not go with the law of 1986. Of
@@ -119,38 +119,44 @@ def candidates_for(run: Run, loopset: LoopSet, wanted: str) -> list[Candidate]:
     """
     gaps, held = run.searched.gaps, run.held
     if wanted == "circuit":
-        shared = Candidate("circuit", held, OFFSETS)
+        shared = MapCandidate("circuit", held, OFFSETS)
         apart = gaps >= 3 and not held >= OFFSETS
-        return [shared, Candidate("circuit", held, rank=1)] if apart else [shared]
+        return [shared, MapCandidate("circuit", held, rank=1)] if apart else [shared]
     if wanted == "free":
         # With everything free at each gap, interaction and shape of the anhysteretic replace each
         # other almost without trace, and what is interpolated of them need not fit together.
         # Without interaction the fit is a little worse and may predict much better.
         # The same holds of offsets at every gap.
         if gaps < 3:
-            return [Candidate("free", held)]
-        found = [Candidate("free", held | OFFSETS), Candidate("free", held | OFFSETS | {"omega"})]
+            return [MapCandidate("free", held)]
+        found = [
+            MapCandidate("free", held | OFFSETS),
+            MapCandidate("free", held | OFFSETS | {"omega"}),
+        ]
         if not held >= OFFSETS:
-            found += [Candidate("free", held, rank=1), Candidate("free", held | {"omega"}, rank=1)]
+            found += [
+                MapCandidate("free", held, rank=1),
+                MapCandidate("free", held | {"omega"}, rank=1),
+            ]
         return found
     if wanted != "auto":
-        return [Candidate(wanted, held)]
-    found = [Candidate("scaling", held)]
+        return [MapCandidate(wanted, held)]
+    found = [MapCandidate("scaling", held)]
     if loopset.schedule is None or loopset.schedule.name != "gap":
         others = candidates_for(run, loopset, "free") if gaps >= 3 else []
         return found + [replace(one, rank=one.rank + 1) for one in others]
     if not run.form.kernel.coupled:
-        found.append(Candidate("reluctance", held))
-        found += [Candidate("circuit", held, OFFSETS, rank=1)] if gaps >= 3 else []
+        found.append(MapCandidate("reluctance", held))
+        found += [MapCandidate("circuit", held, OFFSETS, rank=1)] if gaps >= 3 else []
     return found
 
 
-def search_maps(run: Run, loopset: LoopSet, wanted: str) -> Choice:
+def search_maps(run: SearchRun, loopset: LoopSet, wanted: str) -> MapChoice:
     """Fit under the wanted map, or under all and keep the one that predicts left-out gaps best.
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         Settings and stages.
     loopset : LoopSet
         All loops.
@@ -159,7 +165,7 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> Choice:
 
     Returns
     -------
-    Choice
+    MapChoice
 
     Raises
     ------
@@ -175,7 +181,7 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> Choice:
     if gaps == 1:
         assert run.best is not None
         why = "there is one gap only, so nothing runs over it"
-        return Choice(*_finished(run, loopset, run.best, why))
+        return MapChoice(*_finished(run, loopset, run.best, why))
     fits = {one: _joined(run, one, known) for one in tried}
     able = [one for one in tried if obstacle(model_of(fits[one].found, loopset)) is None]
     contest = _Contest(list(able or tried), fits, {})
@@ -188,7 +194,7 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> Choice:
             "; passed over, because it cannot be compiled or fails the acceptance test: "
             f"{', '.join(dict.fromkeys(unable))}"
         )
-    return Choice(
+    return MapChoice(
         *_finished(run, loopset, fits[best].found, why),
         {name: error for name, error in contest.errors(gaps).items() if np.isfinite(error)},
         promise(contest.nested(gaps), noise_at(loopset)[1:-1]),
@@ -199,19 +205,19 @@ def search_maps(run: Run, loopset: LoopSet, wanted: str) -> Choice:
 class _Fits:
     """Two fits under one candidate: offsets free, and only those that the data demand."""
 
-    wide: Found
-    found: Found
+    wide: FoundModel
+    found: FoundModel
 
 
 @dataclass(frozen=True, eq=False)
 class _Contest:
     """All that was fitted: to all gaps, and without some."""
 
-    entrants: list[Candidate]
-    fits: Mapping[Candidate, _Fits]
-    refits: dict[Fold, Mapping[Candidate, Refit]]
+    entrants: list[MapCandidate]
+    fits: Mapping[MapCandidate, _Fits]
+    refits: dict[Fold, Mapping[MapCandidate, Refit]]
 
-    def misses(self, one: Candidate, gaps: int, besides: Fold = frozenset()) -> list[Miss]:
+    def misses(self, one: MapCandidate, gaps: int, besides: Fold = frozenset()) -> list[Miss]:
         """Give what a candidate missed at each inner gap, left out besides some others."""
         return [
             self.refits[besides | {gap}][one].missed[gap]
@@ -219,7 +225,7 @@ class _Contest:
             if gap not in besides
         ]
 
-    def winner(self, gaps: int, besides: Fold = frozenset()) -> Candidate:
+    def winner(self, gaps: int, besides: Fold = frozenset()) -> MapCandidate:
         """Choose from all gaps, or from all but some."""
         missed = {one: self.misses(one, gaps, besides) for one in self.entrants}
         if not any(missed.values()):
@@ -234,11 +240,11 @@ class _Contest:
         assert best is not None
         return best
 
-    def _simplest(self) -> list[Candidate]:
+    def _simplest(self) -> list[MapCandidate]:
         least = min(one.rank for one in self.entrants)
         return [one for one in self.entrants if one.rank == least]
 
-    def _cost(self, one: Candidate, besides: Fold) -> float:
+    def _cost(self, one: MapCandidate, besides: Fold) -> float:
         return self.refits[besides][one].cost if besides else self.fits[one].found.cost
 
     def errors(self, gaps: int) -> dict[str, float]:
@@ -259,7 +265,7 @@ class _Contest:
         return errors
 
 
-def _accepted(contest: _Contest, loopset: LoopSet) -> Candidate:
+def _accepted(contest: _Contest, loopset: LoopSet) -> MapCandidate:
     """Choose; what fails the acceptance test drops out as long as anything else is there."""
     gaps = len(loopset.schedule_values)
     every = list(contest.entrants)
@@ -272,16 +278,18 @@ def _accepted(contest: _Contest, loopset: LoopSet) -> Candidate:
     return contest.winner(gaps)
 
 
-def _passes(found: Found, loopset: LoopSet) -> bool:
+def _passes(found: FoundModel, loopset: LoopSet) -> bool:
     model = replace(model_of(found, loopset), valid=valid_range(loopset))
     return model.acceptance().passed is not False
 
 
-def _is_thinned(run: Run) -> bool:
+def _is_thinned(run: SearchRun) -> bool:
     return any(record.input.size > SEARCHED for record in run.records.loops)
 
 
-def _finished(run: Run, loopset: LoopSet, found: Found, why: str) -> tuple[Found, str, str]:
+def _finished(
+    run: SearchRun, loopset: LoopSet, found: FoundModel, why: str
+) -> tuple[FoundModel, str, str]:
     """Give the law its dead band and follow the fit to its end on every sample.
 
     Returns
@@ -300,11 +308,11 @@ def _finished(run: Run, loopset: LoopSet, found: Found, why: str) -> tuple[Found
     return found, why, dead_band
 
 
-def _with_dead_band(run: Run, loopset: LoopSet, found: Found) -> tuple[Found, str]:
-    def usable(one: Found) -> bool:
+def _with_dead_band(run: SearchRun, loopset: LoopSet, found: FoundModel) -> tuple[FoundModel, str]:
+    def usable(one: FoundModel) -> bool:
         return obstacle(model_of(one, loopset)) is None and _passes(one, loopset)
 
-    def work() -> Found:
+    def work() -> FoundModel:
         matters = usable(found)
         return add_dead_band(found, lambda one: not matters or usable(one))
 
@@ -312,7 +320,7 @@ def _with_dead_band(run: Run, loopset: LoopSet, found: Found) -> tuple[Found, st
     return after, why_dead_band(found, after)
 
 
-def _known(run: Run) -> list[Local]:
+def _known(run: SearchRun) -> list[Local]:
     """Give sets at the gap that shows most: its optimum first, then others worth a try."""
     home = run.searched.at(reference_gap(run.searched))
     fits = run.step(
@@ -324,12 +332,12 @@ def _known(run: Run) -> list[Local]:
     return [*fits.wide.sets, *starts(fits.wide.space, SCREENED, CARRIED, run.seed)]
 
 
-def _pair(wide: Found, decide: bool = True) -> _Fits:
+def _pair(wide: FoundModel, decide: bool = True) -> _Fits:
     return _Fits(wide, only_demanded(wide) if decide else wide)
 
 
-def _joined(run: Run, one: Candidate, known: list[Local]) -> _Fits:
-    def search() -> Found:
+def _joined(run: SearchRun, one: MapCandidate, known: list[Local]) -> _Fits:
+    def search() -> FoundModel:
         if one.gap_map == "free":
             return search_each_gap(run.form, run.searched, run.seed, one.held)
         if one.gap_map == "circuit":
@@ -342,13 +350,15 @@ def _joined(run: Run, one: Candidate, known: list[Local]) -> _Fits:
     return fits
 
 
-def _without(run: Run, contest: _Contest, loopset: LoopSet, fold: Fold) -> dict[Candidate, Refit]:
+def _without(
+    run: SearchRun, contest: _Contest, loopset: LoopSet, fold: Fold
+) -> dict[MapCandidate, Refit]:
     return run.step(
         lambda: {one: refit(contest.fits[one].wide, loopset, fold) for one in contest.entrants}
     )
 
 
-def _why(contest: _Contest, best: Candidate, wanted: str, gaps: int) -> str:
+def _why(contest: _Contest, best: MapCandidate, wanted: str, gaps: int) -> str:
     errors = contest.errors(gaps)
     if wanted != "auto":
         why = f"gap map '{wanted}' was asked for"

@@ -18,7 +18,7 @@ from anhyst.data import LoopSet
 from anhyst.data.noise import noise
 from anhyst.data.verdict import largest_output
 from anhyst.identify.bare import model_of
-from anhyst.identify.default import Found, follow
+from anhyst.identify.default import FoundModel, follow
 from anhyst.identify.offsets import only_demanded
 from anhyst.model.fit_record import CrossValidation
 from anhyst.support.errors import InputError, NegativeResult
@@ -80,12 +80,12 @@ def folds(gaps: int, nested: bool) -> list[Fold]:
     return [*single, *map(frozenset, pairs)]
 
 
-def refit(wide: Found, loopset: LoopSet, fold: Fold) -> Refit:
+def refit(wide: FoundModel, loopset: LoopSet, fold: Fold) -> Refit:
     """Fit without some gaps, offsets and all, and predict them.
 
     Parameters
     ----------
-    wide : Found
+    wide : FoundModel
         Fit to all gaps with its offsets free, from which this one starts.
     loopset : LoopSet
         All loops.

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from anhyst.identify.default import Found, follow
+from anhyst.identify.default import FoundModel, follow
 
 PARTS = (0.35, 0.2, 0.1, 0.05, 0.02)
 """Half-widths that are tried, in parts of the pinning k, the widest first."""
@@ -26,19 +26,19 @@ _TOLERANCE, _MOST = 1e-8, 40
 """Of the fit with a dead band: it starts near its end."""
 
 
-def add_dead_band(found: Found, accepts: Callable[[Found], bool]) -> Found:
+def add_dead_band(found: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
     """Fit again with the widest dead band that the loops allow.
 
     Parameters
     ----------
-    found : Found
+    found : FoundModel
         A fit without.
     accepts : callable
         Whether what was found is a model that may be used.
 
     Returns
     -------
-    Found
+    FoundModel
         Everything fitted anew with that dead band; the given fit where even the narrowest one costs
         more than 3 % of the deviation.
     """
@@ -51,12 +51,12 @@ def add_dead_band(found: Found, accepts: Callable[[Found], bool]) -> Found:
     return found
 
 
-def why_dead_band(before: Found, after: Found) -> str:
+def why_dead_band(before: FoundModel, after: FoundModel) -> str:
     """Tell the dead band that was given, and what it costs.
 
     Parameters
     ----------
-    before, after : Found
+    before, after : FoundModel
         Fits without and with it.
     """
     part = after.space.form.dead_band

@@ -18,9 +18,9 @@ import numpy as np
 from anhyst.identify.fit_records import FitRecords
 from anhyst.identify.fitting import descend
 from anhyst.identify.objective import Objective
-from anhyst.identify.response import Form, Local
+from anhyst.identify.response import Local, ResponseForm
 from anhyst.identify.screening import cost_at_gap, scan_gap, starts
-from anhyst.identify.space import Space
+from anhyst.identify.space import CoordinateSpace
 from anhyst.support.arrays import FloatArray
 
 SCREENED = 256
@@ -36,10 +36,10 @@ _SHORT = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundModel:
     """Outcome of a search under one gap map: coordinates, weighted sum of squares, evaluations."""
 
-    space: Space
+    space: CoordinateSpace
     theta: FloatArray
     cost: float
     evaluations: int
@@ -49,7 +49,7 @@ class Found:
         """Gauge-free parameters at each gap."""
         return [local for local, _ in self.space.unpack(self.theta)]
 
-    def on(self, records: FitRecords) -> Found:
+    def on(self, records: FitRecords) -> FoundModel:
         """Take the same parameters to other records of the same gaps."""
         return replace(self, space=replace(self.space, records=records))
 
@@ -60,12 +60,16 @@ class Found:
 
 
 def follow(
-    space: Space, theta: FloatArray, tolerance: float = 1e-10, most: int = 200, tie: float = 0.0
-) -> Found:
+    space: CoordinateSpace,
+    theta: FloatArray,
+    tolerance: float = 1e-10,
+    most: int = 200,
+    tie: float = 0.0,
+) -> FoundModel:
     """Descend from a start and count."""
     objective = Objective(space, tie)
     fit = descend(objective, theta, tolerance, most)
-    return Found(space, fit.theta, fit.cost, objective.evaluations)
+    return FoundModel(space, fit.theta, fit.cost, objective.evaluations)
 
 
 def reference_gap(records: FitRecords) -> int:
@@ -76,12 +80,14 @@ def reference_gap(records: FitRecords) -> int:
     return int(np.argmax(sizes))
 
 
-def search_one_gap(form: Form, records: FitRecords, seed: int, held: frozenset[str]) -> Found:
+def search_one_gap(
+    form: ResponseForm, records: FitRecords, seed: int, held: frozenset[str]
+) -> FoundModel:
     """Fit one gap from scratch.
 
     Parameters
     ----------
-    form : Form
+    form : ResponseForm
         Equations of the measured quantities.
     records : FitRecords
         Loops at a single gap.
@@ -92,13 +98,13 @@ def search_one_gap(form: Form, records: FitRecords, seed: int, held: frozenset[s
 
     Returns
     -------
-    Found
+    FoundModel
     """
-    space = Space("none", records, form, held)
+    space = CoordinateSpace("none", records, form, held)
     return _best_end(space, [space.pack([one]) for one in starts(space, SCREENED, KEPT, seed)])
 
 
-def _best_end(space: Space, begins: list[FloatArray]) -> Found:
+def _best_end(space: CoordinateSpace, begins: list[FloatArray]) -> FoundModel:
     """Descend a little from each begin, and to the end from the best of them."""
     tried = [follow(space, theta, 1e-4, _SHORT + space.records.gaps) for theta in begins]
     best = min(tried, key=lambda one: one.cost)
@@ -106,7 +112,9 @@ def _best_end(space: Space, begins: list[FloatArray]) -> Found:
     return replace(final, evaluations=final.evaluations + sum(one.evaluations for one in tried))
 
 
-def search_each_gap(form: Form, records: FitRecords, seed: int, held: frozenset[str]) -> Found:
+def search_each_gap(
+    form: ResponseForm, records: FitRecords, seed: int, held: frozenset[str]
+) -> FoundModel:
     """Fit every gap with parameters of its own: the map ``free``.
 
     Each gap is fitted from scratch, and once more from its neighbour's end, so that all gaps can
@@ -121,10 +129,10 @@ def search_each_gap(form: Form, records: FitRecords, seed: int, held: frozenset[
 
     Returns
     -------
-    Found
+    FoundModel
         Its cost contains the ties.
     """
-    space = Space("free", records, form, held)
+    space = CoordinateSpace("free", records, form, held)
     alone = [search_one_gap(form, records.at(gap), seed, held) for gap in range(records.gaps)]
     home = reference_gap(records)
     carried = {home: alone[home]}
@@ -141,8 +149,8 @@ def search_each_gap(form: Form, records: FitRecords, seed: int, held: frozenset[
 
 
 def join_gaps(
-    form: Form, records: FitRecords, gap_map: str, known: list[Local], held: frozenset[str]
-) -> Found:
+    form: ResponseForm, records: FitRecords, gap_map: str, known: list[Local], held: frozenset[str]
+) -> FoundModel:
     """Fit all gaps together under one map, from what is known at the reference gap.
 
     Parameters
@@ -156,9 +164,9 @@ def join_gaps(
 
     Returns
     -------
-    Found
+    FoundModel
     """
-    space = Space(gap_map, records, form, held)
+    space = CoordinateSpace(gap_map, records, form, held)
     home = reference_gap(records)
     at_gaps = [
         (known, cost_at_gap(space, gap, known)) if gap == home else scan_gap(space, gap, known)
@@ -170,12 +178,12 @@ def join_gaps(
 
 
 def join_circuit(
-    form: Form,
+    form: ResponseForm,
     records: FitRecords,
     known: list[Local],
     held: frozenset[str],
     common: frozenset[str] = frozenset(),
-) -> Found:
+) -> FoundModel:
     """Fit all gaps together with one iron and a circuit of its own around it at each gap.
 
     Parameters
@@ -183,14 +191,14 @@ def join_circuit(
     form, records, known, held
         As in :func:`join_gaps`, from whose fit under the map ``reluctance`` this one starts.
     common : frozenset of str
-        As in :class:`~anhyst.identify.space.Space`.
+        As in :class:`~anhyst.identify.space.CoordinateSpace`.
 
     Returns
     -------
-    Found
+    FoundModel
         Its cost contains the ties.
     """
     plain = join_gaps(form, records, "reluctance", known, held)
-    space = Space("circuit", records, form, held, common)
+    space = CoordinateSpace("circuit", records, form, held, common)
     end = follow(space, space.pack(plain.sets), tie=TIE * plain.cost)
     return replace(end, evaluations=end.evaluations + plain.evaluations)

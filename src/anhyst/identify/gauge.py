@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from anhyst.data.output_map import OutputMap, output_map
-from anhyst.identify.response import Form, Local
+from anhyst.identify.response import Local, ResponseForm
 from anhyst.identify.space import IN_SERIES
 from anhyst.laws.jiles_atherton import dead_band, iron_parameters, shrink_field
 from anhyst.model.gap_map import Curve
@@ -35,7 +35,7 @@ _ROUNDING = 1e-12
 Parameter = float | tuple[float, ...]
 
 
-def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> Form:
+def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> ResponseForm:
     """Choose the form of the equations for what was measured.
 
     Parameters
@@ -47,10 +47,10 @@ def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> Fo
 
     Returns
     -------
-    Form
+    ResponseForm
     """
     answer = output_map(output_quantity)
-    return Form(
+    return ResponseForm(
         power=answer.power,
         law=law,
         permeability=MU_0 if answer.absolute and input_quantity.name == "field" else 0.0,

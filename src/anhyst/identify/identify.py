@@ -14,8 +14,8 @@ from anhyst.data import History, LoopSet
 from anhyst.data.plausibility import check_plausible
 from anhyst.identify.any_law import fit_any
 from anhyst.identify.bare import model_of, valid_range
-from anhyst.identify.choice import Choice, require_gaps, search_maps
-from anhyst.identify.default import Found
+from anhyst.identify.choice import MapChoice, require_gaps, search_maps
+from anhyst.identify.default import FoundModel
 from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
@@ -23,7 +23,7 @@ from anhyst.identify.paper.search import check_splines
 from anhyst.identify.paper.sequence import search_paper
 from anhyst.identify.rest import rest_of
 from anhyst.identify.result import IdentifyResult
-from anhyst.identify.run import SEARCHED, Run
+from anhyst.identify.run import SEARCHED, SearchRun
 from anhyst.identify.space import IN_SERIES
 from anhyst.identify.uncertainty import assess
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
@@ -111,7 +111,7 @@ def identify(
         outcome = _any_law(loopset, law, gap_map, seed, weights, offsets=offsets)
     else:
         rest = rest_of(loopset) if offsets and search == "default" else None
-        run = Run(
+        run = SearchRun(
             form=form_of(loopset.input, loopset.output, law),
             records=records_of(loopset, weights, rest),
             seed=seed,
@@ -234,7 +234,7 @@ def _predicted(model: ActuatorModel, loopset: LoopSet) -> tuple[FloatArray, ...]
     )
 
 
-def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
+def _search(run: SearchRun, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
     if search == "paper":
         end = search_paper(run, loopset, gap_map)
         if not end.interrupted:
@@ -258,7 +258,7 @@ def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
         if run.best is None:
             raise
         best, interrupted = run.best.on(run.records), True  # the search may have thinned them
-        choice = Choice(best, "the search was interrupted: this is the best so far")
+        choice = MapChoice(best, "the search was interrupted: this is the best so far")
     found = choice.found
     return _Outcome(
         model_of(found, loopset),
@@ -274,7 +274,7 @@ def _search(run: Run, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
     )
 
 
-def _fitted(found: Found, loopset: LoopSet) -> tuple[FloatArray, ...]:
+def _fitted(found: FoundModel, loopset: LoopSet) -> tuple[FloatArray, ...]:
     """Modelled outputs in the order of the loops of the set."""
     ends = np.cumsum([record.input.size for record in found.space.records.loops])[:-1]
     offset = found.space.records.rest.output.offset

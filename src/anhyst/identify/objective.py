@@ -8,7 +8,7 @@ import numpy as np
 
 from anhyst._core import Operator
 from anhyst.identify.response import LOCAL, Local, NoResponseError, Responder
-from anhyst.identify.space import Space
+from anhyst.identify.space import CoordinateSpace
 from anhyst.support.arrays import FloatArray
 
 _IMPOSSIBLE = 10.0
@@ -27,7 +27,7 @@ class Objective:
     anyhow.
     """
 
-    space: Space
+    space: CoordinateSpace
     tie: float = 0.0
     evaluations: int = 0
     _responder: Responder = field(default_factory=Responder)
@@ -125,7 +125,7 @@ class Objective:
         return np.concatenate(values), gradient, matrix
 
 
-def _differences(space: Space) -> FloatArray:
+def _differences(space: CoordinateSpace) -> FloatArray:
     """Rows that take the difference of a coordinate between neighbouring gaps; offsets are free."""
     place = {entry: at for at, entry in enumerate(space.entries)}
     pairs = [

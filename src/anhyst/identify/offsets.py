@@ -14,12 +14,12 @@ from itertools import combinations
 
 import numpy as np
 
-from anhyst.identify.default import Found, follow
+from anhyst.identify.default import FoundModel, follow
 from anhyst.identify.fitting import Evaluation, Linear
 from anhyst.identify.objective import Objective
 from anhyst.identify.response import NoResponseError
-from anhyst.identify.rest import Reading
-from anhyst.identify.space import Space
+from anhyst.identify.rest import RestReading
+from anhyst.identify.space import CoordinateSpace
 from anhyst.identify.uncertainty import mean_memory
 from anhyst.support.arrays import FloatArray
 
@@ -39,21 +39,21 @@ _EXACT = 1e-20
 """Mean square deviation, in parts of the largest output, below which nothing is told apart."""
 
 
-def only_demanded(found: Found, tolerance: float = 1e-10, most: int = 200) -> Found:
+def only_demanded(found: FoundModel, tolerance: float = 1e-10, most: int = 200) -> FoundModel:
     """Hold the offsets at what the sensors read at rest, but for those that the data demand.
 
     Those that differ from gap to gap are none of a sensor's, and not judged as such.
 
     Parameters
     ----------
-    found : Found
+    found : FoundModel
         A fit with its offsets free.
     tolerance, most
         As in :func:`~anhyst.identify.default.follow`.
 
     Returns
     -------
-    Found
+    FoundModel
         The fit with the offsets that are demanded; at best every one, at worst none.
     """
     free = sorted(name for name, gap in found.space.entries if name in OFFSETS and gap is None)
@@ -63,7 +63,7 @@ def only_demanded(found: Found, tolerance: float = 1e-10, most: int = 200) -> Fo
     independent = _independent(found.space, here.deviation)
     ways = [frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)]
 
-    def score(cost: float, space: Space, theta: FloatArray) -> float:
+    def score(cost: float, space: CoordinateSpace, theta: FloatArray) -> float:
         return independent * math.log(cost + _EXACT) + _price(space, theta, independent)
 
     tries = {}
@@ -79,7 +79,7 @@ def only_demanded(found: Found, tolerance: float = 1e-10, most: int = 200) -> Fo
     return replace(best, evaluations=found.evaluations + held.evaluations + 1)
 
 
-def _responds(found: Found) -> bool:
+def _responds(found: FoundModel) -> bool:
     """Whether the law has an answer there at all: a fit that finds none ends at any cost."""
     try:
         Objective(found.space).outputs(found.sets)
@@ -88,7 +88,7 @@ def _responds(found: Found) -> bool:
     return True
 
 
-def _independent(space: Space, deviation: FloatArray) -> float:
+def _independent(space: CoordinateSpace, deviation: FloatArray) -> float:
     """Count the samples that say something of their own.
 
     A law misses the same iron in the same way in every loop: of the part of the deviations that
@@ -108,7 +108,7 @@ def _lasting(deviation: FloatArray) -> float:
     return max(0.0, float(centred[1:] @ centred[:-1]) / power) if power > 0.0 else 0.0
 
 
-def _without(found: Found, here: Linear, names: frozenset[str]) -> tuple[float, FloatArray]:
+def _without(found: FoundModel, here: Linear, names: frozenset[str]) -> tuple[float, FloatArray]:
     """Foresee the best fit with these offsets held at zero: its cost and its coordinates."""
     out = np.array([name in names for name, _ in found.space.entries])
     theta = np.where(out, 0.0, found.theta)
@@ -120,7 +120,7 @@ def _without(found: Found, here: Linear, names: frozenset[str]) -> tuple[float, 
     return found.cost + float(step @ here.normal @ step), theta
 
 
-def _price(space: Space, theta: FloatArray, independent: float) -> float:
+def _price(space: CoordinateSpace, theta: FloatArray, independent: float) -> float:
     """Price the free offsets of a space, in twice the logarithm of the odds."""
     rest = space.records.rest
     readings = {
@@ -134,7 +134,7 @@ def _price(space: Space, theta: FloatArray, independent: float) -> float:
     )
 
 
-def _unlikely(value: float, reading: Reading, span: float) -> float:
+def _unlikely(value: float, reading: RestReading, span: float) -> float:
     """How unlikely an offset is, beyond the reading at rest, in parts of the range."""
     # Seldom is not never: a load cell that nobody tared, a gauge with a zero of its own.
     usual = min((value / USUAL) ** 2, _UNBELIEVED)

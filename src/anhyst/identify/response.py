@@ -67,7 +67,7 @@ class Local:
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class ResponseForm:
     """What the measured quantities make of the equations: power of the output, rule for h.
 
     Parameters
@@ -121,7 +121,9 @@ class Responder:
     def __init__(self) -> None:
         self._starts: dict[int, FloatArray] = {}
 
-    def output(self, form: Form, local: Local, operator: Operator, record: FitRecord) -> FloatArray:
+    def output(
+        self, form: ResponseForm, local: Local, operator: Operator, record: FitRecord
+    ) -> FloatArray:
         """Output of one drive, shape (n,), SI, without derivatives."""
         r = (record.input - local.in_0) / local.scale
         omega = np.full(r.size, local.omega)
@@ -147,7 +149,7 @@ class Responder:
         return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
 
     def with_derivatives(
-        self, form: Form, local: Local, operator: Operator, record: FitRecord
+        self, form: ResponseForm, local: Local, operator: Operator, record: FitRecord
     ) -> tuple[FloatArray, FloatArray]:
         """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
         if record.settled:
@@ -167,7 +169,7 @@ class Responder:
         return local.gain * b**form.power + local.out_0, jacobian
 
     def _settled(
-        self, form: Form, local: Local, operator: Operator, record: FitRecord
+        self, form: ResponseForm, local: Local, operator: Operator, record: FitRecord
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Close the cycle by Newton on the one number that is free: y before the first sample."""
         terms = _Terms(form, local, record.input, _DIRECTIONS + 1)
@@ -201,7 +203,9 @@ class Responder:
 class _Terms:
     """A drive in the terms of the solver, with derivatives by kappa, c, omega, scale, in_0."""
 
-    def __init__(self, form: Form, local: Local, drive: FloatArray, directions: int) -> None:
+    def __init__(
+        self, form: ResponseForm, local: Local, drive: FloatArray, directions: int
+    ) -> None:
         n = drive.size
         self.r = (drive - local.in_0) / local.scale
         self.omega = np.full(n, local.omega)
@@ -217,7 +221,7 @@ class _Terms:
 
 
 def _once(
-    form: Form, local: Local, operator: Operator, record: FitRecord
+    form: ResponseForm, local: Local, operator: Operator, record: FitRecord
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     whole = np.concatenate([record.lead, record.input])
     terms = _Terms(form, local, whole, _DIRECTIONS)
@@ -235,7 +239,7 @@ def _once(
     return x[first:], m[first:], x_t[first:], m_t[first:]
 
 
-def _seeds(form: Form, local: Local, terms: _Terms, state: FloatArray) -> FloatArray:
+def _seeds(form: ResponseForm, local: Local, terms: _Terms, state: FloatArray) -> FloatArray:
     """Differentiate the state before the first sample: x follows y by the equation there.
 
     The play stands at the same part of its width, as it does where a drive has pushed it.
@@ -253,7 +257,7 @@ def _seeds(form: Form, local: Local, terms: _Terms, state: FloatArray) -> FloatA
     return seeds
 
 
-def _admissible(state: FloatArray, form: Form, local: Local, r: float) -> FloatArray:
+def _admissible(state: FloatArray, form: ResponseForm, local: Local, r: float) -> FloatArray:
     """Make a state from elsewhere one before the first sample: x by the equation, y within reach.
 
     With y at rest the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.

@@ -23,7 +23,7 @@ _SURE = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class RestReading:
     """What a sensor reads at rest.
 
     Parameters
@@ -42,8 +42,8 @@ class Reading:
 class Rest:
     """Readings of both sensors at rest."""
 
-    input: Reading = field(default_factory=Reading)
-    output: Reading = field(default_factory=Reading)
+    input: RestReading = field(default_factory=RestReading)
+    output: RestReading = field(default_factory=RestReading)
 
 
 def rest_of(loopset: LoopSet) -> Rest:
@@ -89,10 +89,10 @@ def _begins(loop: Loop, offset: float, span: float) -> NDArray[np.bool_]:
     return np.logical_and.accumulate(np.abs(loop.input - offset) <= 2.0 * _SAME * span)
 
 
-def _reading(values: Sequence[float], span: float) -> Reading:
+def _reading(values: Sequence[float], span: float) -> RestReading:
     if len(values) < 2:  # one reading does not show how far it scatters
-        return Reading()
+        return RestReading()
     mean = float(np.mean(values))
     std = float(np.std(values, ddof=1) / np.sqrt(len(values)))
     real = abs(mean) > _SURE * std and abs(mean) > _SAME * span
-    return Reading(mean if real else 0.0, std)
+    return RestReading(mean if real else 0.0, std)

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 
 from anhyst.identify.fit_records import FitRecords
-from anhyst.identify.response import Form
+from anhyst.identify.response import ResponseForm
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.progress import Progress
 from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
-    from anhyst.identify.default import Found
+    from anhyst.identify.default import FoundModel
 
 
 SEARCHED = 400
@@ -29,7 +29,7 @@ Stage = TypeVar("Stage")
 
 
 @dataclass
-class Run:
+class SearchRun:
     """Settings of a search, and its stages.
 
     Parameters
@@ -56,7 +56,7 @@ class Run:
         The best complete fit so far, for a run that is interrupted.
     """
 
-    form: Form
+    form: ResponseForm
     records: FitRecords
     seed: int
     held: frozenset[str]
@@ -65,7 +65,7 @@ class Run:
     progress: Progress | None = None
     checkpoint: Path | None = None
     resumed: int = 0
-    best: Found | None = None
+    best: FoundModel | None = None
     _key: str = ""
     _done: int = 0
     _kept: dict[str, Any] = field(default_factory=dict)
@@ -120,7 +120,7 @@ class Run:
             self.checkpoint.unlink(missing_ok=True)
 
 
-def _key(run: Run) -> str:
+def _key(run: SearchRun) -> str:
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(source.read_bytes())  # a search that was changed does not go on

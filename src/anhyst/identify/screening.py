@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from anhyst._core import batch
 from anhyst.identify.dispatch import batch_level
 from anhyst.identify.fit_records import FitRecord, FitRecords, thinned
-from anhyst.identify.response import LOCAL, Form, Local
-from anhyst.identify.space import IN_SERIES, Space
+from anhyst.identify.response import LOCAL, Local, ResponseForm
+from anhyst.identify.space import IN_SERIES, CoordinateSpace
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -75,13 +75,13 @@ def sample_sets(records: FitRecords, count: int, seed: int, interacting: bool = 
 
 
 def screen(
-    form: Form, records: FitRecords, sets: FloatArray
+    form: ResponseForm, records: FitRecords, sets: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Deviation of many sets at one gap, with the best gain and offset for each.
 
     Parameters
     ----------
-    form : Form
+    form : ResponseForm
         Equations of the measured quantities; ``h`` is taken as its fixed value.
     records : FitRecords
         Loops at a single gap.
@@ -138,7 +138,7 @@ def follow_sets(
 
 
 def _moments(
-    form: Form, records: FitRecords, sets: FloatArray, offset: FloatArray
+    form: ResponseForm, records: FitRecords, sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, float]:
     """Weighted sums, over all samples, that the deviation of any gain and offset follows from.
 
@@ -168,12 +168,12 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
     return np.asarray(square + 2.0 * (gain * out_0 * first - gain * cross - out_0 * mean))
 
 
-def starts(space: Space, count: int, keep: int, seed: int) -> list[Local]:
+def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Local]:
     """Best sets of a screening at the only gap of a space, far enough apart to differ.
 
     Parameters
     ----------
-    space : Space
+    space : CoordinateSpace
         Its records must hold a single gap.
     count, keep : int
         Sets drawn, and starts wanted.
@@ -213,12 +213,14 @@ def starts(space: Space, count: int, keep: int, seed: int) -> list[Local]:
     return found
 
 
-def scan_gap(space: Space, gap: int, known: list[Local]) -> tuple[list[Local], FloatArray]:
+def scan_gap(
+    space: CoordinateSpace, gap: int, known: list[Local]
+) -> tuple[list[Local], FloatArray]:
     """Find, at one gap, the best value of the parameter that the map ties to it, the rest held.
 
     Parameters
     ----------
-    space : Space
+    space : CoordinateSpace
         With the map and the loops of all gaps.
     gap : int
         Place of the gap.
@@ -251,7 +253,7 @@ def scan_gap(space: Space, gap: int, known: list[Local]) -> tuple[list[Local], F
     return sets, cost[np.arange(count), best]
 
 
-def cost_at_gap(space: Space, gap: int, known: list[Local]) -> FloatArray:
+def cost_at_gap(space: CoordinateSpace, gap: int, known: list[Local]) -> FloatArray:
     """Weighted sums of squares of sets at one gap, as they are, shape (len(known),)."""
     return _cost_of(space.form, space.records.at(gap), _table(known))
 
@@ -261,7 +263,7 @@ def _table(known: list[Local]) -> FloatArray:
     return np.array([[getattr(local, name) for local in known] for name in LOCAL])
 
 
-def _cost_of(form: Form, records: FitRecords, table: FloatArray) -> FloatArray:
+def _cost_of(form: ResponseForm, records: FitRecords, table: FloatArray) -> FloatArray:
     kappa, c, omega, scale, gain, in_0, out_0 = table
     followed = np.stack([kappa, c, np.maximum(omega, _ALMOST_JUMPING), scale])
     moments, total = _moments(form, records, followed, in_0)

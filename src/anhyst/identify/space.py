@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.identify.fit_records import FitRecords
-from anhyst.identify.response import LOCAL, Form, Local
+from anhyst.identify.response import LOCAL, Local, ResponseForm
 from anhyst.laws.law import FitNumber
 from anhyst.support.arrays import FloatArray
 
@@ -44,7 +44,7 @@ AROUND = (
 
 
 @dataclass(frozen=True)
-class Space:
+class CoordinateSpace:
     """Coordinates of one identification.
 
     Parameters
@@ -63,7 +63,7 @@ class Space:
 
     gap_map: str
     records: FitRecords
-    form: Form
+    form: ResponseForm
     held: frozenset[str] = frozenset()
     common: frozenset[str] = frozenset()
 
@@ -142,12 +142,12 @@ class Space:
             theta.append(self.inward(name, value))
         return np.asarray(np.clip(np.array(theta), *self.bounds))
 
-    def without(self, left_out: Collection[int]) -> tuple[Space, NDArray[np.intp]]:
+    def without(self, left_out: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Take all gaps but these: the space, and the places of its coordinates in this one."""
         kept = [place for place, (_, gap) in enumerate(self.entries) if gap not in left_out]
         return replace(self, records=self.records.without(left_out)), np.array(kept)
 
-    def holding(self, names: frozenset[str]) -> tuple[Space, NDArray[np.intp]]:
+    def holding(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Hold more at zero: the space, and the places of its coordinates in this one."""
         kept = [place for place, (name, _) in enumerate(self.entries) if name not in names]
         return replace(self, held=self.held | names), np.array(kept)

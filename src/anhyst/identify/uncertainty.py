@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from anhyst.data import LoopSet
-from anhyst.identify.default import Found
+from anhyst.identify.default import FoundModel
 from anhyst.identify.fitting import Evaluation
 from anhyst.identify.objective import Objective
-from anhyst.identify.space import IN_SERIES, Space
+from anhyst.identify.space import IN_SERIES, CoordinateSpace
 from anhyst.laws.law import FitNumber
 from anhyst.model.fit_record import Uncertainty
 from anhyst.support.arrays import FloatArray
@@ -39,13 +39,13 @@ def memory(deviations: FloatArray) -> float:
     return max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
 
 
-def mean_memory(space: Space, deviation: FloatArray) -> float:
+def mean_memory(space: CoordinateSpace, deviation: FloatArray) -> float:
     """Average the memory of weighted deviations over the drives of a space."""
     ends = np.cumsum([record.input.size for record in space.records.loops])
     return float(np.mean([memory(one) for one in np.split(deviation, ends)[:-1]]))
 
 
-def _covariance(found: Found) -> FloatArray:
+def _covariance(found: FoundModel) -> FloatArray:
     objective = Objective(found.space)
     evaluation = Evaluation(objective)
     here = evaluation.at(found.theta)
@@ -57,12 +57,12 @@ def _covariance(found: Found) -> FloatArray:
     return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
 
 
-def assess(found: Found, loopset: LoopSet) -> Uncertainty:
+def assess(found: FoundModel, loopset: LoopSet) -> Uncertainty:
     """Tell standard deviations, correlations and plain statements for a finished fit.
 
     Parameters
     ----------
-    found : Found
+    found : FoundModel
         The fit.
     loopset : LoopSet
         What was fitted, for names and units.
@@ -129,7 +129,7 @@ def statements(
     return said
 
 
-def _of_the_gauge(found: Found) -> list[str]:
+def _of_the_gauge(found: FoundModel) -> list[str]:
     """Say what was chosen, because no output depends on it."""
     said = []
     form, gap_map = found.space.form, found.space.gap_map

@@ -98,7 +98,7 @@ class Refused(InputError):  # noqa: N818 - an answer
         super().__init__(f"{url}: the controller refused {_words(name)}: {meaning}")
 
 
-class ForceController:
+class ControllerLink:
     """A controller behind a port.
 
     Opens the port and the session, and checks that both sides speak the same protocol.

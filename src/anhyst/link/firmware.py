@@ -221,7 +221,7 @@ def _run(command: Sequence[str], board: str) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Sizes:
+class FirmwareSizes:
     """Memory of a firmware for a microcontroller, bytes.
 
     Parameters
@@ -239,7 +239,7 @@ class Sizes:
     stack: int
 
 
-def read_sizes(program: PathLike) -> Sizes:
+def read_sizes(program: PathLike) -> FirmwareSizes:
     """Return how much memory a firmware takes.
 
     Parameters
@@ -249,7 +249,7 @@ def read_sizes(program: PathLike) -> Sizes:
 
     Returns
     -------
-    Sizes
+    FirmwareSizes
     """
     from elftools.elf.elffile import ELFFile
 
@@ -258,4 +258,4 @@ def read_sizes(program: PathLike) -> Sizes:
             section.name: int(section["sh_size"]) for section in ELFFile(stream).iter_sections()
         }
     data = size.get(".data", 0)
-    return Sizes(size[".text"] + data, size[".bss"] + data, size[".stack"])
+    return FirmwareSizes(size[".text"] + data, size[".bss"] + data, size[".stack"])

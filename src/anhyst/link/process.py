@@ -24,7 +24,7 @@ class Running:
     Attributes
     ----------
     url : str
-        Its link, for :class:`anhyst.link.client.ForceController`.
+        Its link, for :class:`anhyst.link.client.ControllerLink`.
     bus : PlantBus
         Its plant; without :meth:`PlantBus.step` no time passes for it.
     """

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.link.client import ForceController
+from anhyst.link.client import ControllerLink
 from anhyst.link.frames import (
     Recorder,
     RecorderDataAnswer,
@@ -26,7 +26,7 @@ _VALUES_MOST = 58
 
 
 @dataclass(frozen=True)
-class Recording:
+class FirmwareRecording:
     """What was recorded.
 
     Parameters
@@ -68,7 +68,7 @@ class When:
 
 
 def start_recording(
-    controller: ForceController,
+    controller: ControllerLink,
     signals: Sequence[Signal],
     when: When | None = None,
     decimation: int = 1,
@@ -78,7 +78,7 @@ def start_recording(
 
     Parameters
     ----------
-    controller : ForceController
+    controller : ControllerLink
         Whose.
     signals : sequence of Signal
         What to record.
@@ -102,22 +102,22 @@ def start_recording(
     return controller.request(setup, RecorderInfoAnswer)
 
 
-def recorder_state(controller: ForceController) -> Recorder:
+def recorder_state(controller: ControllerLink) -> Recorder:
     """Ask what the recorder does."""
     return Recorder(controller.request(RecorderQueryRequest(), RecorderInfoAnswer).recorder)
 
 
-def read_recording(controller: ForceController) -> Recording:
+def read_recording(controller: ControllerLink) -> FirmwareRecording:
     """Read out what was recorded.
 
     Parameters
     ----------
-    controller : ForceController
+    controller : ControllerLink
         Whose; its recorder is done.
 
     Returns
     -------
-    Recording
+    FirmwareRecording
 
     Raises
     ------
@@ -138,4 +138,4 @@ def read_recording(controller: ForceController) -> Recording:
     table = np.array(values, dtype=np.int32).reshape(info.records, len(signals))
     ticks = info.tick + info.decimation * (np.arange(info.records, dtype=np.int64) - info.before)
     columns = {signal: table[:, place].copy() for place, signal in enumerate(signals)}
-    return Recording(ticks, info.before, columns)
+    return FirmwareRecording(ticks, info.before, columns)

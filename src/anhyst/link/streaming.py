@@ -76,7 +76,7 @@ def demand_request(force: int) -> DemandRequest:
 
 
 def stream(controller: Line, forces: Iterable[int], window: int) -> Iterator[Status]:
-    """Send demands; see :meth:`anhyst.link.client.ForceController.stream`."""
+    """Send demands; see :meth:`anhyst.link.client.ControllerLink.stream`."""
     if not 1 <= window <= WINDOW_MOST:
         raise InputError(f"window {window}: choose 1 to {WINDOW_MOST}")
     flow = _Flow(controller)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst.data.columns import Texts
 from anhyst.data.files import write_csv
-from anhyst.data.table import Table, read_columns
+from anhyst.data.table import DataTable, read_columns
 from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
 from anhyst.model.valid_range import Given, flag
 from anhyst.support.arrays import FloatArray
@@ -138,7 +138,7 @@ def run_file(
 
 
 def _compute(
-    model: ActuatorModel, direction: Direction, table: Table, history: str
+    model: ActuatorModel, direction: Direction, table: DataTable, history: str
 ) -> tuple[FloatArray, NDArray[np.bool_], int, tuple[str, ...]]:
     """Compute all runs of a table: what was wanted, where it is valid, how many, what to say."""
     forward = direction == "predict"
@@ -184,7 +184,7 @@ def _part(column: FloatArray, rows: Rows) -> FloatArray:
     return column if rows.size == column.size else column[rows]
 
 
-def _find_runs(table: Table, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
+def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
     """Rows of each run, in their order."""
     labels = next(
         (
@@ -211,7 +211,7 @@ def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 
 
 def _write(
-    table: Table, out: PathLike, wanted: Quantity, found: FloatArray, valid: NDArray[np.bool_]
+    table: DataTable, out: PathLike, wanted: Quantity, found: FloatArray, valid: NDArray[np.bool_]
 ) -> str:
     """Write the columns of the file and those computed; return the header of the computed one."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
@@ -227,7 +227,7 @@ def _write(
     return name
 
 
-def _deviation(table: Table, wanted: Quantity, found: FloatArray) -> Deviation | None:
+def _deviation(table: DataTable, wanted: Quantity, found: FloatArray) -> Deviation | None:
     try:
         measured = table.get(wanted.name)
     except InputError:  # a column that nobody asked for may be as it likes

@@ -14,13 +14,13 @@ from anhyst.verify.protocol import (
     START,
     VECTORS,
     WINDOW,
-    Form,
+    RecordForm,
     Reply,
     Request,
     Words,
 )
 from anhyst.verify.vectors import GoldenVectors
-from anhyst.verify.workshop import Program
+from anhyst.verify.workshop import HarnessProgram
 
 STACK_STEPS = 500
 PARTS = {
@@ -63,7 +63,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Answers:
     """All that a program answered.
 
     Parameters
@@ -82,12 +82,12 @@ class Outcome:
     stack: int
 
 
-def run(program: Program, vectors: GoldenVectors, steps: int, seed: int) -> Outcome:
+def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
     """Run golden vectors, random steps, and steps that measure stack.
 
     Parameters
     ----------
-    program : Program
+    program : HarnessProgram
         What to run.
     vectors : GoldenVectors
         Their inputs.
@@ -111,7 +111,7 @@ def run(program: Program, vectors: GoldenVectors, steps: int, seed: int) -> Outc
         reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
     ]
     empty = np.zeros((0, RECORD_WORDS), dtype=np.uint32)
-    return Outcome(
+    return Answers(
         replies[0], replies[-2], np.concatenate([empty, *answers]), replies[-1].stack_bytes
     )
 
@@ -121,8 +121,8 @@ def _stride(steps: int) -> int:
 
 
 def compare(
-    programs: tuple[Program, Program],
-    outcomes: tuple[Outcome, Outcome],
+    programs: tuple[HarnessProgram, HarnessProgram],
+    outcomes: tuple[Answers, Answers],
     vectors: GoldenVectors,
     steps: int,
     seed: int,
@@ -158,7 +158,7 @@ def compare(
     return _locate(vectors.form, programs, (host.random, target.random), steps, seed)
 
 
-def _against_file(outcome: Outcome, vectors: GoldenVectors) -> Difference | None:
+def _against_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None:
     places = [vectors.form.record.index(name) for name in vectors.outputs]
     found = outcome.vectors[:, places]
     wanted = np.stack(list(vectors.outputs.values()), axis=1)
@@ -171,8 +171,8 @@ def _against_file(outcome: Outcome, vectors: GoldenVectors) -> Difference | None
 
 
 def _locate(
-    form: Form,
-    programs: tuple[Program, Program],
+    form: RecordForm,
+    programs: tuple[HarnessProgram, HarnessProgram],
     replies: tuple[Reply, Reply],
     steps: int,
     seed: int,
@@ -204,7 +204,7 @@ def _marks(first: int, last: int, stride: int) -> list[int]:
 
 
 def _again(
-    programs: tuple[Program, Program], seed: int, first: int, last: int, stride: int
+    programs: tuple[HarnessProgram, HarnessProgram], seed: int, first: int, last: int, stride: int
 ) -> tuple[Reply, Reply]:
     requests = [
         Request(START, seed=seed),
@@ -226,7 +226,7 @@ def _first_wrong(host: Words, target: Words) -> tuple[int, int] | None:
 
 
 def _difference(
-    form: Form, part: str, first: int, place: tuple[int, int], host: Words, target: Words
+    form: RecordForm, part: str, first: int, place: tuple[int, int], host: Words, target: Words
 ) -> Difference:
     row, word = place
     return Difference(

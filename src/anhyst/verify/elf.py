@@ -104,7 +104,7 @@ def _symbols(elf: Any) -> Iterator[Symbol]:
 
 
 @dataclass(frozen=True, slots=True)
-class Sizes:
+class ProgramSizes:
     """What the compensator takes in a linked program; bytes.
 
     Parameters
@@ -131,7 +131,7 @@ class Sizes:
 
 def measure_sizes(
     image: Image, actuator: str, sources: Collection[str], constants_in_data: bool
-) -> Sizes:
+) -> ProgramSizes:
     """Add up what the linker kept of the compensator.
 
     Parameters
@@ -166,4 +166,4 @@ def measure_sizes(
                 tables += symbol.size
             else:
                 variables += symbol.size
-    return Sizes(code, control, tables, block, variables)
+    return ProgramSizes(code, control, tables, block, variables)

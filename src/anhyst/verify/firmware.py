@@ -11,7 +11,7 @@ from pathlib import Path
 from random import Random
 
 from anhyst.control.states import Command, Fault
-from anhyst.link.client import ForceController
+from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build
 from anhyst.link.plant_bus import Plant, Reading
 from anhyst.link.process import Running, run_host, run_qemu
@@ -112,7 +112,7 @@ def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
     random = Random(seed)
     plant = WalkingPlant(seed)
     statuses = []
-    with runner(program, plant) as board, ForceController(board.url, timeout=5.0) as controller:
+    with runner(program, plant) as board, ControllerLink(board.url, timeout=5.0) as controller:
         board.bus.step(SELF_TEST_TICKS)
         controller.command(Command.ARM)
         controller.command(Command.RUN)

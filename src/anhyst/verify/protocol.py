@@ -20,7 +20,7 @@ RECORD_WORDS = 18
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class RecordForm:
     """What the words of a record and the sections mean; as in ``harness/harness.h``.
 
     Parameters
@@ -49,7 +49,7 @@ class Form:
         return [self.record.index(name) for name in self.inputs]
 
 
-COMPENSATOR = Form(
+COMPENSATOR = RecordForm(
     record=(
         "demand",
         "gap",
@@ -87,7 +87,7 @@ COMPENSATOR = Form(
     start="conditioning sequence",
 )
 
-CONTROLLER = Form(
+CONTROLLER = RecordForm(
     record=(
         "position",
         "target",
@@ -181,7 +181,7 @@ WINDOW_OFFSET = 4 * _WINDOW_AT
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class CycleSection:
     """Instructions or cycles of one part of the step, those of the clock itself included."""
 
     count: int
@@ -202,7 +202,7 @@ class Reply:
     stack_bytes: int
     step: int
     hash: int
-    sections: tuple[Section, ...]
+    sections: tuple[CycleSection, ...]
     checkpoints: Words
     window: Words
 
@@ -221,7 +221,7 @@ class Reply:
         _, status, *numbers = (int(word) for word in words[_REQUEST:_SECTIONS_AT])
         table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(SECTIONS, _SECTION_WORDS)
         sections = tuple(
-            Section(count, least, most, most_at, low + (high << 32))
+            CycleSection(count, least, most, most_at, low + (high << 32))
             for count, least, most, most_at, low, high in table.tolist()
         )
         state, control, block, stack, step, folded = numbers

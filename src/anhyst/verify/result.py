@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from anhyst.verify.compare import Difference
-from anhyst.verify.elf import Sizes
+from anhyst.verify.elf import ProgramSizes
 from anhyst.verify.estimate import Estimate
 from anhyst.verify.tools import Missing
 
@@ -54,7 +54,7 @@ class TargetResult:
         Of the costs: ``instructions``, ``cycles``, or nothing where they are not counted.
     costs : tuple of Cost
         By part of a step.
-    sizes : Sizes or None
+    sizes : ProgramSizes or None
         Of code and constants; None on the host.
     state_bytes, control_bytes : int
         Mutable state of one compensator and of one PIDD2.
@@ -79,7 +79,7 @@ class TargetResult:
     warnings: int = 0
     unit: str = ""
     costs: tuple[Cost, ...] = ()
-    sizes: Sizes | None = None
+    sizes: ProgramSizes | None = None
     state_bytes: int = 0
     control_bytes: int = 0
     stack_measured: int | None = None

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.support.errors import InputError
-from anhyst.verify.protocol import AS_GIVEN, COMPENSATOR, CONTROLLER, Form, Words
+from anhyst.verify.protocol import AS_GIVEN, COMPENSATOR, CONTROLLER, RecordForm, Words
 
 NEEDED = ("demand", "gap", "current")
 OUTPUTS = {
@@ -46,13 +46,13 @@ class GoldenVectors:
         In the order of the form.
     outputs : mapping of arrays of uint32, shape (rows,)
         By the names of a record.
-    form : Form
+    form : RecordForm
         Of the records.
     """
 
     inputs: Words
     outputs: Mapping[str, Words]
-    form: Form = COMPENSATOR
+    form: RecordForm = COMPENSATOR
 
 
 def read_vectors(path: Path, floating: bool) -> GoldenVectors:

@@ -14,13 +14,13 @@ from pathlib import Path
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.progress import Progress
 from anhyst.verify.bundle import LEVITATION, VECTORS, read_bundle
-from anhyst.verify.compare import Outcome, compare, run
+from anhyst.verify.compare import Answers, compare, run
 from anhyst.verify.cortex_m import CortexProgram
-from anhyst.verify.elf import Image, Sizes, measure_sizes
+from anhyst.verify.elf import Image, ProgramSizes, measure_sizes
 from anhyst.verify.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
 from anhyst.verify.firmware import TARGET as FIRMWARE
 from anhyst.verify.firmware import missing_tools, verify_firmware
-from anhyst.verify.protocol import Form, Reply
+from anhyst.verify.protocol import RecordForm, Reply
 from anhyst.verify.result import Cost, TargetResult, Verification
 from anhyst.verify.stack_depth import stack_below
 from anhyst.verify.targets import (
@@ -168,7 +168,7 @@ class _Job:
         self.seed = seed
         self.host_steps, self.target_steps = host_steps, target_steps
         self._reference = reference(workshop)
-        self._answers: dict[int, Outcome] = {}
+        self._answers: dict[int, Answers] = {}
 
     def steps(self, target: str) -> int:
         return self.host_steps if target == "host" else self.target_steps
@@ -226,7 +226,7 @@ class _Job:
             seconds=time.monotonic() - began,
         )
 
-    def _sizes(self, image: Image, target: str) -> Sizes:
+    def _sizes(self, image: Image, target: str) -> ProgramSizes:
         bundle = self.workshop.bundle
         sources = {Path(name).name for name in (*bundle.c_files, *CONTROL_SOURCES)}
         return measure_sizes(image, bundle.name, sources, constants_in_data=target == "avr")
@@ -242,7 +242,7 @@ def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
     return stack_below(variant.image, roots)
 
 
-def costs(reply: Reply, form: Form) -> tuple[Cost, ...]:
+def costs(reply: Reply, form: RecordForm) -> tuple[Cost, ...]:
     """Take the clock's own share off what was counted."""
     clock = reply.sections[0].least
     found = []

@@ -26,7 +26,7 @@ ONE_ROUNDING_EACH = "-ffp-contract=off"
 """A product and a sum are rounded each: otherwise two targets cannot have the same bits."""
 
 
-class Program(Protocol):
+class HarnessProgram(Protocol):
     """A linked harness that answers requests from reset."""
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
@@ -42,7 +42,7 @@ class Variant:
     ----------
     target, name : str
         Target, and what sets this build apart: ``gcc -O2``, ``portable``.
-    program : Program
+    program : HarnessProgram
         What to run.
     unit : str
         What its clock counts: ``instructions``, ``cycles``, or nothing.
@@ -56,7 +56,7 @@ class Variant:
 
     target: str
     name: str
-    program: Program
+    program: HarnessProgram
     unit: str
     processor: str
     compiler: str

@@ -9,7 +9,7 @@ import numpy as np
 from anhyst._core import Operator
 from anhyst.identify.fit_records import FitRecord, FitRecords
 from anhyst.identify.paper.seven import Variables, gauge_free, local_of
-from anhyst.identify.response import Form, Local, NoResponseError, Responder
+from anhyst.identify.response import Local, NoResponseError, Responder, ResponseForm
 from anhyst.identify.screening import OMEGA_JUMP, follow_sets
 from anhyst.support.arrays import FloatArray
 
@@ -25,7 +25,7 @@ class Criterion:
 
     Parameters
     ----------
-    form : Form
+    form : ResponseForm
         Equations of the measured quantities.
     records : FitRecords
         Loops at a single gap, thinned or whole.
@@ -36,7 +36,7 @@ class Criterion:
         Parameter sets computed so far.
     """
 
-    def __init__(self, form: Form, records: FitRecords) -> None:
+    def __init__(self, form: ResponseForm, records: FitRecords) -> None:
         self._form = form
         self._loops = records.loops
         # The square of the weight of a deviation is what its sample counts.

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from anhyst.identify.default import reference_gap
-from anhyst.identify.paper.search import Bench, Stand
+from anhyst.identify.paper.search import SearchBench, Stand
 from anhyst.identify.paper.seven import (
     POSITIVE,
     Values,
@@ -32,14 +32,14 @@ _NOTHING = 1e-5
 """So are costs that differ by less than this part of the largest output: no sensor tells them."""
 
 
-def stages_of(bench: Bench, last: str | None) -> int:
+def stages_of(bench: SearchBench, last: str | None) -> int:
     """Count the stages that :func:`reductions` will take."""
     gaps, names = bench.gaps, len(bench.searched)
     kept = 0 if last is None else 1
     return gaps + sum(left - kept + gaps for left in range(2, names + 1))
 
 
-def in_common_gauge(bench: Bench, free: Stand) -> Stand:
+def in_common_gauge(bench: SearchBench, free: Stand) -> Stand:
     """Bring all gaps to one gauge, and to one valley where their loops do not tell which.
 
     What the gauge chooses is the same at all gaps then, so freezing it comes first and costs
@@ -63,7 +63,7 @@ def in_common_gauge(bench: Bench, free: Stand) -> Stand:
     return bench.stand([sets[gap] for gap in range(bench.gaps)], free.varying, spent)
 
 
-def _beside(bench: Bench, gap: int, own: Values, near: Values | None) -> tuple[Values, int]:
+def _beside(bench: SearchBench, gap: int, own: Values, near: Values | None) -> tuple[Values, int]:
     """Search one gap from its own set and from its neighbour's, and prefer the neighbour's end."""
     names = [name for name in bench.searched if name not in chosen_by_gauge(bench.searched)]
     ends = [
@@ -77,13 +77,13 @@ def _beside(bench: Bench, gap: int, own: Values, near: Values | None) -> tuple[V
 
 
 def reductions(
-    bench: Bench, free: Stand, last: str | None = None
+    bench: SearchBench, free: Stand, last: str | None = None
 ) -> Iterator[tuple[Stand, ReductionStep]]:
     """Freeze one parameter after another, until one is left.
 
     Parameters
     ----------
-    bench : Bench
+    bench : SearchBench
         The loops.
     free : Stand
         Everything free at each gap.
@@ -108,7 +108,7 @@ def reductions(
         yield stand, ReductionStep(frozen, before.cost, stand.cost, costs)
 
 
-def _tried(bench: Bench, stand: Stand, name: str) -> Stand:
+def _tried(bench: SearchBench, stand: Stand, name: str) -> Stand:
     """Replace one parameter by its mean and search the others briefly, at every gap."""
     rest = [other for other in stand.varying if other != name]
     mean = mean_over_gaps(name, [one[name] for one in stand.sets])
@@ -124,7 +124,7 @@ def _tried(bench: Bench, stand: Stand, name: str) -> Stand:
     return Stand.from_plain(bench.run.stage(_stage(stand.varying, f"without {name}"), work))
 
 
-def _kept(bench: Bench, tried: Stand) -> Stand:
+def _kept(bench: SearchBench, tried: Stand) -> Stand:
     """Search what is left in full, at every gap, from where the trial has come to."""
     found = [
         bench.run.stage(

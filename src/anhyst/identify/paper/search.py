@@ -26,7 +26,7 @@ from anhyst.data import LoopSet
 from anhyst.identify.paper.criterion import Criterion, simplex
 from anhyst.identify.paper.evolution import EvolutionStrategy
 from anhyst.identify.paper.seven import OFFSETS, Values, mean_over_gaps, variables_of
-from anhyst.identify.run import Run
+from anhyst.identify.run import SearchRun
 from anhyst.model.acceptance import GapCheck, check_over_gap
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.parameters import MAY_VARY
@@ -40,7 +40,7 @@ _SAMPLES_SIMPLEX = 128
 
 
 @dataclass(frozen=True)
-class Effort:
+class SearchEffort:
     """How long to search: generations, and evaluations of the simplex for each variable.
 
     ``trial`` ranks the candidates of a round; ``final`` is spent on the one that is kept.
@@ -83,7 +83,7 @@ class Stand:
 
 
 @dataclass
-class Bench:
+class SearchBench:
     """Loops at every gap, ready for searches with any of the parameters.
 
     Parameters
@@ -96,9 +96,9 @@ class Bench:
         How long to search.
     """
 
-    run: Run
+    run: SearchRun
     loopset: LoopSet
-    effort: Effort = field(default_factory=Effort)
+    effort: SearchEffort = field(default_factory=SearchEffort)
 
     def __post_init__(self) -> None:
         self.variables, self.known = variables_of(
@@ -211,12 +211,12 @@ def _numbers(arrays: Mapping[str, FloatArray]) -> Values:
     return {name: float(value) for name, value in arrays.items()}
 
 
-def search_each_gap(bench: Bench) -> Stand:
+def search_each_gap(bench: SearchBench) -> Stand:
     """Find the paper's free model: an optimal set for every gap, offsets common to all.
 
     Parameters
     ----------
-    bench : Bench
+    bench : SearchBench
         The loops.
 
     Returns
@@ -248,7 +248,7 @@ def search_each_gap(bench: Bench) -> Stand:
     return bench.stand(sets, bench.searched, spent)
 
 
-def model_at_nodes(stand: Stand, run: Run, loopset: LoopSet) -> ActuatorModel:
+def model_at_nodes(stand: Stand, run: SearchRun, loopset: LoopSet) -> ActuatorModel:
     """Bare model with a number at each gap for what varies.
 
     The gap map is ``scaling`` where that allows what varies, else ``free``.

@@ -9,14 +9,20 @@ import numpy as np
 from anhyst.data import LoopSet
 from anhyst.identify.bare import model_of
 from anhyst.identify.choice import require_gaps
-from anhyst.identify.default import Found
+from anhyst.identify.default import FoundModel
 from anhyst.identify.objective import Objective
 from anhyst.identify.paper.criterion import mean_deviation
 from anhyst.identify.paper.reduction import reductions, stages_of
-from anhyst.identify.paper.search import Bench, Effort, Stand, model_at_nodes, search_each_gap
+from anhyst.identify.paper.search import (
+    SearchBench,
+    SearchEffort,
+    Stand,
+    model_at_nodes,
+    search_each_gap,
+)
 from anhyst.identify.paper.seven import OFFSETS, local_of
-from anhyst.identify.run import Run
-from anhyst.identify.space import Space
+from anhyst.identify.run import SearchRun
+from anhyst.identify.space import CoordinateSpace
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import ReductionStep
 from anhyst.support.errors import InputError
@@ -51,24 +57,26 @@ class Sequence:
     model: ActuatorModel
     per_gap: ActuatorModel | None
     steps: tuple[ReductionStep, ...]
-    found: Found
+    found: FoundModel
     why: str
     interrupted: bool
 
 
-def search_paper(run: Run, loopset: LoopSet, wanted: str, effort: Effort | None = None) -> Sequence:
+def search_paper(
+    run: SearchRun, loopset: LoopSet, wanted: str, effort: SearchEffort | None = None
+) -> Sequence:
     """Search as the paper does.
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         Settings and stages.
     loopset : LoopSet
         All loops.
     wanted : str
         ``auto``: the order of the reduction is found. ``scaling``: the same, but c_H is the one
         that is left, as in the paper. ``reluctance``: alpha is. ``free``: no reduction.
-    effort : Effort, optional
+    effort : SearchEffort, optional
         How long to search.
 
     Returns
@@ -84,7 +92,7 @@ def search_paper(run: Run, loopset: LoopSet, wanted: str, effort: Effort | None 
         Ctrl-C before every gap had a set.
     """
     require_gaps(run.records, wanted)
-    bench = Bench(run, loopset, effort or Effort())
+    bench = SearchBench(run, loopset, effort or SearchEffort())
     last = _kept_to_the_last(bench, wanted)
     reducing = bench.gaps > 1 and wanted != "free"
     shifted = bench.gaps > 1 and not set(OFFSETS) <= run.held
@@ -113,7 +121,7 @@ def search_paper(run: Run, loopset: LoopSet, wanted: str, effort: Effort | None 
     )
 
 
-def _kept_to_the_last(bench: Bench, wanted: str) -> str | None:
+def _kept_to_the_last(bench: SearchBench, wanted: str) -> str | None:
     last = LAST.get(wanted)
     if last is not None and last not in bench.searched:
         given = bench.loopset.input.name
@@ -124,7 +132,7 @@ def _kept_to_the_last(bench: Bench, wanted: str) -> str | None:
     return last
 
 
-def _model(bench: Bench, stand: Stand, wanted: str) -> tuple[ActuatorModel, Found]:
+def _model(bench: SearchBench, stand: Stand, wanted: str) -> tuple[ActuatorModel, FoundModel]:
     model = model_at_nodes(stand, bench.run, bench.loopset)
     if stand.varying == ("alpha",) and _may_be_reluctance(bench, wanted):
         found = _as_reluctance(bench, stand)
@@ -134,7 +142,7 @@ def _model(bench: Bench, stand: Stand, wanted: str) -> tuple[ActuatorModel, Foun
     return model, _gauge_free(bench, stand, model.gap_map)
 
 
-def _may_be_reluctance(bench: Bench, wanted: str) -> bool:
+def _may_be_reluctance(bench: SearchBench, wanted: str) -> bool:
     """Tell whether alpha over the schedule can be a reluctance: physics of a gap, unless asked for.
 
     In the law of 1986 alpha acts on the irreversible part alone, which a reluctance does not.
@@ -145,15 +153,15 @@ def _may_be_reluctance(bench: Bench, wanted: str) -> bool:
     return of_a_gap and circuit and bench.gaps > 1
 
 
-def _gauge_free(bench: Bench, stand: Stand, gap_map: str) -> Found:
+def _gauge_free(bench: SearchBench, stand: Stand, gap_map: str) -> FoundModel:
     """Put the sets into gauge-free coordinates; slopes of the air core that differ become one."""
     sets = [local_of(one, bench.run.form.power) for one in stand.sets]
     form = replace(bench.run.form, h=float(np.mean([local.h for local in sets])))
-    space = Space(gap_map, bench.run.records, form, bench.run.held)
-    return Found(space, space.pack(sets), stand.cost, stand.evaluations)
+    space = CoordinateSpace(gap_map, bench.run.records, form, bench.run.held)
+    return FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
 
 
-def _as_reluctance(bench: Bench, stand: Stand) -> Found:
+def _as_reluctance(bench: SearchBench, stand: Stand) -> FoundModel:
     """Read alpha over the gap as a series reluctance over the gap.
 
     They are the same up to the slope of the air core, which the common gauge has made small
@@ -166,8 +174,10 @@ def _as_reluctance(bench: Bench, stand: Stand) -> Found:
     sets = [
         replace(local, h=h, gain=gain, scale=unscaled / (1.0 - h * local.omega)) for local in sets
     ]
-    space = Space("reluctance", bench.run.records, replace(bench.run.form, h=h), bench.run.held)
-    return Found(space, space.pack(sets), stand.cost, stand.evaluations)
+    space = CoordinateSpace(
+        "reluctance", bench.run.records, replace(bench.run.form, h=h), bench.run.held
+    )
+    return FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
 
 
 def _why(stand: Stand, model: ActuatorModel, reducing: bool, interrupted: bool) -> str:

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-from anhyst.laws.oracle.operator import Operator, State, Step
+from anhyst.laws.oracle.operator import LawState, LawStep, Operator
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
 
@@ -208,14 +208,14 @@ def may_jump(law: Operator, omega: float) -> bool:
     return 1.0 + omega * law.largest_slope <= 0.0
 
 
-def solve(law: Operator, state: State, omega: float, r: float) -> Step:
+def solve(law: Operator, state: LawState, omega: float, r: float) -> LawStep:
     """Return the step that solves ``x + omega*m(x) = r``; the state is not touched.
 
     Parameters
     ----------
     law : Operator
         The law, normalised.
-    state : State
+    state : LawState
         A valid state to start from.
     omega : float
         Weight of the magnetisation, ``w*M_s/a``.
@@ -224,7 +224,7 @@ def solve(law: Operator, state: State, omega: float, r: float) -> Step:
 
     Returns
     -------
-    Step
+    LawStep
         The candidate. Committing it is to go on from its ``state``.
 
     Raises
@@ -271,7 +271,7 @@ def _root(residual: Callable[[float], float], first: float, last: float) -> floa
     return float(brentq(residual, first, last, xtol=1e-18, rtol=_RTOL, maxiter=300))
 
 
-def _walk(law: Operator, state: State, omega: float, r: float) -> float:
+def _walk(law: Operator, state: LawState, omega: float, r: float) -> float:
     """Return the first root in the direction of travel where there may be several.
 
     The weight is negative here, so along the path the residual climbs with a slope of 1 at most:

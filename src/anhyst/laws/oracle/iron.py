@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from anhyst.laws.oracle.effective_field import EffectiveField, StepKind
 from anhyst.laws.oracle.equation import NO_EDDY, Eddy, Use, forward_use, inverse_use, solve
 from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
-from anhyst.laws.oracle.operator import DEMAGNETISED, State
+from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
@@ -25,12 +25,12 @@ from anhyst.support.units import MU_0
 LawName = Literal["effective-field", "jiles-atherton-1986"]
 
 
-class Candidate(NamedTuple):
+class SolvedSample(NamedTuple):
     """A solved sample that nobody has committed yet.
 
     Attributes
     ----------
-    state : State
+    state : LawState
         The state to go on from if the sample really happens.
     b : float
         Flux density, T.
@@ -40,7 +40,7 @@ class Candidate(NamedTuple):
         Field, or ``c_H*I`` through the gap, A/m.
     """
 
-    state: State
+    state: LawState
     b: float
     h: float
     drive: float
@@ -110,26 +110,26 @@ class Iron:
             return JilesAtherton1986(kappa, self.c, self.alpha * self.c * self.m_s / self.a, play)
         raise InputError(f"law: {self.law!r} is unknown; use effective-field")
 
-    def magnetisation(self, state: State) -> float:
+    def magnetisation(self, state: LawState) -> float:
         """Return the magnetisation ``M`` in a state, A/m (eq. 8)."""
         return self.m_s * self.operator.magnetisation(state)
 
-    def field(self, state: State) -> float:
+    def field(self, state: LawState) -> float:
         """Return the field ``H = x - alpha*M`` in a state, A/m (eq. 2)."""
         return self.a * state.x - self.alpha * self.magnetisation(state)
 
-    def flux_density(self, state: State) -> float:
+    def flux_density(self, state: LawState) -> float:
         """Return ``B = mu0*(H + M)`` in a state, T (eq. 9)."""
         return MU_0 * (self.a * state.x + (1.0 - self.alpha) * self.magnetisation(state))
 
     def solve_forward(
-        self, state: State, drive: float, rho: float = 0.0, eddy: Eddy = NO_EDDY
-    ) -> Candidate:
+        self, state: LawState, drive: float, rho: float = 0.0, eddy: Eddy = NO_EDDY
+    ) -> SolvedSample:
         """Return the candidate that the drive leads to.
 
         Parameters
         ----------
-        state : State
+        state : LawState
             State of the sample before.
         drive : float
             Field, or ``c_H*I`` through the gap, A/m.
@@ -140,30 +140,30 @@ class Iron:
 
         Returns
         -------
-        Candidate
+        SolvedSample
             Solved, not committed.
         """
         after = self._solve(state, forward_use(self.alpha, drive, rho, eddy))
-        return Candidate(after, self.flux_density(after), self.field(after), drive)
+        return SolvedSample(after, self.flux_density(after), self.field(after), drive)
 
     def solve_inverse(
-        self, state: State, b: float, rho: float = 0.0, eddy: Eddy = NO_EDDY
-    ) -> Candidate:
+        self, state: LawState, b: float, rho: float = 0.0, eddy: Eddy = NO_EDDY
+    ) -> SolvedSample:
         """Return the candidate whose flux density is `b` (T), and the drive it needs.
 
         Parameters are those of :meth:`solve_forward`.
         """
         after = self._solve(state, inverse_use(self.alpha, b))
         h = self.field(after)
-        return Candidate(after, b, h, h + (rho + eddy.e) * b / MU_0 - eddy.memory)
+        return SolvedSample(after, b, h, h + (rho + eddy.e) * b / MU_0 - eddy.memory)
 
     def forward(
         self,
         drive: ArrayLike,
         rho: ArrayLike = 0.0,
         eddy: ArrayLike = 0.0,
-        state: State = DEMAGNETISED,
-    ) -> tuple[FloatArray, FloatArray, State]:
+        state: LawState = DEMAGNETISED,
+    ) -> tuple[FloatArray, FloatArray, LawState]:
         """Return flux density and field for a record of the drive.
 
         Parameters
@@ -174,7 +174,7 @@ class Iron:
             Reluctance ratio of the gap.
         eddy : array_like, shape (n,) or scalar, optional
             ``gamma/dt``, A/(m T); backward Euler.
-        state : State, optional
+        state : LawState, optional
             State before the first sample.
 
         Returns
@@ -183,7 +183,7 @@ class Iron:
             Flux density, T.
         h : ndarray, shape (n,)
             Field in the iron, A/m.
-        state : State
+        state : LawState
             State after the last sample.
         """
         return self._run("forward", drive, rho, eddy, state)
@@ -193,8 +193,8 @@ class Iron:
         b: ArrayLike,
         rho: ArrayLike = 0.0,
         eddy: ArrayLike = 0.0,
-        state: State = DEMAGNETISED,
-    ) -> tuple[FloatArray, FloatArray, State]:
+        state: LawState = DEMAGNETISED,
+    ) -> tuple[FloatArray, FloatArray, LawState]:
         """Return drive and field for a record of the flux density (T).
 
         Parameters are those of :meth:`forward` with `b` in place of the drive; the drive (A/m) is
@@ -202,7 +202,7 @@ class Iron:
         """
         return self._run("inverse", b, rho, eddy, state)
 
-    def _solve(self, state: State, use: Use) -> State:
+    def _solve(self, state: LawState, use: Use) -> LawState:
         """Return the state that solves the equation of a use given in physical units."""
         return solve(self.operator, state, use.w * self.m_s / self.a, use.r / self.a).state
 
@@ -212,8 +212,8 @@ class Iron:
         given: ArrayLike,
         rho: ArrayLike,
         eddy: ArrayLike,
-        state: State,
-    ) -> tuple[FloatArray, FloatArray, State]:
+        state: LawState,
+    ) -> tuple[FloatArray, FloatArray, LawState]:
         """Solve and commit sample by sample."""
         self.operator.check_state(state)
         samples = np.atleast_1d(np.asarray(given, dtype=np.float64))

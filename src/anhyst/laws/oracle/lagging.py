@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 
 from anhyst.laws.oracle.langevin import LARGEST_SLOPE, langevin_scalar, langevin_slope_scalar
-from anhyst.laws.oracle.operator import State, Step
+from anhyst.laws.oracle.operator import LawState, LawStep
 from anhyst.support.errors import InputError
 
 _ROUNDING = 1e-9
@@ -52,11 +52,11 @@ class LaggingLaw(ABC):
         """Distance over which the slope changes by a good part of itself, ``min(1, kappa)``."""
         return min(1.0, self.kappa)
 
-    def magnetisation(self, state: State) -> float:
+    def magnetisation(self, state: LawState) -> float:
         """Return ``M/M_s`` in a state (eq. 8)."""
         return (1.0 - self.c) * state.y + self.c * langevin_scalar(state.x)
 
-    def check_state(self, state: State) -> None:
+    def check_state(self, state: LawState) -> None:
         """Raise `InputError` unless ``|M_an - M_irr| <= k*A`` and the play is within ``r_d``."""
         if not all(math.isfinite(value) for value in state):
             raise InputError("state: not finite; start from the demagnetised state")
@@ -68,27 +68,27 @@ class LaggingLaw(ABC):
                 "state: |M_an - M_irr| exceeds k*A, no path leads there; start elsewhere"
             )
 
-    def step(self, state: State, x1: float) -> Step:
+    def step(self, state: LawState, x1: float) -> LawStep:
         """Return where the law arrives when the effective field moves straight to `x1`.
 
         Parameters
         ----------
-        state : State
+        state : LawState
             Where it starts.
         x1 : float
             New effective field over the shape field.
 
         Returns
         -------
-        Step
+        LawStep
             New state, magnetisation and the slope of the latter against `x1`.
         """
         p1 = min(max(state.p, x1 - self.play), x1 + self.play)
         y1, slope = self.irreversible_step(state.p, state.y, p1)
         driven = self.play == 0.0 or p1 != state.p
         rest = 1.0 - self.c
-        return Step(
-            State(x1, y1, p1),
+        return LawStep(
+            LawState(x1, y1, p1),
             rest * y1 + self.c * langevin_scalar(x1),
             (rest * slope if driven else 0.0) + self.c * langevin_slope_scalar(x1),
         )

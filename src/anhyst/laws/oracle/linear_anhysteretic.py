@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import lambertw
 
-from anhyst.laws.oracle.operator import State, Step
+from anhyst.laws.oracle.operator import LawState, LawStep
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
@@ -107,17 +107,17 @@ class LinearAnhysteretic:
         """Return ``M_an(x)``, A/m (eq. 19)."""
         return self.k2 + self.k1 * x
 
-    def magnetisation(self, state: State) -> float:
+    def magnetisation(self, state: LawState) -> float:
         """Return ``M`` in a state, A/m (eq. 8)."""
         return (1.0 - self.c) * state.y + self.c * self.anhysteretic(state.x)
 
-    def check_state(self, state: State) -> None:
+    def check_state(self, state: LawState) -> None:
         """Raise `InputError` unless ``|M_an - M_irr| <= k*K_1``."""
         lag = abs(self.anhysteretic(state.x) - state.y)
         if not (state.p == state.x and lag <= self.k * self.k1 * (1.0 + _ROUNDING)):
             raise InputError("state: |M_an - M_irr| exceeds k*K_1; start from another state")
 
-    def step(self, state: State, x1: float) -> Step:
+    def step(self, state: LawState, x1: float) -> LawStep:
         """Return where the law arrives when the effective field (A/m) moves straight to `x1`."""
         sg = 1.0 if x1 >= state.x else -1.0
         lag0 = sg * (self.anhysteretic(state.x) - state.y)
@@ -130,9 +130,9 @@ class LinearAnhysteretic:
             lag1 = steady + (max(0.0, lag0) - steady) * math.exp(-(way - held) / self.k)
             y1, slope = self.anhysteretic(x1) - sg * lag1, lag1 / self.k
         m = (1.0 - self.c) * y1 + self.c * self.anhysteretic(x1)
-        return Step(State(x1, y1, x1), m, (1.0 - self.c) * slope + self.c * self.k1)
+        return LawStep(LawState(x1, y1, x1), m, (1.0 - self.c) * slope + self.c * self.k1)
 
-    def lag_of(self, state: State) -> float:
+    def lag_of(self, state: LawState) -> float:
         """Return the bounded state ``u`` of the closed form."""
         return (self.anhysteretic(state.x) - state.y) / (self.k * self.k1)
 

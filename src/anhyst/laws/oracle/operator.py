@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 
-class State(NamedTuple):
+class LawState(NamedTuple):
     """Everything a law remembers, in units that do not depend on the parameter set.
 
     Attributes
@@ -23,16 +23,16 @@ class State(NamedTuple):
     p: float
 
 
-DEMAGNETISED = State(0.0, 0.0, 0.0)
+DEMAGNETISED = LawState(0.0, 0.0, 0.0)
 """The state after demagnetising."""
 
 
-class Step(NamedTuple):
+class LawStep(NamedTuple):
     """Where a law arrives when the effective field moves to a new value.
 
     Attributes
     ----------
-    state : State
+    state : LawState
         The new state.
     m : float
         Magnetisation over saturation there, ``M/M_s``.
@@ -40,7 +40,7 @@ class Step(NamedTuple):
         Slope of `m` against the new effective field, ``(a/M_s)*dM/dx``.
     """
 
-    state: State
+    state: LawState
     m: float
     slope: float
 
@@ -60,11 +60,11 @@ class Operator(Protocol):
     def length_scale(self) -> float:
         """Distance over which the slope changes by a good part of itself."""
 
-    def magnetisation(self, state: State) -> float:
+    def magnetisation(self, state: LawState) -> float:
         """Return ``M/M_s`` in a state (eq. 8)."""
 
-    def check_state(self, state: State) -> None:
+    def check_state(self, state: LawState) -> None:
         """Raise `InputError` for a state that the law cannot have reached."""
 
-    def step(self, state: State, x1: float) -> Step:
+    def step(self, state: LawState, x1: float) -> LawStep:
         """Return where the law arrives when the effective field moves straight to `x1`."""

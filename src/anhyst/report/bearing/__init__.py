@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from anhyst.report.bearing.page import write_simulation_report
-from anhyst.report.bearing.subject import Subject
+from anhyst.report.bearing.subject import SimulationSubject
 
-__all__ = ["Subject", "write_simulation_report"]
+__all__ = ["SimulationSubject", "write_simulation_report"]

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, FancyBboxPatch
 from matplotlib.text import Text
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.report.bearing.blocks import Block, blocks_of, feedback
+from anhyst.report.bearing.blocks import DiagramBlock, blocks_of, feedback
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.support.page.style import FALLING, RISING, new_figure, styled
 
@@ -99,7 +99,9 @@ def _from_below(ax: Axes, columns: Sequence[float]) -> None:
     _label(ax, (0.5 * (columns[2] + columns[3]), lane + 0.05), "gap and its velocity")
 
 
-def _box(ax: Axes, centre: Place, name: str, block: Block, fill: str, high: float = _HIGH) -> None:
+def _box(
+    ax: Axes, centre: Place, name: str, block: DiagramBlock, fill: str, high: float = _HIGH
+) -> None:
     x, y = centre
     shape = FancyBboxPatch(
         (x - 0.5 * _WIDE, y - 0.5 * high),

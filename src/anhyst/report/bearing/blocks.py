@@ -16,7 +16,7 @@ FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixe
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class DiagramBlock:
     """A block of the diagram.
 
     Parameters
@@ -31,7 +31,7 @@ class Block:
     lines: tuple[str, ...]
 
 
-def blocks_of(rig: BearingRig, controller: ControllerTable) -> Mapping[str, Block]:
+def blocks_of(rig: BearingRig, controller: ControllerTable) -> Mapping[str, DiagramBlock]:
     """Say what every block of the loop is.
 
     Parameters
@@ -43,7 +43,7 @@ def blocks_of(rig: BearingRig, controller: ControllerTable) -> Mapping[str, Bloc
 
     Returns
     -------
-    mapping of str to Block
+    mapping of str to DiagramBlock
         By ``controller``, ``compensator``, ``output``, ``amplifier``, ``electrical``,
         ``hysteresis``, ``mechanics``, ``sensors`` and ``load``, in the order of the signal.
     """
@@ -71,7 +71,7 @@ def feedback(controller: ControllerTable) -> str:
     return ", ".join(inputs)
 
 
-def _controller(settings: ControllerTable) -> Block:
+def _controller(settings: ControllerTable) -> DiagramBlock:
     gains = settings.pidd2_gains()
     lines = [
         f"K_p {_short(gains.K_p)} N/m",
@@ -82,13 +82,13 @@ def _controller(settings: ControllerTable) -> Block:
     ]
     if settings.filter.cutoff_2_Hz != settings.filter.cutoff_Hz and gains.K_dd:
         lines[-1] += f", {_hertz(settings.filter.cutoff_2_Hz)}"
-    return Block("controller PIDD²", tuple(lines))
+    return DiagramBlock("controller PIDD²", tuple(lines))
 
 
-def _compensator(settings: ControllerTable) -> Block:
+def _compensator(settings: ControllerTable) -> DiagramBlock:
     limits, chosen = settings.limits, settings.compensation
     words = METHODS[chosen.variant].title.split(", ")
-    return Block(
+    return DiagramBlock(
         "force to current",
         (
             *words,
@@ -100,11 +100,11 @@ def _compensator(settings: ControllerTable) -> Block:
     )
 
 
-def _output(rig: BearingRig) -> Block:
+def _output(rig: BearingRig) -> DiagramBlock:
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     across = amplifier.current_high_A - amplifier.current_low_A
     bit = across / ((1 << amplifier.dac_bits) - 1)
-    return Block(
+    return DiagramBlock(
         "DAC and delay",
         (
             f"{_hertz(timing.rate_Hz)}, tick {1e6 * rig.dt:g} µs",
@@ -114,7 +114,7 @@ def _output(rig: BearingRig) -> Block:
     )
 
 
-def _amplifier(plant: BearingTable) -> Block:
+def _amplifier(plant: BearingTable) -> DiagramBlock:
     amplifier = plant.amplifier
     loop = "own current loop" if amplifier.mode == "current" else "voltage mode"
     lines = [
@@ -124,10 +124,10 @@ def _amplifier(plant: BearingTable) -> Block:
     ]
     if amplifier.delay_s:
         lines.append(f"delay {1e6 * amplifier.delay_s:g} µs")
-    return Block(f"amplifier{_times(plant)}", tuple(lines))
+    return DiagramBlock(f"amplifier{_times(plant)}", tuple(lines))
 
 
-def _electrical(plant: BearingTable) -> Block:
+def _electrical(plant: BearingTable) -> DiagramBlock:
     magnet = plant.magnet
     table = magnet.model is not None and magnet.force == "model"
     lines = [
@@ -139,10 +139,10 @@ def _electrical(plant: BearingTable) -> Block:
     ]
     if magnet.eddy_time_s:
         lines.append(f"eddy currents {1e6 * magnet.eddy_time_s:g} µs")
-    return Block(f"electrical subsystem{_times(plant)}", tuple(lines))
+    return DiagramBlock(f"electrical subsystem{_times(plant)}", tuple(lines))
 
 
-def _hysteresis(plant: BearingTable) -> Block:
+def _hysteresis(plant: BearingTable) -> DiagramBlock:
     magnet, poles = plant.magnet, plant.magnet.poles
     pole = f"pole {1e3 * poles.width:.3g} × {1e3 * poles.depth:.3g} mm"
     if magnet.force == "model" and magnet.model is not None:
@@ -158,10 +158,10 @@ def _hysteresis(plant: BearingTable) -> Block:
     if magnet.arrangement == "pair":
         assert magnet.gap_total_m is not None
         lines.append(f"bias {magnet.bias_force_N:g} N, gaps {1e3 * magnet.gap_total_m:g} mm")
-    return Block(f"force-current hysteresis{_times(plant)}", tuple(lines))
+    return DiagramBlock(f"force-current hysteresis{_times(plant)}", tuple(lines))
 
 
-def _mechanics(plant: BearingTable) -> Block:
+def _mechanics(plant: BearingTable) -> DiagramBlock:
     mechanics = plant.mechanics
     low, high = 1e3 * mechanics.stop_low_m, 1e3 * mechanics.stop_high_m
     lines = [f"mass {mechanics.mass_kg:g} kg", f"stops at {low:g} and {high:g} mm"]
@@ -170,10 +170,10 @@ def _mechanics(plant: BearingTable) -> Block:
     if mechanics.gravity_m_per_s2:
         lines.append(f"gravity {mechanics.gravity_m_per_s2:g} m/s²")
     lines.append(f"works at {1e3 * plant.simulate.gap_m:g} mm")
-    return Block("mechanics", tuple(lines))
+    return DiagramBlock("mechanics", tuple(lines))
 
 
-def _sensors(plant: BearingTable, controller: ControllerTable) -> Block:
+def _sensors(plant: BearingTable, controller: ControllerTable) -> DiagramBlock:
     position, shunt = plant.position_sensor.sensor(), plant.current_sensor
     lines = [
         f"{plant.position_sensor.kind}: step {_metres(position.step)}",
@@ -185,10 +185,10 @@ def _sensors(plant: BearingTable, controller: ControllerTable) -> Block:
     if controller.compensation.variant == "flux" and plant.hall_probe is not None:
         probe = plant.hall_probe
         lines.append(f"Hall: {probe.adc_bits} bits, {1e3 * probe.noise_T:g} mT rms")
-    return Block("sensors", tuple(lines))
+    return DiagramBlock("sensors", tuple(lines))
 
 
-def _load(plant: BearingTable) -> Block:
+def _load(plant: BearingTable) -> DiagramBlock:
     load = plant.load
     lines = [f"{load.force_N:g} N, {_hertz(load.bandwidth_Hz)}"]
     if load.stiffness_N_per_m or load.damping_N_s_per_m:
@@ -197,7 +197,7 @@ def _load(plant: BearingTable) -> Block:
     for disturbance in plant.load.disturbance[:1]:
         more = f" and {len(load.disturbance) - 1} more" if len(load.disturbance) > 1 else ""
         lines.append(f"{disturbance.kind} of {disturbance.force_N:g} N{more}")
-    return Block("load drive", tuple(lines))
+    return DiagramBlock("load drive", tuple(lines))
 
 
 def _times(plant: BearingTable) -> str:

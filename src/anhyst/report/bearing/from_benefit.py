@@ -7,10 +7,10 @@ import math
 
 from anhyst.control.controller_file import ControllerFile
 from anhyst.report.bearing.over_runs import BenefitCell
-from anhyst.report.bearing.subject import Subject
+from anhyst.report.bearing.subject import SimulationSubject
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.study.bearing.benefit import MEASURES, Benefit, Cell, Comparison, Measure
-from anhyst.support.page.blocks import Note, Table, table
+from anhyst.study.bearing.benefit import MEASURES, Benefit, Comparison, MapCell, Measure
+from anhyst.support.page.blocks import Note, PageTable, table
 from anhyst.support.page.numbers import NBSP, NOT_KNOWN, number
 
 STRONGEST = "the strongest baseline"
@@ -22,7 +22,7 @@ _TITLES: dict[Measure, str] = {
 
 def subject_of_benefit(
     rig: BearingRig, controller: ControllerFile, found: Benefit, command: str
-) -> Subject:
+) -> SimulationSubject:
     """Gather what the report of the map shows.
 
     Parameters
@@ -38,7 +38,7 @@ def subject_of_benefit(
     """
     settings = controller.settings
     compensation = settings.compensation.model_copy(update={"variant": "full"})
-    return Subject(
+    return SimulationSubject(
         rig=rig,
         controller=settings.model_copy(update={"compensation": compensation}),
         seeds=found.seeds,
@@ -79,7 +79,7 @@ def _cells(found: Benefit) -> list[BenefitCell]:
 
 
 def _cell(
-    found: Benefit, cell: Cell, measure: Measure, against: str, comparison: Comparison
+    found: Benefit, cell: MapCell, measure: Measure, against: str, comparison: Comparison
 ) -> BenefitCell:
     quotient = comparison.quotient
     return BenefitCell(
@@ -95,7 +95,7 @@ def _cell(
     )
 
 
-def _irons(found: Benefit) -> Table:
+def _irons(found: Benefit) -> PageTable:
     """Describe every iron by what loops show of it."""
     irons = list(dict.fromkeys(cell.iron for cell in found.cells))
     rows = [

@@ -11,7 +11,7 @@ from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile
 from anhyst.report.bearing.look import ordered
 from anhyst.report.bearing.over_runs import Spread
-from anhyst.report.bearing.subject import Subject
+from anhyst.report.bearing.subject import SimulationSubject
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.study.bearing.drift import Drift
 from anhyst.study.bearing.monte_carlo import FIGURES, MonteCarlo
@@ -23,7 +23,7 @@ _SHOWN = {"overshoot_percent": ("overshoot, {} (%)", 1.0), "settling_s": ("settl
 
 def subject_of_plants(
     rig: BearingRig, controller: ControllerFile, found: MonteCarlo, command: str
-) -> Subject:
+) -> SimulationSubject:
     """Gather what the report of a Monte Carlo shows.
 
     Parameters
@@ -38,7 +38,7 @@ def subject_of_plants(
         What makes it again.
     """
     own = controller.settings.compensation.variant
-    return Subject(
+    return SimulationSubject(
         rig=rig,
         controller=controller.settings,
         seeds=0,

@@ -13,11 +13,17 @@ from anhyst.report.bearing.force_current import identified_loop, nearest_loops
 from anhyst.report.bearing.look import interval_text, ordered
 from anhyst.report.bearing.over_frequency import Response
 from anhyst.report.bearing.over_time import StepPanel
-from anhyst.report.bearing.subject import Comparison, Intervals, Subject, Tracking, grouped
+from anhyst.report.bearing.subject import (
+    FigureTable,
+    Intervals,
+    SimulationSubject,
+    Tracking,
+    grouped,
+)
 from anhyst.report.bearing.tables import OVERSHOOT
-from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import Recording
-from anhyst.rig.bearing.scenario import Scenario, Step
+from anhyst.rig.bearing.scenario import ReferenceStep, Scenario
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bearing.tables import SimulateTable
 from anhyst.rig.distance import PlantCheck
@@ -25,7 +31,7 @@ from anhyst.study.bearing import experiments
 from anhyst.study.bearing.metrics import Interval, no_mean
 from anhyst.study.bearing.operating import has_constants
 from anhyst.study.bearing.simulate import Simulation
-from anhyst.support.page.blocks import Note, Table, table
+from anhyst.support.page.blocks import Note, PageTable, table
 from anhyst.support.page.numbers import NBSP, NOT_KNOWN, number
 
 _SHOWN = 0.03  # of a step, s
@@ -33,7 +39,7 @@ _COLUMNS = ("ratio", "single-valued", "full")  # whose forces are shown, beside 
 _FREQUENCIES = 400
 
 
-def subject_of(simulation: Simulation, command: str) -> Subject:
+def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
     """Gather what the report of a simulation shows; trajectories and loads are run once more.
 
     Parameters
@@ -66,7 +72,7 @@ def subject_of(simulation: Simulation, command: str) -> Subject:
     linear_gain, linear_sensitivity = _linear(simulation)
     single = len(rig.magnets) == 1
     loops, current = simulation.knowledge.loops, rig.settings.measurement.current_max_A
-    return Subject(
+    return SimulationSubject(
         rig=rig,
         controller=simulation.controller.settings,
         seeds=tried.noise_seeds,
@@ -108,7 +114,7 @@ def plant_notes(plant: PlantCheck) -> tuple[Note, ...]:
 
 
 def _part(
-    runs: Mapping[MethodName, Recording], tick: float, step: Step
+    runs: Mapping[MethodName, Recording], tick: float, step: ReferenceStep
 ) -> Mapping[MethodName, Recording]:
     """Cut out what happens around a step."""
     first, last = step.begin - round(0.1 * _SHOWN / tick), step.begin + round(_SHOWN / tick)
@@ -141,7 +147,7 @@ def _seen(
     """Run a scenario under every variant, and keep what follows a tick; lost runs are left out."""
     found = {}
     for name, setup in setups.items():
-        recording = Loop(setup).run(scenario)
+        recording = SimulatedLoop(setup).run(scenario)
         lost = lost_at(setup.rig, recording, scenario.lifted)
         if lost is None and len(recording) == scenario.ticks:
             found[name] = recording.part(begin, len(recording))
@@ -181,7 +187,7 @@ _CAPTIONS = {
 }
 
 
-def _tables(figures: Mapping[str, Any]) -> dict[str, tuple[Comparison, ...]]:
+def _tables(figures: Mapping[str, Any]) -> dict[str, tuple[FigureTable, ...]]:
     """Return the tables of experiments beside steps."""
     follow = {
         f"{one['kind']} of {1e6 * one['amplitude_m']:g}{NBSP}µm at {one['frequency_Hz']:g}"
@@ -206,11 +212,11 @@ def _tables(figures: Mapping[str, Any]) -> dict[str, tuple[Comparison, ...]]:
     }
 
 
-def _comparisons(rows: Mapping[str, Any], *names: str) -> tuple[Comparison, ...]:
+def _comparisons(rows: Mapping[str, Any], *names: str) -> tuple[FigureTable, ...]:
     if not rows:
         return ()
     return tuple(
-        Comparison(
+        FigureTable(
             *_FIGURES[name],
             {title: _intervals(found, name) for title, found in rows.items()},
             _CAPTIONS.get(name, ""),
@@ -226,7 +232,7 @@ def _intervals(found: Mapping[MethodName, Any], name: str) -> Intervals:
     }
 
 
-def _cycles(found: Mapping[MethodName, Any]) -> Table:
+def _cycles(found: Mapping[MethodName, Any]) -> PageTable:
     """Report under which variants the armature never came to rest, and in how many runs."""
     rows = [[name, *_cycle_row(found[name])] for name in ordered(found)]
     return table(

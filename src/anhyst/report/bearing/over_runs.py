@@ -155,7 +155,7 @@ def _write(ax: Axes, place: tuple[int, int], cell: BenefitCell) -> None:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class GainsPoint:
     """A set of gains that tuning looked at.
 
     Parameters
@@ -177,32 +177,32 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Tuning:
+class TuningPicture:
     """What tuning found.
 
     Parameters
     ----------
-    candidates : tuple of Candidate
+    candidates : tuple of GainsPoint
         All that were looked at.
-    chosen : mapping of str to Candidate
+    chosen : mapping of str to GainsPoint
         Of every variant.
     settling_limit, peak_limit : float or None
         Aims, if they were given. s, and a ratio.
     """
 
-    candidates: tuple[Candidate, ...]
-    chosen: Mapping[MethodName, Candidate]
+    candidates: tuple[GainsPoint, ...]
+    chosen: Mapping[MethodName, GainsPoint]
     settling_limit: float | None
     peak_limit: float | None
 
 
 @styled
-def figure_pareto(tuning: Tuning) -> Figure:
+def figure_pareto(tuning: TuningPicture) -> Figure:
     """Draw settling against peak sensitivity: candidates, fronts, what was chosen.
 
     Parameters
     ----------
-    tuning : Tuning
+    tuning : TuningPicture
         With at least one candidate that settles.
     """
     figure = new_figure(4.6)
@@ -240,9 +240,9 @@ def figure_pareto(tuning: Tuning) -> Figure:
     return figure
 
 
-def pareto_front(candidates: Sequence[Candidate]) -> list[Candidate]:
+def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
     """Return those that no other one beats in both settling and peak, the fastest first."""
-    front: list[Candidate] = []
+    front: list[GainsPoint] = []
     for one in sorted(candidates, key=lambda each: (each.settling, each.peak)):
         if not front or one.peak < front[-1].peak:
             front.append(one)

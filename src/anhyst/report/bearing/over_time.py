@@ -23,7 +23,7 @@ from anhyst.report.bearing.look import (
     thinned,
 )
 from anhyst.rig.bearing.recording import Recording
-from anhyst.rig.bearing.scenario import Step
+from anhyst.rig.bearing.scenario import ReferenceStep
 from anhyst.study.bearing.metrics import SETTLED, Interval
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.numbers import number
@@ -43,7 +43,7 @@ class StepPanel:
 
     Parameters
     ----------
-    step : Step
+    step : ReferenceStep
         Where in the recordings it stands.
     recordings : mapping of str to Recording
         Of every variant.
@@ -51,7 +51,7 @@ class StepPanel:
         Over the noise seeds, %; the legend names it.
     """
 
-    step: Step
+    step: ReferenceStep
     recordings: Recordings
     overshoot: Mapping[MethodName, Interval]
 

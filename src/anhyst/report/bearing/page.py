@@ -24,7 +24,7 @@ from anhyst.report.bearing.over_time import (
     figure_steps,
     figure_tracking,
 )
-from anhyst.report.bearing.subject import Steps, Subject
+from anhyst.report.bearing.subject import SimulationSubject, Steps
 from anhyst.report.bearing.tables import (
     OVERSHOOT,
     benefit_table,
@@ -49,14 +49,14 @@ from anhyst.support.version import running_version
 _TILES = 4
 
 
-def write_simulation_report(path: PathLike, subject: Subject) -> None:
+def write_simulation_report(path: PathLike, subject: SimulationSubject) -> None:
     """Write the report of a simulation: one HTML file that needs nothing else.
 
     Parameters
     ----------
     path : path-like
         Where it is to appear, whole or not at all.
-    subject : Subject
+    subject : SimulationSubject
         What it is about; absent parts have no section.
 
     Raises
@@ -69,7 +69,7 @@ def write_simulation_report(path: PathLike, subject: Subject) -> None:
         stream.write(text)
 
 
-def render(subject: Subject) -> str:
+def render(subject: SimulationSubject) -> str:
     """Return the text of the report; the same for the same subject."""
     found = (
         _structure(subject),
@@ -97,13 +97,13 @@ def _picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
     return Picture(svg_text(figure, key), alt, caption)
 
 
-def _more(subject: Subject, key: str) -> list[Block]:
+def _more(subject: SimulationSubject, key: str) -> list[Block]:
     """Return the tables and other blocks of a section that stand below its figures."""
     tables = [comparison_table(one) for one in subject.tables.get(key, ())]
     return [*tables, *subject.blocks.get(key, ())]
 
 
-def _headline(subject: Subject) -> Headline:
+def _headline(subject: SimulationSubject) -> Headline:
     plant = subject.rig.settings
     arrangement = "A pair of magnets" if plant.magnet.arrangement == "pair" else "One magnet"
     what = (
@@ -131,7 +131,7 @@ def _headline(subject: Subject) -> Headline:
     )
 
 
-def _tiles(subject: Subject) -> tuple[Tile, ...]:
+def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
     """Overshoot at every height at the operating gap, beside the strongest of the others."""
     tiles = []
     gap = subject.rig.settings.simulate.gap_m
@@ -160,7 +160,7 @@ def _beside(step: Steps, variant: MethodName) -> Iterable[str]:
         yield f"measured flux: {overshoot_text(step, 'flux')}"
 
 
-def _lost(subject: Subject) -> Iterable[Note]:
+def _lost(subject: SimulationSubject) -> Iterable[Note]:
     """Say where levitation was lost."""
     runs = [
         f"{name} at {subject.situation(step)}: {cell.lost} of {subject.seeds} runs"
@@ -177,7 +177,7 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _structure(subject: Subject) -> Section:
+def _structure(subject: SimulationSubject) -> Section:
     caption = (
         "Structure of the simulation (the paper's Fig. 10) with the numbers of rig and controller "
         "file. Blue boxes are the compiled program, as it would be flashed; grey ones the plant."
@@ -195,7 +195,7 @@ def _structure(subject: Subject) -> Section:
     )
 
 
-def _steps(subject: Subject) -> Section:
+def _steps(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.panels:
         names = ordered({name for panel in subject.panels for name in panel.recordings})
@@ -217,7 +217,7 @@ def _steps(subject: Subject) -> Section:
     return Section("steps", "Step responses", (*blocks, *_more(subject, "steps")))
 
 
-def _forces(subject: Subject) -> Section:
+def _forces(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.forces:
         blocks.append(
@@ -234,7 +234,7 @@ def _forces(subject: Subject) -> Section:
     return Section("forces", "Wanted and true force", (*blocks, *_more(subject, "forces")))
 
 
-def _loops(subject: Subject) -> Section | None:
+def _loops(subject: SimulationSubject) -> Section | None:
     if not subject.run or not subject.measured:
         return None
     at = sorted({loop.gap for loop in subject.measured})
@@ -257,7 +257,7 @@ def _loops(subject: Subject) -> Section | None:
     )
 
 
-def _tracking(subject: Subject) -> Section:
+def _tracking(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     for place, tried in enumerate(subject.tracked):
         blocks.append(
@@ -273,7 +273,7 @@ def _tracking(subject: Subject) -> Section:
     return Section("tracking", title, (*blocks, *_more(subject, "tracking")))
 
 
-def _standstill(subject: Subject) -> Section:
+def _standstill(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.standstill:
         sensor = subject.rig.settings.position_sensor
@@ -291,7 +291,7 @@ def _standstill(subject: Subject) -> Section:
     return Section("standstill", "Standstill", (*blocks, *_more(subject, "standstill")))
 
 
-def _frequency(subject: Subject) -> Section:
+def _frequency(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.sensitivity:
         peaks = [
@@ -341,7 +341,7 @@ def _frequency(subject: Subject) -> Section:
     return Section("frequency", title, (*blocks, *_more(subject, "frequency")))
 
 
-def _drift(subject: Subject) -> Section:
+def _drift(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.drift:
         rows = [
@@ -392,7 +392,7 @@ def _spreads(drift: DriftTable) -> str:
     return f"{', '.join(shown)}, gap {1e6 * drift.gap_offset_m:g}{NBSP}µm"
 
 
-def _benefit(subject: Subject) -> Section:
+def _benefit(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     for place, measure in enumerate(dict.fromkeys(cell.measure for cell in subject.benefit)):
         cells = [cell for cell in subject.benefit if cell.measure == measure]
@@ -438,7 +438,7 @@ def _gains(cells: Sequence[BenefitCell]) -> str:
     return f"{text}."
 
 
-def _tuning(subject: Subject) -> Section:
+def _tuning(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.tuning is not None:
         blocks.append(
@@ -455,7 +455,7 @@ def _tuning(subject: Subject) -> Section:
     return Section("tuning", "Tuning", (*blocks, *_more(subject, "tuning")))
 
 
-def _origin(subject: Subject) -> Section:
+def _origin(subject: SimulationSubject) -> Section:
     rows: list[list[str | Cell]] = [
         [name, Cell(value[:16] + "…" if len(value) > 20 else value, code=True)]
         for name, value in subject.files.items()

@@ -10,13 +10,13 @@ from anhyst.control.controller_file import ControllerTable
 from anhyst.report.bearing.force_current import LoopCurve
 from anhyst.report.bearing.look import ordered
 from anhyst.report.bearing.over_frequency import Response
-from anhyst.report.bearing.over_runs import BenefitCell, Spread, Tuning
+from anhyst.report.bearing.over_runs import BenefitCell, Spread, TuningPicture
 from anhyst.report.bearing.over_time import StepPanel
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.recording import Recording
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.metrics import Interval
-from anhyst.study.bearing.responses import Cell
+from anhyst.study.bearing.responses import StepCell
 from anhyst.support.page.blocks import Block, Note
 from anhyst.support.page.numbers import NBSP
 
@@ -36,14 +36,14 @@ class Steps:
         N.
     height : float
         m.
-    cells : mapping of str to Cell
+    cells : mapping of str to StepCell
         By variant.
     """
 
     gap: float
     load: float
     height: float
-    cells: Mapping[MethodName, Cell]
+    cells: Mapping[MethodName, StepCell]
 
     def of(self, name: str) -> Intervals:
         """Return a figure of every variant, without a mean where levitation was lost."""
@@ -63,16 +63,16 @@ WITHIN_NOISE = "≤ noise"
 """Beside an overshoot that is not certainly more than what the standstill adds to it."""
 
 
-def grouped(cells: Iterable[Cell]) -> tuple[Steps, ...]:
+def grouped(cells: Iterable[StepCell]) -> tuple[Steps, ...]:
     """Put the cells of all variants beside each other."""
-    found: dict[tuple[float, float, float], dict[MethodName, Cell]] = {}
+    found: dict[tuple[float, float, float], dict[MethodName, StepCell]] = {}
     for cell in cells:
         found.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
     return tuple(Steps(*place, mine) for place, mine in found.items())
 
 
 @dataclass(frozen=True)
-class Comparison:
+class FigureTable:
     """A table of one figure: a row a situation, a column a variant.
 
     Parameters
@@ -115,7 +115,7 @@ class Tracking:
 
 
 @dataclass(frozen=True)
-class Subject:
+class SimulationSubject:
     """All there is to say about a simulation.
 
     Parameters
@@ -146,7 +146,7 @@ class Subject:
         Measured; of the linearised loop; its loop gain.
     margins : mapping of str to Margins
         Of the linearised loop.
-    tables : mapping of str to tuple of Comparison
+    tables : mapping of str to tuple of FigureTable
         More tables, by the key of their section: ``steps``, ``forces``, ``tracking``,
         ``standstill``, ``frequency``, ``drift``, ``benefit``, ``tuning``.
     blocks : mapping of str to tuple of Block
@@ -157,7 +157,7 @@ class Subject:
         Over plants.
     plants : int
         How many.
-    tuning : Tuning or None
+    tuning : TuningPicture or None
         What tuning found.
     notes : tuple of Note
         What a reader must know first, such as a loop that was unstable.
@@ -182,12 +182,12 @@ class Subject:
     linear_sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     loop_gain: Mapping[MethodName, Response] = field(default_factory=dict)
     margins: Mapping[MethodName, Margins] = field(default_factory=dict)
-    tables: Mapping[str, tuple[Comparison, ...]] = field(default_factory=dict)
+    tables: Mapping[str, tuple[FigureTable, ...]] = field(default_factory=dict)
     blocks: Mapping[str, tuple[Block, ...]] = field(default_factory=dict)
     benefit: tuple[BenefitCell, ...] = ()
     drift: tuple[Spread, ...] = ()
     plants: int = 0
-    tuning: Tuning | None = None
+    tuning: TuningPicture | None = None
     notes: tuple[Note, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict)
     command: str = ""

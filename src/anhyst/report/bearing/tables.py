@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.report.bearing.look import interval_text, ordered
-from anhyst.report.bearing.subject import WITHIN_NOISE, Comparison, Steps, Subject
+from anhyst.report.bearing.subject import WITHIN_NOISE, FigureTable, SimulationSubject, Steps
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.metrics import SETTLED, Interval
-from anhyst.support.page.blocks import Cell, Table, table
+from anhyst.support.page.blocks import Cell, PageTable, table
 from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
 
 OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
@@ -66,7 +66,7 @@ STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class OvershootDifference:
     """How one overshoot differs from that of a baseline.
 
     Parameters
@@ -112,7 +112,7 @@ class Difference:
         return "alike" if math.isfinite(self.mine + self.baseline) else NOT_KNOWN
 
 
-def difference(mine: Interval, baseline: Interval, floor: float) -> Difference:
+def difference(mine: Interval, baseline: Interval, floor: float) -> OvershootDifference:
     """Compare two overshoots.
 
     The half widths are added as if the noise of both were independent; seeds are shared, so that
@@ -127,10 +127,10 @@ def difference(mine: Interval, baseline: Interval, floor: float) -> Difference:
     """
     unsure = max(floor, math.hypot(mine.half_width, baseline.half_width))
     certain = abs(baseline.mean - mine.mean) > unsure
-    return Difference(mine.mean, baseline.mean, certain)
+    return OvershootDifference(mine.mean, baseline.mean, certain)
 
 
-def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> Difference:
+def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> OvershootDifference:
     """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
     overshoot, noise = step.of(OVERSHOOT), step.of(NOISE)
     floor = max(noise[mine].mean, noise[baseline].mean)
@@ -142,7 +142,7 @@ def overshoot_text(step: Steps, name: MethodName) -> str:
     return f"{interval_text(step.of(OVERSHOOT)[name], '%')} {step.remarks.get(name, '')}".rstrip()
 
 
-def benefit_table(subject: Subject) -> Table | None:
+def benefit_table(subject: SimulationSubject) -> PageTable | None:
     """Say for every step and baseline how much overshoot is gone."""
     steps = [step for step in subject.steps if subject.variant in step.cells]
     baselines = subject.baselines
@@ -172,20 +172,20 @@ def benefit_table(subject: Subject) -> Table | None:
     )
 
 
-def step_tables(subject: Subject) -> list[Table]:
+def step_tables(subject: SimulationSubject) -> list[PageTable]:
     """Return one table for each figure of the steps."""
     made = []
     for name, title, unit, factor, caption in STEP_TABLES:
         rows = {subject.situation(step): step.of(name) for step in subject.steps}
         remarks = {subject.situation(step): step.remarks for step in subject.steps}
         noted = remarks if name == OVERSHOOT else {}
-        comparison = Comparison(title, unit, factor, rows, caption, noted)
+        comparison = FigureTable(title, unit, factor, rows, caption, noted)
         if any(not math.isnan(one.mean) for row in rows.values() for one in row.values()):
             made.append(comparison_table(comparison))
     return made
 
 
-def comparison_table(comparison: Comparison) -> Table:
+def comparison_table(comparison: FigureTable) -> PageTable:
     """Return a table of one figure: a row a situation, a column a variant."""
     variants = ordered(name for row in comparison.rows.values() for name in row)
 
@@ -211,7 +211,7 @@ def comparison_table(comparison: Comparison) -> Table:
     )
 
 
-def margin_table(margins: Mapping[MethodName, Margins]) -> Table:
+def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
     """Return the margins of linearised loops."""
     rows = [
         [
@@ -241,7 +241,7 @@ def margin_table(margins: Mapping[MethodName, Margins]) -> Table:
     )
 
 
-def legend_table(variants: Sequence[MethodName]) -> Table:
+def legend_table(variants: Sequence[MethodName]) -> PageTable:
     """Say what the variants are."""
     meaning = {
         "ratio": "the paper's case without compensation; nothing cancels the negative stiffness",
@@ -265,7 +265,7 @@ def legend_table(variants: Sequence[MethodName]) -> Table:
     )
 
 
-def settling_sentence(subject: Subject) -> str:
+def settling_sentence(subject: SimulationSubject) -> str:
     """Say whether settling and steady-state error change, which the paper found not to.
 
     Returns

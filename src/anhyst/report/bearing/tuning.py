@@ -8,8 +8,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from anhyst.compensate.interface import MethodName
-from anhyst.report.bearing.over_runs import Candidate, figure_pareto
-from anhyst.report.bearing.over_runs import Tuning as Picture
+from anhyst.report.bearing.over_runs import GainsPoint, figure_pareto
+from anhyst.report.bearing.over_runs import TuningPicture as Picture
 from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.output import RESULTS, keeps_others
 from anhyst.study.tuning.result import Tuning
@@ -24,8 +24,8 @@ def write_pareto(tuning: Tuning, folder: Path) -> None:
 def pareto(tuning: Tuning) -> Figure:
     """Draw settling against peak sensitivity of everything that was tried."""
 
-    def candidate(variant: MethodName, aims: Aims, figures: Figures) -> Candidate:
-        return Candidate(
+    def candidate(variant: MethodName, aims: Aims, figures: Figures) -> GainsPoint:
+        return GainsPoint(
             variant=variant,
             settling=figures.settling_time_s,
             peak=figures.peak_sensitivity,

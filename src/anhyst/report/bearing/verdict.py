@@ -10,13 +10,13 @@ from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.report.bearing.look import ordered
 from anhyst.report.bearing.subject import Steps
-from anhyst.report.bearing.tables import OVERSHOOT, Difference, step_difference
+from anhyst.report.bearing.tables import OVERSHOOT, OvershootDifference, step_difference
 from anhyst.support.page.blocks import Note, Tone
 from anhyst.support.page.numbers import NBSP, number
 
 
 @dataclass(frozen=True)
-class Verdict:
+class OvershootVerdict:
     """What came out of the overshoots of all steps.
 
     Parameters
@@ -60,7 +60,7 @@ def strongest(step: Steps) -> MethodName | None:
     return min(held, key=lambda name: overshoot[name].mean, default=None)
 
 
-def judge(steps: Sequence[Steps], variant: MethodName) -> Verdict:
+def judge(steps: Sequence[Steps], variant: MethodName) -> OvershootVerdict:
     """Judge a variant, or the fullest model beside it where it has none.
 
     Parameters
@@ -74,8 +74,8 @@ def judge(steps: Sequence[Steps], variant: MethodName) -> Verdict:
     models = [name for name in ordered(names) if name in MODELS]
     mine = variant if variant in MODELS or not models else models[-1]
     if mine not in MODELS:
-        return Verdict(mine, "unknown", "no variant with a hysteresis model was run")
-    found: dict[MethodName, list[Difference]] = {}
+        return OvershootVerdict(mine, "unknown", "no variant with a hysteresis model was run")
+    found: dict[MethodName, list[OvershootDifference]] = {}
     for step in steps:
         other = strongest(step)
         if other is not None and mine in step.cells:
@@ -84,23 +84,25 @@ def judge(steps: Sequence[Steps], variant: MethodName) -> Verdict:
                 found.setdefault(other, []).append(one)
     pairs = [one for ones in found.values() for one in ones]
     if not pairs:
-        return Verdict(mine, "unknown", f"{mine} or every baseline lost levitation at every step")
+        return OvershootVerdict(
+            mine, "unknown", f"{mine} or every baseline lost levitation at every step"
+        )
     against = " or ".join(ordered(found))
     text = (
         f"{_counted(mine, pairs)} than the strongest baseline without hysteresis model ({against})"
         f"{_sizes(pairs)}"
     )
-    return Verdict(mine, _level(pairs), f"{text}{_measured(steps, mine)}")
+    return OvershootVerdict(mine, _level(pairs), f"{text}{_measured(steps, mine)}")
 
 
-def _level(pairs: Sequence[Difference]) -> str:
+def _level(pairs: Sequence[OvershootDifference]) -> str:
     less, more = any(one.less for one in pairs), any(one.more for one in pairs)
     if less:
         return "mixed" if more else "yes"
     return "no"
 
 
-def _counted(mine: MethodName, pairs: Sequence[Difference]) -> str:
+def _counted(mine: MethodName, pairs: Sequence[OvershootDifference]) -> str:
     less, more = sum(one.less for one in pairs), sum(one.more for one in pairs)
     return (
         f"with the same gains {mine} certainly overshoots less at {less} and more at {more} of "
@@ -108,7 +110,7 @@ def _counted(mine: MethodName, pairs: Sequence[Difference]) -> str:
     )
 
 
-def _sizes(pairs: Sequence[Difference]) -> str:
+def _sizes(pairs: Sequence[OvershootDifference]) -> str:
     parts = []
     if less := [100.0 * one.share for one in pairs if one.less]:
         parts.append(f"{_span(less)}{NBSP}% less")

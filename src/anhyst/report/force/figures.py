@@ -14,7 +14,7 @@ from anhyst.report.force.hardware_diagram import figure_hardware
 from anhyst.rig.force.file import Rig
 from anhyst.study.force.force_control import ForceControl
 from anhyst.study.force.results import TITLES
-from anhyst.study.force.trials import Outcome
+from anhyst.study.force.trials import ForceOutcome
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import write_bytes
 from anhyst.support.page.style import (
@@ -51,7 +51,7 @@ def draw(result: ForceControl) -> None:
         Drawn are ``fig6`` hardware structure, ``fig7`` constant gap, ``fig8`` row of positions,
         ``moving`` armature.
     """
-    stages: dict[str, list[Outcome]] = {}
+    stages: dict[str, list[ForceOutcome]] = {}
     for outcome in result.outcomes:
         stages.setdefault(outcome.trial.stage, []).append(outcome)
     rig = result.rig
@@ -74,7 +74,7 @@ def _write_svg(figure: Figure, path: Path) -> None:
 
 
 @styled
-def figure_constant_gap(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
+def figure_constant_gap(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
     """Draw forces and errors at the stroke's end, one column a demand (the paper's Fig. 7)."""
     shown = [outcome for outcome in outcomes if outcome.trial.start == "unknown"]
     figure = new_figure(6.0, width=4.8 * len(shown))
@@ -91,7 +91,7 @@ def figure_constant_gap(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
 
 
 @styled
-def figure_positions(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
+def figure_positions(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
     """Draw the same at a row of positions: for each demand a row of forces and one of errors.
 
     The paper's Fig. 8 has the forces alone, under which good compensation cannot be seen.
@@ -121,7 +121,7 @@ def figure_positions(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
 
 
 @styled
-def figure_moving(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
+def figure_moving(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
     """Draw forces, errors and position with the armature moving, one column a demand."""
     figure = new_figure(7.0, width=4.8 * len(outcomes))
     axes = figure.subplots(3, len(outcomes), squeeze=False, sharex="col", height_ratios=(3, 2, 1.2))
@@ -141,7 +141,7 @@ def figure_moving(rig: Rig, outcomes: Sequence[Outcome]) -> Figure:
     return figure
 
 
-def _forces(ax: Axes, rig: Rig, outcome: Outcome) -> None:
+def _forces(ax: Axes, rig: Rig, outcome: ForceOutcome) -> None:
     """Demand, measured with compensation, simulated program, and the constant ratio.
 
     The demand lies below, wide and pale, so that what follows it is seen on it.
@@ -157,7 +157,7 @@ def _forces(ax: Axes, rig: Rig, outcome: Outcome) -> None:
 
 
 def _deviations(
-    ax: Axes, rig: Rig, outcome: Outcome, names: Sequence[str], *, title: bool = True
+    ax: Axes, rig: Rig, outcome: ForceOutcome, names: Sequence[str], *, title: bool = True
 ) -> None:
     worst = []
     for name in names:
@@ -170,20 +170,20 @@ def _deviations(
         ax.set_title(f"worst: {', '.join(worst)}", fontsize=8.0, weight="normal")
 
 
-def _worst(rig: Rig, outcome: Outcome, name: str) -> float:
+def _worst(rig: Rig, outcome: ForceOutcome, name: str) -> float:
     deviation = outcome.recordings[name].force - outcome.trial.demand.force
     largest = np.abs(deviation[outcome.trial.demand.lead_in :]).max()
     return float(100.0 * largest / rig.settings.force_control.force_max_N)
 
 
-def _curve(rig: Rig, outcome: Outcome, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _curve(rig: Rig, outcome: ForceOutcome, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Time and values, no more of them than a figure can show."""
     every = max(1, values.size // MOST_POINTS)
     time = np.asarray((np.arange(values.size) - outcome.trial.demand.lead_in) * rig.dt, np.float64)
     return time[::every], values[::every]
 
 
-def _place(outcome: Outcome) -> str:
+def _place(outcome: ForceOutcome) -> str:
     position = outcome.trial.position
     return "" if position is None else f"gap {1e3 * position:.2f} mm"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from anhyst.laws.registry import LAWS
-from anhyst.report.model.subject import Subject
-from anhyst.support.page.blocks import Cell, Note, Table, table
+from anhyst.report.model.subject import ModelSubject
+from anhyst.support.page.blocks import Cell, Note, PageTable, table
 from anhyst.support.page.numbers import MINUS, Scale, name_of, number, percent, symbol_of
 from anhyst.support.page.page import Headline, Tile
 
@@ -14,7 +14,7 @@ _RMS_OF_MEAN = float(np.sqrt(0.5 * np.pi))
 """Standard deviation of a normal variable over its mean absolute value."""
 
 
-def headline(subject: Subject) -> Headline:
+def headline(subject: ModelSubject) -> Headline:
     """Say in a few lines what the model is and what it is worth."""
     model = subject.model
     over = f" over the {subject.over}" if model.varying else ""
@@ -43,7 +43,7 @@ def headline(subject: Subject) -> Headline:
     )
 
 
-def _basis(subject: Subject) -> str:
+def _basis(subject: ModelSubject) -> str:
     loops = subject.fit.loops if subject.fit else ()
     if not loops:
         return ""
@@ -55,7 +55,7 @@ def _basis(subject: Subject) -> str:
     return f"Identified from {count}{where}, {samples} samples."
 
 
-def verdict(subject: Subject) -> tuple[Note, ...]:
+def verdict(subject: ModelSubject) -> tuple[Note, ...]:
     """Say whether the model is worth having, against the best curve without memory."""
     fit, evidence = subject.fit, subject.evidence
     if fit is None or evidence is None:
@@ -85,7 +85,7 @@ def verdict(subject: Subject) -> tuple[Note, ...]:
     return (Note("warn", title, text),)
 
 
-def acceptance(subject: Subject) -> Note:
+def acceptance(subject: ModelSubject) -> Note:
     """Report the outcome of the acceptance test, over the gap and over the drive."""
     check, model = subject.acceptance, subject.model
     if check.passed is not None:
@@ -106,14 +106,14 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:].replace(" -", f" {MINUS}") + "."
 
 
-def share(subject: Subject, value: float) -> float | None:
+def share(subject: ModelSubject, value: float) -> float | None:
     """Part that a deviation is of the largest output."""
     if subject.fit is None or subject.fit.largest_output <= 0.0:
         return None
     return value / subject.fit.largest_output
 
 
-def _tiles(subject: Subject) -> tuple[Tile, ...]:
+def _tiles(subject: ModelSubject) -> tuple[Tile, ...]:
     fit, scale = subject.fit, subject.deviation
     if fit is None:
         return ()
@@ -134,7 +134,7 @@ def _tiles(subject: Subject) -> tuple[Tile, ...]:
     return tuple(tiles)
 
 
-def _comparison(subject: Subject) -> Table | None:
+def _comparison(subject: ModelSubject) -> PageTable | None:
     fit, evidence = subject.fit, subject.evidence
     if fit is None or evidence is None:
         return None
@@ -167,13 +167,13 @@ def _comparison(subject: Subject) -> Table | None:
     return table("Deviation from the measurement", head, cells, caption)
 
 
-def _both(subject: Subject, scale: Scale, value: float | None) -> str:
+def _both(subject: ModelSubject, scale: Scale, value: float | None) -> str:
     if value is None:
         return number(float("nan"))
     return f"{scale.show(value)} ({percent(share(subject, value))})"
 
 
-def _holds(subject: Subject) -> str:
+def _holds(subject: ModelSubject) -> str:
     model = subject.model
     if model.valid is None:
         return "The model file does not say where the model was seen to hold."

@@ -20,7 +20,7 @@ from anhyst.report.model.sections_model import (
     section_parameters_over,
     section_reduction,
 )
-from anhyst.report.model.subject import Subject
+from anhyst.report.model.subject import ModelSubject
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.page.blocks import Section
@@ -66,7 +66,7 @@ def write_report(model_path: PathLike, out: PathLike) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def subject_of(model: ActuatorModel, folder: PathLike) -> Subject:
+def subject_of(model: ActuatorModel, folder: PathLike) -> ModelSubject:
     """Gather all there is to say about a model.
 
     Parameters
@@ -78,25 +78,25 @@ def subject_of(model: ActuatorModel, folder: PathLike) -> Subject:
 
     Returns
     -------
-    Subject
+    ModelSubject
         Without evidence if the measurements cannot be read, and why.
     """
     check, over_drive = model.check_over_gap(), check_over_drive(model)
     try:
         evidence = gather(model, folder)
     except InputError as error:
-        return Subject(model, model.fit, check, None, str(error), (), over_drive)
+        return ModelSubject(model, model.fit, check, None, str(error), (), over_drive)
     fit, stale = own_figures(model, evidence)
     warnings = (*evidence.warnings, *([stale] if stale else []))
-    return Subject(model, fit, check, evidence, "", warnings, over_drive)
+    return ModelSubject(model, fit, check, evidence, "", warnings, over_drive)
 
 
-def render(subject: Subject, file_name: str, file_hash: str) -> str:
+def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
     """Return the text of the report.
 
     Parameters
     ----------
-    subject : Subject
+    subject : ModelSubject
         What it is about.
     file_name, file_hash : str
         Name and SHA-256 of the model file.

@@ -23,14 +23,14 @@ from anhyst.report.model.figures import (
     small_loops,
 )
 from anhyst.report.model.headline import share
-from anhyst.report.model.subject import Subject
+from anhyst.report.model.subject import ModelSubject
 from anhyst.support.arrays import FloatArray
-from anhyst.support.page.blocks import Block, Cell, Items, Picture, Section, Table, Text, table
+from anhyst.support.page.blocks import Block, Cell, Items, PageTable, Picture, Section, Text, table
 from anhyst.support.page.numbers import Scale, number, percent, scale_for, shown_at, written
 from anhyst.support.page.style import svg_text
 
 
-def section_loops(subject: Subject) -> Section | None:
+def section_loops(subject: ModelSubject) -> Section | None:
     """Measured against modelled loops."""
     evidence = subject.evidence
     if evidence is None:
@@ -68,7 +68,7 @@ def section_loops(subject: Subject) -> Section | None:
     return Section("loops", "Measured and modelled loops", tuple(blocks))
 
 
-def _panels(subject: Subject, evidence: Evidence) -> str:
+def _panels(subject: ModelSubject, evidence: Evidence) -> str:
     groups = len(groups_of(evidence.loops))
     if evidence.loops.schedule is None or groups == 1:
         return "all loops in one panel"
@@ -80,13 +80,13 @@ def _left_out(evidence: Evidence) -> str:
     return f" {MOST_PANELS} of {groups} panels are shown." if groups > MOST_PANELS else ""
 
 
-def _distance(subject: Subject) -> str:
+def _distance(subject: ModelSubject) -> str:
     if subject.fit is None:
         return ""
     return f"The lines lie within {subject.deviation.show(subject.fit.worst)} of the points."
 
 
-def section_residuals(subject: Subject) -> Section | None:
+def section_residuals(subject: ModelSubject) -> Section | None:
     """Residuals: picture, by scheduling value, loop by loop."""
     blocks: list[Block] = []
     evidence = subject.evidence
@@ -110,7 +110,7 @@ def section_residuals(subject: Subject) -> Section | None:
     return Section("residuals", "What the model leaves over", tuple(blocks)) if blocks else None
 
 
-def _worst_place(subject: Subject, evidence: Evidence) -> str:
+def _worst_place(subject: ModelSubject, evidence: Evidence) -> str:
     """Say where the model is farthest from the measurement."""
     best: tuple[float, int, int] = (-1.0, 0, 0)
     pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
@@ -133,7 +133,7 @@ def _worst_place(subject: Subject, evidence: Evidence) -> str:
     )
 
 
-def _by_group(subject: Subject, evidence: Evidence) -> list[Block]:
+def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
     """Deviations by scheduling value, with the bias of either branch; nothing for one value."""
     groups, scale = groups_of(evidence.loops), subject.deviation
     if len(groups) < 2:
@@ -176,7 +176,7 @@ def _mean(values: FloatArray) -> float | None:
     return float(values.mean()) if values.size else None
 
 
-def _loop_table(subject: Subject, loops: Sequence[LoopFit]) -> Table:
+def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     scale, model = subject.deviation, subject.model
     size = scale_for(model.output, [loop.largest_output for loop in loops])
     baseline = dict(enumerate(subject.evidence.baseline)) if subject.evidence else {}
@@ -213,12 +213,12 @@ def _loop_table(subject: Subject, loops: Sequence[LoopFit]) -> Table:
     return table("Loop by loop", head, rows, caption)
 
 
-def _over(subject: Subject) -> str:
+def _over(subject: ModelSubject) -> str:
     assert subject.model.schedule is not None
     return subject.schedule_scale.head(subject.model.schedule.symbol)
 
 
-def section_measurement(subject: Subject) -> Section | None:
+def section_measurement(subject: ModelSubject) -> Section | None:
     """Figures of each loop, and what was repaired and noted."""
     evidence = subject.evidence
     if evidence is None:
@@ -253,7 +253,7 @@ def _short(text: str, evidence: Evidence) -> str:
 Column = tuple[str, Callable[[LoopFigures], str]]
 
 
-def _recorded(subject: Subject, inspection: Inspection) -> Table:
+def _recorded(subject: ModelSubject, inspection: Inspection) -> PageTable:
     across = scale_for(inspection.input, [v for o in inspection.loops for v in _inputs(o)])
     up = scale_for(inspection.output, [v for o in inspection.loops for v in _outputs(o)])
     columns: list[Column] = [
@@ -268,7 +268,7 @@ def _recorded(subject: Subject, inspection: Inspection) -> Table:
     return _figures_table(subject, inspection, columns, "What was recorded")
 
 
-def _dirt(subject: Subject, inspection: Inspection) -> Table:
+def _dirt(subject: ModelSubject, inspection: Inspection) -> PageTable:
     loops = inspection.loops
     across = scale_for(inspection.input, [one.width for one in loops])
     up = scale_for(inspection.output, [one.height for one in loops])
@@ -297,12 +297,12 @@ def _dirt(subject: Subject, inspection: Inspection) -> Table:
 
 
 def _figures_table(
-    subject: Subject,
+    subject: ModelSubject,
     inspection: Inspection,
     columns: Sequence[Column],
     title: str,
     caption: str = "",
-) -> Table:
+) -> PageTable:
     scheduled = inspection.schedule is not None
     rows = []
     for one in sorted(inspection.loops, key=lambda loop: _order(loop.schedule)):

@@ -21,15 +21,15 @@ from anhyst.report.model.figures_over_schedule import (
     running,
 )
 from anhyst.report.model.headline import acceptance
-from anhyst.report.model.subject import Subject
+from anhyst.report.model.subject import ModelSubject
 from anhyst.support.page.blocks import (
     Block,
     Cell,
     Items,
     Note,
+    PageTable,
     Picture,
     Section,
-    Table,
     Text,
     table,
 )
@@ -71,7 +71,7 @@ GLOSSARY: Mapping[str, str] = MappingProxyType(
 """What the fitted quantities mean, by how their names begin; longer beginnings first."""
 
 
-def section_parameters_over(subject: Subject) -> Section | None:
+def section_parameters_over(subject: ModelSubject) -> Section | None:
     """Parameters over the scheduling variable (Figs. 1 and 4 of the paper)."""
     model = subject.model
     figure = figure_parameters(model)
@@ -96,7 +96,7 @@ def section_parameters_over(subject: Subject) -> Section | None:
     return Section("parameters-over", f"Parameters over the {subject.over}", blocks)
 
 
-def _node_table(subject: Subject) -> Table:
+def _node_table(subject: ModelSubject) -> PageTable:
     model = subject.model
     names = model.keys
     head, columns = [subject.schedule_scale.head(subject.over)], []
@@ -113,7 +113,7 @@ def _node_table(subject: Subject) -> Table:
     return table("At the nodes", head, rows, texts=0)
 
 
-def section_reduction(subject: Subject) -> Section | None:
+def section_reduction(subject: ModelSubject) -> Section | None:
     """Cost of each reduction step (II.D of the paper)."""
     steps = subject.model.reduction
     if not steps:
@@ -171,7 +171,7 @@ def _cost(cost: float) -> str:
     return percent(cost) if math.isfinite(cost) else "cannot be computed"
 
 
-def section_between(subject: Subject) -> Section | None:
+def section_between(subject: ModelSubject) -> Section | None:
     """Loops at and between the reference gaps (Figs. 2 and 5), and the acceptance test."""
     model = subject.model
     figure = figure_between(model, subject.check)
@@ -202,11 +202,11 @@ def section_between(subject: Subject) -> Section | None:
     return Section("between", title, tuple(blocks))
 
 
-def _nodes(subject: Subject) -> str:
+def _nodes(subject: ModelSubject) -> str:
     return "reference gaps" if subject.over == "gap" else f"nodes of the {subject.over}"
 
 
-def section_gap_map(subject: Subject) -> Section | None:
+def section_gap_map(subject: ModelSubject) -> Section | None:
     """Gap maps compared by what they predict for gaps that were left out."""
     model = subject.model
     left_out = dict(model.fit.left_out) if model.fit else {}
@@ -239,7 +239,7 @@ def section_gap_map(subject: Subject) -> Section | None:
     return Section("gap-map", f"How the {subject.over} enters: maps compared", tuple(blocks))
 
 
-def _expected(subject: Subject, found: CrossValidation) -> str:
+def _expected(subject: ModelSubject, found: CrossValidation) -> str:
     """Say what to expect between the nodes, where the least error of a choice promises too much."""
     each = ", ".join(percent(error) for error in found.folds)
     return (
@@ -251,7 +251,7 @@ def _expected(subject: Subject, found: CrossValidation) -> str:
     )
 
 
-def section_parameters(subject: Subject) -> Section:
+def section_parameters(subject: ModelSubject) -> Section:
     """All parameters with units and meaning, what the data say about them, and what not."""
     model = subject.model
     names = model.keys
@@ -280,7 +280,7 @@ def section_parameters(subject: Subject) -> Section:
     return Section("parameters", "Parameters and what the data say about them", tuple(blocks))
 
 
-def equations(subject: Subject) -> Markup:
+def equations(subject: ModelSubject) -> Markup:
     """Write how input and output are related, without the terms that are zero."""
     model = subject.model
     names = {name: symbol(bare) for name, (bare, _) in model.keys.items()}
@@ -319,7 +319,7 @@ def symbol(name: str) -> Markup:
     return written + Markup("<sub>{}</sub>").format(GREEK.get(index, index)) if index else written
 
 
-def _uncertainty(subject: Subject, unsure: Uncertainty) -> list[Block]:
+def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
     rows, last = [], ""
     for place, (name, value, deviation) in enumerate(
         zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
@@ -377,7 +377,7 @@ def _correlated(unsure: Uncertainty) -> str:
     return f"{text}, the strongest: {named}." if named else f"{text}."
 
 
-def section_origin(subject: Subject, file_name: str, file_hash: str) -> Section:
+def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Section:
     """Files with hashes, settings, seed and version."""
     model, origin = subject.model, subject.model.provenance
     rows = [[Cell(file_name), Cell(file_hash, code=True), Cell("this model")]]

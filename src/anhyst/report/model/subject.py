@@ -13,7 +13,7 @@ from anhyst.support.page.numbers import Scale, name_of, scale_for
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class ModelSubject:
     """A model under report.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 
 from anhyst._core import Bearing
 from anhyst.control.states import Command, Fault, State
-from anhyst.link.client import ForceController
+from anhyst.link.client import ControllerLink
 from anhyst.link.frames import StatusAnswer, TargetRequest
 from anhyst.link.plant_bus import Q31, PlantBus, Reading
 from anhyst.link.process import run_host, run_qemu
@@ -124,20 +124,20 @@ class BearingPlant:
 
 
 @dataclass
-class FirmwareRun:
+class LevitatingFirmware:
     """A firmware in the air: what is done to it, tick by tick, and what it did.
 
     Parameters
     ----------
     plant : BearingPlant
     bus : PlantBus
-    link : ForceController
+    link : ControllerLink
         Its session; all its commands go over it.
     """
 
     plant: BearingPlant
     bus: PlantBus
-    link: ForceController
+    link: ControllerLink
 
     def __post_init__(self) -> None:
         self._beat = max(1, int(_BEAT * self.link.info.rate))
@@ -211,7 +211,7 @@ class FirmwareRun:
 
 
 @contextmanager
-def firmware_run(firmware: Path, plant: BearingPlant, board: str) -> Iterator[FirmwareRun]:
+def firmware_run(firmware: Path, plant: BearingPlant, board: str) -> Iterator[LevitatingFirmware]:
     """Start the firmware of a bearing and open its link.
 
     Parameters
@@ -225,8 +225,8 @@ def firmware_run(firmware: Path, plant: BearingPlant, board: str) -> Iterator[Fi
 
     Yields
     ------
-    FirmwareRun
+    LevitatingFirmware
     """
     run = run_host if board == "host" else run_qemu
-    with run(firmware, plant) as running, ForceController(running.url) as link:
-        yield FirmwareRun(plant, running.bus, link)
+    with run(firmware, plant) as running, ControllerLink(running.url) as link:
+        yield LevitatingFirmware(plant, running.bus, link)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.table import Table, read_columns
+from anhyst.data.table import DataTable, read_columns
 from anhyst.rig.parts.magnet import FluxTable
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
@@ -105,7 +105,7 @@ def _check_full(path: str, gaps: FloatArray, currents: FloatArray, numbers: Numb
         )
 
 
-def _check_monotone(table: Table, made: FluxTable, numbers: Numbers) -> None:
+def _check_monotone(table: DataTable, made: FluxTable, numbers: Numbers) -> None:
     flat = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
     widens = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
     offset = np.argwhere(made.psi[:, :1] != 0.0)

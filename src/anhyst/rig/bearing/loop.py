@@ -13,7 +13,7 @@ from anhyst.rig.bearing.scenario import Scenario
 from anhyst.rig.bearing.setup import Setup
 
 
-class Loop:
+class SimulatedLoop:
     """One run of a setup, from power on; scenarios follow each other.
 
     Parameters

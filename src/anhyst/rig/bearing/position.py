@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from anhyst._core import FixedPosition, LoopController, Position, PositionF32
-from anhyst.control.position import Converter, PositionControl
+from anhyst.control.position import PositionControl, ReferenceConverter
 from anhyst.rig.bearing.controller_check import pair_of
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def position_control(setup: Setup) -> PositionControl:
     amplifier, parameters = setup.rig.settings.amplifier, setup.compensator.parameters
     return setup.controller.position_control(
         parameters.scales,
-        Converter(amplifier.current_low_A, amplifier.current_high_A, amplifier.dac_bits),
+        ReferenceConverter(amplifier.current_low_A, amplifier.current_high_A, amplifier.dac_bits),
         pair_of(setup.rig),
         parameters.flux_full_scale,
     )

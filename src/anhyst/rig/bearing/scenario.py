@@ -37,7 +37,7 @@ _SETTLE = 10.0  # times K_p/K_i, the time in which the integral takes over what 
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ReferenceStep:
     """A step of the reference within a scenario.
 
     Parameters
@@ -75,7 +75,7 @@ class Scenario:
         Load that the controller gets, N.
     command : ndarray of uint32, shape (n,)
         :class:`Command`, :data:`DROP`.
-    steps : tuple of Step
+    steps : tuple of ReferenceStep
         Steps of the reference in it.
     lifted : int
         Tick from which on the armature should levitate; 0 if nothing lifts it here.
@@ -86,7 +86,7 @@ class Scenario:
     inject: FloatArray
     feed: FloatArray
     command: NDArray[np.uint32]
-    steps: tuple[Step, ...] = ()
+    steps: tuple[ReferenceStep, ...] = ()
     lifted: int = 0
 
     @property
@@ -116,7 +116,7 @@ class Script:
     _load: list[FloatArray] = field(default_factory=list)
     _inject: list[FloatArray] = field(default_factory=list)
     _marks: list[tuple[int, int]] = field(default_factory=list)
-    _steps: list[Step] = field(default_factory=list)
+    _steps: list[ReferenceStep] = field(default_factory=list)
     _lifted: int = 0
     ticks: int = 0
 
@@ -180,7 +180,7 @@ class Script:
         """
         begin, before, self.gap = self.ticks, self.gap, gap
         self.hold(seconds)
-        self._steps.append(Step(begin, self.ticks, before, gap))
+        self._steps.append(ReferenceStep(begin, self.ticks, before, gap))
         return self
 
     def follow(self, target: FloatArray) -> Script:

@@ -41,7 +41,7 @@ class TimingTable(Table):
         return self
 
 
-class ModelTable(Table):
+class MagnetModelTable(Table):
     """``[magnet.model]``: the identified law that makes the force."""
 
     file: str
@@ -56,7 +56,7 @@ class MagnetTable(ElectromagnetTable):
     eddy_time_s: NotNegative = 0.0
     gap_total_m: Positive | None = None
     bias_force_N: Positive | None = None
-    model: ModelTable | None = None
+    model: MagnetModelTable | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

@@ -18,7 +18,7 @@ _PAST = 12
 """Steps of the unknown past."""
 
 
-class Reading(NamedTuple):
+class BenchReading(NamedTuple):
     """What the sensors say at a tick: gap, m; force, N; current, A."""
 
     gap: float
@@ -27,7 +27,7 @@ class Reading(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Recording:
+class BenchRecording:
     """What happened on the bench; all arrays of shape (n,), one value a tick.
 
     Parameters
@@ -92,7 +92,7 @@ class Bench:
         """Let the record, and with it the motion of the armature, begin with the next step."""
         self._begin = len(self._rows)
 
-    def step(self, reference: float) -> Reading:
+    def step(self, reference: float) -> BenchReading:
         """Go on to the beginning of the next tick.
 
         Parameters
@@ -102,7 +102,7 @@ class Bench:
 
         Returns
         -------
-        Reading
+        BenchReading
             What the sensors say now.
         """
         if self._rows:  # nothing comes before the first tick
@@ -111,7 +111,7 @@ class Bench:
         tick = 0 if self._begin is None else len(self._rows) - self._begin
         gap = self._gap[min(tick, len(self._gap) - 1)]
         force = self._actuator.step(current, gap)
-        reading = Reading(
+        reading = BenchReading(
             self._sensors.gap.read(gap),
             self._sensors.force.read(force),
             self._sensors.current.read(current),
@@ -119,7 +119,7 @@ class Bench:
         self._rows.append((reference, current, force, gap, *reading))
         return reading
 
-    def recording(self, last: float) -> Recording:
+    def recording(self, last: float) -> BenchRecording:
         """Return what happened since :meth:`begin`.
 
         Parameters
@@ -128,7 +128,7 @@ class Bench:
             What the controller asked for at the last tick, A.
         """
         table = np.array(self._rows[self._begin :])
-        return Recording(np.append(table[1:, 0], last), *table[:, 1:].T)
+        return BenchRecording(np.append(table[1:, 0], last), *table[:, 1:].T)
 
 
 def read_gaps(rig: Rig, gap: FloatArray, seed: list[int]) -> FloatArray:
@@ -137,7 +137,7 @@ def read_gaps(rig: Rig, gap: FloatArray, seed: list[int]) -> FloatArray:
     return np.array([sensor.read(one) for one in gap.tolist()])
 
 
-def run_open_loop(bench: Bench, reference: FloatArray) -> Recording:
+def run_open_loop(bench: Bench, reference: FloatArray) -> BenchRecording:
     """Put out currents that were computed before.
 
     Parameters
@@ -149,7 +149,7 @@ def run_open_loop(bench: Bench, reference: FloatArray) -> Recording:
 
     Returns
     -------
-    Recording
+    BenchRecording
         Of shape (n,).
     """
     bench.begin()

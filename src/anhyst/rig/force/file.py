@@ -92,7 +92,7 @@ class SolenoidFile(Table):
         return Solenoid(self.iron.steel(), geometry)
 
 
-class AmplifierTable(Table):
+class UnipolarAmplifierTable(Table):
     """``[amplifier]``: unipolar current amplifier behind a digital-analogue converter."""
 
     current_max_A: Positive
@@ -159,7 +159,7 @@ class ForceRigTable(RigTable):
     magnet: ElectromagnetTable | None = None
     rate_Hz: Annotated[float, Field(ge=100.0, le=100e3)]
     seed: Annotated[int, Field(ge=0)]
-    amplifier: AmplifierTable
+    amplifier: UnipolarAmplifierTable
     current_sensor: ShuntTable
     lvdt: LvdtTable
     force_sensor: ForceSensorTable

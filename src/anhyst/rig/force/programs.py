@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind, Scales
-from anhyst.compensate.plan import Request
+from anhyst.compensate.plan import CompileRequest
 from anhyst.compile.output import compile_model
 from anhyst.link.firmware import build
 from anhyst.model.actuator import ActuatorModel
@@ -113,7 +113,7 @@ def prepare(kind: Kind, model: ActuatorModel, rate: float, board: str, folder: P
     folder.mkdir(parents=True, exist_ok=True)
     write_model(model, folder / "model.toml")
     compiled = compile_model(
-        folder / "model.toml", folder / "controller", Request(kind, "q31", rate)
+        folder / "model.toml", folder / "controller", CompileRequest(kind, "q31", rate)
     )
     block = compiled.plan.block
     assert isinstance(block, Block)

@@ -7,10 +7,10 @@ from contextlib import AbstractContextManager
 import numpy as np
 
 from anhyst.control.states import Command, Fault, State
-from anhyst.link.client import ForceController
+from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import PlantBus, Reading
 from anhyst.link.process import Running, run_host, run_qemu
-from anhyst.rig.force.bench import Bench, Recording
+from anhyst.rig.force.bench import Bench, BenchRecording
 from anhyst.rig.force.demand import Demand
 from anhyst.rig.force.programs import ONE, Program, Session
 from anhyst.support.errors import NegativeResult
@@ -56,7 +56,7 @@ class _Plant:
 
 def run_firmware(
     program: Program, bench: Bench, demand: Demand, board: str, demagnetised: bool
-) -> tuple[Recording, Session]:
+) -> tuple[BenchRecording, Session]:
     """Run a demand through a firmware: one command over the link at every tick.
 
     Parameters
@@ -87,7 +87,7 @@ def run_firmware(
     """
     plant = _Plant(bench, program)
     codes = program.demand_codes(demand.force)
-    with _started(program, plant, board) as running, ForceController(running.url) as controller:
+    with _started(program, plant, board) as running, ControllerLink(running.url) as controller:
         bus = running.bus
         _get_ready(controller, bus, demagnetised)
         controller.command(Command.RUN)
@@ -115,7 +115,7 @@ def _started(program: Program, plant: _Plant, board: str) -> AbstractContextMana
     return run(program.firmware, plant)
 
 
-def _get_ready(controller: ForceController, bus: PlantBus, demagnetised: bool) -> None:
+def _get_ready(controller: ControllerLink, bus: PlantBus, demagnetised: bool) -> None:
     """Take a controller from power on to ready."""
     bus.step(_UP)
     if demagnetised:

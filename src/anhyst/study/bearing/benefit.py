@@ -21,7 +21,7 @@ from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.ratio import Quotient, quotient
-from anhyst.study.bearing.responses import Run, StepResult, run_steps
+from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
 from anhyst.study.bearing.variations import with_iron
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
@@ -49,7 +49,7 @@ _Runs = Sequence[Sequence[Mapping[str, float]]]
 
 
 @dataclass(frozen=True)
-class Iron:
+class IronFigures:
     """One iron of the map, as it shows in measurements.
 
     Parameters
@@ -118,12 +118,12 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Cell:
+class MapCell:
     """One iron and step height.
 
     Parameters
     ----------
-    iron : Iron
+    iron : IronFigures
     height : float
         m.
     figures : mapping of str to mapping of str to Interval
@@ -137,7 +137,7 @@ class Cell:
         Against ``flux``, which measures the flux density instead; empty without a Hall probe.
     """
 
-    iron: Iron
+    iron: IronFigures
     height: float
     figures: Mapping[MethodName, Mapping[Measure, Interval]]
     standstill: Mapping[MethodName, float]
@@ -158,7 +158,7 @@ class Benefit:
         Operating point, m and N.
     seeds : int
         Of noise.
-    cells : tuple of Cell
+    cells : tuple of MapCell
         In the order scale, reversible fraction, height.
     """
 
@@ -167,7 +167,7 @@ class Benefit:
     gap: float
     load: float
     seeds: int
-    cells: tuple[Cell, ...]
+    cells: tuple[MapCell, ...]
 
     def row_width(self, scale: float) -> float:
         """Return the mean loop width of the irons of a scale, in parts of the largest current."""
@@ -253,12 +253,12 @@ def benefit(
     )
 
 
-def _map_iron(work: _Work) -> list[Cell]:
+def _map_iron(work: _Work) -> list[MapCell]:
     """Measure a magnet, fit everything to its loops, and step it."""
     rig, table = work.rig, work.controller.settings
     knowledge = identify_magnet(measure_loops(rig))
     slopes = find_operating_point(rig).slopes
-    iron = Iron(
+    iron = IronFigures(
         scale=work.scale,
         reversible_fraction=work.fraction,
         loop_width=judge(knowledge.loops).width_relative,
@@ -272,7 +272,7 @@ def _map_iron(work: _Work) -> list[Cell]:
     for variant in (*baselines, "full"):
         setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
         gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
-        runs = [run_steps(Run(setup, gap, work.heights, load, seed))[0] for seed in work.seeds]
+        runs = [run_steps(StepRun(setup, gap, work.heights, load, seed))[0] for seed in work.seeds]
         if all(runs):
             steps[variant] = runs
     hold = rig.settings.simulate.hold_s
@@ -293,8 +293,8 @@ def _at(
 
 
 def _cell(
-    iron: Iron, height: float, runs: Mapping[MethodName, _Runs], hold: float, probe: bool
-) -> Cell:
+    iron: IronFigures, height: float, runs: Mapping[MethodName, _Runs], hold: float, probe: bool
+) -> MapCell:
     values = {
         name: {measure: _values(pairs, measure, hold) for measure in MEASURES}
         for name, pairs in runs.items()
@@ -307,7 +307,7 @@ def _cell(
     def against(*baselines: MethodName) -> dict[Measure, Comparison]:
         return {name: _compare(values, still, height, name, baselines) for name in MEASURES}
 
-    return Cell(
+    return MapCell(
         iron=iron,
         height=height,
         figures={
@@ -353,7 +353,7 @@ def _compare(
     return Comparison(baseline, ratio, difference, floor, most < floor)
 
 
-def _row(cell: Cell) -> dict[str, Any]:
+def _row(cell: MapCell) -> dict[str, Any]:
     iron = cell.iron
     return {
         "pinning_scale": iron.scale,

@@ -10,12 +10,12 @@ from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import Refused
 from anhyst.link.plant_bus import Reading
-from anhyst.rig.bearing.board import FirmwareRun
+from anhyst.rig.bearing.board import LevitatingFirmware
 from anhyst.rig.bearing.scenario import LEAST_LIFT_S
 from anhyst.rig.bearing.setup import Setup
 from anhyst.support.errors import NegativeResult
 
-Act = Callable[[FirmwareRun, int], bool]
+Act = Callable[[LevitatingFirmware, int], bool]
 """Called before every tick, counted from the beginning of a fault; whether the link stays alive."""
 
 _NO_SAMPLE = 1
@@ -95,7 +95,7 @@ class Ending:
 def _shows(change: Callable[[Reading], Reading], ticks: float = math.inf) -> Act:
     """Let sensors show something else for some ticks."""
 
-    def act(running: FirmwareRun, n: int) -> bool:
+    def act(running: LevitatingFirmware, n: int) -> bool:
         running.plant.shown = change if n < ticks else None
         return True
 
@@ -110,7 +110,7 @@ def _no_sample(reading: Reading) -> Reading:
     return reading._replace(status=_NO_SAMPLE)
 
 
-def _freezes(running: FirmwareRun, n: int) -> bool:
+def _freezes(running: LevitatingFirmware, n: int) -> bool:
     """Freeze the sensor of the position, and step the target."""
     if n == 0:
         running.aim(running.plant.bearing.gap + _STEP_M)
@@ -124,14 +124,14 @@ def _freezes(running: FirmwareRun, n: int) -> bool:
     return True
 
 
-def _misses(running: FirmwareRun, n: int) -> bool:
+def _misses(running: LevitatingFirmware, n: int) -> bool:
     """Miss five ticks in a row."""
     if n == 0:
         running.bus.skip(5)
     return True
 
 
-def _sags(running: FirmwareRun, n: int) -> bool:
+def _sags(running: LevitatingFirmware, n: int) -> bool:
     """Let the supply fall; the board reports it a millisecond later."""
     bearing = running.plant.bearing
     if n == 0:
@@ -141,13 +141,13 @@ def _sags(running: FirmwareRun, n: int) -> bool:
     return True
 
 
-def _stops(running: FirmwareRun, n: int) -> bool:
+def _stops(running: LevitatingFirmware, n: int) -> bool:
     if n == 0:
         running.command(Command.STOP)
     return True
 
 
-def _bad_block(running: FirmwareRun, n: int) -> bool:
+def _bad_block(running: LevitatingFirmware, n: int) -> bool:
     """Send a block with a broken checksum, and one whose words are not valid behind a right one."""
     if n == 0:
         words = running.link.read_block()
@@ -164,14 +164,14 @@ def _broken(words: list[int]) -> list[int]:
     return [*words[:2], words[2] ^ 0x40, *words[3:]]
 
 
-def _swaps(running: FirmwareRun, n: int) -> bool:
+def _swaps(running: LevitatingFirmware, n: int) -> bool:
     """Swap in the same parameters as another generation."""
     if n == 0:
         running.link.write_block(regenerate(running.link.read_block(), 9))
     return True
 
 
-def _overload(running: FirmwareRun, n: int) -> bool:
+def _overload(running: LevitatingFirmware, n: int) -> bool:
     """Load it with more than the largest force can carry, for a while."""
     over = n < round(_OVERLOAD_S * running.link.info.rate)
     running.plant.load = 1.2 * running.plant.force_high if over else running.plant.rest_load
@@ -224,11 +224,11 @@ class FaultRuns:
     ----------
     setup : Setup
         What levitates.
-    running : FirmwareRun
+    running : LevitatingFirmware
         From power on.
     """
 
-    def __init__(self, setup: Setup, running: FirmwareRun) -> None:
+    def __init__(self, setup: Setup, running: LevitatingFirmware) -> None:
         self.setup = setup
         self.running = running
         self._rate = running.link.info.rate

@@ -11,9 +11,9 @@ import numpy as np
 
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import RISE, Recording
-from anhyst.rig.bearing.scenario import DROP, Scenario, Script, Step
+from anhyst.rig.bearing.scenario import DROP, ReferenceStep, Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bearing.tables import TrajectoryTable
 from anhyst.study.bearing.limit_cycle import LimitCycle, limit_cycle
@@ -39,7 +39,7 @@ LEAST_BAND_M = 50e-9
 
 
 @dataclass(frozen=True)
-class Trial:
+class ExperimentTrial:
     """One experiment with a noise of its own."""
 
     setup: Setup
@@ -48,7 +48,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ExperimentOutcome:
     """What an experiment gave.
 
     Parameters
@@ -67,7 +67,7 @@ class Outcome:
 
 
 def of_all(
-    work: Callable[[Trial], Outcome],
+    work: Callable[[ExperimentTrial], ExperimentOutcome],
     setups: Mapping[MethodName, Setup],
     seeds: Sequence[int],
     what: TrajectoryTable | Event | float | None,
@@ -83,7 +83,7 @@ def of_all(
         ``count``; and of limit cycles ``limit_cycles``, in how many seeds there was one, with the
         medians of these.
     """
-    trials = [Trial(setup, seed, what) for setup in setups.values() for seed in seeds]
+    trials = [ExperimentTrial(setup, seed, what) for setup in setups.values() for seed in seeds]
     outcomes = all_of(work, trials, progress)
     return {
         name: _sum_up(outcomes[place * len(seeds) : (place + 1) * len(seeds)])
@@ -91,7 +91,7 @@ def of_all(
     }
 
 
-def _sum_up(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def _sum_up(outcomes: Sequence[ExperimentOutcome]) -> dict[str, Any]:
     lost = sum(one.lost for one in outcomes)
     found: dict[str, Any] = {"lost": lost, "runs": len(outcomes)}
     if lost:
@@ -140,12 +140,12 @@ def loaded(setup: Setup, force: float) -> tuple[Scenario, int]:
     return script.build(), begin
 
 
-def stand_still(trial: Trial) -> Outcome:
+def stand_still(trial: ExperimentTrial) -> ExperimentOutcome:
     """Hold a position: rms of the true gap, its drift, and a limit cycle if there is one."""
     scenario, begin = standing(trial.setup)
     recording, lost = _run(trial, scenario)
     if lost:
-        return Outcome({}, True)
+        return ExperimentOutcome({}, True)
     part = recording.part(begin, len(recording))
     gap = part["gap_m"]
     cycle = limit_cycle(part["t_s"], gap)
@@ -154,35 +154,35 @@ def stand_still(trial: Trial) -> Outcome:
         "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.simulate.gap_m,
         "current_rms_A": float(np.std(part["current_A"])),
     }
-    return Outcome(figures, False, () if cycle is None else (cycle,))
+    return ExperimentOutcome(figures, False, () if cycle is None else (cycle,))
 
 
-def follow(trial: Trial) -> Outcome:
+def follow(trial: ExperimentTrial) -> ExperimentOutcome:
     """Follow a trajectory for two periods; judge the second."""
     assert isinstance(trial.what, TrajectoryTable)
     scenario, begin = following(trial.setup, trial.what)
     recording, lost = _run(trial, scenario)
     if lost:
-        return Outcome({}, True)
+        return ExperimentOutcome({}, True)
     part = recording.part(begin, len(recording))
     off = deviation(part["gap_m"], part["reference_m"])
     force = deviation(part["force_N"], part["demand_N"])
-    return Outcome(
+    return ExperimentOutcome(
         {"tracking_rms_m": off.rms, "tracking_peak_m": off.peak, "force_error_rms_N": force.rms},
         False,
     )
 
 
-def step_load(trial: Trial) -> Outcome:
+def step_load(trial: ExperimentTrial) -> ExperimentOutcome:
     """Step the load by so many newtons: how far the armature gives way, and for how long."""
     assert isinstance(trial.what, float)
     scenario, begin = loaded(trial.setup, trial.what)
     recording, lost = _run(trial, scenario)
     if lost:
-        return Outcome({}, True)
+        return ExperimentOutcome({}, True)
     part = recording.part(begin, len(recording))
     error = part["gap_m"] - part["reference_m"]
-    return Outcome(
+    return ExperimentOutcome(
         {
             "peak_m": float(np.max(np.abs(error))),
             "recovery_s": recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M),
@@ -191,7 +191,7 @@ def step_load(trial: Trial) -> Outcome:
     )
 
 
-def recover(trial: Trial) -> Outcome:
+def recover(trial: ExperimentTrial) -> ExperimentOutcome:
     """Let something go wrong and see how much it shows, and for how long.
 
     ``overload``: for 100 ms the load is larger than any current carries, so that force and current
@@ -210,28 +210,28 @@ def recover(trial: Trial) -> Outcome:
     scenario = _stepped(trial.setup)
     usual = _run(trial, scenario)
     if usual[1]:
-        return Outcome({}, True)
+        return ExperimentOutcome({}, True)
     begin = _fastest(usual[0], scenario.steps[0])
     scenario.command[begin] |= DROP
     return _excess(trial.setup, usual, _run(trial, scenario), lambda _: begin)
 
 
-def _overload(trial: Trial) -> Outcome:
+def _overload(trial: ExperimentTrial) -> ExperimentOutcome:
     rig = trial.setup.rig
     script = _lifted(trial.setup)
     script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
     script.set_load(rig.settings.load.force_N)
     begin = script.ticks
     scenario = script.hold(RECOVERY_S).build()
-    recording = Loop(trial.setup, trial.seed).run(scenario)
+    recording = SimulatedLoop(trial.setup, trial.seed).run(scenario)
     part = recording.part(begin, len(recording))
     # It lies on its stop when the load goes: what counts is that it levitates again.
     lost = lost_at(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
     if lost or len(recording) < scenario.ticks:
-        return Outcome({}, True)
+        return ExperimentOutcome({}, True)
     error = part["gap_m"] - part["reference_m"]
     seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M)
-    return Outcome({"recovery_s": seconds}, False)
+    return ExperimentOutcome({"recovery_s": seconds}, False)
 
 
 def excess_band(rig: BearingRig, excess: FloatArray) -> float:
@@ -256,10 +256,10 @@ def _excess(
     usual: tuple[Recording, bool],
     unusual: tuple[Recording, bool],
     begins: Callable[[Recording], int],
-) -> Outcome:
+) -> ExperimentOutcome:
     """Compare a run with one that knows no event, each from where it begins."""
     if usual[1] or unusual[1]:
-        return Outcome({}, True)
+        return ExperimentOutcome({}, True)
     errors = []
     for recording, _ in (usual, unusual):
         part = recording.part(begins(recording), len(recording))
@@ -268,7 +268,9 @@ def _excess(
     excess = errors[1][:count] - errors[0][:count]
     time = setup.rig.dt * np.arange(count)
     seconds = recovery_time(time, excess, 0.0, excess_band(setup.rig, excess))
-    return Outcome({"excess_peak_m": float(np.max(np.abs(excess))), "excess_s": seconds}, False)
+    return ExperimentOutcome(
+        {"excess_peak_m": float(np.max(np.abs(excess))), "excess_s": seconds}, False
+    )
 
 
 def _stepped(setup: Setup) -> Scenario:
@@ -277,7 +279,7 @@ def _stepped(setup: Setup) -> Scenario:
     return script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
 
 
-def _fastest(recording: Recording, step: Step) -> int:
+def _fastest(recording: Recording, step: ReferenceStep) -> int:
     """Return the tick of a step at which a held position is furthest off."""
     part = recording.part(step.begin, step.end)
     return step.begin + int(np.argmax(np.abs(part["velocity_m_per_s"])))
@@ -292,7 +294,9 @@ def _lifted(setup: Setup) -> Script:
     return Script(setup.rig, setup.rig.settings.simulate.gap_m).lift_off(setup.controller)
 
 
-def _run(trial: Trial, scenario: Scenario, largest_first: bool = False) -> tuple[Recording, bool]:
-    recording = Loop(trial.setup, trial.seed, largest_first).run(scenario)
+def _run(
+    trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
+) -> tuple[Recording, bool]:
+    recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
     lost = lost_at(trial.setup.rig, recording, scenario.lifted) is not None
     return recording, lost or len(recording) < scenario.ticks

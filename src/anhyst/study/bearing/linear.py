@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from anhyst.control import Pidd2
-from anhyst.study.bearing.linear_plant import Amplifier, Chain, DigitalAmplifier, Point, sampled
+from anhyst.study.bearing.linear_plant import Chain, CurrentLoop, DigitalAmplifier, Point, sampled
 from anhyst.support.arrays import FloatArray
 
 __all__ = [
-    "Amplifier",
     "Chain",
     "Compensation",
+    "CurrentLoop",
     "DigitalAmplifier",
-    "Loop",
+    "LinearLoop",
     "Margins",
     "Point",
 ]
@@ -83,13 +83,13 @@ class Margins:
 
 
 @dataclass(frozen=True)
-class Loop:
+class LinearLoop:
     """A linear loop.
 
     Parameters
     ----------
     point : Point
-    amplifier : Amplifier or DigitalAmplifier
+    amplifier : CurrentLoop or DigitalAmplifier
     chain : Chain
     controller : Pidd2
         Of the rate of the chain.
@@ -97,7 +97,7 @@ class Loop:
     """
 
     point: Point
-    amplifier: Amplifier | DigitalAmplifier
+    amplifier: CurrentLoop | DigitalAmplifier
     chain: Chain
     controller: Pidd2
     compensation: Compensation
@@ -204,7 +204,7 @@ def _response(a: FloatArray, b: FloatArray, c: FloatArray, z: Complexes) -> Comp
     )
 
 
-def _margins(loop: Loop) -> Margins:
+def _margins(loop: LinearLoop) -> Margins:
     """Search the loop gain for its crossings of the negative real axis and the unit circle."""
     grid = np.geomspace(_LOWEST * loop.chain.rate, 0.5 * loop.chain.rate, _GRID)
 
@@ -240,7 +240,7 @@ def _crossings(
     return [float(brentq(function, grid[i], grid[i + 1], xtol=1e-9 * grid[i])) for i in change]
 
 
-def _peak(loop: Loop, grid: FloatArray, size: FloatArray) -> tuple[float, float]:
+def _peak(loop: LinearLoop, grid: FloatArray, size: FloatArray) -> tuple[float, float]:
     """Return frequency and size of the largest sensitivity."""
     i = int(np.argmax(size))
     ends = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]

@@ -66,7 +66,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Amplifier:
+class CurrentLoop:
     """An analogue current controller, ``v = gain e + reset times the integral of e``.
 
     Parameters
@@ -125,14 +125,14 @@ class Chain:
 
 
 def sampled(
-    point: Point, amplifier: Amplifier | DigitalAmplifier, chain: Chain
+    point: Point, amplifier: CurrentLoop | DigitalAmplifier, chain: Chain
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return matrices a, b, c from the current's reference at a tick to the position read, m/A.
 
     Parameters
     ----------
     point : Point
-    amplifier : Amplifier or DigitalAmplifier
+    amplifier : CurrentLoop or DigitalAmplifier
     chain : Chain
 
     Returns
@@ -140,7 +140,7 @@ def sampled(
     a, b, c : ndarray, shapes (n, n), (n,), (n,)
     """
     motion, into, current, direct = _winding(point)
-    if isinstance(amplifier, Amplifier):
+    if isinstance(amplifier, CurrentLoop):
         motion, into = _under_current(motion, into, current, direct, amplifier)
         a, b, position = _with_sensor(motion, into, _unit(4, 0), 0.0, chain.sensor_bandwidth)
         a, b = _ticks(a, b, chain)
@@ -199,7 +199,7 @@ def _rightmost(matrix: FloatArray) -> float:
 
 
 def _under_current(
-    a: FloatArray, b: FloatArray, current: FloatArray, direct: float, amplifier: Amplifier
+    a: FloatArray, b: FloatArray, current: FloatArray, direct: float, amplifier: CurrentLoop
 ) -> tuple[FloatArray, FloatArray]:
     """Close the analogue current controller, whose integral becomes the last state."""
     gain, reset = amplifier.gain, amplifier.reset

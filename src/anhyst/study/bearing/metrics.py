@@ -70,7 +70,7 @@ class StepFigures:
 
 
 @dataclass(frozen=True)
-class Deviation:
+class TrackingError:
     """How far one signal was from another, in their unit.
 
     Parameters
@@ -83,7 +83,7 @@ class Deviation:
 
 
 @dataclass(frozen=True)
-class Effort:
+class CurrentEffort:
     """What a current cost.
 
     Parameters
@@ -216,7 +216,7 @@ def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) 
     return _stays_from(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
 
 
-def deviation(signal: ArrayLike, wanted: ArrayLike) -> Deviation:
+def deviation(signal: ArrayLike, wanted: ArrayLike) -> TrackingError:
     """Compare a gap with its reference, or a force with its demand.
 
     Parameters
@@ -225,13 +225,13 @@ def deviation(signal: ArrayLike, wanted: ArrayLike) -> Deviation:
 
     Returns
     -------
-    Deviation
+    TrackingError
     """
     off = np.asarray(signal, dtype=float) - np.asarray(wanted, dtype=float)
-    return Deviation(rms=float(np.sqrt(np.mean(off**2))), peak=float(np.max(np.abs(off))))
+    return TrackingError(rms=float(np.sqrt(np.mean(off**2))), peak=float(np.max(np.abs(off))))
 
 
-def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> Effort:
+def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> CurrentEffort:
     """Return what a current cost.
 
     Parameters
@@ -242,11 +242,11 @@ def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> Effort:
 
     Returns
     -------
-    Effort
+    CurrentEffort
     """
     t, row = np.asarray(time, dtype=float), np.asarray(current, dtype=float)
     slope = np.diff(row) / np.diff(t)
-    return Effort(
+    return CurrentEffort(
         change=float(np.sqrt(np.mean(slope**2))), heat=float(resistance * np.mean(row**2))
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.make_setup import make_setups
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
@@ -179,7 +179,7 @@ def monte_carlo(
     ready = make_ready(rig, controller)
     rig, knowledge = ready.rig, ready.knowledge()
     setups = tuple(make_setups(rig, controller, knowledge, tuple(variants)).values())
-    plants = [Plant(setups, seed, index) for index in range(count)]
+    plants = [DriftedPlant(setups, seed, index) for index in range(count)]
     heights = tuple(rig.settings.simulate.steps_m)
 
     def fault(row: Mapping[str, Any]) -> str | None:
@@ -199,7 +199,10 @@ def monte_carlo(
 
 
 def _run_missing(
-    plants: Sequence[Plant], results: ResultsFile, progress: Progress | None, jobs: int | None
+    plants: Sequence[DriftedPlant],
+    results: ResultsFile,
+    progress: Progress | None,
+    jobs: int | None,
 ) -> list[Mapping[str, Any]]:
     """Run the plants that have no result yet, and return the results of all in their order."""
     count = len(plants)
@@ -218,7 +221,7 @@ def _run_missing(
 
 
 @dataclass(frozen=True)
-class Plant:
+class DriftedPlant:
     """One plant and the controllers that hold it."""
 
     setups: tuple[Setup, ...]
@@ -241,7 +244,7 @@ class Plant:
         return draw_drift(self.setups[0].rig.settings.drift, rng), noise
 
 
-def run_plant(plant: Plant) -> dict[str, Any]:
+def run_plant(plant: DriftedPlant) -> dict[str, Any]:
     """Lift off, step up and down by every height and hold position, behind every controller."""
     drift = plant.drift
     found = {one.name: _run_setup(one, drift, plant.noise) for one in plant.setups}
@@ -254,7 +257,7 @@ def _run_setup(setup: Setup, drift: Drift, noise: int) -> dict[str, Any]:
     scenario = steps_up_and_down(
         rig, setup.controller, tried.gap_m, tried.steps_m, rest=STANDSTILL_S
     )
-    loop = Loop(setup, bearing=drifted_bearing(rig, drift, noise))
+    loop = SimulatedLoop(setup, bearing=drifted_bearing(rig, drift, noise))
     recording = loop.run(scenario)
     lost = lost_at(rig, recording, scenario.lifted)
     if lost is None and len(recording) < scenario.ticks:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.plan import Request
+from anhyst.compensate.plan import CompileRequest
 from anhyst.compile.output import compile_model
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import State
@@ -20,7 +20,7 @@ from anhyst.model.writer import write_model
 from anhyst.rig.bearing.board import BearingPlant, firmware_run
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import parts_of_run
-from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.recording import Recording
@@ -193,7 +193,7 @@ def _run_twice(
 ) -> tuple[Recording, FloatArray]:
     """Run what a simulation records, simulated and with the firmware."""
     *parts, _ = parts_of_run(setup)
-    loop, rows = Loop(setup), []
+    loop, rows = SimulatedLoop(setup), []
     simulated = Recording(np.concatenate([loop.run(part).table for part in parts]))
     with firmware_run(firmware, BearingPlant(setup), board) as running:
         for number, part in enumerate(parts):
@@ -244,7 +244,7 @@ def build_firmware(
         model = controller.model
     table = controller.settings
     kind = table.compensation.variant
-    asked = Request("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
+    asked = CompileRequest("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
     compiled = compile_model(model, place / "c", asked, controller.path)
     setup = make_setups(rig, controller, knowledge, (kind,))[kind]
     wanted = dict(position_control(setup).settings("fixed"))

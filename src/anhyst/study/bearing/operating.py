@@ -139,7 +139,7 @@ def _check_probe(rig: BearingRig) -> None:
         raise faults_error(rig.path, [(("hall_probe", "range_T"), text)])
 
 
-def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
+def linear_loop(setup: Setup, at: OperatingPoint) -> linear.LinearLoop:
     """Return the loop of a setup for small movements.
 
     Constants are those of the drive where it has any; a constant ratio cancels no negative
@@ -166,7 +166,7 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
     if has_constants(setup):
         k_i = magnets * numbers["k_i_N_per_A"]
         k_s = magnets * numbers.get("k_s_N_per_m", 0.0)
-    return linear.Loop(
+    return linear.LinearLoop(
         point=at.point,
         amplifier=_amplifier(rig, magnets),
         chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth),
@@ -175,10 +175,10 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.Loop:
     )
 
 
-def _amplifier(rig: BearingRig, magnets: float) -> linear.Amplifier | linear.DigitalAmplifier:
+def _amplifier(rig: BearingRig, magnets: float) -> linear.CurrentLoop | linear.DigitalAmplifier:
     gain, reset = (magnets * number for number in current_gains(rig))
     if rig.settings.amplifier.mode == "current":
-        return linear.Amplifier(gain, reset)
+        return linear.CurrentLoop(gain, reset)
     return linear.DigitalAmplifier(
         magnets * rig.settings.magnet.poles.resistance,
         gain,

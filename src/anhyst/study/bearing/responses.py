@@ -12,9 +12,9 @@ import numpy as np
 
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import Recording
-from anhyst.rig.bearing.scenario import Step, steps_up_and_down
+from anhyst.rig.bearing.scenario import ReferenceStep, steps_up_and_down
 from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.metrics import (
     Interval,
@@ -49,7 +49,7 @@ _LARGEST = ("overshoot_percent", "noise_percent")
 
 
 @dataclass(frozen=True)
-class Run:
+class StepRun:
     """One run of steps: a variant at a gap with a noise of its own."""
 
     setup: Setup
@@ -73,7 +73,7 @@ class StepResult:
 
 
 @dataclass(frozen=True)
-class Cell:
+class StepCell:
     """One variant, gap, load and height over all seeds and both directions.
 
     Parameters
@@ -115,7 +115,7 @@ def position_resolution(rig: BearingRig) -> float:
     return math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
 
 
-def run_steps(run: Run) -> tuple[list[StepResult], float | None]:
+def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
     """Run all steps of a run.
 
     Returns
@@ -127,14 +127,14 @@ def run_steps(run: Run) -> tuple[list[StepResult], float | None]:
     """
     rig = run.setup.rig
     scenario = steps_up_and_down(rig, run.setup.controller, run.gap, run.heights, run.load)
-    recording = Loop(run.setup, run.seed).run(scenario)
+    recording = SimulatedLoop(run.setup, run.seed).run(scenario)
     lost = lost_at(rig, recording, scenario.lifted)
     if lost is not None or len(recording) < scenario.ticks:
         return [], lost if lost is not None else float(recording["t_s"][-1])
     return [_judge(run, recording, step) for step in scenario.steps], None
 
 
-def _judge(run: Run, recording: Recording, step: Step) -> StepResult:
+def _judge(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResult:
     part = recording.part(step.begin - 1, step.end)
     time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
     found = step_figures(time, reference, gap, position_resolution(run.setup.rig))
@@ -174,7 +174,7 @@ def compare(
     seeds: Sequence[int],
     progress: Progress | None = None,
     jobs: int | None = None,
-) -> list[Cell]:
+) -> list[StepCell]:
     """Run every setup at every gap and load with every seed, and sum up.
 
     Parameters
@@ -192,11 +192,11 @@ def compare(
 
     Returns
     -------
-    list of Cell
+    list of StepCell
         In the order setup, gap, load, height.
     """
     runs = [
-        Run(setup, gap, tuple(heights), load, seed)
+        StepRun(setup, gap, tuple(heights), load, seed)
         for setup, gap, load, seed in product(setups, gaps, loads, seeds)
     ]
     results = all_of(run_steps, runs, progress, jobs)
@@ -213,7 +213,7 @@ def compare(
 
 def _sum_up(
     setup: Setup, gap: float, load: float, height: float, runs: Sequence[Sequence[StepResult]]
-) -> Cell:
+) -> StepCell:
     lost = sum(not steps for steps in runs)
     pairs = [
         [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
@@ -223,10 +223,10 @@ def _sum_up(
     for name in () if lost else FIGURES:
         merge = max if name in _LARGEST else np.mean
         figures[name] = mean_interval([float(merge([one[name] for one in pair])) for pair in pairs])
-    return Cell(setup.compensator.method, gap, height, load, figures, lost, len(runs))
+    return StepCell(setup.compensator.method, gap, height, load, figures, lost, len(runs))
 
 
-def as_rows(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+def as_rows(cells: Sequence[StepCell]) -> list[dict[str, Any]]:
     """Return cells as ``figures.json`` holds them."""
     return [
         {

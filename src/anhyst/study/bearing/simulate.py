@@ -14,7 +14,7 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
-from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.plant_check import check_plant
 from anhyst.rig.bearing.recording import Recording, check_ending, write_recording
@@ -29,7 +29,7 @@ from anhyst.study.bearing.operating import (
     sweep_frequencies,
 )
 from anhyst.study.bearing.ready import make_ready, read_files
-from anhyst.study.bearing.responses import Cell, as_rows, compare, default_seeds
+from anhyst.study.bearing.responses import StepCell, as_rows, compare, default_seeds
 from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.bearing.sweep import sweep
 from anhyst.support.atomic import PathLike, atomic_writer
@@ -73,9 +73,9 @@ class Simulation:
         The steps alone, one noise seed, by variant.
     scenario : Scenario
         Of these.
-    cells : list of Cell
+    cells : list of StepCell
         Figures of all steps, over all seeds.
-    loops : mapping of str to linear.Loop
+    loops : mapping of str to linear.SimulatedLoop
         For small movements, by variant.
     sensitivity : mapping of str to Sensitivity
         As measured, by variant; without those that lost levitation.
@@ -93,8 +93,8 @@ class Simulation:
     recording: Recording
     shown: Mapping[MethodName, Recording]
     scenario: Scenario
-    cells: list[Cell]
-    loops: Mapping[MethodName, linear.Loop]
+    cells: list[StepCell]
+    loops: Mapping[MethodName, linear.LinearLoop]
     sensitivity: Mapping[MethodName, Sensitivity]
     plant: PlantCheck
     figures: dict[str, Any]
@@ -300,7 +300,7 @@ def _compare(
         setups=setups,
         at=at,
         recording=recording,
-        shown={name: Loop(setup).run(scenario) for name, setup in setups.items()},
+        shown={name: SimulatedLoop(setup).run(scenario) for name, setup in setups.items()},
         scenario=scenario,
         cells=cells,
         loops=loops,
@@ -345,7 +345,7 @@ def _load(rig: BearingRig) -> float:
 def _whole_run(setup: Setup) -> LevitationRun:
     """Lift off, step, load, land."""
     steps, after, landing = parts_of_run(setup)
-    loop = Loop(setup)
+    loop = SimulatedLoop(setup)
     parts = [loop.run(steps)]
     if len(parts[0]) == steps.ticks:
         parts.append(loop.run(after))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from anhyst.rig.bearing.loop import Loop, lost_at
+from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.bearing.setup import Setup
@@ -40,7 +40,7 @@ def sweep(
         None if levitation was lost.
     """
     rig = setup.rig
-    loop = Loop(setup, seed)
+    loop = SimulatedLoop(setup, seed)
     loop.run(Script(rig, gap, load).lift_off(setup.controller).build())
 
     def run(inject: FloatArray) -> Recording:

@@ -24,7 +24,14 @@ from anhyst.rig.force.file import Rig, complete_rig, read_rig
 from anhyst.rig.force.modelling import find_model, loops_at, read_loops
 from anhyst.rig.force.programs import Program, prepare
 from anhyst.study.force.results import figures
-from anhyst.study.force.trials import Controllers, Outcome, Stage, Trial, plan_trials, run_trial
+from anhyst.study.force.trials import (
+    Controllers,
+    ForceOutcome,
+    ForceTrial,
+    Stage,
+    plan_trials,
+    run_trial,
+)
 from anhyst.study.force.verdict import verdict
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
@@ -58,7 +65,7 @@ class ForceControl:
         ``stroke/`` models and controllers; :func:`anhyst.report.force.figures.draw` adds pictures.
     figures : dict
         As in ``figures.json``.
-    outcomes : tuple of Outcome
+    outcomes : tuple of ForceOutcome
         Recordings of all trials.
     plant : PlantCheck
         What the loops say about the actuator.
@@ -67,7 +74,7 @@ class ForceControl:
     rig: Rig
     out: Path
     figures: dict[str, Any]
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[ForceOutcome, ...]
     plant: PlantCheck
 
 
@@ -147,7 +154,7 @@ def _program(task: tuple[Kind, ActuatorModel, float, str, Path]) -> Program:
     return prepare(*task)
 
 
-def _outcome(task: tuple[Rig, Trial, Controllers]) -> Outcome:
+def _outcome(task: tuple[Rig, ForceTrial, Controllers]) -> ForceOutcome:
     return run_trial(*task)
 
 
@@ -226,14 +233,14 @@ def _read_demand(rig: Rig, path: PathLike) -> Demand:
     return with_lead_in("file", sampled, rig.settings.rate_Hz)
 
 
-def _write(rig: Rig, folder: Path, found: Mapping[str, Any], outcomes: list[Outcome]) -> None:
+def _write(rig: Rig, folder: Path, found: Mapping[str, Any], outcomes: list[ForceOutcome]) -> None:
     for outcome in outcomes:
         _write_trial(rig, folder / f"{outcome.trial.name}.csv", outcome)
     with atomic_writer(folder / "figures.json") as stream:
         stream.write(json_text(found))
 
 
-def _write_trial(rig: Rig, path: Path, outcome: Outcome) -> None:
+def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:
     demand = outcome.trial.demand
     time = (np.arange(demand.force.size) - demand.lead_in) * rig.dt
     columns = {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.rig.force.file import Rig
-from anhyst.study.force.trials import Outcome
+from anhyst.study.force.trials import ForceOutcome
 from anhyst.support.arrays import FloatArray
 
 TITLES: Mapping[str, str] = {
@@ -71,7 +71,7 @@ class Score:
     differing: int | None
 
 
-def score(outcome: Outcome, force_max: float) -> dict[str, Score]:
+def score(outcome: ForceOutcome, force_max: float) -> dict[str, Score]:
     """Score every controller of a trial."""
     demand = outcome.trial.demand
     counts = slice(demand.lead_in, None)
@@ -90,7 +90,7 @@ def score(outcome: Outcome, force_max: float) -> dict[str, Score]:
     }
 
 
-def summary(scores: Sequence[tuple[Outcome, dict[str, Score]]]) -> dict[str, Any]:
+def summary(scores: Sequence[tuple[ForceOutcome, dict[str, Score]]]) -> dict[str, Any]:
     """Worst errors of each stage and start by controller, and against the single-valued curve.
 
     Returns
@@ -119,7 +119,7 @@ def summary(scores: Sequence[tuple[Outcome, dict[str, Score]]]) -> dict[str, Any
     return result
 
 
-def figures(rig: Rig, outcomes: Sequence[Outcome], board: str) -> dict[str, Any]:
+def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str, Any]:
     """Return everything measured, as ``figures.json`` holds it."""
     force_max = rig.settings.force_control.force_max_N
     scores = [(outcome, score(outcome, force_max)) for outcome in outcomes]

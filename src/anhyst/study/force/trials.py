@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from anhyst.compensate.interface import Compensator
-from anhyst.rig.force.bench import Bench, Recording, read_gaps, run_open_loop
+from anhyst.rig.force.bench import Bench, BenchRecording, read_gaps, run_open_loop
 from anhyst.rig.force.demand import Demand, moving_gap
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, ticks_that_differ
@@ -21,7 +21,7 @@ Start = Literal["unknown", "demagnetised"]
 
 
 @dataclass(frozen=True)
-class Trial:
+class ForceTrial:
     """One demand at one place.
 
     Parameters
@@ -88,14 +88,14 @@ class Controllers:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ForceOutcome:
     """What one trial gave.
 
     Parameters
     ----------
-    trial : Trial
+    trial : ForceTrial
         Which.
-    recordings : dict of str to Recording
+    recordings : dict of str to BenchRecording
         By controller: ``full``, ``simplified``, ``ratio``, ``ratio_over_gap``, ``single``.
     simulated : dict of str to ndarray
         For each firmware the force, N, that its simulated program expects: the same arithmetic,
@@ -104,49 +104,49 @@ class Outcome:
         For each firmware the ticks at which the simulated program gave another current.
     """
 
-    trial: Trial
-    recordings: Mapping[str, Recording]
+    trial: ForceTrial
+    recordings: Mapping[str, BenchRecording]
     simulated: Mapping[str, FloatArray] = field(default_factory=dict)
     differing: Mapping[str, int] = field(default_factory=dict)
 
 
-def plan_trials(rig: Rig, demands: list[Demand]) -> Iterator[Trial]:
+def plan_trials(rig: Rig, demands: list[Demand]) -> Iterator[ForceTrial]:
     """Name all trials, in the order of the paper."""
     settings = rig.settings.force_control
     number = 0
     for demand in demands:
         starts: tuple[Start, ...] = ("unknown", "demagnetised")
         for start in starts:
-            yield Trial("end", demand, settings.end_m, start, number)
+            yield ForceTrial("end", demand, settings.end_m, start, number)
             number += 1
     for demand in demands:
         for position in settings.positions_m:
-            yield Trial("positions", demand, position, "unknown", number)
+            yield ForceTrial("positions", demand, position, "unknown", number)
             number += 1
     for demand in demands:
-        yield Trial("moving", demand, None, "unknown", number)
+        yield ForceTrial("moving", demand, None, "unknown", number)
         number += 1
 
 
-def run_trial(rig: Rig, trial: Trial, controllers: Controllers) -> Outcome:
+def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
     """Run one trial under every controller of its stage; all see the same noise.
 
     Parameters
     ----------
     rig : Rig
         The rig.
-    trial : Trial
+    trial : ForceTrial
         Which.
     controllers : Controllers
         Of its stage.
 
     Returns
     -------
-    Outcome
+    ForceOutcome
     """
     gap, seed = trial.gap(rig), [1, trial.number]
     demagnetised = trial.start == "demagnetised"
-    recordings: dict[str, Recording] = {}
+    recordings: dict[str, BenchRecording] = {}
     simulated: dict[str, FloatArray] = {}
     differing: dict[str, int] = {}
 
@@ -166,10 +166,10 @@ def run_trial(rig: Rig, trial: Trial, controllers: Controllers) -> Outcome:
         if not demagnetised:
             stand.condition(controllers.conditioning)
         recordings[name] = run_open_loop(stand, baseline.run(trial.demand.force, known))
-    return Outcome(trial, recordings, simulated, differing)
+    return ForceOutcome(trial, recordings, simulated, differing)
 
 
-def _expected(program: Program, recording: Recording, demagnetised: bool) -> FloatArray:
+def _expected(program: Program, recording: BenchRecording, demagnetised: bool) -> FloatArray:
     """Force of the model under the currents of the program: it has neither noise nor delay."""
     turns = ",".join(repr(turn) for turn in [0.0, *program.conditioning])
     history = "demagnetised" if demagnetised else f"conditioned:{turns}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.responses import Cell, compare, default_seeds
+from anhyst.study.bearing.responses import StepCell, compare, default_seeds
 from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.bearing.sweep import sweep
 from anhyst.study.tuning.aims import Figures, worst_of
@@ -27,7 +27,7 @@ class Check:
     ----------
     figures : dict of Condition to Figures
         Means over the seeds, worst of all heights; all infinite where levitation was lost.
-    cells : tuple of Cell
+    cells : tuple of StepCell
         Every height with confidence intervals.
     peaks : dict of Condition to float
         Frequency of the peak of the sensitivity, Hz.
@@ -36,7 +36,7 @@ class Check:
     """
 
     figures: dict[Condition, Figures]
-    cells: tuple[Cell, ...]
+    cells: tuple[StepCell, ...]
     peaks: dict[Condition, float]
     seeds: int
 
@@ -49,7 +49,7 @@ class Check:
         """Return the condition that is worst in a figure."""
         return max(self.figures, key=lambda each: float(getattr(self.figures[each], name)))
 
-    def cell(self, name: str) -> Cell:
+    def cell(self, name: str) -> StepCell:
         """Return the step that is worst in a figure of steps."""
         kept = [cell for cell in self.cells if cell.figures]
         return max(kept, key=lambda each: each.figures[name].mean)
@@ -83,7 +83,7 @@ def _sweep(setup: Setup, condition: Condition) -> Sensitivity | None:
     return sweep(setup, condition.gap, condition.load, check_frequencies(setup.rig), 0)
 
 
-def _figures(cells: Sequence[Cell], measured: Sensitivity | None) -> Figures:
+def _figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> Figures:
     if measured is None or any(cell.lost or not cell.figures for cell in cells):
         return Figures(WORST, WORST, WORST, WORST, WORST)
 

@@ -9,15 +9,15 @@ from functools import partial
 
 import numpy as np
 
-from anhyst.rig.bearing.loop import Loop
+from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.linear import Amplifier
+from anhyst.study.bearing.linear import CurrentLoop
 from anhyst.study.tuning.aims import TITLES, Aims, text_of
 from anhyst.study.tuning.check import Check
 from anhyst.study.tuning.points import make_screen
 from anhyst.study.tuning.screen import Screen, refine, spread_over
-from anhyst.study.tuning.space import Space
+from anhyst.study.tuning.space import GainSpace
 from anhyst.study.tuning.trial import Condition
 from anhyst.support.jobs import all_of
 
@@ -150,7 +150,7 @@ def _usage(setup: Setup, seed: int, condition: Condition) -> Mapping[str, float]
     rig, limits = setup.rig, setup.controller.limits
     heights = rig.settings.simulate.steps_m
     scenario = steps_up_and_down(rig, setup.controller, condition.gap, heights, condition.load)
-    recording = Loop(setup, seed).run(scenario)
+    recording = SimulatedLoop(setup, seed).run(scenario)
     longest = {"force": 0.0, "voltage": 0.0, "current": 0.0}
     for step in scenario.steps:
         part = recording.part(step.begin, step.end)
@@ -199,8 +199,8 @@ def _would_help(
         ),
         "pinning": ("an iron without pinning", screen.of(range(0, len(loops), 2)), aims),
     }
-    if isinstance(loops[0].amplifier, Amplifier):
-        quick = [_quick(one.amplifier) for one in loops if isinstance(one.amplifier, Amplifier)]
+    if isinstance(loops[0].amplifier, CurrentLoop):
+        quick = [_quick(one.amplifier) for one in loops if isinstance(one.amplifier, CurrentLoop)]
         eased["amplifier"] = (
             "an amplifier of twice the bandwidth",
             screen.around(
@@ -225,15 +225,15 @@ def _would_help(
     ]
 
 
-def _quick(amplifier: Amplifier) -> Amplifier:
-    return Amplifier(gain=2.0 * amplifier.gain, reset=2.0 * amplifier.reset)
+def _quick(amplifier: CurrentLoop) -> CurrentLoop:
+    return CurrentLoop(gain=2.0 * amplifier.gain, reset=2.0 * amplifier.reset)
 
 
 def _least_settling(setup: Setup, seed: int, eased: tuple[Screen, Aims]) -> float:
     """Return the settling time of the best gains for linear loops, s; infinite if none will do."""
     screen, aims = eased
     plant = setup.rig.settings
-    space = Space(plant.timing.rate_Hz, plant.mechanics.mass_kg)
+    space = GainSpace(plant.timing.rate_Hz, plant.mechanics.mass_kg)
     places = spread_over(space.size, seed)
     best = refine(screen, space, setup.controller, aims, places, seed)
     found = screen.look(space.per_tick(best[None, :], setup.controller))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.linear import Loop
+from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.bearing.variations import changed
 from anhyst.study.tuning.screen import Screen
@@ -43,7 +43,7 @@ def make_screen(
     """
     limits = setup.controller.limits
     largest = max(setup.rig.settings.simulate.steps_m)
-    loops: list[Loop] = []
+    loops: list[LinearLoop] = []
     reserves: list[float] = []
     for condition in conditions:
         rig = at_condition(setup.rig, condition)

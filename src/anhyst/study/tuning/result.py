@@ -12,7 +12,7 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.limits import Limit
-from anhyst.study.tuning.search import Found
+from anhyst.study.tuning.search import FoundGains
 from anhyst.study.tuning.trial import Condition
 
 
@@ -23,7 +23,7 @@ class Tuned:
     Parameters
     ----------
     variant : str
-    found : Found
+    found : FoundGains
         The search.
     limits : tuple of Limit
         What limits.
@@ -31,7 +31,7 @@ class Tuned:
     """
 
     variant: MethodName
-    found: Found
+    found: FoundGains
     limits: tuple[Limit, ...]
     aims: Aims
 

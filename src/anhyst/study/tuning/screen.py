@@ -13,9 +13,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.study.bearing.linear import Loop
+from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.tuning.aims import MISSED, Aims
-from anhyst.study.tuning.space import Space
+from anhyst.study.tuning.space import GainSpace
 from anhyst.study.tuning.strategy import Strategy
 from anhyst.support.arrays import FloatArray
 
@@ -65,7 +65,7 @@ class Screen:
 
     Parameters
     ----------
-    loops : sequence of Loop
+    loops : sequence of LinearLoop
         Of their plants and compensations; their controllers do not count.
     reserves : sequence of float
         For each of them, the force that the largest step may add or take away, N for each metre of
@@ -74,7 +74,9 @@ class Screen:
         How long a step is looked at, s.
     """
 
-    def __init__(self, loops: Sequence[Loop], reserves: Sequence[float], horizon: float) -> None:
+    def __init__(
+        self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon: float
+    ) -> None:
         self.loops = tuple(loops)
         self.horizon = horizon
         self._reserves = tuple(reserves)
@@ -84,7 +86,7 @@ class Screen:
         self._z = np.exp(2j * np.pi * frequency / rate)
         self._plants = [loop.plant_response(frequency) for loop in loops]
 
-    def around(self, loops: Sequence[Loop]) -> Screen:
+    def around(self, loops: Sequence[LinearLoop]) -> Screen:
         """Return a screen with other loops at the same conditions."""
         return Screen(loops, self._reserves, self.horizon)
 
@@ -145,7 +147,7 @@ class Screen:
         return overshoot, np.where(outside[-1], np.inf, time), force / self._reserves[at]
 
 
-def _demand(loop: Loop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _demand(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return what the controller asks for: for each state, shape (n, m), and at once, N/m."""
     p, _, d, e, _, _, s, t, weight = per_tick.T[:9]
     feedback = -p - d * s - e * s * t
@@ -154,12 +156,12 @@ def _demand(loop: Loop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
     return asks, np.asarray(weight * p)
 
 
-def closed_loop(loop: Loop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
+def closed_loop(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return matrices of closed loops over a tick, and what a reference of 1 adds.
 
     Parameters
     ----------
-    loop : Loop
+    loop : LinearLoop
         Plant and compensation.
     per_tick : ndarray, shape (n, 11)
         As :attr:`anhyst.control.Pidd2.per_tick`.
@@ -196,7 +198,12 @@ def spread_over(size: int, seed: int) -> FloatArray:
 
 
 def refine(
-    screen: Screen, space: Space, like: ControllerTable, aims: Aims, places: FloatArray, seed: int
+    screen: Screen,
+    space: GainSpace,
+    like: ControllerTable,
+    aims: Aims,
+    places: FloatArray,
+    seed: int,
 ) -> FloatArray:
     """Return the place that linear loops like best, beginning at the best of some places."""
 

@@ -17,9 +17,9 @@ from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.check import Check, check
 from anhyst.study.tuning.points import FIRMNESS, make_screen
 from anhyst.study.tuning.screen import Screen, refine, spread_over
-from anhyst.study.tuning.space import Space
+from anhyst.study.tuning.space import GainSpace
 from anhyst.study.tuning.strategy import Strategy
-from anhyst.study.tuning.trial import Condition, Outcome, Trial, run_trial
+from anhyst.study.tuning.trial import Condition, GainOutcome, GainTrial, run_trial
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
 from anhyst.support.jobs import all_of
@@ -47,23 +47,23 @@ _WORK_AFTER = 40.0  # finding out what limits the best gains
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class TriedGains:
     """Gains that were tried, and what they gave.
 
     Parameters
     ----------
     place : ndarray, shape (7,)
         In the box that is searched.
-    outcome : Outcome
+    outcome : GainOutcome
         With one noise seed.
     """
 
     place: FloatArray
-    outcome: Outcome
+    outcome: GainOutcome
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundGains:
     """What a search found.
 
     Parameters
@@ -74,9 +74,9 @@ class Found:
         The best place in the box, by name.
     check : Check or None
         Of the best; None if the search was interrupted before.
-    before : Outcome
+    before : GainOutcome
         Of the gains as they were, one noise seed.
-    candidates : tuple of Candidate
+    candidates : tuple of TriedGains
         All that were tried at every condition, those of the front included.
     tried : int
         Sets of gains in the nonlinear loop.
@@ -87,8 +87,8 @@ class Found:
     setup: Setup
     numbers: dict[str, float]
     check: Check | None
-    before: Outcome
-    candidates: tuple[Candidate, ...]
+    before: GainOutcome
+    candidates: tuple[TriedGains, ...]
     tried: int
     interrupted: bool
 
@@ -101,7 +101,7 @@ class Found:
 
 
 @dataclass
-class Search:
+class GainSearch:
     """A search for the gains of one setup.
 
     Parameters
@@ -127,9 +127,9 @@ class Search:
     seed: int = 0
     progress: Progress | None = None
     jobs: int | None = None
-    _space: Space = field(init=False)
+    _space: GainSpace = field(init=False)
     _brief: Setup = field(init=False)
-    _candidates: list[Candidate] = field(init=False, default_factory=list)
+    _candidates: list[TriedGains] = field(init=False, default_factory=list)
     _tried: int = field(init=False, default=0)
     _done: float = field(init=False, default=0.0)
     _whole: float = field(init=False, default=0.0)
@@ -137,13 +137,13 @@ class Search:
     def __post_init__(self) -> None:
         rig = self.setup.rig
         plant = rig.settings
-        self._space = Space(plant.timing.rate_Hz, plant.mechanics.mass_kg)
+        self._space = GainSpace(plant.timing.rate_Hz, plant.mechanics.mass_kg)
         hold = min(plant.simulate.hold_s, HOLD_S)
         self._brief = replace(self.setup, rig=changed(rig, {"simulate.hold_s": hold}))
         front = 2.0 * len(_BOUNDS) * len(FIRMNESS)
         self._whole = front + self.budget + _CHECKED * _WORK_OF_CHECK + _WORK_AFTER
 
-    def run(self) -> Found:
+    def run(self) -> FoundGains:
         """Search.
 
         Raises
@@ -153,8 +153,8 @@ class Search:
         NegativeResult
             No gains hold the armature at all conditions.
         """
-        before = run_trial(Trial(self._brief, self.conditions, self.aims, seed=self.seed))
-        checked: list[tuple[float, Candidate, Check]] = []
+        before = run_trial(GainTrial(self._brief, self.conditions, self.aims, seed=self.seed))
+        checked: list[tuple[float, TriedGains, Check]] = []
         interrupted = False
         try:
             self._look_at_front()
@@ -168,7 +168,7 @@ class Search:
         else:
             best, reached = self._best(self.aims)[0], None
         others = [one for one in self._candidates if one is not best]
-        return Found(
+        return FoundGains(
             setup=self._at(best.place),
             numbers=self._space.numbers(best.place),
             check=reached,
@@ -178,7 +178,7 @@ class Search:
             interrupted=interrupted,
         )
 
-    def _rounds(self, checked: list[tuple[float, Candidate, Check]]) -> None:
+    def _rounds(self, checked: list[tuple[float, TriedGains, Check]]) -> None:
         """Search and check; where the check fails, search again with stricter aims."""
         aims = self.aims
         generations = max(self.budget // CHILDREN, 1)
@@ -238,9 +238,9 @@ class Search:
             path.least = min(path.least, float(costs.min()))
             path.ceiling = float(np.sort(costs)[CHILDREN // 2 - 1])
 
-    def _apart(self, aims: Aims, count: int) -> list[Candidate]:
+    def _apart(self, aims: Aims, count: int) -> list[TriedGains]:
         """Return the best that lie apart from each other."""
-        chosen: list[Candidate] = []
+        chosen: list[TriedGains] = []
         for one in self._best(aims):
             if all(np.max(np.abs(one.place - other.place)) > _CLOSE for other in chosen):
                 chosen.append(one)
@@ -248,9 +248,9 @@ class Search:
 
     def _try(
         self, places: FloatArray, order: Sequence[Condition], aims: Aims, ceiling: float
-    ) -> list[Outcome]:
+    ) -> list[GainOutcome]:
         trials = [
-            Trial(
+            GainTrial(
                 with_gains(self._brief, self._controller(place)),
                 tuple(order),
                 aims,
@@ -262,7 +262,7 @@ class Search:
         outcomes = all_of(run_trial, trials, lambda *_: self._report(1.0), self.jobs)
         self._tried += len(trials)
         self._candidates += [
-            Candidate(place, outcome)
+            TriedGains(place, outcome)
             for place, outcome in zip(places, outcomes, strict=True)
             if outcome.complete
         ]
@@ -274,7 +274,7 @@ class Search:
     def _controller(self, place: FloatArray) -> ControllerTable:
         return self._space.controller(place, self.setup.controller)
 
-    def _best(self, aims: Aims) -> list[Candidate]:
+    def _best(self, aims: Aims) -> list[TriedGains]:
         """Return what was tried at every condition, the best first."""
         return sorted(self._candidates, key=lambda each: aims.cost(each.outcome.worst))
 
@@ -294,14 +294,14 @@ class _Path:
 
 
 def _refine(
-    space: Space, like: ControllerTable, seed: int, task: tuple[Screen, Aims]
+    space: GainSpace, like: ControllerTable, seed: int, task: tuple[Screen, Aims]
 ) -> FloatArray:
     screen, aims = task
     return refine(screen, space, like, aims, spread_over(space.size, seed), seed)
 
 
 def _hardest_first(
-    outcome: Outcome, conditions: Sequence[Condition], aims: Aims
+    outcome: GainOutcome, conditions: Sequence[Condition], aims: Aims
 ) -> list[Condition]:
     """Order conditions so that gains which are no good are given up early."""
     return sorted(

@@ -31,7 +31,7 @@ class Axis(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Space:
+class GainSpace:
     """The box that is searched.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.position import make_position
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.responses import Run, StepResult, run_steps
+from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
 from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.bearing.sweep import sweep
 from anhyst.study.tuning.aims import LOST, Aims, Figures, worst_of
@@ -53,7 +53,7 @@ def default_conditions(rig: BearingRig) -> tuple[Condition, ...]:
 
 
 @dataclass(frozen=True)
-class Trial:
+class GainTrial:
     """Gains to be tried.
 
     Parameters
@@ -77,7 +77,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class GainOutcome:
     """What a trial gave.
 
     Parameters
@@ -100,7 +100,7 @@ class Outcome:
         return worst_of(self.figures.values())
 
 
-def run_trial(trial: Trial) -> Outcome:
+def run_trial(trial: GainTrial) -> GainOutcome:
     """Try gains at every condition, until they are known to be no better than others.
 
     An iron that pins, noise and limits are in it; only the noise seed is one.
@@ -110,24 +110,24 @@ def run_trial(trial: Trial) -> Outcome:
     try:
         make_position(trial.setup)
     except InputError:  # gains that fixed point cannot hold
-        return Outcome(LOST + len(trial.conditions), figures, complete=False)
+        return GainOutcome(LOST + len(trial.conditions), figures, complete=False)
     for place, condition in enumerate(trial.conditions):
         found = _figures(trial, condition)
         if found is None:
-            return Outcome(LOST + len(trial.conditions) - place, figures, complete=False)
+            return GainOutcome(LOST + len(trial.conditions) - place, figures, complete=False)
         figures[condition] = found
         cost = trial.aims.cost(worst_of(figures.values()))
         if cost > trial.ceiling and place + 1 < len(trial.conditions):
-            return Outcome(cost, figures, complete=False)
-    return Outcome(cost, figures, complete=True)
+            return GainOutcome(cost, figures, complete=False)
+    return GainOutcome(cost, figures, complete=True)
 
 
-def _figures(trial: Trial, condition: Condition) -> Figures | None:
+def _figures(trial: GainTrial, condition: Condition) -> Figures | None:
     """Run steps and sine at one condition; None if the armature was not held."""
     setup = trial.setup
     tried = setup.rig.settings.simulate
     steps, lost = run_steps(
-        Run(setup, condition.gap, tuple(tried.steps_m), condition.load, trial.seed)
+        StepRun(setup, condition.gap, tuple(tried.steps_m), condition.load, trial.seed)
     )
     if lost is not None:
         return None

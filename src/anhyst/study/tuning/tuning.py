@@ -20,7 +20,7 @@ from anhyst.study.tuning.aims import Aims
 from anhyst.study.tuning.limits import Limit, find_limits
 from anhyst.study.tuning.output import RESULTS, file_note, write_results
 from anhyst.study.tuning.result import Tuned, Tuning
-from anhyst.study.tuning.search import BUDGET, Found, Search
+from anhyst.study.tuning.search import BUDGET, FoundGains, GainSearch
 from anhyst.study.tuning.trial import Condition, default_conditions
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError, Interrupted
@@ -135,7 +135,7 @@ class _Task:
         tuned: dict[MethodName, Tuned] = {}
         for place, (name, setup) in enumerate(setups.items()):
             part = _part(progress, place, len(setups))
-            search = Search(
+            search = GainSearch(
                 setup, self.conditions, self.aims, self.budget, self.seed, part, self.jobs
             )
             try:
@@ -152,7 +152,7 @@ class _Task:
                 return tuned, True
         return tuned, False
 
-    def _limits(self, found: Found) -> Sequence[Limit]:
+    def _limits(self, found: FoundGains) -> Sequence[Limit]:
         if found.check is None:
             return ()
         return find_limits(

@@ -55,7 +55,7 @@ _BETWEEN = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PageTable:
     """A table under a title; the first ``texts`` columns are words, the others numbers."""
 
     title: str
@@ -82,7 +82,7 @@ class Items:
     kind: str = "items"
 
 
-Block = Text | Note | Picture | Table | Items
+Block = Text | Note | Picture | PageTable | Items
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +100,9 @@ def table(
     rows: Sequence[Sequence[str | Cell]],
     caption: str = "",
     texts: int = 1,
-) -> Table:
+) -> PageTable:
     """Make a table of texts and cells."""
     made = tuple(
         tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in row) for row in rows
     )
-    return Table(title, tuple(head), made, caption, texts)
+    return PageTable(title, tuple(head), made, caption, texts)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
-from anhyst.support.page.blocks import Note, Section, Table
+from anhyst.support.page.blocks import Note, PageTable, Section
 
 TEMPLATE = "page.html.j2"
 
@@ -32,7 +32,7 @@ class Headline:
     basis: str
     notes: tuple[Note, ...]
     tiles: tuple[Tile, ...]
-    comparison: Table | None
+    comparison: PageTable | None
     holds: str
 
 
