@@ -55,7 +55,7 @@ TRIES = 60
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedPlant:
     """A magnet that makes the loops.
 
     Parameters
@@ -95,7 +95,7 @@ class Fitted:
         }
 
 
-def fit_magnet(loops: LoopSet, table: ElectromagnetTable) -> Fitted:
+def fit_magnet(loops: LoopSet, table: ElectromagnetTable) -> FittedPlant:
     """Fit what a rig file leaves out of its magnet.
 
     Parameters
@@ -107,7 +107,7 @@ def fit_magnet(loops: LoopSet, table: ElectromagnetTable) -> Fitted:
 
     Returns
     -------
-    Fitted
+    FittedPlant
     """
     coarse = thinned(loops, COARSE)
     fit = _Fit(coarse, table)
@@ -151,7 +151,7 @@ class _Fit:
         """Return the turns there, not rounded yet."""
         return self._poles(self._values(at))[0].turns
 
-    def fitted(self, at: FloatArray, given: ElectromagnetTable) -> Fitted:
+    def fitted(self, at: FloatArray, given: ElectromagnetTable) -> FittedPlant:
         """Return the magnet there."""
         values = self._values(at)
         poles, steel = self._poles(values)
@@ -160,7 +160,7 @@ class _Fit:
         guessed = [
             key for key in ("resistance_ohm", "iron_length_m") if getattr(given, key) is None
         ]
-        return Fitted(
+        return FittedPlant(
             replace(poles, resistance=given.resistance_ohm or resistance),
             steel,
             values["zero_current"] * self._high,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from anhyst.data import LoopSet
 from anhyst.rig.bearing.tables import BearingTable, MagnetTable
-from anhyst.rig.from_loops import Fitted, fit_magnet
+from anhyst.rig.from_loops import FittedPlant, fit_magnet
 from anhyst.rig.loop_files import Measured, identify_faults
 from anhyst.support.atomic import PathLike
 from anhyst.support.toml_file import Fault, faults_error, read_toml
@@ -60,13 +60,13 @@ class BearingRig:
         The rig file.
     settings : BearingTable
         What it says.
-    fitted : Fitted or None
+    fitted : FittedPlant or None
         Magnet that was fitted to the loops; `settings` holds its numbers then.
     """
 
     path: Path
     settings: BearingTable
-    fitted: Fitted | None = None
+    fitted: FittedPlant | None = None
 
     @property
     def dt(self) -> float:

@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 from anhyst.data import LoopSet
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.distance import Follow, PlantCheck, along, distance, model_distance
-from anhyst.rig.from_loops import Fitted, fit_magnet
+from anhyst.rig.from_loops import FittedPlant, fit_magnet
 from anhyst.rig.loop_files import FileList, Measured, identify_faults
 from anhyst.rig.magnet_table import ElectromagnetTable, SteelTable
 from anhyst.rig.parts.amplifier import Amplifier
@@ -196,14 +196,14 @@ class Rig:
         What it says.
     solenoid_file : SolenoidFile or None
         Where it names one.
-    fitted : Fitted or None
+    fitted : FittedPlant or None
         Magnet that was fitted to the loops; `settings` holds its numbers then.
     """
 
     path: Path
     settings: ForceRigTable
     solenoid_file: SolenoidFile | None
-    fitted: Fitted | None = None
+    fitted: FittedPlant | None = None
 
     @property
     def dt(self) -> float:
