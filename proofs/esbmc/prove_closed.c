@@ -17,8 +17,8 @@
 /* a: flux, as far as the compensator lets it; b: bounded state; c: distance or its mirror. */
 static int is_memory(const anhyst_memory *memory)
 {
-  return memory->a >= -ANHYST_Q30_ONE / 2 * 3 && memory->a <= ANHYST_Q30_ONE / 2 * 3 &&
-         WITHIN_ONE(memory->b) && memory->c >= -ANHYST_Q31_MAX;
+  return memory->x >= -ANHYST_Q30_ONE / 2 * 3 && memory->x <= ANHYST_Q30_ONE / 2 * 3 &&
+         WITHIN_ONE(memory->y) && memory->p >= -ANHYST_Q31_MAX;
 }
 
 static anhyst_memory any_memory(void)
@@ -49,10 +49,10 @@ static inline int32_t anhyst_lag_slope(const int16_t *words, int32_t p)
 static void any_advance(const int16_t *words, anhyst_memory *start, int32_t way, anhyst_memory *to)
 {
   SHOW(way >= 0 && is_memory(start));
-  start->c = any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX);
-  to->a = start->a;
-  to->b = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  to->c = any_within(0, ANHYST_Q31_MAX);
+  start->p = any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX);
+  to->x = start->x;
+  to->y = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  to->p = any_within(0, ANHYST_Q31_MAX);
 }
 
 /* ---- proofs ---- */

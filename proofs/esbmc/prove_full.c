@@ -226,11 +226,11 @@ static void remember(const path *along, const anhyst_memory *from, int32_t falli
 {
   SHOW(inside(at->x) && inside(at->y) && inside(at->p));
   SHOW(inside(along->turn) && inside(along->level));
-  to->a = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
-  to->b = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
-  to->c = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
-  to->d = nondet_i32();
-  to->e = nondet_i32();
+  to->x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
+  to->y = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
+  to->p = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
+  to->turn = nondet_i32();
+  to->level = nondet_i32();
 }
 #endif
 
@@ -382,9 +382,9 @@ static void prove_remember(void)
   const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   anhyst_memory to;
   remember(&along, &from, nondet_i16() != 0 ? -1 : 0, &at, &to);
-  SHOW(to.a >= -ANHYST_Q30_ONE && to.a < ANHYST_Q30_ONE);
-  SHOW(to.b >= -ANHYST_Q30_ONE && to.b < ANHYST_Q30_ONE);
-  SHOW(to.c >= -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);
+  SHOW(to.x >= -ANHYST_Q30_ONE && to.x < ANHYST_Q30_ONE);
+  SHOW(to.y >= -ANHYST_Q30_ONE && to.y < ANHYST_Q30_ONE);
+  SHOW(to.p >= -ANHYST_Q30_ONE && to.p < ANHYST_Q30_ONE);
 }
 
 /* The head of a block that passed its check. */
@@ -420,9 +420,9 @@ static void prove_carry(void)
   assume_sound(words);
   anhyst_memory memory = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   anhyst_full_carry(before, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), &memory);
-  SHOW(memory.a > -ANHYST_Q30_ONE && memory.a < ANHYST_Q30_ONE);
-  SHOW(memory.b > -ANHYST_Q30_ONE && memory.b < ANHYST_Q30_ONE);
-  SHOW(memory.c > -ANHYST_Q30_ONE && memory.c < ANHYST_Q30_ONE);
+  SHOW(memory.x > -ANHYST_Q30_ONE && memory.x < ANHYST_Q30_ONE);
+  SHOW(memory.y > -ANHYST_Q30_ONE && memory.y < ANHYST_Q30_ONE);
+  SHOW(memory.p > -ANHYST_Q30_ONE && memory.p < ANHYST_Q30_ONE);
 }
 
 static void prove_kernel(void)
@@ -449,9 +449,9 @@ static void prove_kernel(void)
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
   (void)full_flux(words, &from, &solved, &arms, nondet_i32(), &to);
 #endif
-  SHOW(to.a >= -ANHYST_Q30_ONE && to.a < ANHYST_Q30_ONE);
-  SHOW(to.b >= -ANHYST_Q30_ONE && to.b < ANHYST_Q30_ONE);
-  SHOW(to.c >= -ANHYST_Q30_ONE && to.c < ANHYST_Q30_ONE);
+  SHOW(to.x >= -ANHYST_Q30_ONE && to.x < ANHYST_Q30_ONE);
+  SHOW(to.y >= -ANHYST_Q30_ONE && to.y < ANHYST_Q30_ONE);
+  SHOW(to.p >= -ANHYST_Q30_ONE && to.p < ANHYST_Q30_ONE);
 }
 
 int main(void)

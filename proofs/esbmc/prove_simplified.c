@@ -72,8 +72,8 @@ static void prove_advance(void)
                         any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX), 0, 0};
   anhyst_memory to;
   advance(words, &from, any_within(0, ANHYST_Q31_MAX), &to);
-  SHOW(to.a == from.a && to.c >= 0);
-  SHOW(to.b >= -ANHYST_Q30_ONE && to.b <= ANHYST_Q30_ONE);
+  SHOW(to.x == from.x && to.p >= 0);
+  SHOW(to.y >= -ANHYST_Q30_ONE && to.y <= ANHYST_Q30_ONE);
 }
 
 static void prove_z_of(void)

@@ -138,11 +138,11 @@ static void walk(double kappa, double c, double *error_y, double *error_m)
     path along;
     answer at;
     anhyst_memory from;
-    from.a = (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE);
-    from.b = (int32_t)lrint(y0 * ANHYST_Q30_ONE);
-    from.c = from.a;
-    from.d = from.a;
-    from.e = from.b;
+    from.x = (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE);
+    from.y = (int32_t)lrint(y0 * ANHYST_Q30_ONE);
+    from.p = from.x;
+    from.turn = from.x;
+    from.level = from.y;
     prepare(&along, words, &from);
     set_out(&along, 0);
     depart(&along);
@@ -199,8 +199,8 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
     anhyst_memory to;
     const int32_t flux = full_flux(words, &from, &none, &arms, target * 4, &to);
     const double m =
-        (flux - anhyst_scale(to.a, words[ANHYST_WORD_FULL_AIR]) * 4) / (FULL_Q28 * 4.0);
-    keep_worst(&worst, fabs((double)to.a / ANHYST_Q30_ONE - x1 / REACH));
+        (flux - anhyst_scale(to.x, words[ANHYST_WORD_FULL_AIR]) * 4) / (FULL_Q28 * 4.0);
+    keep_worst(&worst, fabs((double)to.x / ANHYST_Q30_ONE - x1 / REACH));
     keep_worst(&worst, fabs(m - m1) / REACH);
   }
   return worst;

@@ -25,13 +25,13 @@ void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t fl
 {
   (void)before;
   (void)words;
-  memory->a = flux;
-  memory->c = 0;
+  memory->x = flux;
+  memory->p = 0;
 }
 
 static anhyst_memory mirrored(const anhyst_memory *memory)
 {
-  const anhyst_memory other = {-memory->a, -memory->b, -memory->c, 0, 0};
+  const anhyst_memory other = {-memory->x, -memory->y, -memory->p, 0, 0};
   return other;
 }
 
@@ -44,21 +44,21 @@ static anhyst_memory in_direction(const anhyst_memory *memory, int falling)
 int32_t anhyst_closed_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
                             anhyst_candidate *to, anhyst_advance *advance)
 {
-  const int32_t way = anhyst_sub_q31(flux, from->a);
+  const int32_t way = anhyst_sub_q31(flux, from->x);
   const int falling = way < 0;
   anhyst_memory start = in_direction(from, falling);
   anhyst_memory end;
   advance(words, &start, anhyst_abs_q31(way), &end);
   to->memory = in_direction(&end, falling);
-  to->memory.a = flux;
-  to->m = start.c;
+  to->memory.x = flux;
+  to->m = start.p;
   to->way = falling ? -1 : 1;
-  return to->memory.b;
+  return to->memory.y;
 }
 
 static int32_t current_at(const anhyst_memory *at, const anhyst_arms *arms)
 {
-  return anhyst_scale(at->a, arms->flux_arm) + anhyst_scale(at->b, arms->field_arm);
+  return anhyst_scale(at->x, arms->flux_arm) + anhyst_scale(at->y, arms->field_arm);
 }
 
 /* flux_arm*flux + field_arm*u = target on a rising path, from *to, which is a place on it. In the
@@ -70,16 +70,16 @@ static void reach(const int16_t *words, anhyst_memory *start, const anhyst_arms 
   for (int16_t i = words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
     const int32_t missing = anhyst_sub_q31(target, current_at(to, arms));
     const int32_t slope =
-        arms->flux_arm + anhyst_scale(anhyst_lag_slope(words, to->b) * 64, arms->field_arm);
+        arms->flux_arm + anhyst_scale(anhyst_lag_slope(words, to->y) * 64, arms->field_arm);
     if (missing == 0 || slope <= 0) {
       break; /* as near as the numbers allow */
     }
     const int32_t way = anhyst_quotient(anhyst_abs_q31(missing), slope);
-    const int32_t next = missing > 0 ? anhyst_add_q31(to->a, way) : anhyst_sub_q31(to->a, way);
+    const int32_t next = missing > 0 ? anhyst_add_q31(to->x, way) : anhyst_sub_q31(to->x, way);
     const int32_t flux = next < ANHYST_Q30_ONE ? next : ANHYST_Q30_ONE - 1;
-    if (flux > start->a) {
-      advance(words, start, anhyst_sub_q31(flux, start->a), to);
-      to->a = flux;
+    if (flux > start->x) {
+      advance(words, start, anhyst_sub_q31(flux, start->x), to);
+      to->x = flux;
     } else {
       *to = *start;
     }
@@ -99,13 +99,13 @@ int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
   const int falling = missing < 0;
   if (missing <= STILL && missing >= -STILL) {
     *to = *from;
-    return to->a;
+    return to->x;
   }
   anhyst_memory start = in_direction(from, falling);
   anhyst_memory end = start;
   if (solved->way == (falling ? -1 : 1)) {
-    start.c = solved->m;
-    end.c = solved->m;
+    start.p = solved->m;
+    end.p = solved->m;
     const int32_t left = anhyst_sub_q31(target, current_at(&solved->memory, arms));
     if (anhyst_abs_q31(left) < anhyst_abs_q31(missing)) {
       end = in_direction(&solved->memory, falling);
@@ -113,5 +113,5 @@ int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
   }
   reach(words, &start, arms, falling ? -target : target, &end, advance);
   *to = in_direction(&end, falling);
-  return to->a;
+  return to->x;
 }

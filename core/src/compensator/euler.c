@@ -17,16 +17,16 @@ static void advance(const int16_t *words, anhyst_memory *start, int32_t way, anh
 {
   const int16_t substeps = words[ANHYST_WORD_EULER_SUBSTEPS];
   const int32_t part = way / substeps;
-  int32_t u = start->b;
+  int32_t u = start->y;
   for (int16_t i = 0; i < substeps; i++) {
     u = anhyst_add_q31(u, change(part, anhyst_lag_slope(words, u)));
     u = anhyst_clamp(u, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   }
-  to->a = start->a;
-  to->d = 0;
-  to->e = 0;
-  to->b = u;
-  to->c = 0;
+  to->x = start->x;
+  to->turn = 0;
+  to->level = 0;
+  to->y = u;
+  to->p = 0;
 }
 
 static int32_t euler_field(const int16_t *words, const anhyst_memory *from, int32_t flux,

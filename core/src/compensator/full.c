@@ -320,11 +320,11 @@ static void remember(const path *along, const anhyst_memory *from, int32_t falli
                      const answer *at, anhyst_memory *to)
 {
   const int moved = at->p != along->p;
-  to->a = turned(at->x, falling) * 4;
-  to->b = turned(at->y, falling) * 4;
-  to->c = turned(at->p, falling) * 4;
-  to->d = moved ? turned(along->turn, falling) * 4 : from->d;
-  to->e = moved ? turned(along->level, falling) * 4 : from->e;
+  to->x = turned(at->x, falling) * 4;
+  to->y = turned(at->y, falling) * 4;
+  to->p = turned(at->p, falling) * 4;
+  to->turn = moved ? turned(along->turn, falling) * 4 : from->turn;
+  to->level = moved ? turned(along->level, falling) * 4 : from->level;
 }
 
 /* The slopes beyond the start of a path that has departed, from the anhysteretic there. */
@@ -362,7 +362,7 @@ static int32_t full_field(const int16_t *words, const anhyst_memory *from, int32
   to->m = turned(at.m, falling);
   to->y_slope = (int16_t)at.y_slope;
   to->m_slope = (int16_t)at.m_slope;
-  return to->memory.a;
+  return to->memory.x;
 }
 
 /* flux_arm*flux + field_arm*x at a place of the law: what makes up the current. */
@@ -382,9 +382,9 @@ static void aim(search *find, const answer *at, int32_t missing)
 /* The end of a solved path of the same start and direction. */
 static answer end_of(const path *along, const anhyst_candidate *solved, int32_t falling)
 {
-  const answer at = {above(turned(solved->memory.a >> 2, falling), along->x),
-                     above(turned(solved->memory.b >> 2, falling), along->y),
-                     above(turned(solved->memory.c >> 2, falling), along->p),
+  const answer at = {above(turned(solved->memory.x >> 2, falling), along->x),
+                     above(turned(solved->memory.y >> 2, falling), along->y),
+                     above(turned(solved->memory.p >> 2, falling), along->p),
                      anhyst_sat_q28(turned(solved->m, falling)),
                      solved->y_slope,
                      solved->m_slope};
@@ -442,7 +442,7 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from,
     }
   }
   remember(&along, from, falling, &at, to);
-  const int32_t of_air = anhyst_shl_q31(anhyst_scale(to->a, words[ANHYST_WORD_FULL_AIR]), 2);
+  const int32_t of_air = anhyst_shl_q31(anhyst_scale(to->x, words[ANHYST_WORD_FULL_AIR]), 2);
   return anhyst_add_q31(turned(at.m, falling) * 4, of_air);
 }
 

@@ -123,9 +123,9 @@ void anhyst_full_carry(const int16_t *before, const int16_t *words, int32_t flux
       high = middle;
     }
   }
-  memory->a = along.x * 4;
-  memory->b = along.y * 4;
-  memory->c = along.p * 4;
-  memory->d = memory->c;
-  memory->e = memory->b;
+  memory->x = along.x * 4;
+  memory->y = along.y * 4;
+  memory->p = along.p * 4;
+  memory->turn = memory->p;
+  memory->level = memory->y;
 }

@@ -95,11 +95,11 @@ static inline void prepare(path *along, const int16_t *words, const anhyst_memor
   along->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
   along->near = NEAR_PART / along->steepness;
   along->near = along->near < NEAR_WAY ? along->near : NEAR_WAY;
-  along->x = anhyst_sat_q28(from->a >> 2);
-  along->y = anhyst_sat_q28(from->b >> 2);
-  along->p = anhyst_sat_q28(from->c >> 2);
-  along->turn = anhyst_sat_q28(from->d >> 2);
-  along->level = anhyst_sat_q28(from->e >> 2);
+  along->x = anhyst_sat_q28(from->x >> 2);
+  along->y = anhyst_sat_q28(from->y >> 2);
+  along->p = anhyst_sat_q28(from->p >> 2);
+  along->turn = anhyst_sat_q28(from->turn >> 2);
+  along->level = anhyst_sat_q28(from->level >> 2);
 }
 
 /* As anhyst_kernel says of them. */

@@ -80,29 +80,29 @@ static void advance(const int16_t *words, anhyst_memory *start, int32_t way, anh
   int32_t distance =
       stretched(way, words[ANHYST_WORD_SIMPLE_RATE], words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
   int32_t z = 0;
-  to->a = start->a;
-  to->d = 0;
-  to->e = 0;
-  to->c = 0;
-  if (start->b < 0) {
+  to->x = start->x;
+  to->turn = 0;
+  to->level = 0;
+  to->p = 0;
+  if (start->y < 0) {
     const int32_t held =
         stretched(way, words[ANHYST_WORD_SIMPLE_HOLD], words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]);
-    if (held < -start->b) {
-      to->b = start->b + held;
+    if (held < -start->y) {
+      to->y = start->y + held;
       return;
     }
-    distance -= anhyst_scale(-start->b, words[ANHYST_WORD_SIMPLE_REST]) >> 2;
+    distance -= anhyst_scale(-start->y, words[ANHYST_WORD_SIMPLE_REST]) >> 2;
     distance = distance > 0 ? distance : 0;
   } else {
-    if (start->c <= 0) {
-      start->c = z_of(words, start->b);
+    if (start->p <= 0) {
+      start->p = z_of(words, start->y);
     }
-    z = start->c;
+    z = start->p;
   }
   z = anhyst_add_q31(z, distance);
   const int32_t p = p_of(words, z);
-  to->b = p > start->b ? p : start->b;
-  to->c = z;
+  to->y = p > start->y ? p : start->y;
+  to->p = z;
 }
 
 static int32_t simplified_field(const int16_t *words, const anhyst_memory *from, int32_t flux,

@@ -200,7 +200,7 @@ class FixedController:
 class _RealCompensator:
     """The floating-point compensator of core/include/anhyst/compensator/compensator_real.h, bit for bit.
 
-    Signals in the model's units. A memory has five numbers: place, level, turn, turn_level, x.
+    Signals in the model's units. A memory has five numbers: x, y, p, turn, level.
     """
 
     def solve(self, demand: float, gap: float) -> float: ...

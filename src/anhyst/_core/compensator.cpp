@@ -83,7 +83,7 @@ public:
   OutQ memory() const
   {
     const anhyst_memory &m = state_.memory;
-    const int32_t words[5] = {m.a, m.b, m.c, m.d, m.e};
+    const int32_t words[5] = {m.x, m.y, m.p, m.turn, m.level};
     OutQ out = make_words(5);
     std::copy(words, words + 5, out.data());
     return out;

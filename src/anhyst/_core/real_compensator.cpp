@@ -37,7 +37,7 @@ public:
   {
     Out out = make_array(5);
     const typename F::Memory &now = state_.memory;
-    const Real values[] = {now.place, now.level, now.turn, now.turn_level, now.x};
+    const Real values[] = {now.x, now.y, now.p, now.turn, now.level};
     std::copy(std::begin(values), std::end(values), out.data());
     return out;
   }
@@ -45,7 +45,7 @@ public:
   {
     same_length(5, values.shape(0), "memory");
     const auto real = [&](size_t i) { return static_cast<Real>(values(i)); };
-    if (!(is_level(values(1)) && is_level(values(3)))) {
+    if (!(is_level(values(1)) && is_level(values(4)))) {
       throw std::invalid_argument("a level lies within -1..1");
     }
     state_.memory = {real(0), real(1), real(2), real(3), real(4)};

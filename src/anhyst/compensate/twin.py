@@ -177,7 +177,7 @@ class RealTwin(Twin):
         return self._core.output()
 
     def start_from(self, memory: ArrayLike) -> None:
-        """Set what the iron remembers: place, level, turn, turn_level, x.
+        """Set what the iron remembers: x, y, p, turn, level.
 
         Raises
         ------

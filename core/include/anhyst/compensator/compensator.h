@@ -25,17 +25,15 @@ extern "C" {
 #endif
 
 /* What the iron remembers, all q30 within -1..1 unless the kernel says otherwise. Zero is the
-   demagnetised state. full: field, irreversible magnetisation, play; and play and magnetisation
-   where the play last turned, from which all is computed as long as the direction stays, so that
-   steps far below a unit in the last place add up to nothing but themselves. simplified: flux,
-   bounded state u, and distance z from where u was zero (q27 within -16..16, signed as the
-   direction; zero: unknown or held). euler: flux, bounded state. */
+   demagnetised state. From where the play last turned all is computed as long as the direction
+   stays, so that steps far below a unit in the last place add up to nothing but themselves. */
 typedef struct {
-  int32_t a;
-  int32_t b;
-  int32_t c;
-  int32_t d;
-  int32_t e;
+  int32_t x;     /* full: field; simplified, euler: flux */
+  int32_t y;     /* full: irreversible magnetisation; simplified, euler: bounded state u */
+  int32_t p;     /* full: play; simplified: distance z from where u was zero (q27 within -16..16,
+                    signed as the direction; zero: unknown or held) */
+  int32_t turn;  /* full: play where it last turned */
+  int32_t level; /* full: y there */
 } anhyst_memory;
 
 /* A solved step that has not been committed: where it leads, and what a current near it needs. */
@@ -54,7 +52,8 @@ typedef struct {
   int16_t field_arm; /* weight, > 0 */
 } anhyst_arms;
 
-/* A law in fixed point. Both functions leave *from alone and fill *to, which may not lie in *from.
+/* A law in fixed point. The first two functions leave *from alone and fill *to, which may not lie
+ * in *from.
  */
 typedef struct {
   uint16_t kind; /* of the blocks it works with */

@@ -137,9 +137,7 @@ void ANHYST_NAME(anhyst_compensator_swap)(ANHYST_NAME(anhyst_compensator) *c,
                                           const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   c->parameters = parameters;
-  /* The new law goes on from here, not from where the old one set out. */
-  c->memory.turn = c->memory.place;
-  c->memory.turn_level = c->memory.level;
+  parameters->kernel->carry(&c->memory);
   c->solved = 0;
 }
 

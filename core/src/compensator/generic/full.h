@@ -104,14 +104,13 @@ static ANHYST_REAL ANHYST_NAME(irreversible)(const ANHYST_NAME(path) *along, ANH
 {
   *slope = R(0.0);
   if (p <= along->departure) {
-    return along->from.level;
+    return along->from.y;
   }
   ANHYST_REAL rise;
   const ANHYST_REAL here = ANHYST_NAME(branch)(along, p, &rise);
   const ANHYST_REAL gone = ANHYST_NAME(forgotten)((p - along->departure) * along->law->octaves);
   const ANHYST_REAL risen = (along->branch - along->level) * gone + (here - along->branch);
-  const ANHYST_REAL y =
-      ANHYST_NAME(anhyst_limited)(along->level + risen, along->from.level, R(1.0));
+  const ANHYST_REAL y = ANHYST_NAME(anhyst_limited)(along->level + risen, along->from.y, R(1.0));
   const ANHYST_REAL steep = rise + ANHYST_NAME(pulled)(along, here - y);
   *slope = steep > R(0.0) ? steep : R(0.0);
   return y;
@@ -124,7 +123,7 @@ static void ANHYST_NAME(evaluate)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
   ANHYST_REAL x_slope;
   const ANHYST_REAL anhysteretic = ANHYST_NAME(curve)(along, x, &x_slope);
   at->x = x;
-  at->p = x - law->play > along->from.place ? x - law->play : along->from.place;
+  at->p = x - law->play > along->from.p ? x - law->play : along->from.p;
   at->y = ANHYST_NAME(irreversible)(along, at->p, &at->y_slope);
   at->m = ANHYST_NAME(magnetisation)(along, at->y, anhysteretic);
   at->m_slope = ANHYST_NAME(magnetisation)(along, at->y_slope, x_slope);
@@ -137,24 +136,24 @@ static void ANHYST_NAME(depart)(ANHYST_NAME(path) *along, ANHYST_NAME(answer) *a
   ANHYST_REAL slope;
   ANHYST_REAL x_slope;
   const ANHYST_REAL anhysteretic = ANHYST_NAME(curve)(along, from->x, &x_slope);
-  const ANHYST_REAL pull = ANHYST_NAME(curve)(along, from->place, &slope);
+  const ANHYST_REAL pull = ANHYST_NAME(curve)(along, from->p, &slope);
   at->x = from->x;
-  at->p = from->place;
-  at->y = from->level;
+  at->p = from->p;
+  at->y = from->y;
   at->y_slope = R(0.0);
-  along->departure = from->place;
-  along->level = from->level;
-  if (pull < from->level) {
+  along->departure = from->p;
+  along->level = from->y;
+  if (pull < from->y) {
     /* Held until the anhysteretic has crossed y. Where that is exactly hardly matters, since y
        leaves with slope zero. */
-    const ANHYST_REAL crossing = ANHYST_NAME(inverse_curve)(along->law, from->level);
-    along->departure = crossing > from->place ? crossing : from->place;
-  } else if (from->place + along->law->play - from->x <= along->short_way) { /* play taken up */
-    at->y_slope = ANHYST_NAME(pulled)(along, pull - from->level);
+    const ANHYST_REAL crossing = ANHYST_NAME(inverse_curve)(along->law, from->y);
+    along->departure = crossing > from->p ? crossing : from->p;
+  } else if (from->p + along->law->play - from->x <= along->short_way) { /* play taken up */
+    at->y_slope = ANHYST_NAME(pulled)(along, pull - from->y);
   }
-  if (from->turn < from->place) { /* still on the way on which it set out there */
+  if (from->turn < from->p) { /* still on the way on which it set out there */
     along->departure = from->turn;
-    along->level = from->turn_level;
+    along->level = from->level;
   }
   along->branch = ANHYST_NAME(branch)(along, along->departure, &slope);
   at->m = ANHYST_NAME(magnetisation)(along, at->y, anhysteretic);
@@ -216,10 +215,10 @@ static void ANHYST_NAME(slide)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
   const ANHYST_NAME(anhyst_memory) *from = &along->from;
   const ANHYST_REAL way = x - at->x;
   at->x = x;
-  at->y = ANHYST_NAME(anhyst_limited)(at->y + way * at->y_slope, from->level, R(1.0));
+  at->y = ANHYST_NAME(anhyst_limited)(at->y + way * at->y_slope, from->y, R(1.0));
   at->m += way * at->m_slope;
-  if (at->p > from->place) {
-    at->p = x - along->law->play > from->place ? x - along->law->play : from->place;
+  if (at->p > from->p) {
+    at->p = x - along->law->play > from->p ? x - along->law->play : from->p;
   }
 }
 
@@ -232,7 +231,7 @@ static ANHYST_REAL ANHYST_NAME(leave_hold)(const ANHYST_NAME(path) *along,
 {
   ANHYST_REAL slope;
   const ANHYST_REAL m =
-      ANHYST_NAME(magnetisation)(along, along->from.level, ANHYST_NAME(curve)(along, end, &slope));
+      ANHYST_NAME(magnetisation)(along, along->from.y, ANHYST_NAME(curve)(along, end, &slope));
   ANHYST_REAL first = tangent;
   find->residual = find->air * end + find->iron * m - find->target;
   if (find->residual < R(0.0)) {
@@ -256,8 +255,7 @@ static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search
                               ANHYST_NAME(answer) *at)
 {
   const ANHYST_REAL reach = along->law->reach;
-  const ANHYST_REAL moves =
-      along->departure > along->from.place ? along->departure : along->from.place;
+  const ANHYST_REAL moves = along->departure > along->from.p ? along->departure : along->from.p;
   const ANHYST_REAL freed = moves + along->law->play;
   ANHYST_REAL furthest = R(4.0) * reach;
   find->low = at->x;
@@ -289,30 +287,30 @@ static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search
   ANHYST_NAME(slide)(along, ANHYST_NAME(anhyst_limited)(last, find->low, find->high), at);
 }
 
-static ANHYST_NAME(anhyst_memory) ANHYST_NAME(full_mirrored)(ANHYST_NAME(anhyst_memory) memory)
+static ANHYST_NAME(anhyst_memory) ANHYST_NAME(turned)(ANHYST_NAME(anhyst_memory) memory)
 {
-  memory.place = -memory.place;
-  memory.level = -memory.level;
+  memory.p = -memory.p;
+  memory.y = -memory.y;
   memory.turn = -memory.turn;
-  memory.turn_level = -memory.turn_level;
+  memory.level = -memory.level;
   memory.x = -memory.x;
   return memory;
 }
 
 /* Where an answer on a path leaves the iron. */
 static ANHYST_NAME(anhyst_memory)
-    ANHYST_NAME(remembered)(const ANHYST_NAME(path) *along, const ANHYST_NAME(answer) *at)
+    ANHYST_NAME(remember)(const ANHYST_NAME(path) *along, const ANHYST_NAME(answer) *at)
 {
   ANHYST_NAME(anhyst_memory) memory = along->from;
   memory.x = at->x;
-  memory.level = at->y;
-  memory.place = at->p;
+  memory.y = at->y;
+  memory.p = at->p;
   if (at->p > along->departure) {
     memory.turn = along->departure;
-    memory.turn_level = along->level;
-  } else if (at->p > along->from.place) { /* held: what comes sets out from here */
+    memory.level = along->level;
+  } else if (at->p > along->from.p) { /* held: what comes sets out from here */
     memory.turn = at->p;
-    memory.turn_level = at->y;
+    memory.level = at->y;
   }
   return memory;
 }
@@ -332,7 +330,7 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_full_law) *law,
   along.short_way = law->reach * R(0.00006103515625);
   along.long_way = law->reach * R(0.015625);
   const ANHYST_REAL m =
-      ANHYST_NAME(magnetisation)(&along, from->level, ANHYST_NAME(curve)(&along, from->x, &slope));
+      ANHYST_NAME(magnetisation)(&along, from->y, ANHYST_NAME(curve)(&along, from->x, &slope));
   const ANHYST_REAL of_air = air * from->x;
   const ANHYST_REAL of_iron = iron * m;
   const ANHYST_REAL residual = of_air + of_iron - target;
@@ -349,13 +347,13 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_full_law) *law,
   find.iron = iron;
   find.target = falling ? -target : target;
   if (falling) {
-    along.from = ANHYST_NAME(full_mirrored)(along.from);
+    along.from = ANHYST_NAME(turned)(along.from);
   }
   ANHYST_NAME(depart)(&along, &at);
   ANHYST_NAME(rise)(&along, &find, &at);
-  *to = ANHYST_NAME(remembered)(&along, &at);
+  *to = ANHYST_NAME(remember)(&along, &at);
   if (falling) {
-    *to = ANHYST_NAME(full_mirrored)(*to);
+    *to = ANHYST_NAME(turned)(*to);
   }
   return falling ? -at.m : at.m;
 }
@@ -423,5 +421,12 @@ static int ANHYST_NAME(full_sound)(const ANHYST_NAME(anhyst_parameters) *paramet
          ANHYST_NAME(current_rises)(parameters);
 }
 
-const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_full) = {
-    ANHYST_NAME(full_field), ANHYST_NAME(full_flux), ANHYST_NAME(full_sound)};
+static void ANHYST_NAME(full_carry)(ANHYST_NAME(anhyst_memory) *memory)
+{
+  memory->turn = memory->p;
+  memory->level = memory->y;
+}
+
+const ANHYST_NAME(anhyst_kernel)
+    ANHYST_NAME(anhyst_kernel_full) = {ANHYST_NAME(full_field), ANHYST_NAME(full_flux),
+                                       ANHYST_NAME(full_sound), ANHYST_NAME(full_carry)};

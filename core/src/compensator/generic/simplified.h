@@ -74,43 +74,41 @@ static void ANHYST_NAME(advance)(const ANHYST_NAME(anhyst_simplified_law) *law,
                                  ANHYST_NAME(anhyst_memory) *to)
 {
   const ANHYST_REAL way = flux - start->turn;
-  const ANHYST_REAL held = start->turn_level + law->hold * way;
+  const ANHYST_REAL held = start->level + law->hold * way;
   ANHYST_REAL p;
   if (held < R(0.0)) {
     p = held;
   } else {
     /* What of the way went on while held counts for less. */
-    const ANHYST_REAL before =
-        start->turn_level < R(0.0) ? start->turn_level * (R(1.0) - law->nu) : start->x;
+    const ANHYST_REAL before = start->level < R(0.0) ? start->level * (R(1.0) - law->nu) : start->p;
     const ANHYST_REAL z = law->rate * way + before;
     p = ANHYST_NAME(p_of)(law, z > R(0.0) ? z : R(0.0));
   }
   *to = *start;
-  to->place = flux;
-  to->level = p > start->level ? p : start->level;
+  to->x = flux;
+  to->y = p > start->y ? p : start->y;
 }
 
-/* A memory as the start of a rising path: what set out the other way sets out anew. */
+/* A memory as the start of a rising path: what set out the other way sets out again. */
 static ANHYST_NAME(anhyst_memory)
     ANHYST_NAME(set_out)(const ANHYST_NAME(anhyst_simplified_law) *law,
                          ANHYST_NAME(anhyst_memory) from)
 {
-  if (!(from.turn < from.place)) {
-    from.turn = from.place;
-    from.turn_level = from.level;
-    from.x = from.level > R(0.0) ? ANHYST_NAME(z_of)(law, from.level) : R(0.0);
+  if (!(from.turn < from.x)) {
+    from.turn = from.x;
+    from.level = from.y;
+    from.p = from.y > R(0.0) ? ANHYST_NAME(z_of)(law, from.y) : R(0.0);
   }
   return from;
 }
 
 /* z counts in the direction of travel, whichever that is. */
-static ANHYST_NAME(anhyst_memory)
-    ANHYST_NAME(simplified_mirrored)(ANHYST_NAME(anhyst_memory) memory)
+static ANHYST_NAME(anhyst_memory) ANHYST_NAME(mirrored)(ANHYST_NAME(anhyst_memory) memory)
 {
-  memory.place = -memory.place;
-  memory.level = -memory.level;
+  memory.x = -memory.x;
+  memory.y = -memory.y;
   memory.turn = -memory.turn;
-  memory.turn_level = -memory.turn_level;
+  memory.level = -memory.level;
   return memory;
 }
 
@@ -119,19 +117,19 @@ static ANHYST_REAL ANHYST_NAME(simplified_field)(const ANHYST_NAME(anhyst_parame
                                                  ANHYST_REAL flux, ANHYST_NAME(anhyst_memory) *to)
 {
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
-  if (flux > from->place) {
+  if (flux > from->x) {
     const ANHYST_NAME(anhyst_memory) start = ANHYST_NAME(set_out)(law, *from);
     ANHYST_NAME(advance)(law, &start, flux, to);
-  } else if (flux < from->place) {
+  } else if (flux < from->x) {
     const ANHYST_NAME(anhyst_memory) start =
-        ANHYST_NAME(set_out)(law, ANHYST_NAME(simplified_mirrored)(*from));
+        ANHYST_NAME(set_out)(law, ANHYST_NAME(mirrored)(*from));
     ANHYST_NAME(anhyst_memory) end;
     ANHYST_NAME(advance)(law, &start, -flux, &end);
-    *to = ANHYST_NAME(simplified_mirrored)(end);
+    *to = ANHYST_NAME(mirrored)(end);
   } else {
     *to = *from;
   }
-  return to->level;
+  return to->y;
 }
 
 /* dp/dflux on a rising path. */
@@ -152,13 +150,12 @@ static void ANHYST_NAME(reach)(const ANHYST_NAME(anhyst_simplified_law) *law,
 {
   *to = *start;
   for (uint16_t i = 0; i < law->iterations; i++) {
-    const ANHYST_REAL missing = target - arms->flux_arm * to->place - arms->field_arm * to->level;
-    const ANHYST_REAL slope =
-        arms->flux_arm + arms->field_arm * ANHYST_NAME(lag_slope)(law, to->level);
+    const ANHYST_REAL missing = target - arms->flux_arm * to->x - arms->field_arm * to->y;
+    const ANHYST_REAL slope = arms->flux_arm + arms->field_arm * ANHYST_NAME(lag_slope)(law, to->y);
     if (missing <= R(0.0) || slope <= R(0.0)) {
       continue; /* as near as the numbers allow; the remaining rounds change nothing */
     }
-    const ANHYST_REAL flux = to->place + missing / slope;
+    const ANHYST_REAL flux = to->x + missing / slope;
     ANHYST_NAME(advance)(law, start, flux < R(1.0) ? flux : R(1.0), to);
   }
 }
@@ -170,11 +167,11 @@ static ANHYST_REAL ANHYST_NAME(simplified_flux)(const ANHYST_NAME(anhyst_paramet
 {
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
   const ANHYST_REAL target = current - arms->bias;
-  const ANHYST_REAL of_flux = arms->flux_arm * from->place;
-  const ANHYST_REAL of_level = arms->field_arm * from->level;
-  const ANHYST_REAL missing = target - of_flux - of_level;
+  const ANHYST_REAL of_flux = arms->flux_arm * from->x;
+  const ANHYST_REAL of_state = arms->field_arm * from->y;
+  const ANHYST_REAL missing = target - of_flux - of_state;
   const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(target) + ANHYST_NAME(anhyst_size)(of_flux) +
-                           ANHYST_NAME(anhyst_size)(of_level);
+                           ANHYST_NAME(anhyst_size)(of_state);
   if (!(ANHYST_NAME(anhyst_size)(missing) > ANHYST_NAME(anhyst_noise)(size))) {
     *to = *from; /* there already, or the current is no number */
   } else if (missing > R(0.0)) {
@@ -182,12 +179,12 @@ static ANHYST_REAL ANHYST_NAME(simplified_flux)(const ANHYST_NAME(anhyst_paramet
     ANHYST_NAME(reach)(law, &start, arms, target, to);
   } else {
     const ANHYST_NAME(anhyst_memory) start =
-        ANHYST_NAME(set_out)(law, ANHYST_NAME(simplified_mirrored)(*from));
+        ANHYST_NAME(set_out)(law, ANHYST_NAME(mirrored)(*from));
     ANHYST_NAME(anhyst_memory) end;
     ANHYST_NAME(reach)(law, &start, arms, -target, &end);
-    *to = ANHYST_NAME(simplified_mirrored)(end);
+    *to = ANHYST_NAME(mirrored)(end);
   }
-  return to->place;
+  return to->x;
 }
 
 /* Whether more flux needs no less current at any gap. */
@@ -216,5 +213,12 @@ static int ANHYST_NAME(simplified_sound)(const ANHYST_NAME(anhyst_parameters) *p
          ANHYST_NAME(flux_arm_sound)(parameters);
 }
 
+static void ANHYST_NAME(simplified_carry)(ANHYST_NAME(anhyst_memory) *memory)
+{
+  memory->turn = memory->x;
+  memory->level = memory->y;
+}
+
 const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified) = {
-    ANHYST_NAME(simplified_field), ANHYST_NAME(simplified_flux), ANHYST_NAME(simplified_sound)};
+    ANHYST_NAME(simplified_field), ANHYST_NAME(simplified_flux), ANHYST_NAME(simplified_sound),
+    ANHYST_NAME(simplified_carry)};

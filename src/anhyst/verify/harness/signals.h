@@ -74,11 +74,11 @@ static inline signal on_grid(signal current)
 
 static inline void record_memory(const compensator_state *c, uint32_t *record)
 {
-  record[HARNESS_MEMORY_A] = word_of(c->memory.place);
-  record[HARNESS_MEMORY_B] = word_of(c->memory.level);
-  record[HARNESS_MEMORY_C] = word_of(c->memory.turn);
-  record[HARNESS_MEMORY_D] = word_of(c->memory.turn_level);
-  record[HARNESS_MEMORY_E] = word_of(c->memory.x);
+  record[HARNESS_MEMORY_A] = word_of(c->memory.x);
+  record[HARNESS_MEMORY_B] = word_of(c->memory.y);
+  record[HARNESS_MEMORY_C] = word_of(c->memory.p);
+  record[HARNESS_MEMORY_D] = word_of(c->memory.turn);
+  record[HARNESS_MEMORY_E] = word_of(c->memory.level);
 }
 
 #else
@@ -135,9 +135,9 @@ static inline uint32_t inner_word(int32_t a) { return (uint32_t)a; }
 
 static inline void record_memory(const compensator_state *c, uint32_t *record)
 {
-  record[HARNESS_MEMORY_A] = (uint32_t)c->memory.a;
-  record[HARNESS_MEMORY_B] = (uint32_t)c->memory.b;
-  record[HARNESS_MEMORY_C] = (uint32_t)c->memory.c;
+  record[HARNESS_MEMORY_A] = (uint32_t)c->memory.x;
+  record[HARNESS_MEMORY_B] = (uint32_t)c->memory.y;
+  record[HARNESS_MEMORY_C] = (uint32_t)c->memory.p;
   record[HARNESS_MEMORY_D] = 0;
   record[HARNESS_MEMORY_E] = 0;
 }

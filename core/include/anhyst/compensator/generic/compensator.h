@@ -79,18 +79,20 @@ typedef struct {
   uint16_t condition_ticks;               /* ticks of one ramp, 2..32767 */
 } ANHYST_NAME(anhyst_parameters);
 
-/* What the iron remembers. All zero is the demagnetised state. Beside where it is, it keeps where
-   the path now followed set out, and a step is computed from there: ticks of any number and size
-   add no rounding. */
+/* What the iron remembers, as in compensator.h. All zero is the demagnetised state. Beside where it
+   is, it keeps where the path now followed turned, and a step is computed from there: ticks of any
+   number and size add no rounding. */
 typedef struct {
-  ANHYST_REAL place; /* full: where the play stands, field; simplified: flux */
-  ANHYST_REAL level; /* full: irreversible magnetisation; simplified: the bounded state u */
-  ANHYST_REAL turn;  /* place where the path set out; place itself: not known, it sets out now */
-  ANHYST_REAL turn_level; /* level there */
-  ANHYST_REAL x;          /* full: field; simplified: distance z where the path set out */
+  ANHYST_REAL x;     /* full: field; simplified: flux */
+  ANHYST_REAL y;     /* full: irreversible magnetisation; simplified: bounded state u */
+  ANHYST_REAL p;     /* full: play; simplified: distance z where the path turned */
+  ANHYST_REAL turn;  /* full: play where y departed, which the fixed-point memory finds again from
+                        where the play turned; simplified: flux where the path turned. Where it is
+                        now: not known, it turns now */
+  ANHYST_REAL level; /* y there */
 } ANHYST_NAME(anhyst_memory);
 
-/* A law. Both functions leave *from alone and fill *to, which may not be *from. */
+/* A law. The first two functions leave *from alone and fill *to, which may not be *from. */
 struct ANHYST_NAME(anhyst_kernel) {
   /* The field that belongs to a flux. */
   ANHYST_REAL (*field)(const ANHYST_NAME(anhyst_parameters) *parameters,
@@ -103,6 +105,8 @@ struct ANHYST_NAME(anhyst_kernel) {
                       ANHYST_NAME(anhyst_memory) *to);
   /* Whether the law's own parameters are sound. */
   int (*sound)(const ANHYST_NAME(anhyst_parameters) *parameters);
+  /* Brings a memory to other parameters of the same law: it turns where it is. */
+  void (*carry)(ANHYST_NAME(anhyst_memory) *memory);
 };
 
 extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_full);
