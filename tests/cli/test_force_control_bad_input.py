@@ -87,7 +87,7 @@ def test_a_board_or_a_place_that_is_none(folder: Path) -> None:
     for name in ("loops.csv", "loops.toml"):
         shutil.copy(EXAMPLE / name, folder)
     said = refused(*RUN[:-1], "solenoid.toml", cwd=folder)
-    assert said.startswith("solenoid.toml: cannot be made: File exists; name a folder")
+    assert said == "solenoid.toml: is a file; name a folder"
 
 
 def test_loops_that_will_not_do(folder: Path) -> None:

@@ -65,7 +65,7 @@ def test_files_that_were_moved_already_go_again_where_a_later_one_cannot(tmp_pat
 def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     with (
-        pytest.raises(InputError, match="out: cannot be written: Not a directory"),
+        pytest.raises(InputError, match="out: is a file; name a folder"),
         whole_folder(tmp_path / "out"),
     ):
         pass

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from anhyst.support.atomic import PathLike, write_error
+from anhyst.support.errors import InputError
 
 
 @contextmanager
@@ -34,9 +35,11 @@ def whole_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
     Raises
     ------
     InputError
-        The place cannot be written, or the disk is full.
+        The place is a file or cannot be written, or the disk is full.
     """
     target = Path(os.path.realpath(out))
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{out}: is a file; name a folder")
     as_whole = replace or not target.exists()
     draft = (target.parent if as_whole else target) / f".{target.name}.{os.getpid()}.part"
     try:
