@@ -72,7 +72,7 @@ void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32
   fake.commits++;
   fake.committed = applied;
   fake.committed_gap = gap;
-  c->memory.a = applied / 2;
+  c->memory.x = applied / 2;
   c->flux_applied = applied / 4;
 }
 
