@@ -117,7 +117,7 @@ def is_negative(drive: FloatArray) -> bool:
 
 
 def is_even(loopset: LoopSet) -> bool:
-    """Whether the output cannot tell the sign of the input, as force cannot.
+    """Whether the output does not depend on the sign of the input, as force cannot.
 
     Not so in a magnet with a bias (permanent magnet or second coil): its force follows the input.
     """
@@ -125,7 +125,7 @@ def is_even(loopset: LoopSet) -> bool:
 
 
 def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
-    """Whether an output cannot tell the sign of the input, as `is_even`."""
+    """Whether an output does not depend on the sign of the input, as `is_even`."""
     if not output_map(output).even:
         return False
     bipolar = [loop for loop in loops if is_bipolar(loop.input)]

@@ -106,7 +106,7 @@ def drift(loopset: LoopSet) -> LoopSet:
 
     Where none comes again the drift cannot be judged: a note says so, and the loop stays as it is.
     """
-    loops, told, unknown = list(loopset.loops), [], []
+    loops, texts, unknown = list(loopset.loops), [], []
     for place, loop in enumerate(loops):
         total = estimates.drift(loop)
         if total is None:
@@ -115,13 +115,13 @@ def drift(loopset: LoopSet) -> LoopSet:
             clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
             share = (clock - clock[0]) / (clock[-1] - clock[0]) - 0.5
             loops[place] = replace(loop, output=loop.output - total * share)
-            told.append(f"{total:.3g} {loopset.output.unit} in loop '{loop.label}'")
+            texts.append(f"{total:.3g} {loopset.output.unit} in loop '{loop.label}'")
     if unknown:
         note = f"drift of loops {_some(unknown)} cannot be judged: no state comes again in them"
         loopset = replace(loopset, notes=(*loopset.notes, note))
-    if not told:
+    if not texts:
         return loopset
-    return loopset.with_loops(loops, f"drift: {_some(told)} removed from the output")
+    return loopset.with_loops(loops, f"drift: {_some(texts)} removed from the output")
 
 
 def offset(loopset: LoopSet) -> LoopSet:
@@ -133,13 +133,13 @@ def offset(loopset: LoopSet) -> LoopSet:
     if not centres:
         return loopset
     shift = float(np.median([centre[0] for centre in centres]))
-    loops, told = [], []
+    loops, texts = [], []
     for loop, centre in zip(loopset.loops, found, strict=True):
         zero = centre[1] if centre is not None else 0.0
         loops.append(replace(loop, input=loop.input - shift, output=loop.output - zero))
-        told.append(f"{zero:.3g} {loopset.output.unit} in loop '{loop.label}'")
+        texts.append(f"{zero:.3g} {loopset.output.unit} in loop '{loop.label}'")
     return loopset.with_loops(
-        loops, f"offset: {shift:.3g} {loopset.input.unit} of the input, output {_some(told)}"
+        loops, f"offset: {shift:.3g} {loopset.input.unit} of the input, output {_some(texts)}"
     )
 
 
@@ -192,7 +192,7 @@ STEPS: Mapping[str, Callable[[LoopSet], LoopSet]] = MappingProxyType(
 """All cleaning steps by name."""
 
 DEFAULT_STEPS = ("dedupe", "thin")
-"""The steps taken unless told otherwise: those that lose nothing."""
+"""The steps taken unless others are named: those that lose nothing."""
 
 
 def _thinned(loop: Loop, most: int) -> Loop:

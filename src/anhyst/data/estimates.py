@@ -1,4 +1,4 @@
-"""What can be told from a record alone: noise, drift, closure, offsets, skew, saturation."""
+"""What can be estimated from a record alone: noise, drift, closure, offsets, skew, saturation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SYMMETRIC = 0.1
 
 
 _END = 6
-"""Samples at an end of a cycle that tell where it begins and ends."""
+"""Samples at an end of a cycle that show where it begins and ends."""
 
 
 def drift(loop: Loop) -> float | None:
@@ -133,7 +133,7 @@ def offsets(loop: Loop) -> tuple[float, float] | None:
 
 
 def skew(loop: Loop) -> float | None:
-    """Estimate the delay of the output behind the input in samples; ``None`` if none can be told.
+    """Estimate the delay of the output behind the input in samples; ``None`` if none can be found.
 
     At a reversal the output of any rate-independent law turns with the input: near it, the output
     is a smooth function of the (delayed) input on each side, with one common tip. The delay sought

@@ -21,7 +21,7 @@ from anhyst.support.units import Quantity
 
 @dataclass(frozen=True, slots=True)
 class LoopFigures:
-    """Figures of one loop, SI units of its input and output; ``None`` where it cannot be told.
+    """Figures of one loop, SI units of its input and output; ``None`` where it cannot be found.
 
     Attributes
     ----------

@@ -88,8 +88,8 @@ class _Kept:
         loop = self._snap(loop)
         entry = _Entry(loop, loop.schedule_value, place)
         # Where the scheduling variable moves, equal labels and data say nothing.
-        told = loop.schedule is None or entry.value is not None
-        if told:
+        known = loop.schedule is None or entry.value is not None
+        if known:
             for other in self.by_glance[_glance(loop)]:
                 if _same_data(loop, other.loop) and (twin := _judge_same(entry, other)):
                     return twin

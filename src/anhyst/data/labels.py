@@ -1,4 +1,4 @@
-"""Columns that nobody named a label, and that tell loops apart all the same."""
+"""Columns that nobody named a label, and that distinguish loops all the same."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ALIKE = 0.03
 
 
 def may_label(header: Header, first: Sequence[str]) -> bool:
-    """Whether a column may tell loops apart, by its header and its first `SHORTEST` fields."""
+    """Whether a column may distinguish loops, by its header and its first `SHORTEST` fields."""
     return bool(header.name) and len(first) == SHORTEST and len(set(first)) == 1 and first[0] != ""
 
 

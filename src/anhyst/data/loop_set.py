@@ -27,7 +27,7 @@ class Loop:
     Parameters
     ----------
     label
-        Tells loops apart; unique together with the scheduling value.
+        Distinguishes loops; unique together with the scheduling value.
     input, output
         Shape (n,), n >= 3, finite; kept as read-only float64.
     schedule
@@ -129,7 +129,7 @@ class Source:
 class LoopSet:
     """Loops of one device, in one input and one output quantity.
 
-    ``notes`` tell what was found while reading (comments of the file, columns left out, histories
+    ``notes`` say what was found while reading (comments of the file, columns left out, histories
     proposed); ``repairs`` what the cleaning steps changed.
 
     Raises
@@ -231,8 +231,8 @@ class LoopSet:
 
     def with_history(self, history: History | str) -> LoopSet:
         """Return the same set with every loop declaring the given history."""
-        told = History.parse(history) if isinstance(history, str) else history
-        return self.with_loops(replace(loop, history=told) for loop in self.loops)
+        past = History.parse(history) if isinstance(history, str) else history
+        return self.with_loops(replace(loop, history=past) for loop in self.loops)
 
     def require_reversals(self) -> None:
         """Refuse loops that never reverse, as identification must.

@@ -18,7 +18,7 @@ class OutputMap:
     quantity
         Name of the output.
     power
-        Power of the flux density; an even one cannot tell the sign of the input.
+        Power of the flux density; an even one does not depend on the sign of the input.
     of_flux
         Whether the output grows with the flux of the iron, and encloses energy with the input.
     absolute

@@ -164,7 +164,7 @@ def _initial_steepness(loop: Loop) -> float | None:
         return None
     span = float(np.ptp(size))
     if float(size.min()) > 0.05 * float(size.max()):
-        return None  # a record that does not start near zero cannot tell
+        return None  # a record that does not start near zero does not show it
     heights = []
     for level in (0.0, 0.1, 0.3):
         near = np.abs(size - size.min() - level * span) <= 0.02 * span

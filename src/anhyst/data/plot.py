@@ -54,7 +54,7 @@ def plot_loops(loopset: LoopSet, ax: Axes | None = None) -> Axes:
 
 
 def plot_inspection(inspection: Inspection, loopset: LoopSet) -> Figure:
-    """Draw the loops, what the best single-valued curve leaves over, and the verdict.
+    """Draw the loops, the residuals of the best single-valued curve, and the verdict.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def plot_inspection(inspection: Inspection, loopset: LoopSet) -> Figure:
     right.set_xlabel(loopset.input.label)
     what = output_map(loopset.output).reference
     right.set_ylabel(f"% of {what} {loopset.output.name.replace('_', ' ')}")
-    right.set_title("left over by the best single-valued curve", loc="left", fontsize="medium")
+    right.set_title("residuals of the best single-valued curve", loc="left", fontsize="medium")
     right.legend(frameon=False, fontsize="small")
     _dress(right)
     words.set_axis_off()

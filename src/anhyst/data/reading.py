@@ -169,29 +169,29 @@ def _find_sidecar(path: Path) -> FileDescription:
 
 
 def _read_file(
-    path: Path, told: FileDescription, progress: Progress | None, *, alone: bool
+    path: Path, given: FileDescription, progress: Progress | None, *, alone: bool
 ) -> LoopPart:
-    told = with_file_name(path, told)
-    return _read_table(open_table(path), _ALONE if alone else path.stem, told, progress)
+    given = with_file_name(path, given)
+    return _read_table(open_table(path), _ALONE if alone else path.stem, given, progress)
 
 
 def _read_table(
-    table: OpenTable, name: str, told: FileDescription, progress: Progress | None
+    table: OpenTable, name: str, given: FileDescription, progress: Progress | None
 ) -> LoopPart:
     """Read a table; ``name`` is that of its loop where it is all there is to call it by."""
     place = table.place
-    headers = map_headers(place, table.header, told.columns, table.units)
+    headers = map_headers(place, table.header, given.columns, table.units)
     head = table.first_rows(SHORTEST)
     words = [index for row in head[:1] for index, field in enumerate(row) if not is_number(field)]
-    roles = find_roles(place, headers, told, words)
+    roles = find_roles(place, headers, given, words)
     numbers = [roles.input, roles.output]
     numbers += [index for index in (roles.time, roles.schedule) if index is not None]
-    chosen = {name: find_column(place, headers, name) for name in told.select}
+    chosen = {name: find_column(place, headers, name) for name in given.select}
     asked = {index: [row[index] for row in head] for index in _unlabelled(roles)}
     asked = {index: first for index, first in asked.items() if may_label(headers[index], first)}
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = table.read(numbers, sorted(texts), progress)
-    keep = _selection(place, told, {name: raw.texts[i] for name, i in chosen.items()})
+    keep = _selection(place, given, {name: raw.texts[i] for name, i in chosen.items()})
 
     def where(row: int) -> str:
         return table.where(row if keep is None else int(keep[row]))
@@ -216,14 +216,14 @@ def _read_table(
     roles = roles.with_label(find_label(place, headers, idle, drive, answer, schedule))
     if roles.label is None:
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
-        # there is to tell them apart by.
+        # there is to distinguish them by.
         own = _ALONE if roles.quantity is not None else name
         labels = _one_label(roles.fixed_label or own, drive.size)
     else:
         labels = text(roles.label)
     columns = _Columns(place, drive, answer, schedule, values(roles.time), labels, where)
-    source = Source(place, raw.sha256, dict(told.columns)) if raw.sha256 else None
-    return _cut(columns, headers, roles, told, source, raw.notes)
+    source = Source(place, raw.sha256, dict(given.columns)) if raw.sha256 else None
+    return _cut(columns, headers, roles, given, source, raw.notes)
 
 
 def _unlabelled(roles: Roles) -> tuple[int, ...]:
@@ -239,13 +239,13 @@ def _schedule_values(roles: Roles, column: FloatArray | None, rows: int) -> Floa
     return np.full(rows, roles.fixed) if roles.fixed is not None else column
 
 
-def _selection(place: str, told: FileDescription, columns: dict[str, Texts]) -> Rows | None:
+def _selection(place: str, given: FileDescription, columns: dict[str, Texts]) -> Rows | None:
     """Rows whose columns hold one of the selected values; ``None`` for all."""
     if not columns:
         return None
     kept: NDArray[np.bool_] | None = None
     for name, column in columns.items():
-        wanted = told.select[name]
+        wanted = given.select[name]
         codes = [
             code
             for code, text in enumerate(column.values)
@@ -255,7 +255,7 @@ def _selection(place: str, told: FileDescription, columns: dict[str, Texts]) -> 
         kept = match if kept is None else kept & match
     rows = np.flatnonzero(np.asarray(kept))
     if rows.size == 0:
-        asked = ", ".join(f"{name} = {list(values)}" for name, values in told.select.items())
+        asked = ", ".join(f"{name} = {list(values)}" for name, values in given.select.items())
         raise InputError(f"{place}: no row has {asked}; correct the selection")
     return rows
 
@@ -273,7 +273,7 @@ def _cut(
     columns: _Columns,
     headers: Sequence[Header],
     roles: Roles,
-    told: FileDescription,
+    given: FileDescription,
     source: Source | None,
     notes: Sequence[str],
 ) -> LoopPart:
@@ -295,7 +295,7 @@ def _cut(
     loops, unstated = [], []
     for place, rows in enumerate(blocks):
         loop = _loop(columns, rows)
-        stated: History | None = told.histories.get(loop.label, told.history)
+        stated: History | None = given.histories.get(loop.label, given.history)
         loops.append(loop if stated is None else replace(loop, history=stated))
         unstated += [place] if stated is None else []
     texts = tuple(f"{columns.place}: {text}" for text in found)

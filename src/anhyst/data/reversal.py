@@ -20,12 +20,12 @@ answers, nor in saturation."""
 _AROUND = 0.1
 """Share of the range, to either side, over which the slope without memory is taken."""
 _BEFORE = 4
-"""Samples that tell where a branch ended."""
+"""Samples that show where a branch ended."""
 _BINS = 400
 _FEWEST = 8
-"""Samples from which something is told."""
+"""Samples from which something is estimated."""
 _UNSURE = 0.05
-"""Standard error above which nothing is told."""
+"""Standard error above which nothing is estimated."""
 
 
 def reversal_share(loopset: LoopSet) -> float | None:

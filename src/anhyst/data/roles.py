@@ -58,7 +58,7 @@ class Roles:
 
 
 def find_roles(
-    place: str, headers: Sequence[Header], told: FileDescription, skip: Collection[int] = ()
+    place: str, headers: Sequence[Header], given: FileDescription, skip: Collection[int] = ()
 ) -> Roles:
     """Decide what each column is.
 
@@ -68,7 +68,7 @@ def find_roles(
         File name, for messages.
     headers
         The headers, mapped.
-    told
+    given
         Names of the label column and the scheduling variable, constants.
     skip
         Indices of columns that hold no numbers.
@@ -81,18 +81,18 @@ def find_roles(
     """
     drive, answer = _pair(place, headers, skip)
     time = _only(place, headers, "time")
-    label = _label(place, headers, told)
-    fixed_label = _fixed_label(told.constants)
+    label = _label(place, headers, given)
+    fixed_label = _fixed_label(given.constants)
     if label is not None and fixed_label is not None:
         raise InputError(f"{place}: the loop label is both a column and a constant; keep one")
-    schedule, fixed, quantity = _schedule(place, headers, told)
+    schedule, fixed, quantity = _schedule(place, headers, given)
     used = {drive, answer, time, label, schedule}
     idle = tuple(
         index
         for index, header in enumerate(headers)
-        if index not in used and header.text and header.text not in told.select
+        if index not in used and header.text and header.text not in given.select
     )
-    asked = told.schedule is not None
+    asked = given.schedule is not None
     return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, asked, idle)
 
 
@@ -110,7 +110,7 @@ def find_column(place: str, headers: Sequence[Header], name: str) -> int:
     raise InputError(f"{place}: has no column '{name}' ({_have(headers)})")
 
 
-def with_file_name(path: Path, told: FileDescription) -> FileDescription:
+def with_file_name(path: Path, given: FileDescription) -> FileDescription:
     """Add the constants that the file's name holds, by the pattern ``file_name``.
 
     Raises
@@ -118,18 +118,18 @@ def with_file_name(path: Path, told: FileDescription) -> FileDescription:
     InputError
         If the name does not fit the pattern, or holds text where a number should be.
     """
-    if told.file_name is None:
-        return told
-    pieces = re.split(r"\{([^{}]+)\}", told.file_name)
+    if given.file_name is None:
+        return given
+    pieces = re.split(r"\{([^{}]+)\}", given.file_name)
     keys = pieces[1::2]
     pattern = "(.+)".join(re.escape(piece) for piece in pieces[::2])
     match = re.fullmatch(pattern, path.stem) or re.fullmatch(pattern, path.name)
     if not keys or match is None:
         raise InputError(
-            f"{path}: the name does not fit file_name = '{told.file_name}'; a pattern is like "
+            f"{path}: the name does not fit file_name = '{given.file_name}'; a pattern is like "
             "'gd_T{T_C}C'"
         )
-    constants: dict[str, float | str] = dict(told.constants)
+    constants: dict[str, float | str] = dict(given.constants)
     for key, text in zip(keys, match.groups(), strict=True):
         if parse_header(key).is_label:
             constants[key] = text
@@ -138,7 +138,7 @@ def with_file_name(path: Path, told: FileDescription) -> FileDescription:
             constants[key] = float(text)
         except ValueError:
             raise InputError(f"{path}: '{text}' in the name is no number for {key}") from None
-    return replace(told, constants=constants)
+    return replace(given, constants=constants)
 
 
 def _pair(place: str, headers: Sequence[Header], skip: Collection[int]) -> tuple[int, int]:
@@ -180,9 +180,9 @@ def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
     return healthy[0] if healthy else None
 
 
-def _label(place: str, headers: Sequence[Header], told: FileDescription) -> int | None:
-    if told.loop is not None:
-        return find_column(place, headers, told.loop)
+def _label(place: str, headers: Sequence[Header], given: FileDescription) -> int | None:
+    if given.loop is not None:
+        return find_column(place, headers, given.loop)
     found = [index for index, header in enumerate(headers) if header.is_label]
     if len(found) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in found)
@@ -219,16 +219,16 @@ def _fixed_values(
 
 
 def _schedule(
-    place: str, headers: Sequence[Header], told: FileDescription
+    place: str, headers: Sequence[Header], given: FileDescription
 ) -> tuple[int | None, float | None, Quantity | None]:
     """Find the scheduling variable: what was asked for, else the gap, else the temperature."""
-    if told.schedule == _NO_SCHEDULE:
+    if given.schedule == _NO_SCHEDULE:
         return None, None, None
-    fixed = _fixed_values(place, told.constants)
+    fixed = _fixed_values(place, given.constants)
     for name in fixed:
         if any(h.quantity is not None and h.quantity.name == name for h in headers):
             raise InputError(f"{place}: {name} is both a column and a constant; keep one")
-    names = ["gap", "temperature"] if told.schedule is None else [_meant(told.schedule, headers)]
+    names = ["gap", "temperature"] if given.schedule is None else [_meant(given.schedule, headers)]
     for name in names:
         if name in fixed:
             quantity, value = fixed[name]
@@ -236,9 +236,9 @@ def _schedule(
         index = _only(place, headers, name)
         if index is not None:
             return index, None, headers[index].quantity
-    if told.schedule is not None:
+    if given.schedule is not None:
         raise InputError(
-            f"{place}: has no column or constant '{told.schedule}' to schedule by "
+            f"{place}: has no column or constant '{given.schedule}' to schedule by "
             f"({_have(headers)}){mapping(headers, names) if names[0] in QUANTITIES else ''}"
         )
     return None, None, None

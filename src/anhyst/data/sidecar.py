@@ -1,4 +1,4 @@
-"""What is told about a file beyond its headers: by arguments, or by a small TOML beside it."""
+"""What is said about a file beyond its headers: by arguments, or by a small TOML beside it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class FileDescription:
-    """What is told about files beyond their headers, by arguments or by a sidecar TOML."""
+    """What is said about files beyond their headers, by arguments or by a sidecar TOML."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
     loop: str | None = None
@@ -90,10 +90,10 @@ class FileDescription:
                 raise InputError(f"{path}: key '{key}' is of the wrong kind; see the reference")
         _check_members(path, "columns", found, str)
         _check_members(path, "constants", found, int | float | str)
-        told = dict(found)
-        history = told.pop("history", None)
+        given = dict(found)
+        history = given.pop("history", None)
         try:
-            reading = cls.from_arguments(**told)
+            reading = cls.from_arguments(**given)
             if isinstance(history, dict):
                 _check_members(path, "history", found, str)
                 by_label = {label: History.parse(text) for label, text in history.items()}

@@ -30,7 +30,7 @@ _NEAR_REST = (0.01, 0.03, 0.1, 0.3)
 _TOP = 0.9
 """From this part of the first rise on, all rises meet: what they differ by there is drift."""
 _FEWEST = 3
-"""Samples from which something is told."""
+"""Samples from which something is estimated."""
 _ALIKE = 0.05
 """Rises nearer to each other than this share of the loop's height are one and the same."""
 _SURE = 4.5
@@ -68,7 +68,7 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[Proposal]:
     loops
         The loops.
     even
-        Whether the output cannot tell the sign of the input.
+        Whether the output does not depend on the sign of the input.
 
     Returns
     -------

@@ -171,7 +171,7 @@ def map_headers(
     columns: Mapping[str, str],
     units: Sequence[str] | None = None,
 ) -> tuple[Header, ...]:
-    """Understand the headers of a table, as told by ``columns`` where it says something.
+    """Understand the headers of a table, as given by ``columns`` where it says something.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Is it worth it? What the best curve without memory would leave over."""
+"""Is it worth it? The residuals of the best curve without memory."""
 
 from __future__ import annotations
 

@@ -110,10 +110,10 @@ def require_gaps(records: FitRecords, wanted: str) -> None:
 
 
 def candidates_for(run: SearchRun, loopset: LoopSet, wanted: str) -> list[MapCandidate]:
-    """Name what is tried, the simplest first.
+    """Name the candidates, the simplest first.
 
     A reluctance in series is physics of a gap only, and does not go with the law of 1986. Of
-    ``circuit`` and ``free``, two gaps tell too little. Under ``free`` the gap cannot move, so it is
+    ``circuit`` and ``free``, two gaps say too little. Under ``free`` the gap cannot move, so it is
     for other schedules. The offsets of a sensor do not depend on the gap: ``circuit`` lets them
     only where it is asked for.
     """

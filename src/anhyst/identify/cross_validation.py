@@ -45,7 +45,7 @@ _DENSER = 1.5
 """How much less than foreseen the deviation may be beside: a gap is left out among neighbours twice
 as far apart as those it is predicted from in use."""
 
-_TOLD = 0.3
+_LEAST = 0.3
 """Part of a mean deviation that is not taken for noise, however noisy the output is."""
 
 
@@ -152,8 +152,8 @@ def noise_at(loopset: LoopSet) -> list[float]:
 
 
 def _without_noise(error: float, of_it: float) -> float:
-    """Take the noise of the sensor off a mean deviation; what is mostly noise tells no more."""
-    return max(math.sqrt(max(error**2 - of_it**2, 0.0)), _TOLD * error)
+    """Take the noise of the sensor off a mean deviation; what is mostly noise says no more."""
+    return max(math.sqrt(max(error**2 - of_it**2, 0.0)), _LEAST * error)
 
 
 def promise(errors: Sequence[float], noises: Sequence[float]) -> CrossValidation | None:
@@ -173,8 +173,8 @@ def promise(errors: Sequence[float], noises: Sequence[float]) -> CrossValidation
         taken as normal, their scatter as Student's from these gaps and :data:`SCATTER`. None
         without errors, or where one is not finite.
     """
-    told = [_without_noise(one, of_it) for one, of_it in zip(errors, noises, strict=True)]
-    found = np.asarray(told, dtype=np.float64)
+    plain = [_without_noise(one, of_it) for one, of_it in zip(errors, noises, strict=True)]
+    found = np.asarray(plain, dtype=np.float64)
     if not found.size or not np.isfinite(found).all() or found.min() <= 0.0:
         return None
     logs = np.log(found)

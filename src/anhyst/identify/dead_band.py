@@ -1,10 +1,10 @@
-"""The dead band of the law: what keeps a model's memory from being worn away by small movements.
+"""The dead band of the law: what keeps small movements from eroding a model's state.
 
 A Jiles-Atherton law forgets by the whole way that the field goes, to and fro: noise of a demand
 erases what it remembers within milliseconds, and a small error that comes again and again, such as
 the ripple of a table under a gap that vibrates, makes it wander. A play in front of its
 irreversible part closes what stays within it (docs/theory.md). Real iron has something like it, and
-measured loops hardly tell how wide it is: the widest one that they allow is taken.
+measured loops hardly show how wide it is: the widest one that they allow is taken.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def add_dead_band(found: FoundModel, accepts: Callable[[FoundModel], bool]) -> F
     Returns
     -------
     FoundModel
-        Everything fitted anew with that dead band; the given fit where even the narrowest one costs
+        Everything fitted again with that dead band; the given fit where even the narrowest one costs
         more than 3 % of the deviation.
     """
     form = found.space.form
@@ -52,7 +52,7 @@ def add_dead_band(found: FoundModel, accepts: Callable[[FoundModel], bool]) -> F
 
 
 def why_dead_band(before: FoundModel, after: FoundModel) -> str:
-    """Tell the dead band that was given, and what it costs.
+    """Report the dead band that was given, and what it costs.
 
     Parameters
     ----------

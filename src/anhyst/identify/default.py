@@ -26,13 +26,13 @@ from anhyst.support.arrays import FloatArray
 SCREENED = 256
 KEPT = 3
 TIED = frozenset({"circuit", "free"})
-"""Maps with more to each gap than its loops tell, so that neighbouring gaps are tied."""
+"""Maps with more to each gap than its loops determine, so that neighbouring gaps are tied."""
 
 TIE = 3e-3
 """Weight of the ties of such a map, relative to the cost of the fit without them."""
 
 _SHORT = 6
-"""Evaluations of a first descent: enough to tell a good valley from a bad one."""
+"""Evaluations of a first descent: enough to distinguish a good valley from a bad one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ def search_each_gap(
 
     Each gap is fitted from scratch, and once more from its neighbour's end, so that all gaps can
     lie in one valley. Then all are tied together so weakly that the fit hardly notices
-    (:data:`TIE`): directions that the loops of one gap do not tell would otherwise scatter, and
+    (:data:`TIE`): directions that the loops of one gap do not determine would otherwise scatter, and
     nothing could be interpolated.
 
     Parameters

@@ -1,7 +1,7 @@
 """From the gauge-free form to physical parameters, and what had to be fixed to get there.
 
 Outputs do not change along the redundancies of docs/theory.md, so values along them are
-chosen, and the choice is told:
+chosen, and the choice is reported:
 
 - field and flux density measured: nothing is left to choose;
 - otherwise ``M_s`` is set to 1e6 A/m where no measured quantity sets it;
@@ -24,10 +24,10 @@ from anhyst.model.gap_map import Curve
 from anhyst.support.units import MU_0, Quantity
 
 SATURATION = 1e6
-"""M_s where the data do not tell it, A/m."""
+"""M_s where the data do not determine it, A/m."""
 
 AIR_CORE = 1e-3
-"""h where the data do not tell it: a/(M_s*(1 - alpha))."""
+"""h where the data do not determine it: a/(M_s*(1 - alpha))."""
 
 _ROUNDING = 1e-12
 """What rho keeps at the closed gap, so that rounding cannot make it negative there."""

@@ -86,7 +86,7 @@ def identify(
         Whether the law is given the widest dead band ``r_d`` that the loops allow, so that small
         movements leave no trace in its memory; the search ``paper`` gives none.
     progress : callable or None
-        Told the number of stages done and the total.
+        Called with the number of stages done and the total.
     checkpoint : path-like or None
         File that keeps the finished stages of the search ``paper``, so that a killed one goes on
         where it was.

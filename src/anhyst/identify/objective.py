@@ -23,7 +23,7 @@ class Objective:
     weights make all samples equal. ``evaluations`` counts calls.
 
     With ``tie`` above zero, differences of coordinates from gap to gap count as deviations too,
-    times its square root: what the loops do not tell then runs smoothly over the gap instead of
+    times its square root: what the loops do not determine then runs smoothly over the gap instead of
     anyhow.
     """
 

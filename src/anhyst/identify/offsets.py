@@ -36,7 +36,7 @@ _UNBELIEVED = 25.0
 the logarithm of the odds: the highest price that still lets plain evidence overrule either."""
 
 _EXACT = 1e-20
-"""Mean square deviation, in parts of the largest output, below which nothing is told apart."""
+"""Mean square deviation, in parts of the largest output, below which nothing is distinguished."""
 
 
 def only_demanded(found: FoundModel, tolerance: float = 1e-10, most: int = 200) -> FoundModel:

@@ -5,7 +5,7 @@ At one gap and in units of the law (docs/theory.md)::
     xi + omega*m(xi) = (input - in_0)/scale,    output = gain*(m + h*xi)**power + out_0
 
 ``m`` is the law for ``M_s = a = 1``. ``h``, the slope of the air core, is not fitted: with field
-and flux density measured it follows from ``scale`` and ``gain``, else no data tell it.
+and flux density measured it follows from ``scale`` and ``gain``, else no data determine it.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class SearchRun:
     total
         Number of stages foreseen.
     progress
-        Told the number of stages done and the total.
+        Called with the number of stages done and the total.
     checkpoint
         File that keeps finished stages until the run ends well; None keeps nothing.
     resumed

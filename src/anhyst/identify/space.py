@@ -69,7 +69,7 @@ class CoordinateSpace:
 
     def __post_init__(self) -> None:
         if self.gap_map in {"scaling", "reluctance", "circuit"}:
-            # Behind a gap the measured field is not that in the iron: it cannot tell h.
+            # Behind a gap the measured field is not that in the iron: it does not determine h.
             object.__setattr__(self, "form", replace(self.form, permeability=0.0))
 
     @cached_property

@@ -19,7 +19,7 @@ _LOOSE = 0.2
 """Relative standard deviation above which a number is called loose."""
 
 _TIED = 0.95
-"""Correlation above which two numbers are told only together."""
+"""Correlation above which two numbers are determined only together."""
 
 
 def memory(deviations: FloatArray) -> float:
@@ -58,7 +58,7 @@ def _covariance(found: FoundModel) -> FloatArray:
 
 
 def assess(found: FoundModel, loopset: LoopSet) -> Uncertainty:
-    """Tell standard deviations, correlations and plain statements for a finished fit.
+    """Give standard deviations, correlations and plain statements for a finished fit.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def assess(found: FoundModel, loopset: LoopSet) -> Uncertainty:
     Returns
     -------
     Uncertainty
-        In the gauge-free parameters: only they are told by data. Linear approximation at the
+        In the gauge-free parameters: only they are determined by data. Linear approximation at the
         optimum, with the misfit of the law counted as noise of the memory it shows.
     """
     space = found.space
@@ -120,9 +120,9 @@ def statements(
     for name, value, std in zip(names, values, stds, strict=True):
         if "offset" not in name and std > _LOOSE * abs(value):
             share = "more than its size" if std > abs(value) else f"{100 * std / abs(value):.0f} %"
-            said.append(f"{name} is hardly told by these loops: uncertain by {share}")
+            said.append(f"{name} is hardly determined by these loops: uncertain by {share}")
     said.extend(
-        f"{', '.join(names[place] for place in group)}: told only together (correlations above "
+        f"{', '.join(names[place] for place in group)}: determined only together (correlations above "
         f"{_TIED:g}); none of them means much by itself"
         for group in _tied(correlation)
     )
@@ -136,7 +136,7 @@ def _of_the_gauge(found: FoundModel) -> list[str]:
     if form.permeability == 0.0:
         said.append(
             "M_s is a choice of gauge, on which no output depends; the slope of the air core is "
-            f"hardly told by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
+            f"hardly determined by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
             "beyond the measured range"
         )
     if gap_map in IN_SERIES:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from anhyst.model.actuator import ActuatorModel
 
 LEAST_SLOPE = 1e-3
-"""Of the slope without iron: nearer to a jump, no measured loop and no 16-bit word tells the one
+"""Of the slope without iron: nearer to a jump, no measured loop and no 16-bit word distinguishes the one
 from the other."""
 
 GAPS = 65

@@ -2,7 +2,7 @@
 
 Everything is SI and the unit stands in the key, so ``k_A_per_m`` is ``k`` in A/m. Numbers are
 written so that every bit comes back, and there is no time stamp: the same model gives the same
-file. What is wrong with a file is told with its line and key, all of it at once.
+file. What is wrong with a file is reported with its line and key, all of it at once.
 """
 
 from __future__ import annotations

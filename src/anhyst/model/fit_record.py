@@ -178,7 +178,7 @@ class Uncertainty:
     correlation : tuple of tuple of float
         Correlation matrix, one row for each name.
     statements : tuple of str
-        Plain sentences about what the data cannot tell.
+        Plain sentences about what the data do not determine.
     """
 
     names: tuple[str, ...] = ()

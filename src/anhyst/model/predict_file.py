@@ -176,8 +176,8 @@ def _compute(
     else:
         valid, flags = flag(model, "demand", found, values, schedule, reachable, rows=True)
     count = len(runs)
-    told = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
-    return found, valid, count, (*flags, *told)
+    said = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
+    return found, valid, count, (*flags, *said)
 
 
 def _part(column: FloatArray, rows: Rows) -> FloatArray:

@@ -153,7 +153,7 @@ class ActuatorRecord:
 
     @property
     def fixed_gap_only(self) -> bool:
-        """Whether the scheduling variable must stand still during a run (a ``free`` gap map)."""
+        """Whether the scheduling variable must hold its value during a run (a ``free`` gap map)."""
         own = {spec.name for spec in LAWS[self.law].parameters}
         return not own.isdisjoint(self.varying)
 

@@ -35,7 +35,7 @@ class ReadOptions:
     constants : mapping of str to float or str
         Our column to what it is throughout.
     schedule, loop : str or None
-        The scheduling variable; the column that tells loops apart.
+        The scheduling variable; the column that distinguishes loops.
     history : str or None
         What happened before the first sample.
     sidecar : str or None
@@ -161,15 +161,15 @@ def read_sources(model: ActuatorModel, folder: PathLike = ".") -> LoopSet:
     sources = model.provenance.sources
     if not sources:
         raise InputError("the model does not say which measurements it came from: [provenance]")
-    told = {
+    kept = {
         name.removeprefix(PREFIX): str(value)
         for name, value in model.provenance.settings.items()
         if name.startswith(PREFIX)
     }
-    unknown = set(told) - {item.name for item in fields(ReadOptions)}
+    unknown = set(kept) - {item.name for item in fields(ReadOptions)}
     if unknown:
         raise InputError(f"provenance.settings.{PREFIX}{min(unknown)}: is unknown; remove it")
-    options = ReadOptions.from_text(**told)
+    options = ReadOptions.from_text(**kept)
     return options.read([_find(source.path, source.sha256, Path(folder)) for source in sources])
 
 

@@ -90,8 +90,8 @@ def flag(
                 f"{high:g} {quantity.unit}"
             )
             likely = far_outside(quantity, values, limits) if quantity is not computed else ""
-            told = _sentence(inside, values, quantity.unit, rows, what)
-            flags.append(f"{told}: {likely}" if likely else told)
+            text = _sentence(inside, values, quantity.unit, rows, what)
+            flags.append(f"{text}: {likely}" if likely else text)
     return valid, tuple(flags)
 
 

@@ -63,7 +63,7 @@ class Criterion:
         """Costs of many sets by the batch of the core, shape (count,); infinite where it cannot.
 
         The batch steps linearly, goes round a settled cycle three times only, knows no jumps, and
-        takes the effective-field law for that of 1986: good enough to tell which parents to keep.
+        takes the effective-field law for that of 1986: good enough to see which parents to keep.
         """
         form = gauge_free(values, self._form.power)
         sane = (form["omega"] > 0.01 - OMEGA_JUMP) & (_KAPPA[0] < form["kappa"])
@@ -120,7 +120,7 @@ def simplex(
     most: int,
     step: float = 0.05,
 ) -> tuple[FloatArray, float]:
-    """Nelder and Mead's simplex, begun anew at its end until that gains nothing more.
+    """Nelder and Mead's simplex, begun again at its end until that gains nothing more.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def simplex(
         Evaluations at most, all beginnings together.
     step : float
         Size of the first simplex, in parts of the range of each variable; a quarter of that each
-        time it is begun anew.
+        time it is begun again.
 
     Returns
     -------

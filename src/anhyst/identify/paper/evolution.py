@@ -73,7 +73,7 @@ class EvolutionStrategy:
     best_cost : float
         Its cost.
     generation : int
-        Generations told so far.
+        Generations so far.
     """
 
     def __init__(

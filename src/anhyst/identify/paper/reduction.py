@@ -29,7 +29,7 @@ _SAME = 0.01
 """Costs that differ by less than this share are taken as equal: a simplex ends no more exactly."""
 
 _NOTHING = 1e-5
-"""So are costs that differ by less than this part of the largest output: no sensor tells them."""
+"""So are costs that differ by less than this part of the largest output: no sensor distinguishes them."""
 
 
 def stages_of(bench: SearchBench, last: str | None) -> int:
@@ -40,7 +40,7 @@ def stages_of(bench: SearchBench, last: str | None) -> int:
 
 
 def in_common_gauge(bench: SearchBench, free: Stand) -> Stand:
-    """Bring all gaps to one gauge, and to one valley where their loops do not tell which.
+    """Bring all gaps to one gauge, and to one valley where their loops do not determine which.
 
     What the gauge chooses is the same at all gaps then, so freezing it comes first and costs
     nothing. Beside the exact redundancies there are long valleys: loops that hardly saturate are

@@ -143,7 +143,7 @@ def _model(bench: SearchBench, stand: Stand, wanted: str) -> tuple[ActuatorModel
 
 
 def _may_be_reluctance(bench: SearchBench, wanted: str) -> bool:
-    """Tell whether alpha over the schedule can be a reluctance: physics of a gap, unless asked for.
+    """Whether alpha over the schedule can be a reluctance: physics of a gap, unless asked for.
 
     In the law of 1986 alpha acts on the irreversible part alone, which a reluctance does not.
     """
@@ -193,5 +193,5 @@ def _why(stand: Stand, model: ActuatorModel, reducing: bool, interrupted: bool) 
             f"the reduction left {left} over the gap: a reluctance in series, so it is kept as rho"
         )
     if model.gap_map == "free":
-        return f"the reduction left {left} over the gap: for runs at a gap that stands still"
+        return f"the reduction left {left} over the gap: for runs at a fixed gap"
     return f"the reduction left {left} over the gap"

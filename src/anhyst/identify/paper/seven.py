@@ -1,7 +1,7 @@
 """The seven free parameters of the paper at one gap, and the coordinates a search moves.
 
 ``M_s, a, alpha, k, c`` of the law and ``c_H, c_out`` (the paper's c_B) of eqs. 10 and 11, with
-their redundancy left in on purpose: nothing in the loops of one gap tells ``M_s, a, k, c_H`` from
+their redundancy left in on purpose: nothing in the loops of one gap distinguishes ``M_s, a, k, c_H`` from
 all of them times q with ``c_out/q**2`` (docs/theory.md). What a search finds along it is
 chance.
 Where field or flux density is measured, c_H or c_out is 1 and the rest have that much less freedom.
