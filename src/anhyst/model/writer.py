@@ -23,9 +23,9 @@ GAP_MAP = """
 # the offsets besides; "free": anything may.
 """
 HISTORY = """
-# What happened before the first sample, unless a run says otherwise: "demagnetised"; "settled" (the drive
-# is a cycle that has been repeated until it closes); or "conditioned:0,2,0" (turning points of the
-# input, from the demagnetised state).
+# What happened before the first sample, unless a run says otherwise: "demagnetised"; "settled"
+# (the drive is a cycle that has been repeated until it closes); or "conditioned:0,2,0" (turning
+# points of the input, from the demagnetised state).
 """
 PARAMETERS_HEAD = """
 #     c_H * (input - offset) = H + rho * B / mu0 + gamma * dB/dt
