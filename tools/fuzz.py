@@ -37,7 +37,7 @@ RECORDER_VALUES = 96
 
 FLAGS = [
     *("-std=c99", "-O2", "-g", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
-    # Comparisons need not be traced: the harness makes sound frames itself. Twice as fast.
+    # Comparisons need not be traced: the harness makes valid frames itself. Twice as fast.
     "-fno-sanitize-coverage=trace-cmp,trace-div,trace-gep",
     f"-DAPP_RECORDER_VALUES={RECORDER_VALUES}",
 ]

@@ -161,7 +161,7 @@ static void perform_new(app *a, const link_frame *request)
   a->session.answer_count = a->session.sending_count;
 }
 
-/* Answers a sound frame, whatever it says. */
+/* Answers a valid frame, whatever it says. */
 static void take_request(app *a, const link_frame *request)
 {
   app_session *session = &a->session;

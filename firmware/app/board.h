@@ -28,20 +28,21 @@ typedef struct {
   app_sensor_limits current;
   int32_t current_low; /* q31: the current driven never leaves low..high; low <= 0 <= high */
   int32_t current_high;
-  int32_t stuck_current;   /* q31 */
-  uint16_t still_ticks;    /* for which a position in the air may stay on one code after the current
-                              has moved so much; 0 switches the rule off */
-  uint16_t doubtful_ticks; /* samples in a row that may be implausible before it is a fault */
-  uint16_t missed_ticks;   /* ticks in a row that may be left out before it is a fault */
-  uint16_t selftest_ticks; /* plausible samples in a row until the self-test has passed */
-  uint16_t ramp_ms;        /* from full current to zero in the safe state */
-  uint16_t heartbeat_ms;   /* the most that the setting heartbeat_ticks may allow */
+  int32_t stuck_current; /* q31 */
+  uint16_t still_ticks;  /* for which a position in the air may stay on one code after the current
+                            has moved so much; 0 switches the rule off */
+  uint16_t
+      max_implausible_samples; /* samples in a row that may be implausible before it is a fault */
+  uint16_t missed_ticks;       /* ticks in a row that may be left out before it is a fault */
+  uint16_t selftest_ticks;     /* plausible samples in a row until the self-test has passed */
+  uint16_t ramp_ms;            /* from full current to zero in the safe state */
+  uint16_t heartbeat_ms;       /* the most that the setting heartbeat_ticks may allow */
 } app_limits;
 
-/* The state of the body of force (force/force.h) or of position (position/flight.h). */
+/* The state of the body of force (force/force.h) or of position (position/position.h). */
 typedef struct app_body app_body;
 
-/* What the body of position is made of (position/flight.h). */
+/* What the body of position is made of (position/position.h). */
 typedef struct app_plan app_plan;
 
 typedef struct {

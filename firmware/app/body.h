@@ -19,7 +19,7 @@ anhyst_supervisor *app_body_supervisor(app_body *body);
 const anhyst_supervisor *app_body_states(const app_body *body);
 
 /* The compensator of a magnet, 0 or 1, or NULL where there is no such; its words are NULL as long
-   as no block is sound. */
+   as no block is valid. */
 anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet);
 
 /* Does a command, or says why it cannot: ANHYST_REFUSED_... */
@@ -33,7 +33,7 @@ void app_body_fail(app_body *body, uint16_t reason);
 uint16_t app_body_demand(app_body *body, int32_t force);
 uint16_t app_body_target(app_body *body, int32_t position);
 
-/* Goes on with another sound block for this board: the memory of the iron is kept, and the swap
+/* Goes on with another valid block for this board: the memory of the iron is kept, and the swap
    moves no current faster than the ramp to zero. A force goes along that ramp to what the block
    asks for. An armature in the air is controlled on at once, with the new model: what the two
    models differ by fades along the ramp beside it. A conditioning sequence begins again. */

@@ -13,7 +13,7 @@ void app_control_start(app_control *control, const app_board *board)
   app_body_start(control->body, board);
 }
 
-/* Leaves init at the first tick, for fault where the block built in is not sound. */
+/* Leaves init at the first tick, for fault where the block built in is not valid. */
 static void begin(app_control *control)
 {
   anhyst_supervisor_begin(app_body_supervisor(control->body));

@@ -15,7 +15,7 @@ typedef struct {
   uint16_t missed; /* ticks left out since power on, modulo 65536 */
 } app_control;
 
-/* Starts in init with the board's block; if that is not sound, the first tick goes to fault. Not
+/* Starts in init with the board's block; if that is not valid, the first tick goes to fault. Not
    for an interrupt: the block is checked. */
 void app_control_start(app_control *control, const app_board *board);
 

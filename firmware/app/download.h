@@ -28,7 +28,7 @@ uint16_t app_download_begin(app_download *download, const link_block_begin *begi
 uint16_t app_download_words(app_download *download, uint16_t offset, const uint8_t *bytes,
                             uint16_t count);
 
-/* Checks what has arrived. LINK_REASON_NONE: *words is a sound block for this board, its length in
+/* Checks what has arrived. LINK_REASON_NONE: *words is a valid block for this board, its length in
    announced.words; or LINK_REASON_ORDER, _CHECKSUM, _BLOCK, _GENERATION, _SCALE: in *detail the
    first word that is another on this board. Reads every word: not for an interrupt. */
 uint16_t app_download_check(const app_download *download, const app_board *board,

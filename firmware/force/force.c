@@ -111,10 +111,10 @@ static void watch_sample(app_body *body, const port_sample *sample, uint32_t tic
 {
   const app_limits *limits = body->board->limits;
   const uint16_t wrong = judge(body, sample, ticks);
-  (void)anhyst_supervisor_sample(&body->supervisor, wrong, limits->doubtful_ticks,
+  (void)anhyst_supervisor_sample(&body->supervisor, wrong, limits->max_implausible_samples,
                                  limits->selftest_ticks);
   if (wrong != ANHYST_FAULT_NONE) {
-    body->flags |= ANHYST_SAMPLE_DOUBTFUL;
+    body->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
   }
   if (is_stuck(wrong)) {
     anhyst_supervisor_fail(&body->supervisor, wrong);

@@ -13,7 +13,7 @@
 
 struct app_body {
   const app_board *board;
-  anhyst_compensator compensator; /* words is NULL as long as no block is sound */
+  anhyst_compensator compensator; /* words is NULL as long as no block is valid */
   anhyst_supervisor supervisor;
   int32_t target;   /* force demanded, q31 */
   int32_t demand;   /* in force, on its way to the target */

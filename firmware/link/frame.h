@@ -38,9 +38,9 @@ typedef struct {
 /* Starts with nothing received and nothing counted. */
 void link_receiver_start(link_receiver *receiver);
 
-/* Takes one byte. 1: it completed a sound frame, which is now in *frame; its payload points into
+/* Takes one byte. 1: it completed a valid frame, which is now in *frame; its payload points into
    the receiver and is good until the next call. 0: no frame yet, and *frame is untouched. Any
-   byte at any time is fine. A frame of another protocol version is sound. */
+   byte at any time is fine. A frame of another protocol version is valid. */
 int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame);
 
 /* Writes a frame with its checksum to wire (LINK_WIRE_MOST bytes) as it is to be sent and returns

@@ -68,7 +68,7 @@ enum {
   /* block data without begin or not at the next offset; detail: the next offset */
   LINK_REASON_ORDER = 7,
   LINK_REASON_CHECKSUM = 8, /* the block that arrived is not the one that was announced */
-  LINK_REASON_BLOCK = 9, /* the block is not sound, or of another kind or layout */
+  LINK_REASON_BLOCK = 9, /* the block is not valid, or of another kind or layout */
   LINK_REASON_GENERATION = 10, /* the block has another generation; detail: its own */
   LINK_REASON_SESSION = 11, /* no session is open: hello comes first */
   LINK_REASON_CURRENT = 12, /* in this state, but current still flows; once it is zero */
@@ -460,7 +460,7 @@ typedef struct {
   int32_t current_2; /* of the second */
   uint32_t status; /* bits of PORT_... in port/port.h */
 } link_plant_sample;
-/* Whether the record is sound; fills it either way. */
+/* Whether the record is valid; fills it either way. */
 static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
 {
   m->tick = link_get_u32(p + 0);

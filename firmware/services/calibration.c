@@ -4,7 +4,7 @@
 /* Like the one of the core's port.h: C99 leaves this shift to the compiler. */
 typedef char calibration_shift_keeps_the_sign[((int64_t)-3 >> 1) == -2 ? 1 : -1];
 
-int calibration_sound(const calibration *c)
+int calibration_is_valid(const calibration *c)
 {
   return c->mantissa != 0 && c->mantissa >= -CALIBRATION_MANTISSA_MOST &&
          c->mantissa <= CALIBRATION_MANTISSA_MOST && c->shift >= 0 &&

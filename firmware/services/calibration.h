@@ -24,7 +24,7 @@ typedef struct {
 } calibration;
 
 /* Whether a calibration is within its ranges. */
-int calibration_sound(const calibration *c);
+int calibration_is_valid(const calibration *c);
 
 /* The value of a code, or CALIBRATION_NONE. */
 int32_t calibration_value(const calibration *c, int32_t code);

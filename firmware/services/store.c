@@ -16,7 +16,7 @@ static uint32_t crc_of(uint32_t crc, uint32_t word)
   return link_crc32(crc, bytes, 4);
 }
 
-static int sound(const store_flash *flash, uint16_t copy)
+static int valid(const store_flash *flash, uint16_t copy)
 {
   const volatile uint32_t *words = flash->copy[copy];
   const uint32_t count = words[AT_COUNT];
@@ -34,8 +34,8 @@ static int sound(const store_flash *flash, uint16_t copy)
  */
 static uint16_t newest(const store_flash *flash)
 {
-  const int first = sound(flash, 0);
-  const int second = sound(flash, 1);
+  const int first = valid(flash, 0);
+  const int second = valid(flash, 1);
   if (first && second) {
     const uint32_t ahead = flash->copy[1][AT_NUMBER] - flash->copy[0][AT_NUMBER];
     return ahead < 0x80000000U ? 1U : 0U;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the closed form and Euler's form share, and Euler's step: from any memory within the
-   invariant, for any sound words. How a kernel advances is left open in FRAME: any function that
+   invariant, for any valid words. How a kernel advances is left open in FRAME: any function that
    keeps the invariant. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
@@ -57,7 +57,7 @@ static void any_advance(const int16_t *words, anhyst_memory *start, int32_t way,
 
 /* ---- proofs ---- */
 
-static void assume_sound(const int16_t *words) { ASSUME(anhyst_closed_sound(words)); }
+static void assume_valid(const int16_t *words) { ASSUME(anhyst_closed_is_valid(words)); }
 
 static void prove_quotient(void)
 {
@@ -67,7 +67,7 @@ static void prove_quotient(void)
 static void prove_lag_slope(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
-  assume_sound(words);
+  assume_valid(words);
   const int32_t slope = anhyst_lag_slope(words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
   SHOW(slope >= 0 && slope <= ANHYST_LAG_SLOPE_MAX);
 }
@@ -77,7 +77,7 @@ static void prove_field(void)
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   const anhyst_memory from = any_memory();
   anhyst_candidate to;
-  assume_sound(words);
+  assume_valid(words);
   (void)anhyst_closed_field(
       words, &from, any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3), &to, any_advance);
   SHOW(is_memory(&to.memory));
@@ -92,7 +92,7 @@ static void prove_flux(void)
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
   const anhyst_candidate solved = {any_memory(), 0, nondet_i16(), 0, 0};
   anhyst_memory to;
-  assume_sound(words);
+  assume_valid(words);
   ASSUME(words[ANHYST_WORD_SIMPLE_ITERATIONS] <= 3);
   (void)anhyst_closed_flux(words, &from, &solved, &arms, nondet_i32(), &to, any_advance);
   SHOW(is_memory(&to));
@@ -104,7 +104,7 @@ static void prove_euler(void)
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   anhyst_memory from = any_memory();
   anhyst_memory to;
-  ASSUME(euler_sound(words));
+  ASSUME(euler_is_valid(words));
   euler_advance(words, &from, any_within(0, ANHYST_Q31_MAX), &to);
   SHOW(is_memory(&to));
 }

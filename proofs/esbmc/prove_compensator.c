@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Everything around the kernels: a whole tick of the compensator for any sound head of a block, any
+/* Everything around the kernels: a whole tick of the compensator for any valid head of a block, any
    demand, gap and applied current, and any kernel that answers within its contract. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"

@@ -388,7 +388,7 @@ static void prove_remember(void)
 }
 
 /* The head of a block that passed its check. */
-static void assume_sound(const int16_t *words)
+static void assume_valid(const int16_t *words)
 {
   const int32_t air = words[ANHYST_WORD_FULL_AIR];
   const int32_t n = words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
@@ -416,8 +416,8 @@ static void prove_carry(void)
 {
   int16_t before[ANHYST_BLOCK_LEAST_WORDS]; /* any; no table is read */
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
-  assume_sound(before);
-  assume_sound(words);
+  assume_valid(before);
+  assume_valid(words);
   anhyst_memory memory = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   anhyst_full_carry(before, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), &memory);
   SHOW(memory.x > -ANHYST_Q30_ONE && memory.x < ANHYST_Q30_ONE);
@@ -428,7 +428,7 @@ static void prove_carry(void)
 static void prove_kernel(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS]; /* any; no table is read */
-  assume_sound(words);
+  assume_valid(words);
   const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
 #ifdef FIELD
   anhyst_candidate solved;

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A command, a fault from outside and a whole tick of what a levitating actuator does when, from
-   any state within the invariant, for any sound limits and settings and any input. */
+   any state within the invariant, for any valid limits and settings and any input. */
 #include "any.h"
 #include "control/levitation.c"
 #include "control/supervisor.c"
 
 /* Any answer; its product is tried with every number (proofs/exhaustive/reach.c). */
-static int is_reachable(const anhyst_levitation *l, int32_t step, int32_t position)
+static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t position)
 {
   SHOW(step > 0);
   return nondet_i16() != 0;
@@ -42,7 +42,7 @@ int main(void)
   if (faulty != 0U && levitation.supervisor.state == ANHYST_STATE_FAULT) {
     SHOW(levitation.supervisor.fault == fault); /* the first reason stays */
   }
-  if ((levitation.flags & ANHYST_SAMPLE_DOUBTFUL) == 0U) {
+  if ((levitation.flags & ANHYST_SAMPLE_IMPLAUSIBLE) == 0U) {
     SHOW(levitation.position >= limits.low && levitation.position <= limits.high);
   }
   anhyst_levitation_start(&levitation);

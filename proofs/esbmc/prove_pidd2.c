@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A whole tick of the fixed-point controller, and the two functions beside it, from any state
-   within the invariant, for any sound gains and any signals. */
+   within the invariant, for any valid gains and any signals. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "numeric/factor.c"
 #include "control/pidd2.c"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A whole tick of the controller of a levitating armature, or a swap of blocks: any sound limits
+/* A whole tick of the controller of a levitating armature, or a swap of blocks: any valid limits
    and settings, any state, any sample, one magnet or two. Levitation, PIDD2 and force controllers
    give way to what their own proofs show of them: each call is shown to be allowed, and answers
    anything. The currents stay within the limits of the board. PART names the function that is
@@ -20,12 +20,12 @@ static int is_current(int32_t current)
 /* ---- contracts ---- */
 
 /* All but the remainder of the converter's steps, on which on_grid_q31 alone depends. */
-static int are_sound_q31(const anhyst_position_limits_q31 *of,
+static int are_valid_q31(const anhyst_position_limits_q31 *of,
                          const anhyst_position_settings_q31 *to)
 {
-  return anhyst_factor_is_valid(to->units.gap[0].factor) && anhyst_factor_is_valid(to->units.gap[1].factor) &&
-         of->current_low < of->current_high && of->current_step > 0 &&
-         of->release >= of->current_step && nondet_i16() != 0;
+  return anhyst_factor_is_valid(to->units.gap[0].factor) &&
+         anhyst_factor_is_valid(to->units.gap[1].factor) && of->current_low < of->current_high &&
+         of->current_step > 0 && of->release >= of->current_step && nondet_i16() != 0;
 }
 
 static int32_t on_grid_q31(const anhyst_position_limits_q31 *of, int32_t current)

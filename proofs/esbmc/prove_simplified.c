@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How the closed form advances: from any memory within the invariant, for any sound words and any
+/* How the closed form advances: from any memory within the invariant, for any valid words and any
    table that never falls below zero. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
 /* What the check of a block says of every entry; proofs.toml puts it where one is read. */
-#define SOUND_ENTRY(entry) ASSUME((entry) >= 0);
+#define VALID_ENTRY(entry) ASSUME((entry) >= 0);
 
 #include "compensator/simplified.c"
 
 enum { WORDS = ANHYST_BLOCK_MOST_WORDS };
 
-/* Sound words; the table of the curve lies anywhere in the block. */
+/* Valid words; the table of the curve lies anywhere in the block. */
 static void any_words(int16_t *words)
 {
   ASSUME(words[ANHYST_WORD_SIMPLE_RATE] > 0 && words[ANHYST_WORD_SIMPLE_HOLD] > 0);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation over the gap, for every two neighbours of a sound table and every place between
+/* Interpolation over the gap, for every two neighbours of a valid table and every place between
    them: the result lies between the two, and nothing overflows on the way. Neighbours differ by at
    most 32767; what is added to the first depends on their difference alone, so 0 stands for it. */
 #include "compensator/compensator.c"

@@ -1,4 +1,4 @@
-"""A parameter block is taken only if every word of it is sound."""
+"""A parameter block is taken only if every word of it is valid."""
 
 from __future__ import annotations
 
@@ -220,9 +220,9 @@ def test_the_full_law_takes_a_flux_arm_below_zero_as_long_as_the_current_rises()
     most = field_arm / (4.0 * block.word("FULL_AIR") / 2**16 + steepest)
     first, entries = block.tables["GAP_FLUX_ARM"]
     for place in (0, entries // 2, entries - 1):
-        for part, sound in ((0.97, True), (1.03, False)):
+        for part, valid in ((0.97, True), (1.03, False)):
             words = changed(block, first + place, -round(part * most[place]))
-            assert taken("full", words) == sound, (place, part)
+            assert taken("full", words) == valid, (place, part)
 
 
 @pytest.mark.parametrize("kind", ["full", "simplified"])
@@ -255,6 +255,6 @@ def test_a_block_that_is_refused_leaves_the_old_one_in_use(kind: Kind) -> None:
     before = twin.solve_q31(700_000_000, 0)
     broken = block.words.copy()
     broken[block.words.size - 1] ^= 1
-    with pytest.raises(ValueError, match="not sound"):
+    with pytest.raises(ValueError, match="not valid"):
         twin.swap(broken)
     assert twin.solve_q31(700_000_000, 0) == before

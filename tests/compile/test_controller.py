@@ -124,10 +124,10 @@ def test_the_golden_flight_lifts_steps_loses_a_sample_and_lands(compiled: Compil
     assert order == [16 * State.SELFTEST, 16 * State.IDLE, ready, *run, ready]
     hovering = column["state"] == 16 * State.RUN + Phase.HOVER
     assert np.unique(column["target"][hovering]).size == 2
-    doubtful = (column["flags"] & Flag.SAMPLE_DOUBTFUL) > 0
-    assert doubtful.sum() == 2
+    implausible = (column["flags"] & Flag.SAMPLE_IMPLAUSIBLE) > 0
+    assert implausible.sum() == 2
     assert (column["dropped"] > 0).sum() == 1
-    assert hovering[doubtful].all()
+    assert hovering[implausible].all()
     settled = np.flatnonzero(hovering)[-1]
     signal = compiled.manifest["controller"]["signals"]["position"]
     off = (column["position"] - column["target"])[settled] / 2.0**31 * signal["scale"]

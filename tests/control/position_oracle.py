@@ -133,9 +133,9 @@ class Flight:
 
     def watch(self, position: int | None) -> None:
         if reason := self.reason(position):
-            self.events.add("doubtful")
+            self.events.add("implausible")
             self.passed, self.unseen = 0, min(self.unseen + 1, 65535)
-            if self.unseen > self.number("patience"):
+            if self.unseen > self.number("max_missing_samples"):
                 self.fail(reason)
                 self.lost |= reason == STEP
                 instead = {BREAKAWAY: SET_DOWN, CONDITION: REST} | dict.fromkeys(AIR, FALL)
@@ -269,7 +269,7 @@ class Oracle:
         flight = self.flight
         length = max(drive.conditioning_length() for drive in self.drives)
         flight.tick(sample, self.demand, length, all(i == self.zero for i in self.current))
-        self.flags = 8 * ("doubtful" in flight.events) + 16 * ("refused" in flight.events)
+        self.flags = 8 * ("implausible" in flight.events) + 16 * ("refused" in flight.events)
         for i in range(len(self.drives)):
             factor = self.number(f"gap_mantissa_{i + 1}"), self.number(f"gap_shift_{i + 1}")
             part = limited(2 * product(flight.position, factor))

@@ -100,7 +100,7 @@ def test_a_dropped_sample_is_bridged(number_format: NumberFormat) -> None:
     rig.hidden = lambda gap: gap
     after = rig.run(2000)
     assert path(missing + after) == [(State.RUN, Phase.HOVER)]
-    assert [row[5] for row in missing] == [Flag.SAMPLE_DOUBTFUL] * 3
+    assert [row[5] for row in missing] == [Flag.SAMPLE_IMPLAUSIBLE] * 3
     assert missing[-1][3] == pytest.approx(steady[3], abs=0.1)
     assert not any(row[5] for row in after)
     assert rig.gap == pytest.approx(TARGET, abs=20e-9)
@@ -190,7 +190,7 @@ def test_a_moving_armature_may_have_moved_while_unseen(number_format: NumberForm
     rig.hidden = lambda _: next(unseen)
     assert [row[5] for row in rig.run(3)][-1] == 0
     unseen = iter([math.nan, math.nan, TARGET - 10e-6])
-    assert rig.run(3)[-1][5] & Flag.SAMPLE_DOUBTFUL
+    assert rig.run(3)[-1][5] & Flag.SAMPLE_IMPLAUSIBLE
 
 
 @each_format

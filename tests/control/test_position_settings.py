@@ -36,14 +36,18 @@ def build(number_format: NumberFormat, change: Mapping[str, Any], drives: int = 
         ("f64", {"gap_offset_1": None}, "setting 'gap_offset_1' is missing"),
         ("f64", {"current_full": 5.0}, "there is no setting 'current_full'"),
         ("fixed", {"colour": 1}, "there is no setting 'colour'"),
-        ("fixed", {"patience": -1}, "setting 'patience' is of the wrong type or out of range"),
+        (
+            "fixed",
+            {"max_missing_samples": -1},
+            "setting 'max_missing_samples' is of the wrong type or out of range",
+        ),
         ("fixed", {"hold": 65536}, "setting 'hold' is of the wrong type or out of range"),
         ("fixed", {"bias": 0.5}, "setting 'bias' is of the wrong type or out of range"),
         ("f64", {"current_step": "fine"}, "setting 'current_step' is of the wrong type"),
-        ("f64", {"position_full": math.nan}, "not sound"),
-        ("f64", {"current_step": 0.3}, "not sound"),
-        ("fixed", {"release": 1}, "not sound"),
-        ("fixed", {"position_low": 2**31 - 1}, "not sound"),
+        ("f64", {"position_full": math.nan}, "not valid"),
+        ("f64", {"current_step": 0.3}, "not valid"),
+        ("fixed", {"release": 1}, "not valid"),
+        ("fixed", {"position_low": 2**31 - 1}, "not valid"),
     ],
 )
 def test_settings_are_checked_by_name(

@@ -31,7 +31,7 @@ static inline void fill(const anhyst_map_q31 *map, int16_t *table, int32_t step)
   }
 }
 
-/* A sound table whose neighbours along the force are up to so far apart. */
+/* A valid table whose neighbours along the force are up to so far apart. */
 static inline anhyst_map_q31 any_map(int16_t *table, uint16_t n, uint16_t m, int32_t step)
 {
   const anhyst_map_q31 map = {table, n, m};

@@ -44,34 +44,34 @@ static void any_signal_is_answered_within_the_limits(void)
   }
 }
 
-static void unsound_drives_are_refused(void)
+static void invalid_drives_are_refused(void)
 {
   const anhyst_map_q31 map = any_map(entries, 3, 2, 1000);
   const anhyst_factor one = {16384, 2};
   const anhyst_factor through = {-32768, 1};
-  const anhyst_flux_loop_q31 sound = {any_map(densities, 3, 2, 1000), one, one, one, through};
-  anhyst_flux_loop_q31 loop = sound;
+  const anhyst_flux_loop_q31 valid = {any_map(densities, 3, 2, 1000), one, one, one, through};
+  anhyst_flux_loop_q31 loop = valid;
   anhyst_force_controller_q31 drive;
   CHECK(anhyst_force_controller_init_map_q31(&drive, &map, 1, 0) == ANHYST_BAD_PARAMETER);
   CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_OK);
   loop.proportional.shift = 17;
   CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
-  loop = sound;
+  loop = valid;
   loop.back.mantissa = -1;
   CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
-  loop = sound;
+  loop = valid;
   loop.smoothing.mantissa = 1;
   CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
-  loop = sound;
+  loop = valid;
   loop.wanted.entries = 0;
   CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
-  CHECK(anhyst_force_controller_init_flux_q31(&drive, &sound.wanted, &sound, 1, 0) ==
+  CHECK(anhyst_force_controller_init_flux_q31(&drive, &valid.wanted, &valid, 1, 0) ==
         ANHYST_BAD_PARAMETER);
 }
 
 int main(void)
 {
   any_signal_is_answered_within_the_limits();
-  unsound_drives_are_refused();
+  invalid_drives_are_refused();
   return verdict();
 }

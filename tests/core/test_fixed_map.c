@@ -99,16 +99,16 @@ static void more_force_never_needs_less(void)
   CHECK_BELOW("fall of the value, units in the last place", worst, 4.0);
 }
 
-static void unsound_maps_are_refused(void)
+static void invalid_maps_are_refused(void)
 {
-  const anhyst_map_q31 sound = any_map(entries, 3, 2, 1000);
-  anhyst_map_q31 map = sound;
+  const anhyst_map_q31 valid = any_map(entries, 3, 2, 1000);
+  anhyst_map_q31 map = valid;
   map.force_segments = 9;
   CHECK(anhyst_map_check_q31(&map) == ANHYST_BAD_PARAMETER);
-  map = sound;
+  map = valid;
   map.gap_segments = 7;
   CHECK(anhyst_map_check_q31(&map) == ANHYST_BAD_PARAMETER);
-  map = sound;
+  map = valid;
   map.entries = 0;
   CHECK(anhyst_map_check_q31(&map) == ANHYST_BAD_PARAMETER);
   const int16_t falling[] = {0, 5, 0, -1};
@@ -126,6 +126,6 @@ int main(void)
   maps_are_interpolated_exactly_but_for_their_last_places();
   a_ratio_is_exact_but_for_its_floor();
   more_force_never_needs_less();
-  unsound_maps_are_refused();
+  invalid_maps_are_refused();
   return verdict();
 }

@@ -42,7 +42,7 @@ static anhyst_position_limits_q31 any_limits(void)
   limits.levitation.low = any_within(ANHYST_Q31_MIN, ANHYST_Q31_MAX - 1);
   limits.levitation.high = any_within(limits.levitation.low + 1, ANHYST_Q31_MAX);
   limits.levitation.step = any_within(1, ANHYST_Q31_MAX);
-  limits.levitation.patience = (uint16_t)any_within(0, 4);
+  limits.levitation.max_missing_samples = (uint16_t)any_within(0, 4);
   limits.levitation.hold = (uint16_t)any_within(0, 40);
   limits.levitation.selftest = (uint16_t)any_within(1, 4);
   /* At most the whole range of the numbers, in steps from one code to all of it. */
@@ -158,18 +158,18 @@ static int are_refused(const anhyst_position_limits_q31 *limits,
          memcmp(&controller, &untouched, sizeof controller) == 0;
 }
 
-static void unsound_limits_are_refused(void)
+static void invalid_limits_are_refused(void)
 {
   const anhyst_position_settings_q31 settings = any_settings();
-  anhyst_position_limits_q31 sound = any_limits();
+  anhyst_position_limits_q31 valid = any_limits();
   anhyst_position_limits_q31 wrong[7];
-  sound.current_low = -1000;
-  sound.current_high = 1000;
-  sound.current_step = 10;
-  sound.release = 10;
-  CHECK(!are_refused(&sound, &settings));
+  valid.current_low = -1000;
+  valid.current_high = 1000;
+  valid.current_step = 10;
+  valid.release = 10;
+  CHECK(!are_refused(&valid, &settings));
   for (int i = 0; i < 7; i++) {
-    wrong[i] = sound;
+    wrong[i] = valid;
   }
   wrong[0].current_step = 0;
   wrong[1].current_step = 7;
@@ -177,20 +177,20 @@ static void unsound_limits_are_refused(void)
   wrong[3].release = 9;
   wrong[4].levitation.step = 0;
   wrong[5].levitation.selftest = 0;
-  wrong[6].levitation.high = sound.levitation.low;
+  wrong[6].levitation.high = valid.levitation.low;
   for (int i = 0; i < 7; i++) {
     CHECK(are_refused(&wrong[i], &settings));
   }
 }
 
-static void unsound_settings_are_refused(void)
+static void invalid_settings_are_refused(void)
 {
   const anhyst_position_limits_q31 limits = any_limits();
-  const anhyst_position_settings_q31 sound = any_settings();
+  const anhyst_position_settings_q31 valid = any_settings();
   anhyst_position_settings_q31 wrong[9];
-  CHECK(!are_refused(&limits, &sound));
+  CHECK(!are_refused(&limits, &valid));
   for (int i = 0; i < 9; i++) {
-    wrong[i] = sound;
+    wrong[i] = valid;
   }
   wrong[0].units.gap[0].factor.shift = 17;
   wrong[1].gains.low = ANHYST_Q31_MAX;
@@ -210,7 +210,7 @@ static void unsound_settings_are_refused(void)
 int main(void)
 {
   any_signal_is_answered_within_the_limits();
-  unsound_limits_are_refused();
-  unsound_settings_are_refused();
+  invalid_limits_are_refused();
+  invalid_settings_are_refused();
   return verdict();
 }

@@ -28,7 +28,7 @@ SOURCES = (
     *("compensator/compensator", "compensator/block", "compensator/closed"),
 )
 LIMITS = (
-    *("position_low", "position_high", "position_step", "patience", "hold", "selftest"),
+    *("position_low", "position_high", "position_step", "max_missing_samples", "hold", "selftest"),
     *("current_low", "current_high", "current_step", "release"),
 )
 SETTINGS = (
@@ -37,7 +37,7 @@ SETTINGS = (
 )
 GAP = ("gap_offset", "gap_mantissa", "gap_shift")
 FASTER = {"lift_rate": 4e5, "set_down_rate": 6e5, "rise_speed": 0.5, "descend_speed": 0.8}
-FLIGHTS = [
+RUNS = [
     replace(
         control,
         limits=replace(control.limits, step=40e-6, max_missing_samples=2, hold=5, selftest=2),
@@ -51,7 +51,11 @@ FAULTS = [
         "if (l->tick > (int32_t)limits->hold) {",
         "if (l->tick >= limits->hold) {",
     ),
-    ("control/supervisor.c", "if (s->age > patience) {", "if (s->age >= patience) {"),
+    (
+        "control/supervisor.c",
+        "if (s->age > max_missing_samples) {",
+        "if (s->age >= max_missing_samples) {",
+    ),
     ("control/levitation.c", "= (int32_t)l->supervisor.age + 1;", "= 1;"),
     ("control/levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
     ("control/levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
@@ -88,14 +92,14 @@ def samples_of(seed: int) -> list[Sample]:
 
 
 @cache
-def answers_of(flight: int) -> NDArray[np.int32]:
+def answers_of(run: int) -> NDArray[np.int32]:
     """Return what the oracle answers."""
-    control = FLIGHTS[flight]
+    control = RUNS[run]
     drives = [cast(FixedForceController, make_drive("fixed")) for _ in range(magnets_of(control))]
     gains = cast(NDArray[np.int32], control.gains("fixed"))
     oracle = Oracle(gains, drives, control.settings("fixed"))
     rows = []
-    for sample in samples_of(flight):
+    for sample in samples_of(run):
         currents, *rest = oracle.tick(sample)
         rows.append([*currents, *[0] * (2 - len(currents)), *rest])
     return np.array(rows, dtype=np.int32)
@@ -113,10 +117,10 @@ def numbers_of(control: PositionControl) -> NDArray[np.int32]:
 
 
 def is_exact(library: Path) -> bool:
-    """Tell whether a build of the core answers as the oracle does, in every flight."""
-    fly: Callable[..., int] = ctypes.CDLL(str(library)).position_flight
+    """Tell whether a build of the core answers as the oracle does, in every run."""
+    run_plant: Callable[..., int] = ctypes.CDLL(str(library)).position_run
     entries = np.round(table() / SCALES.current * 2.0**15).astype(np.int16)
-    for i, control in enumerate(FLIGHTS):
+    for i, control in enumerate(RUNS):
         expected = answers_of(i)
         rows = [
             (
@@ -133,16 +137,16 @@ def is_exact(library: Path) -> bool:
             found,
         ]
         at = [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
-        assert fly(at[0], at[1], magnets_of(control), len(rows), at[2], at[3]) == 0
+        assert run_plant(at[0], at[1], magnets_of(control), len(rows), at[2], at[3]) == 0
         if not np.array_equal(found, expected):
             return False
     return True
 
 
 def built(core: Path, folder: Path) -> Path:
-    library = folder / "flight.so"
+    library = folder / "run.so"
     command = [tool("cc", "gcc"), "-std=c99", "-O1", "-shared", "-fPIC", "-w"]
-    command += [f"-I{core / 'include'}", f"-I{core / 'src'}", str(HERE / "position_flight.c")]
+    command += [f"-I{core / 'include'}", f"-I{core / 'src'}", str(HERE / "position_run.c")]
     command += [str(core / "src" / f"{name}.c") for name in SOURCES]
     subprocess.run([*command, "-o", str(library)], check=True)
     return library
@@ -150,7 +154,7 @@ def built(core: Path, folder: Path) -> Path:
 
 def test_the_core_is_exact_without_a_fault(tmp_path: Path) -> None:
     assert is_exact(built(ROOT / "core", tmp_path))
-    phases = {int(row[4]) for flight in range(len(FLIGHTS)) for row in answers_of(flight)}
+    phases = {int(row[4]) for run in range(len(RUNS)) for row in answers_of(run)}
     assert {phase % 16 for phase in phases} == set(range(7))
 
 

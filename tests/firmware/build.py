@@ -25,7 +25,7 @@ SHARED = [
     ROOT / "core" / "src" / "control" / "supervisor.c",
 ]
 FIRMWARE = [*SHARED, ROOT / "firmware" / "force" / "force.c"]
-FLIGHT = [*SHARED, ROOT / "firmware" / "position" / "flight.c"]
+POSITION = [*SHARED, ROOT / "firmware" / "position" / "position.c"]
 
 
 def tool(*names: str) -> str:

@@ -27,10 +27,10 @@ void fake_block(int16_t *words, uint16_t length, uint16_t generation)
 anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *words,
                                  uint16_t capacity)
 {
-  const int sound = words[ANHYST_WORD_MAGIC] == ANHYST_BLOCK_MAGIC_LOW &&
+  const int valid = words[ANHYST_WORD_MAGIC] == ANHYST_BLOCK_MAGIC_LOW &&
                     words[ANHYST_WORD_KIND] == (int16_t)kernel->kind &&
                     words[ANHYST_WORD_LENGTH] <= (int16_t)capacity;
-  return sound ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  return valid ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales)

@@ -21,7 +21,7 @@ static void power_on_leads_through_selftest_to_idle_without_current(void)
   CHECK((bench.drive_state & 0xFFU) == ANHYST_STATE_IDLE);
 }
 
-static void a_block_that_is_not_sound_is_a_fault_that_clear_does_not_cure(void)
+static void a_block_that_is_not_valid_is_a_fault_that_clear_does_not_cure(void)
 {
   bench_start();
   bench_words[ANHYST_WORD_MAGIC] = 0;
@@ -251,7 +251,7 @@ static void a_change_while_there_was_no_sample_is_judged_by_its_time(void)
   CHECK(states()->state == ANHYST_STATE_RUN && states()->age == 0);
 }
 
-static void two_doubtful_samples_are_bridged_by_the_last_plausible_one(void)
+static void two_implausible_samples_are_bridged_by_the_last_plausible_one(void)
 {
   bench_start();
   bench_run();
@@ -260,11 +260,11 @@ static void two_doubtful_samples_are_bridged_by_the_last_plausible_one(void)
   const int32_t gap = force()->gap.value;
   show(&bench.sample.gap, PORT_RESERVED, 2);
   CHECK(states()->state == ANHYST_STATE_RUN && bench.drive == 500);
-  CHECK((control()->flags & ANHYST_SAMPLE_DOUBTFUL) != 0);
+  CHECK((control()->flags & ANHYST_SAMPLE_IMPLAUSIBLE) != 0);
   CHECK(fake.solved_gap == 2 * gap);
   bench_ticks(1);
   CHECK(states()->state == ANHYST_STATE_RUN);
-  CHECK((control()->flags & ANHYST_SAMPLE_DOUBTFUL) == 0);
+  CHECK((control()->flags & ANHYST_SAMPLE_IMPLAUSIBLE) == 0);
 }
 
 static void a_fast_but_possible_change_is_no_fault(void)
@@ -546,7 +546,7 @@ static void the_gap_reaches_the_compensator_within_its_range(void)
 int main(void)
 {
   power_on_leads_through_selftest_to_idle_without_current();
-  a_block_that_is_not_sound_is_a_fault_that_clear_does_not_cure();
+  a_block_that_is_not_valid_is_a_fault_that_clear_does_not_cure();
   current_follows_the_demand_in_run_alone();
   commands_are_done_in_their_states_alone();
   conditioning_drives_its_sequence_and_ends_ready();
@@ -555,7 +555,7 @@ int main(void)
   no_sample_at_all_is_a_fault();
   what_the_hardware_reports_is_a_fault_at_once();
   a_change_while_there_was_no_sample_is_judged_by_its_time();
-  two_doubtful_samples_are_bridged_by_the_last_plausible_one();
+  two_implausible_samples_are_bridged_by_the_last_plausible_one();
   a_fast_but_possible_change_is_no_fault();
   a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves();
   a_gap_that_stands_still_with_its_noise_is_not_stuck();

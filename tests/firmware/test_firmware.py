@@ -10,7 +10,7 @@ import pytest
 from tests.core.test_c_core import BUILDS
 from tests.once import made_once
 
-from .build import FIRMWARE, FLIGHT, HERE, SANITIZERS, can, compile_c, tool
+from .build import FIRMWARE, HERE, POSITION, SANITIZERS, can, compile_c, tool
 
 PROGRAMS = [file.stem for file in sorted(HERE.glob("test_*.c"))]
 BENCH = [HERE / "bench.c", HERE / "fake_compensator.c"]
@@ -49,7 +49,7 @@ def test_claims_of_the_firmware_hold(programs: Path, name: str) -> None:
 LIBRARY = {"memcpy", "memset", "memmove", "_GLOBAL_OFFSET_TABLE_"}
 
 
-@pytest.mark.parametrize("sources", [FIRMWARE, FLIGHT], ids=["force", "position"])
+@pytest.mark.parametrize("sources", [FIRMWARE, POSITION], ids=["force", "position"])
 def test_firmware_has_no_heap_no_globals_and_knows_the_port_alone(
     tmp_path: Path, sources: list[Path]
 ) -> None:

@@ -146,7 +146,7 @@ static void the_length_in_the_head_must_be_the_length(void)
   uint8_t plain[LINK_WIRE_MOST];
   uint8_t payload[4] = {1, 2, 3, 4};
   link_receiver_start(&receiver);
-  /* A sound frame whose payload ends with what could be the checksum of a shorter one would need
+  /* A valid frame whose payload ends with what could be the checksum of a shorter one would need
      another length byte, which the checksum covers. */
   const uint16_t count = encode(plain, payload, 4);
   for (int length = 0; length < 256; length++) {

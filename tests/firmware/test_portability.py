@@ -7,13 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from .build import FIRMWARE, FLIGHT, HERE, ROOT, tool
+from .build import FIRMWARE, HERE, POSITION, ROOT, tool
 
 INCLUDE = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
 PARTS = {
     "control task": "sizeof(app_control)",
     "body of force": "sizeof(force)",
-    "body of position": "sizeof(flight)",
+    "body of position": "sizeof(position)",
     "settings": "LINK_SETTING_COUNT * sizeof(int32_t)",
     "link: frame": "sizeof(app_session)",
     "recorder": "sizeof(app_recorder)",
@@ -25,7 +25,7 @@ def test_sixteen_bit_int_is_enough(tmp_path: Path) -> None:
     # Warnings tell where a constant or a shift would not fit. avr-gcc 5 warns of conversions that
     # are none, so that -Wconversion is left to the other compilers.
     command = [tool("avr-gcc"), "-mmcu=atmega1284p", "-std=c99", "-Os", "-Wall", "-Wextra"]
-    command += ["-Werror", *INCLUDE, "-c", *map(str, {*FIRMWARE, *FLIGHT})]
+    command += ["-Werror", *INCLUDE, "-c", *map(str, {*FIRMWARE, *POSITION})]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
 
@@ -50,8 +50,8 @@ def test_the_page_states_the_memory_that_is_used(tmp_path: Path) -> None:
     source = tmp_path / "parts.c"
     bodies = (
         '#include "app/app.h"\n#include "force/force.h"\ntypedef app_body force;\n'
-        "#define app_body flight_body\n"
-        '#include "position/flight.h"\ntypedef struct flight_body flight;\n'
+        "#define app_body position_body\n"
+        '#include "position/position.h"\ntypedef struct position_body position;\n'
     )
     source.write_text(bodies + "\n".join(lines) + "\n", encoding="utf-8")
     cortex_m4(source, tmp_path / "parts.o")

@@ -187,7 +187,7 @@ static void damage_is_found(void)
 static void a_calibration_rounds_and_saturates(void)
 {
   calibration c = {410, 327760, 0, 80, 4015};
-  CHECK(calibration_sound(&c));
+  CHECK(calibration_is_valid(&c));
   CHECK(calibration_value(&c, 410) == 0);
   CHECK(calibration_value(&c, 3686) == 3276 * 327760);
   CHECK(calibration_value(&c, 79) == CALIBRATION_NONE);
@@ -197,16 +197,16 @@ static void a_calibration_rounds_and_saturates(void)
   CHECK(calibration_value(&c, INT32_MAX) == INT32_MAX);
   CHECK(calibration_value(&c, INT32_MIN) == -INT32_MAX);
   c = (calibration){INT32_MAX, -CALIBRATION_MANTISSA_MOST, 46, INT32_MIN, INT32_MAX};
-  CHECK(calibration_sound(&c));
+  CHECK(calibration_is_valid(&c));
   CHECK(calibration_value(&c, INT32_MIN) == 65536);
   c = (calibration){0, 1, 1, -10, 10};
   CHECK(calibration_value(&c, 1) == 1 && calibration_value(&c, -1) == 0);
   c.mantissa = 0;
-  CHECK(!calibration_sound(&c));
+  CHECK(!calibration_is_valid(&c));
   c = (calibration){0, 1, 47, -10, 10};
-  CHECK(!calibration_sound(&c));
+  CHECK(!calibration_is_valid(&c));
   c = (calibration){0, 1, 1, 10, 10};
-  CHECK(!calibration_sound(&c));
+  CHECK(!calibration_is_valid(&c));
 }
 
 #define ONE ((int32_t)1073741824)

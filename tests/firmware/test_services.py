@@ -67,7 +67,7 @@ def test_a_value_is_the_nearest_to_the_exact_one(
     services: ctypes.CDLL, code: int, zero: int, mantissa: int, shift: int
 ) -> None:
     line = Calibration(zero, mantissa, shift, NONE, MOST)
-    assert services.calibration_sound(ctypes.byref(line)) == 1
+    assert services.calibration_is_valid(ctypes.byref(line)) == 1
     exact = Fraction((code - zero) * mantissa, 2**shift)
     nearest = floor(exact + Fraction(1, 2)) if shift else int(exact)
     found = services.calibration_value(ctypes.byref(line), ctypes.c_int32(code))

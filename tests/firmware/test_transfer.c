@@ -75,7 +75,7 @@ static uint8_t send_whole(uint16_t generation)
   return send_made(generation);
 }
 
-static void a_sound_block_is_in_force_from_the_next_tick_and_keeps_the_memory(void)
+static void a_valid_block_is_in_force_from_the_next_tick_and_keeps_the_memory(void)
 {
   bench_start();
   bench_run();
@@ -225,7 +225,7 @@ static void half_a_word_is_refused(void)
   CHECK(bench_ask(LINK_TYPE_BLOCK_DATA, payload, 2) == LINK_TYPE_NAK);
 }
 
-static void a_sound_block_cures_an_unsound_one_built_in(void)
+static void a_valid_block_cures_an_invalid_one_built_in(void)
 {
   bench_start();
   bench_words[ANHYST_WORD_MAGIC] = 0;
@@ -412,7 +412,7 @@ static void a_setup_that_makes_no_sense_changes_nothing(void)
 
 int main(void)
 {
-  a_sound_block_is_in_force_from_the_next_tick_and_keeps_the_memory();
+  a_valid_block_is_in_force_from_the_next_tick_and_keeps_the_memory();
   blocks_follow_each_other_and_never_overwrite_the_one_in_force();
   on_any_error_the_old_block_stays();
   a_block_made_for_other_scales_is_refused_and_says_where();
@@ -423,7 +423,7 @@ int main(void)
   a_swap_begins_the_conditioning_anew();
   a_swap_is_done_once();
   half_a_word_is_refused();
-  a_sound_block_cures_an_unsound_one_built_in();
+  a_valid_block_cures_an_invalid_one_built_in();
   the_block_in_force_can_be_read_and_nothing_behind_it();
   a_trigger_keeps_what_came_before_it();
   a_trigger_that_comes_early_has_less_before_it();

@@ -97,7 +97,7 @@ def plant_code(record: Entry) -> str:
     if name == "plant_sample":
         check = " ^ ".join(f"link_get_u32(p + {at})" for at in [*words, size - 4])
         parts.append(
-            "/* Whether the record is sound; fills it either way. */\n"
+            "/* Whether the record is valid; fills it either way. */\n"
             f"static inline int link_get_{name}(link_{name} *m, const uint8_t *p)\n{{\n"
             + "\n".join(accesses(record, put=False))
             + f"\n  return ({check}) ==\n         LINK_PLANT_MAGIC;\n}}"

@@ -45,7 +45,7 @@ int anhyst_table_rises(const int16_t *words, int16_t first, int16_t entries, int
   return 1;
 }
 
-int anhyst_over_gap_sound(const int16_t *words, int16_t word, int16_t least)
+int anhyst_over_gap_is_valid(const int16_t *words, int16_t word, int16_t least)
 {
   const int16_t first = words[word];
   const int16_t entries = (int16_t)((1 << words[ANHYST_WORD_GAP_SEGMENTS]) + 1);
@@ -72,7 +72,7 @@ static uint32_t double_word(const int16_t *words, int16_t word)
 #define SINGLE_MOST ((uint32_t)(127 + 60) << 23)  /* 2^60 */
 #define SINGLE_ONE ((uint32_t)1 << 23)            /* the lowest digit of the exponent */
 
-int anhyst_single_sound(const int16_t *words, int16_t word)
+int anhyst_single_is_valid(const int16_t *words, int16_t word)
 {
   const uint32_t bits = double_word(words, word);
   return bits >= SINGLE_LEAST && bits <= SINGLE_MOST;
@@ -117,7 +117,7 @@ uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales)
   return 0;
 }
 
-static int head_sound(const int16_t *words, uint16_t capacity)
+static int head_is_valid(const int16_t *words, uint16_t capacity)
 {
   return (uint16_t)words[ANHYST_WORD_MAGIC] == ANHYST_BLOCK_MAGIC_LOW &&
          (uint16_t)words[ANHYST_WORD_MAGIC + 1] == ANHYST_BLOCK_MAGIC_HIGH &&
@@ -127,7 +127,7 @@ static int head_sound(const int16_t *words, uint16_t capacity)
          (uint16_t)words[ANHYST_WORD_LENGTH] <= capacity;
 }
 
-static int common_sound(const int16_t *words)
+static int common_is_valid(const int16_t *words)
 {
   return anhyst_within(words[ANHYST_WORD_POWER], 1, 2) &&
          words[ANHYST_WORD_DEMAND_LOW] <= words[ANHYST_WORD_DEMAND_HIGH] &&
@@ -139,22 +139,22 @@ static int common_sound(const int16_t *words)
          anhyst_within(words[ANHYST_WORD_CONDITION_CYCLES], 0, 64) &&
          words[ANHYST_WORD_CONDITION_TICKS] >= 2 &&
          anhyst_within(words[ANHYST_WORD_ROOT_KNEE], 2, 8) &&
-         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_GAIN, 1) &&
-         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_OFFSET, -ANHYST_Q15_MAX) &&
-         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_BIAS, -ANHYST_Q15_MAX) &&
-         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_FLUX_ARM, -ANHYST_Q15_MAX) &&
-         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_FIELD_ARM, 1);
+         anhyst_over_gap_is_valid(words, ANHYST_WORD_GAP_GAIN, 1) &&
+         anhyst_over_gap_is_valid(words, ANHYST_WORD_GAP_OFFSET, -ANHYST_Q15_MAX) &&
+         anhyst_over_gap_is_valid(words, ANHYST_WORD_GAP_BIAS, -ANHYST_Q15_MAX) &&
+         anhyst_over_gap_is_valid(words, ANHYST_WORD_GAP_FLUX_ARM, -ANHYST_Q15_MAX) &&
+         anhyst_over_gap_is_valid(words, ANHYST_WORD_GAP_FIELD_ARM, 1);
 }
 
 anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *words,
                                  uint16_t capacity)
 {
-  if (capacity < ANHYST_BLOCK_LEAST_WORDS || !head_sound(words, capacity) ||
+  if (capacity < ANHYST_BLOCK_LEAST_WORDS || !head_is_valid(words, capacity) ||
       (uint16_t)words[ANHYST_WORD_KIND] != kernel->kind) {
     return ANHYST_BAD_PARAMETER;
   }
   if (checksum(words, (uint16_t)words[ANHYST_WORD_LENGTH]) != double_word(words, ANHYST_WORD_CRC) ||
-      !common_sound(words) || !kernel->sound(words)) {
+      !common_is_valid(words) || !kernel->valid(words)) {
     return ANHYST_BAD_PARAMETER;
   }
   return ANHYST_OK;

@@ -20,13 +20,13 @@ int anhyst_table_rises(const int16_t *words, int16_t first, int16_t entries, int
 
 /* Whether the word names a table over the gap, neighbours of which differ by at most 32767, and
    every entry of which is at least so much. */
-int anhyst_over_gap_sound(const int16_t *words, int16_t word, int16_t least);
+int anhyst_over_gap_is_valid(const int16_t *words, int16_t word, int16_t least);
 
 /* Whether the word begins a single within 2^-60..2^60. */
-int anhyst_single_sound(const int16_t *words, int16_t word);
+int anhyst_single_is_valid(const int16_t *words, int16_t word);
 
 /* A number of the memory, counted in the unit that stands at this word of the block before, in that
-   of another block; both sound. |a| <= 2^30, saturates. The same unit: the same number; else the
+   of another block; both valid. |a| <= 2^30, saturates. The same unit: the same number; else the
    error is below 2^-22 of the result and 8 units in the last place of the larger of the two. */
 int32_t anhyst_in_unit(int32_t a, const int16_t *before, const int16_t *words, int16_t word);
 

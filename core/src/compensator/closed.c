@@ -9,7 +9,7 @@
 /* What is missing of a current and is nothing but rounding: the iron stays where it is. */
 #define STILL 128
 
-int anhyst_closed_sound(const int16_t *words)
+int anhyst_closed_is_valid(const int16_t *words)
 {
   return words[ANHYST_WORD_SIMPLE_RATE] > 0 &&
          anhyst_within(words[ANHYST_WORD_SIMPLE_RATE_SHIFT], 0, 12) &&
@@ -17,7 +17,7 @@ int anhyst_closed_sound(const int16_t *words)
          anhyst_within(words[ANHYST_WORD_SIMPLE_HOLD_SHIFT], 0, 12) &&
          words[ANHYST_WORD_SIMPLE_REST] > 0 &&
          anhyst_within(words[ANHYST_WORD_SIMPLE_ITERATIONS], 2, 16) &&
-         anhyst_over_gap_sound(words, ANHYST_WORD_GAP_FLUX_ARM, 0);
+         anhyst_over_gap_is_valid(words, ANHYST_WORD_GAP_FLUX_ARM, 0);
 }
 
 void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t flux,

@@ -36,7 +36,7 @@ static inline int32_t anhyst_lag_slope(const int16_t *words, int32_t p)
 }
 
 /* The words that both kinds have. */
-int anhyst_closed_sound(const int16_t *words);
+int anhyst_closed_is_valid(const int16_t *words);
 
 /* Brings a memory to another block of its kind: what the iron has of its width stays; how far it
    came since is found anew. */

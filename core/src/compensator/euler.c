@@ -42,10 +42,10 @@ static int32_t euler_flux(const int16_t *words, const anhyst_memory *from,
   return anhyst_closed_flux(words, from, solved, arms, current, to, advance);
 }
 
-static int euler_sound(const int16_t *words)
+static int euler_is_valid(const int16_t *words)
 {
-  return anhyst_closed_sound(words) && anhyst_within(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
+  return anhyst_closed_is_valid(words) && anhyst_within(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
 }
 
-const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER, euler_field, euler_flux, euler_sound,
-                                           anhyst_closed_carry};
+const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER, euler_field, euler_flux,
+                                           euler_is_valid, anhyst_closed_carry};

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The effective-field law with its exact step, in fixed point.
 
-   In the law's own units the iron obeys h*x + m = flux, and a current gives
+   In the law's own units the iron follows h*x + m = flux, and a current gives
    flux_arm*flux + field_arm*x. Both are one equation, air*x + iron*m = target. Iron that couples
    to itself more than the gap parts it makes the flux arm, and so iron, negative; air stays above
    0, and the sum rises with x as long as m is nowhere steeper than air/-iron, which the check of a
@@ -447,4 +447,4 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from,
 }
 
 const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL, full_field, full_flux,
-                                          anhyst_full_sound, anhyst_full_carry};
+                                          anhyst_full_is_valid, anhyst_full_carry};

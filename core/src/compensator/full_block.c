@@ -5,7 +5,7 @@
 /* Of the interval in which a memory of another block is brought to its flux: leaves 2.4e-7. */
 #define HALVINGS 24
 
-/* The largest slope of m over tables that are sound, as it may have been before their entries were
+/* The largest slope of m over tables that are valid, as it may have been before their entries were
    rounded, which makes a segment steeper by up to one. No path is steeper than the ascending
    branch. */
 static int32_t steepest_slope(const int16_t *words)
@@ -46,7 +46,7 @@ static int current_rises(const int16_t *words)
   return 1;
 }
 
-int anhyst_full_sound(const int16_t *words)
+int anhyst_full_is_valid(const int16_t *words)
 {
   const int16_t n = words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
   const int16_t n_inverse = words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
@@ -57,7 +57,7 @@ int anhyst_full_sound(const int16_t *words)
          anhyst_within(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, 12) &&
          words[ANHYST_WORD_FULL_STEEPNESS] > 0 &&
          anhyst_within(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16) && anhyst_within(n, 3, 9) &&
-         anhyst_within(n_inverse, 3, 9) && anhyst_single_sound(words, ANHYST_WORD_UNIT_FIELD) &&
+         anhyst_within(n_inverse, 3, 9) && anhyst_single_is_valid(words, ANHYST_WORD_UNIT_FIELD) &&
          anhyst_table_rises(words, words[ANHYST_WORD_FULL_CURVE], (int16_t)((1 << n) + 1), 0,
                             steepest) &&
          anhyst_table_rises(words, words[ANHYST_WORD_FULL_BRANCH], (int16_t)((2 << n) + 1),

@@ -31,7 +31,7 @@ static int32_t entry_at(const anhyst_map_q31 *map, segment gap, uint16_t column)
 }
 
 /* Whether a row never falls, and is at no column further than 32767 from the one before. */
-static int row_sound(const int16_t *entries, const int16_t *before, uint16_t columns)
+static int row_is_valid(const int16_t *entries, const int16_t *before, uint16_t columns)
 {
   for (uint16_t i = 0; i < columns; i++) {
     const int32_t rise = i == 0U ? 0 : (int32_t)entries[i] - entries[i - 1U];
@@ -55,7 +55,7 @@ anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map)
   const int16_t *before = map->entries;
   for (uint16_t row = 0; row < rows; row++) {
     const int16_t *entries = map->entries + (size_t)row * columns;
-    if (!row_sound(entries, before, columns)) {
+    if (!row_is_valid(entries, before, columns)) {
       return ANHYST_BAD_PARAMETER;
     }
     before = entries;

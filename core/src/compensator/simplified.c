@@ -118,15 +118,15 @@ static int32_t simplified_flux(const int16_t *words, const anhyst_memory *from,
   return anhyst_closed_flux(words, from, solved, arms, current, to, advance);
 }
 
-static int simplified_sound(const int16_t *words)
+static int simplified_is_valid(const int16_t *words)
 {
   const int16_t octaves = words[ANHYST_WORD_SIMPLE_OCTAVES];
   const int16_t n = words[ANHYST_WORD_SIMPLE_SEGMENTS];
-  return anhyst_closed_sound(words) && anhyst_within(octaves, 4, 14) && anhyst_within(n, 2, 6) &&
+  return anhyst_closed_is_valid(words) && anhyst_within(octaves, 4, 14) && anhyst_within(n, 2, 6) &&
          anhyst_table_rises(words, words[ANHYST_WORD_SIMPLE_CURVE],
                             (int16_t)(((octaves + 1) << n) + 1), 0, ANHYST_Q15_MAX);
 }
 
 const anhyst_kernel anhyst_kernel_simplified = {ANHYST_KIND_SIMPLIFIED, simplified_field,
-                                                simplified_flux, simplified_sound,
+                                                simplified_flux, simplified_is_valid,
                                                 anhyst_closed_carry};

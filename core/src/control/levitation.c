@@ -41,7 +41,7 @@ static int32_t towards(int32_t from, int32_t to, int32_t step)
 
 /* Whether the change since the last plausible position can be: one step for each tick in between.
  */
-static int is_reachable(const anhyst_levitation *l, int32_t step, int32_t position)
+static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t position)
 {
   const int32_t ticks = (int32_t)l->supervisor.age + 1;
   if (l->seen == 0U || step > ANHYST_Q31_MAX / ticks) {
@@ -60,7 +60,7 @@ static uint16_t judge(const anhyst_levitation *l, const anhyst_levitation_limits
   if (input->position < limits->low || input->position > limits->high) {
     return ANHYST_FAULT_POSITION_RANGE;
   }
-  return is_reachable(l, limits->step, input->position) ? ANHYST_FAULT_NONE
+  return is_plausible(l, limits->step, input->position) ? ANHYST_FAULT_NONE
                                                         : ANHYST_FAULT_POSITION_STEP;
 }
 
@@ -97,13 +97,14 @@ static void watch(anhyst_levitation *l, const anhyst_levitation_limits *limits,
                   const anhyst_levitation_input *input)
 {
   const uint16_t wrong = judge(l, limits, input);
-  if (anhyst_supervisor_sample(&l->supervisor, wrong, limits->patience, limits->selftest)) {
+  if (anhyst_supervisor_sample(&l->supervisor, wrong, limits->max_missing_samples,
+                               limits->selftest)) {
     /* A sensor that jumped would be believed again as soon as time makes its step possible. */
     l->lost |= wrong == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
     lose_position(l);
   }
   if (wrong != ANHYST_FAULT_NONE) {
-    l->flags |= ANHYST_SAMPLE_DOUBTFUL;
+    l->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
     return;
   }
   l->position = input->position;
@@ -204,8 +205,9 @@ static void move_reference(anhyst_levitation *l, const anhyst_levitation_setting
 }
 
 /* Where the phase has led to by this tick. */
-static void go_on(anhyst_levitation *l, const anhyst_levitation_limits *limits,
-                  const anhyst_levitation_settings *settings, const anhyst_levitation_input *input)
+static void advance_phase(anhyst_levitation *l, const anhyst_levitation_limits *limits,
+                          const anhyst_levitation_settings *settings,
+                          const anhyst_levitation_input *input)
 {
   switch (l->phase) {
   case ANHYST_PHASE_BREAKAWAY:
@@ -248,5 +250,5 @@ void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitati
   }
   anhyst_supervisor_begin(&levitation->supervisor);
   watch(levitation, limits, input);
-  go_on(levitation, limits, settings, input);
+  advance_phase(levitation, limits, settings, input);
 }

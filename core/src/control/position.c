@@ -67,7 +67,7 @@ static int32_t on_grid_q31(const anhyst_position_limits_q31 *limits, int32_t cur
   return (int32_t)((uint32_t)limits->current_low + reached);
 }
 
-static int are_sound_q31(const anhyst_position_limits_q31 *limits,
+static int are_valid_q31(const anhyst_position_limits_q31 *limits,
                          const anhyst_position_settings_q31 *settings)
 {
   int factors = 1;

@@ -35,7 +35,7 @@ void anhyst_supervisor_fail(anhyst_supervisor *s, uint16_t reason)
   }
 }
 
-int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t wrong, uint16_t patience,
+int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t wrong, uint16_t max_missing_samples,
                              uint16_t selftest)
 {
   if (wrong == ANHYST_FAULT_NONE) {
@@ -50,7 +50,7 @@ int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t wrong, uint16_t pati
   if (s->age < UINT16_MAX) {
     s->age++;
   }
-  if (s->age > patience) {
+  if (s->age > max_missing_samples) {
     anhyst_supervisor_fail(s, wrong);
     return 1;
   }

@@ -3,7 +3,7 @@
    can move stand in the controller that anhyst compile wrote. */
 #include "boards/actuator_position.h"
 #include "lockstep.h"
-#include "position/flight.h"
+#include "position/position.h"
 
 /* An encoder may rest on one code as long as nothing moves; for 2 ms, while the current moves by a
    twentieth, an armature in the air does not. */
@@ -11,7 +11,7 @@ static const app_limits limits = {
     .current = {-PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, 0},
     .stuck_current = INT32_MAX / 20,
     .still_ticks = ACTUATOR_CONTROLLER_RATE_HZ / 500U,
-    .doubtful_ticks = 3,
+    .max_implausible_samples = 3,
     .missed_ticks = 2,
     .heartbeat_ms = 500,
 };

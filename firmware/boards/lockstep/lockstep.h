@@ -23,8 +23,8 @@ void lockstep_start(void);
 /* Answers what came over the link; as often as possible between bytes of the plant. */
 void lockstep_poll(void);
 
-/* Takes a byte from the plant. When it completes a sound record, runs the tick and sends the drive.
-   After a slip of the stream it finds the next sound record by itself. */
+/* Takes a byte from the plant. When it completes a valid record, runs the tick and sends the drive.
+   After a slip of the stream it finds the next valid record by itself. */
 void lockstep_receive(uint8_t byte);
 
 #endif

@@ -66,11 +66,11 @@ static store_flash flash(void)
   return two;
 }
 
-static int sound(const memory_set *set)
+static int valid(const memory_set *set)
 {
-  return set->layout == MEMORY_LAYOUT && calibration_sound(&set->gap) &&
-         calibration_sound(&set->force) && calibration_sound(&set->current) &&
-         calibration_sound(&set->position) && set->words <= ANHYST_BLOCK_MOST_WORDS;
+  return set->layout == MEMORY_LAYOUT && calibration_is_valid(&set->gap) &&
+         calibration_is_valid(&set->force) && calibration_is_valid(&set->current) &&
+         calibration_is_valid(&set->position) && set->words <= ANHYST_BLOCK_MOST_WORDS;
 }
 
 int memory_load(memory_set *set)
@@ -78,7 +78,7 @@ int memory_load(memory_set *set)
   const store_flash two = flash();
   uint32_t count;
   const volatile uint32_t *kept = store_read(&two, &count);
-  if (kept == 0 || count != WORDS || !sound((const memory_set *)(uintptr_t)kept)) {
+  if (kept == 0 || count != WORDS || !valid((const memory_set *)(uintptr_t)kept)) {
     return 0;
   }
   for (uint32_t i = 0; i < WORDS; i++) {

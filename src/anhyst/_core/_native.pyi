@@ -216,7 +216,7 @@ class _RealCompensator:
     def conditioning(self, tick: int) -> float: ...
 
 class Parameters:
-    """``anhyst_parameters_f64``; ValueError if not sound.
+    """``anhyst_parameters_f64``; ValueError if not valid.
 
     `numbers` are the fields of the structures by name, a row of `gaps` is an ``anhyst_at_gap``.
     """
@@ -245,7 +245,7 @@ class _RealForceController:
 
     Rows of a map stand for gaps from the lowest to the highest, its columns for forces from 0 to
     `force_high`; `low` and `high` are the limits of the current. `loop` holds proportional,
-    integral, back and smoothing of ``anhyst_flux_loop``. ValueError if something is not sound.
+    integral, back and smoothing of ``anhyst_flux_loop``. ValueError if something is not valid.
     """
 
     @classmethod
@@ -423,7 +423,7 @@ class _RealPosition(LoopController):
         """First reason of a fault, levitation.h."""
 
 class Position(_RealPosition):
-    """A controller of position_real.h with its force controllers, one or two; ValueError if not sound.
+    """A controller of position_real.h with its force controllers, one or two; ValueError if not valid.
 
     ``gains`` is ``PositionControl.gains``, ``settings`` is ``PositionControl.settings``.
     """

@@ -43,7 +43,7 @@ public:
     const anhyst_status status = anhyst_compensator_init(&state_, to_kernel(kind), words_.data(),
                                                          static_cast<uint16_t>(words_.size()));
     if (status != ANHYST_OK) {
-      throw std::invalid_argument("the parameter block is not sound");
+      throw std::invalid_argument("the parameter block is not valid");
     }
   }
   Compensator(const Compensator &) = delete;
@@ -74,7 +74,7 @@ public:
     std::vector<int16_t> next(words.data(), words.data() + words.shape(0));
     if (anhyst_block_check(state_.kernel, next.data(), static_cast<uint16_t>(next.size())) !=
         ANHYST_OK) {
-      throw std::invalid_argument("the parameter block is not sound");
+      throw std::invalid_argument("the parameter block is not valid");
     }
     words_.swap(next);
     anhyst_compensator_swap(&state_, words_.data());

@@ -8,7 +8,7 @@ template <class Format> class Controller {
 public:
   using number = typename Format::number;
 
-  explicit Controller(const typename Format::row &gains) : gains_(sound_gains<Format>(gains)) {}
+  explicit Controller(const typename Format::row &gains) : gains_(valid_gains<Format>(gains)) {}
 
   void start(number reference, number position, number load, number output)
   {
@@ -24,7 +24,7 @@ public:
 
   void change(const typename Format::row &gains, number reference, number position, number load)
   {
-    const typename Format::gains to = sound_gains<Format>(gains);
+    const typename Format::gains to = valid_gains<Format>(gains);
     Format::change(&gains_, &to, &state_, reference, position, load);
     gains_ = to;
   }

@@ -44,7 +44,7 @@ struct ForceControllerF32 {
 inline void check_controller(anhyst_status status)
 {
   if (status != ANHYST_OK) {
-    throw std::invalid_argument("the parameters of the force controller are not sound");
+    throw std::invalid_argument("the parameters of the force controller are not valid");
   }
 }
 

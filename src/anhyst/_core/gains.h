@@ -84,8 +84,8 @@ struct GainsF32
   static constexpr auto change = anhyst_pidd2_change_f32;
 };
 
-// Gains that the core has found sound.
-template <class Format> typename Format::gains sound_gains(const typename Format::row &row)
+// Gains that the core has found valid.
+template <class Format> typename Format::gains valid_gains(const typename Format::row &row)
 {
   const typename Format::gains gains = Format::read(row);
   if (Format::check(&gains) != ANHYST_OK) {

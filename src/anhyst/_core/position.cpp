@@ -82,7 +82,7 @@ struct FormatF32 : RealFormat<float> {
 anhyst_levitation_limits levitation_limits(Settings &from)
 {
   return {from.take<int32_t>("position_low"),  from.take<int32_t>("position_high"),
-          from.take<int32_t>("position_step"), from.take<uint16_t>("patience"),
+          from.take<int32_t>("position_step"), from.take<uint16_t>("max_missing_samples"),
           from.take<uint16_t>("hold"),         from.take<uint16_t>("selftest")};
 }
 
@@ -114,7 +114,7 @@ public:
     }
     read(gains, settings);
     if (F::init(&state_, &limits_, &chosen_, states[0], states[1]) != ANHYST_OK) {
-      throw std::invalid_argument("the settings of the controller are not sound");
+      throw std::invalid_argument("the settings of the controller are not valid");
     }
     adapter_.position = &state_;
   }
@@ -155,7 +155,7 @@ private:
     limits_.current_step = static_cast<Number>(number("current_step"));
     limits_.release = static_cast<Number>(number("release"));
     chosen_.levitation = levitation_settings(from);
-    chosen_.gains = sound_gains<typename F::Gains>(gains);
+    chosen_.gains = valid_gains<typename F::Gains>(gains);
     chosen_.bias = static_cast<Number>(number("bias"));
     chosen_.measured = from.take<bool>("measured") ? 1 : 0;
     F::units(from, chosen_, adapter_.scales, magnets_.size());

@@ -76,7 +76,7 @@ public:
       throw std::invalid_argument("unknown kind of compensator: " + kind);
     }
     if (F::check(&parameters_) != ANHYST_OK) {
-      throw std::invalid_argument("the parameters are not sound");
+      throw std::invalid_argument("the parameters are not valid");
     }
   }
   Owned(const Owned &) = delete;

@@ -38,7 +38,7 @@ def _limits(plan: ControllerPlan) -> Rows:
     yield _member(plan, "position_low", "  .low"), f"a gap of {_length(limits.gap_high)}"
     yield _member(plan, "position_high", "  .high"), f"a gap of {_length(limits.gap_low)}"
     yield _member(plan, "position_step", "  .step"), f"{_length(limits.step)} a tick"
-    yield _member(plan, "patience", "  .patience"), "ticks"
+    yield _member(plan, "max_missing_samples", "  .max_missing_samples"), "ticks"
     yield _member(plan, "hold", "  .hold"), f"ticks: {limits.hold * tick:.6g} s"
     yield _member(plan, "selftest", "  .selftest"), "ticks"
     yield "},", ""

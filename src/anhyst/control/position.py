@@ -275,7 +275,7 @@ class PositionControl:
             "position_low": q31((middle - limits.gap_high) / self.position_full),
             "position_high": q31((middle - limits.gap_low) / self.position_full),
             "position_step": distance("step", limits.step),
-            "patience": limits.max_missing_samples,
+            "max_missing_samples": limits.max_missing_samples,
             "hold": limits.hold,
             "selftest": limits.selftest,
             "detect": distance("detect", levitation.detect),

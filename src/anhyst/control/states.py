@@ -36,7 +36,7 @@ class Fault(IntEnum):
     """Why the controller went to the state fault; the first reason is kept."""
 
     NONE = 0
-    BLOCK = 1  # the parameter block built in is not sound
+    BLOCK = 1  # the parameter block built in is not valid
     LINK_LOST = 2  # no new request for heartbeat_ticks while current may flow
     MISSED_TICK = 3  # more ticks missed in a row than the board allows
     SENSOR_FAILED = 4  # the port had no sample: the sensors did not answer
@@ -88,7 +88,7 @@ class Flag(IntFlag):
     DEMAND_LIMITED = 1  # by the parameter block or the residual force, as of the last tick
     CURRENT_LIMITED = 2  # by the parameter block or the board
     FLUX_LIMITED = 4  # by the parameter block
-    SAMPLE_DOUBTFUL = 8  # an implausible sample was replaced by the last plausible one
+    SAMPLE_IMPLAUSIBLE = 8  # an implausible sample was replaced by the last plausible one
     COMMAND_REFUSED = 16  # the command of this tick cannot be done in this state
     DEMAND_SLEWING = 32  # the demand in force is still on its way
     CONDITIONING = 64  # the conditioning sequence runs

@@ -28,7 +28,7 @@ class Reason(IntEnum):
     VALUE = 6  # a value out of its range, or no such setting, command or word
     ORDER = 7  # block data without begin or not at the next offset; detail: the next offset
     CHECKSUM = 8  # the block that arrived is not the one that was announced
-    BLOCK = 9  # the block is not sound, or of another kind or layout
+    BLOCK = 9  # the block is not valid, or of another kind or layout
     GENERATION = 10  # the block has another generation; detail: its own
     SESSION = 11  # no session is open: hello comes first
     CURRENT = 12  # in this state, but current still flows; once it is zero

@@ -65,9 +65,9 @@ typedef struct {
      candidate is found in a fraction of the time. */
   int32_t (*flux)(const int16_t *words, const anhyst_memory *from, const anhyst_candidate *solved,
                   const anhyst_arms *arms, int32_t current, anhyst_memory *to);
-  /* Whether a block's words of this kind are sound. */
-  int (*sound)(const int16_t *words);
-  /* Brings a memory from one sound block to another, under which the iron stands at this flux, q30.
+  /* Whether a block's words of this kind are valid. */
+  int (*valid)(const int16_t *words);
+  /* Brings a memory from one valid block to another, under which the iron stands at this flux, q30.
      |flux| <= 1. */
   void (*carry)(const int16_t *before, const int16_t *words, int32_t flux, anhyst_memory *memory);
 } anhyst_kernel;
@@ -92,17 +92,17 @@ typedef struct {
 } anhyst_compensator;
 
 /* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the block is not
-   sound: magic, layout, kind, length within capacity (words), checksum, every range and every
+   valid: magic, layout, kind, length within capacity (words), checksum, every range and every
    table. Nothing is changed then. */
 anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,
                                       const int16_t *words, uint16_t capacity);
 
-/* Whether a block is sound and of this kind: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads at most
+/* Whether a block is valid and of this kind: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads at most
    capacity words. Takes about 100 instructions a word (checksum); not for an interrupt. */
 anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *words,
                                  uint16_t capacity);
 
-/* Whether a sound block is made for the signals there are: 0, or the place of the first number that
+/* Whether a valid block is made for the signals there are: 0, or the place of the first number that
    is another one in the block. scales: full scales, range of the gap, ticks a second and units, as
    ANHYST_SCALE_WORDS words of a block from ANHYST_WORD_SCALE_DEMAND on. */
 uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales);

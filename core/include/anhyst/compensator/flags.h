@@ -10,7 +10,8 @@
 #define ANHYST_DEMAND_LIMITED 1U
 #define ANHYST_CURRENT_LIMITED 2U /* by the parameter block or the board */
 #define ANHYST_FLUX_LIMITED 4U /* by the parameter block */
-#define ANHYST_SAMPLE_DOUBTFUL 8U /* an implausible sample was replaced by the last plausible one */
+/* an implausible sample was replaced by the last plausible one */
+#define ANHYST_SAMPLE_IMPLAUSIBLE 8U
 #define ANHYST_COMMAND_REFUSED 16U /* the command of this tick cannot be done in this state */
 #define ANHYST_DEMAND_SLEWING 32U /* the demand in force is still on its way */
 #define ANHYST_CONDITIONING 64U /* the conditioning sequence runs */

@@ -27,7 +27,7 @@ typedef struct {
   uint16_t gap_segments;   /* m: 0..6 */
 } anhyst_map_q31;
 
-/* Whether a map is sound: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry; not for an
+/* Whether a map is valid: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry; not for an
    interrupt. */
 anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map);
 

@@ -34,11 +34,11 @@ extern "C" {
 typedef struct {
   int32_t low; /* below high */
   int32_t high;
-  int32_t step; /* largest change from one tick to the next, > 0 */
-  uint16_t
-      patience;  /* samples in a row that may be missing or implausible; the last one stands in */
-  uint16_t hold; /* ticks of a fall in which a position may come back */
-  uint16_t selftest; /* plausible samples in a row until the self-test has passed, > 0 */
+  int32_t step;                 /* largest change from one tick to the next, > 0 */
+  uint16_t max_missing_samples; /* samples in a row that may be missing or implausible; the last one
+                                   stands in */
+  uint16_t hold;                /* ticks of a fall in which a position may come back */
+  uint16_t selftest;            /* plausible samples in a row until the self-test has passed, > 0 */
 } anhyst_levitation_limits;
 
 /* How it lifts and lands; all but the last above zero, rates for one tick. */
@@ -69,7 +69,7 @@ typedef struct {
   int32_t demand;    /* in breakaway and set down: the force to drive */
   int32_t tick;      /* of breakaway, or of the fall */
   uint16_t phase;
-  uint16_t flags;  /* ANHYST_SAMPLE_DOUBTFUL */
+  uint16_t flags;  /* ANHYST_SAMPLE_IMPLAUSIBLE */
   uint16_t begins; /* whether control begins at this tick, with the demand before it */
   uint16_t seen;   /* whether there was a plausible position at all */
   uint16_t lost;   /* whether it does not land any more even with a position, until `clear` */
@@ -90,7 +90,7 @@ uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t comma
 
 /* Goes to fault for a reason from outside, between two ticks. lands: whether it comes down in a
    controlled way; otherwise it falls, whatever samples come: neither a sensor that is not to be
-   believed nor an amplifier that does not obey can land it. */
+   believed nor an amplifier that does not follow can land it. */
 void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int lands);
 
 /* One tick: judges the sample and moves on. */

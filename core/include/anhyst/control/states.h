@@ -29,7 +29,7 @@
 
 /* Why the controller went to the state fault; the first reason is kept. */
 #define ANHYST_FAULT_NONE 0U
-#define ANHYST_FAULT_BLOCK 1U /* the parameter block built in is not sound */
+#define ANHYST_FAULT_BLOCK 1U /* the parameter block built in is not valid */
 #define ANHYST_FAULT_LINK_LOST 2U /* no new request for heartbeat_ticks while current may flow */
 #define ANHYST_FAULT_MISSED_TICK 3U /* more ticks missed in a row than the board allows */
 #define ANHYST_FAULT_SENSOR_FAILED 4U /* the port had no sample: the sensors did not answer */

@@ -49,9 +49,9 @@ void anhyst_supervisor_start(anhyst_supervisor *s);
 void anhyst_supervisor_begin(anhyst_supervisor *s);
 
 /* Counts a sample. wrong: the fault that it would be, or ANHYST_FAULT_NONE. A plausible one leads
-   on from selftest after `selftest` of them in a row; more than `patience` in a row that are not
-   are a fault. 1: they are too many. */
-int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t wrong, uint16_t patience,
+   on from selftest after `selftest` of them in a row; more than `max_missing_samples` in a row that
+   are not are a fault. 1: they are too many. */
+int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t wrong, uint16_t max_missing_samples,
                              uint16_t selftest);
 
 /* Goes to fault, unless it is there. */

@@ -85,7 +85,7 @@ static int ANHYST_NAME(is_range)(ANHYST_REAL low, ANHYST_REAL high)
   return low <= high && low >= -largest && high <= largest;
 }
 
-static int ANHYST_NAME(rows_sound)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int ANHYST_NAME(rows_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
     const ANHYST_NAME(anhyst_at_gap) *row = parameters->gaps + i;
@@ -103,7 +103,7 @@ static int ANHYST_NAME(rows_sound)(const ANHYST_NAME(anhyst_parameters) *paramet
 
 anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
-  const int sound = parameters->kernel != 0 && parameters->gaps != 0 &&
+  const int valid = parameters->kernel != 0 && parameters->gaps != 0 &&
                     (parameters->power == 1U || parameters->power == 2U) &&
                     ANHYST_NAME(is_range)(parameters->demand_low, parameters->demand_high) &&
                     ANHYST_NAME(is_range)(parameters->current_low, parameters->current_high) &&
@@ -114,7 +114,7 @@ anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_para
                     parameters->flux_limit <= R(1e6) && parameters->gap_segments >= 1U &&
                     parameters->gap_segments <= 64U && parameters->condition_cycles <= 64U &&
                     parameters->condition_ticks >= 2U && parameters->condition_ticks <= 32767U;
-  if (!sound || !ANHYST_NAME(rows_sound)(parameters) || !parameters->kernel->sound(parameters)) {
+  if (!valid || !ANHYST_NAME(rows_is_valid)(parameters) || !parameters->kernel->valid(parameters)) {
     return ANHYST_BAD_PARAMETER;
   }
   return ANHYST_OK;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The effective-field law with its exact step, in floating point.
 
-   In the law's own units the iron obeys h*x + m = flux, and a current gives
+   In the law's own units the iron follows h*x + m = flux, and a current gives
    flux_arm*flux + field_arm*x. Both are one equation, air*x + iron*m = target. Iron that couples
    to itself more than the gap parts it makes the flux arm, and so iron, negative; air stays above
    0, and the sum rises with x as long as m is nowhere steeper than air/-iron, which the check of
@@ -403,7 +403,7 @@ static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *para
   return 1;
 }
 
-static int ANHYST_NAME(full_sound)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int ANHYST_NAME(full_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
   const ANHYST_REAL largest = R(1e6);
@@ -429,4 +429,4 @@ static void ANHYST_NAME(full_carry)(ANHYST_NAME(anhyst_memory) *memory)
 
 const ANHYST_NAME(anhyst_kernel)
     ANHYST_NAME(anhyst_kernel_full) = {ANHYST_NAME(full_field), ANHYST_NAME(full_flux),
-                                       ANHYST_NAME(full_sound), ANHYST_NAME(full_carry)};
+                                       ANHYST_NAME(full_is_valid), ANHYST_NAME(full_carry)};

@@ -188,7 +188,7 @@ static ANHYST_REAL ANHYST_NAME(simplified_flux)(const ANHYST_NAME(anhyst_paramet
 }
 
 /* Whether more flux needs no less current at any gap. */
-static int ANHYST_NAME(flux_arm_sound)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int ANHYST_NAME(flux_arm_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
     if (!(parameters->gaps[i].flux_arm >= R(0.0))) {
@@ -198,7 +198,7 @@ static int ANHYST_NAME(flux_arm_sound)(const ANHYST_NAME(anhyst_parameters) *par
   return 1;
 }
 
-static int ANHYST_NAME(simplified_sound)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int ANHYST_NAME(simplified_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
   const ANHYST_REAL largest = R(1e6);
@@ -210,7 +210,7 @@ static int ANHYST_NAME(simplified_sound)(const ANHYST_NAME(anhyst_parameters) *p
          (law->segments & (law->segments - 1U)) == 0U &&
          ANHYST_NAME(anhyst_rises)(law->curve, (uint16_t)((law->octaves + 1U) * law->segments),
                                    R(0.0), R(1.0)) &&
-         ANHYST_NAME(flux_arm_sound)(parameters);
+         ANHYST_NAME(flux_arm_is_valid)(parameters);
 }
 
 static void ANHYST_NAME(simplified_carry)(ANHYST_NAME(anhyst_memory) *memory)
@@ -220,5 +220,5 @@ static void ANHYST_NAME(simplified_carry)(ANHYST_NAME(anhyst_memory) *memory)
 }
 
 const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified) = {
-    ANHYST_NAME(simplified_field), ANHYST_NAME(simplified_flux), ANHYST_NAME(simplified_sound),
+    ANHYST_NAME(simplified_field), ANHYST_NAME(simplified_flux), ANHYST_NAME(simplified_is_valid),
     ANHYST_NAME(simplified_carry)};

@@ -23,7 +23,7 @@ anhyst_status ANHYST_NAME(anhyst_position_init)(
   const ANHYST_NAME(anhyst_position) fresh = {0};
   if (anhyst_levitation_check(&limits->levitation, &settings->levitation) != ANHYST_OK ||
       ANHYST_NAME(anhyst_pidd2_check)(&settings->gains) != ANHYST_OK ||
-      !ANHYST_NAME(are_sound)(limits, settings)) {
+      !ANHYST_NAME(are_valid)(limits, settings)) {
     return ANHYST_BAD_PARAMETER;
   }
   *c = fresh;
@@ -81,7 +81,7 @@ static void ANHYST_NAME(levitate)(ANHYST_NAME(anhyst_position) *c,
   input.dropped = sample->dropped != 0U || !ANHYST_NAME(is_number)(sample->position) ? 1U : 0U;
   anhyst_levitation_tick(&c->levitation, &c->limits->levitation, &c->settings->levitation, &input);
   c->flags |= c->levitation.flags;
-  if ((c->flags & ANHYST_SAMPLE_DOUBTFUL) == 0U) {
+  if ((c->flags & ANHYST_SAMPLE_IMPLAUSIBLE) == 0U) {
     c->position = sample->position;
   }
   for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {

@@ -88,7 +88,7 @@ static int ANHYST_NAME(is_whole)(ANHYST_REAL range, ANHYST_REAL step)
   return off >= R(-0.25) && off <= R(0.25);
 }
 
-static int ANHYST_NAME(are_sound)(const ANHYST_NAME(anhyst_position_limits) *limits,
+static int ANHYST_NAME(are_valid)(const ANHYST_NAME(anhyst_position_limits) *limits,
                                   const ANHYST_NAME(anhyst_position_settings) *settings)
 {
   const ANHYST_NAME(anhyst_position_units) *units = &settings->units;

@@ -85,7 +85,7 @@ class LevitationRun:
 
     def _rejected(self, steps: Recording) -> str | None:
         """Say whether rejected samples, and no armature out of control, ended the run."""
-        implausible = (steps["flags"].astype(int) & int(Flag.SAMPLE_DOUBTFUL)) != 0
+        implausible = (steps["flags"].astype(int) & int(Flag.SAMPLE_IMPLAUSIBLE)) != 0
         missing = self.setup.controller.safety.max_missing_samples
         # Whether every one of the last samples, and this one, was implausible: the position is lost.
         row = np.convolve(implausible, np.ones(missing + 1), "valid") > missing + 0.5

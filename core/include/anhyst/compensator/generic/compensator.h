@@ -103,8 +103,8 @@ struct ANHYST_NAME(anhyst_kernel) {
                       const ANHYST_NAME(anhyst_memory) *from,
                       const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
                       ANHYST_NAME(anhyst_memory) *to);
-  /* Whether the law's own parameters are sound. */
-  int (*sound)(const ANHYST_NAME(anhyst_parameters) *parameters);
+  /* Whether the law's own parameters are valid. */
+  int (*valid)(const ANHYST_NAME(anhyst_parameters) *parameters);
   /* Brings a memory to other parameters of the same law: it turns where it is. */
   void (*carry)(ANHYST_NAME(anhyst_memory) *memory);
 };
@@ -125,13 +125,13 @@ typedef struct {
   uint16_t solved;                   /* whether next belongs to memory */
 } ANHYST_NAME(anhyst_compensator);
 
-/* Whether parameters are sound: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry of the
+/* Whether parameters are valid: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry of the
    tables; not for an interrupt. */
 anhyst_status ANHYST_NAME(anhyst_parameters_check)(
     const ANHYST_NAME(anhyst_parameters) *parameters);
 
 /* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the parameters are
-   not sound; nothing is changed then. */
+   not valid; nothing is changed then. */
 anhyst_status ANHYST_NAME(anhyst_compensator_init)(
     ANHYST_NAME(anhyst_compensator) *c, const ANHYST_NAME(anhyst_parameters) *parameters);
 

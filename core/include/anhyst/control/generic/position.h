@@ -60,7 +60,7 @@ typedef struct {
 } ANHYST_NAME(anhyst_position);
 
 /* Starts in init, without current. magnet_2 is 0 for a single magnet. ANHYST_OK, or
-   ANHYST_BAD_PARAMETER where limits or settings are not sound; nothing is changed then. What is
+   ANHYST_BAD_PARAMETER where limits or settings are not valid; nothing is changed then. What is
    pointed to must live as long as the controller. */
 anhyst_status ANHYST_NAME(anhyst_position_init)(
     ANHYST_NAME(anhyst_position) *c, const ANHYST_NAME(anhyst_position_limits) *limits,

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The body of a control task that holds an armature in the air: position in, currents out, by the
-   very controller that anhyst simulate flies (anhyst/control/position.h), with the limits and
+   very controller that anhyst simulate runs (anhyst/control/position.h), with the limits and
    settings that anhyst compile wrote. What each phase does is said in anhyst/control/levitation.h.
  */
-#ifndef ANHYST_FIRMWARE_FLIGHT_H
-#define ANHYST_FIRMWARE_FLIGHT_H
+#ifndef ANHYST_FIRMWARE_POSITION_H
+#define ANHYST_FIRMWARE_POSITION_H
 
 #include "anhyst/control/position.h"
 #include "app/body.h"

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The fixed-point position controller as one function of flat arrays, for test_position_faults.py:
-   a flight of n ticks, from power on. */
+   a run of n ticks, from power on. */
 #include "anhyst/control/position.h"
 
 enum { NUMBERS_OF_A_SAMPLE = 9, NUMBERS_OF_AN_ANSWER = 6 };
 
-int position_flight(const int32_t *numbers, const int16_t *entries, int32_t magnets, int32_t n,
-                    const int32_t *samples, int32_t *answers);
+int position_run(const int32_t *numbers, const int16_t *entries, int32_t magnets, int32_t n,
+                 const int32_t *samples, int32_t *answers);
 
 static anhyst_factor factor_at(const int32_t *words)
 {
@@ -41,8 +41,8 @@ static anhyst_position_sample_q31 read_sample(const int32_t *w)
   return sample;
 }
 
-int position_flight(const int32_t *numbers, const int16_t *entries, int32_t magnets, int32_t n,
-                    const int32_t *samples, int32_t *answers)
+int position_run(const int32_t *numbers, const int16_t *entries, int32_t magnets, int32_t n,
+                 const int32_t *samples, int32_t *answers)
 {
   const anhyst_position_limits_q31 limits = read_limits(numbers);
   const anhyst_position_settings_q31 settings = read_settings(numbers + 10);

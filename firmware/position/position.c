@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "position/flight.h"
+#include "position/position.h"
 
 #include <stddef.h>
 
 typedef char
-    flight_has_as_many_currents_as_the_port[ANHYST_POSITION_MAGNETS == PORT_CURRENTS ? 1 : -1];
+    position_has_as_many_currents_as_the_port[ANHYST_POSITION_MAGNETS == PORT_CURRENTS ? 1 : -1];
 
 static void forget_sensors(app_body *body)
 {
@@ -16,7 +16,7 @@ static void forget_sensors(app_body *body)
 }
 
 /* Starts the force controller of a magnet with the block built in; without words where that is not
- * sound. */
+ * valid. */
 static void start_magnet(anhyst_force_controller_q31 *magnet, const app_board *board)
 {
   if (anhyst_force_controller_init_compensator_q31(magnet, board->kernel, board->words,
@@ -111,7 +111,7 @@ static void watch_currents(app_body *body, const port_sample *sample, uint32_t t
     const uint16_t wrong =
         app_sensor_judge(&body->current[i], &limits->current, limits->stuck_current,
                          sample->current[i], ticks, body->answer.current[i]);
-    if (body->current[i].age > limits->doubtful_ticks || wrong == APP_SENSOR_STUCK) {
+    if (body->current[i].age > limits->max_implausible_samples || wrong == APP_SENSOR_STUCK) {
       app_body_fail(body, (uint16_t)(ANHYST_FAULT_CURRENT_RESERVED - APP_SENSOR_RESERVED + wrong));
     }
   }
