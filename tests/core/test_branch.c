@@ -63,7 +63,7 @@ static void branch_stays_between_anhysteretic_and_saturation(void)
 static void branch_is_continued_flat_beyond_its_range(void)
 {
   CHECK(anhyst_branch_build_f64(&branch, 1.0) == ANHYST_OK);
-  const double far[] = {1e6, 1e30, INFINITY};
+  const double far[] = {1e6, 1e30, (double)INFINITY};
   for (int i = 0; i < 3; i++) {
     CHECK_BELOW("A far right", fabs(anhyst_branch_at_f64(&branch, far[i]) - 1.0), 2e-5);
     CHECK_BELOW("A far left", fabs(anhyst_branch_at_f64(&branch, -far[i]) + 1.0), 2e-5);
@@ -72,7 +72,7 @@ static void branch_is_continued_flat_beyond_its_range(void)
 
 static void kappa_out_of_range_is_refused_and_nothing_is_written(void)
 {
-  const double bad[] = {0.0, -1.0, 0.9e-3, 1.1e3, NAN, INFINITY};
+  const double bad[] = {0.0, -1.0, 0.9e-3, 1.1e3, (double)NAN, (double)INFINITY};
   for (int i = 0; i < 6; i++) {
     branch.kappa = 7.0;
     CHECK(anhyst_branch_build_f64(&branch, bad[i]) == ANHYST_BAD_PARAMETER);

@@ -51,7 +51,7 @@ static void solving_leaves_the_state_and_committing_advances_it(void)
 static void failure_leaves_the_state_of_the_last_good_sample(void)
 {
   uint64_t seed = 52;
-  const double bad[] = {NAN, INFINITY, -INFINITY};
+  const double bad[] = {(double)NAN, (double)INFINITY, -(double)INFINITY};
   for (int i = 0; i < 300; i++) {
     if (!draw_iron(&seed, (anhyst_step)(i % 3), 0, &sample)) {
       continue;
@@ -86,7 +86,7 @@ static void failure_leaves_the_state_of_the_last_good_sample(void)
 static void circuit_that_is_no_number_is_refused(void)
 {
   uint64_t seed = 53;
-  const double bad[] = {NAN, INFINITY};
+  const double bad[] = {(double)NAN, (double)INFINITY};
   for (int i = 0; i < 200; i++) {
     if (!draw_iron(&seed, (anhyst_step)(i % 3), 0, &sample)) {
       continue;
@@ -108,8 +108,8 @@ static void circuit_that_is_no_number_is_refused(void)
 static void parameters_out_of_range_are_refused(void)
 {
   anhyst_iron_f64 iron;
-  const double nan = NAN;
-  const double inf = INFINITY;
+  const double nan = (double)NAN;
+  const double inf = (double)INFINITY;
   const double good[6] = {1e6, 100.0, 80.0, 0.2, 1e-4, 0.0};
   const struct {
     int which;

@@ -53,7 +53,7 @@ static void langevin_is_odd_and_its_slope_even_at_zero_too(void)
 
 static void langevin_saturates_for_the_largest_numbers(void)
 {
-  const double huge[] = {1e300, DBL_MAX, INFINITY};
+  const double huge[] = {1e300, DBL_MAX, (double)INFINITY};
   for (int i = 0; i < 3; i++) {
     double slope;
     CHECK(anhyst_langevin_f64(huge[i], &slope) == 1.0);

@@ -182,10 +182,16 @@ static void only_states_the_law_can_reach_are_accepted(void)
     CHECK(anhyst_state_check_f64(&law, &bad) == ANHYST_BAD_STATE);
   }
   const anhyst_operator_f64 law = make_law(&seed, ANHYST_STEP_EXACT, 10.0, 10.1);
-  const double nan = NAN;
+  const double nan = (double)NAN;
   const anhyst_state_f64 bad[] = {
-      {nan, 0.0, 0.0},  {0.0, nan, 0.0},  {0.0, 0.0, nan},      {0.0, 1.0, 0.0},
-      {0.0, -1.0, 0.0}, {9e4, 0.99, 9e4}, {INFINITY, 0.0, 0.0}, {INFINITY, 0.5, INFINITY},
+      {nan, 0.0, 0.0},
+      {0.0, nan, 0.0},
+      {0.0, 0.0, nan},
+      {0.0, 1.0, 0.0},
+      {0.0, -1.0, 0.0},
+      {9e4, 0.99, 9e4},
+      {(double)INFINITY, 0.0, 0.0},
+      {(double)INFINITY, 0.5, (double)INFINITY},
   };
   for (int i = 0; i < 8; i++) {
     CHECK(anhyst_state_check_f64(&law, &bad[i]) == ANHYST_BAD_STATE);
@@ -195,8 +201,8 @@ static void only_states_the_law_can_reach_are_accepted(void)
 static void parameters_out_of_range_are_refused(void)
 {
   CHECK(anhyst_branch_build_f64(&branch, 1.0) == ANHYST_OK);
-  const double nan = NAN;
-  const double inf = INFINITY;
+  const double nan = (double)NAN;
+  const double inf = (double)INFINITY;
   const anhyst_operator_f64 bad[] = {
       {ANHYST_STEP_LINEAR, 0.0, 0.1, 0.0, 0.0, 0},
       {ANHYST_STEP_LINEAR, -1.0, 0.1, 0.0, 0.0, 0},

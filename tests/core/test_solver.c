@@ -103,7 +103,7 @@ static int passes_a_solution(const problem *p, const anhyst_candidate_f64 *found
   anhyst_path_begin_f64(&path, &p->law, &p->from, sign, &answer);
   const int steps = 3000;
   for (int i = 1; i < steps; i++) {
-    const double x = p->from.x + way * (i / steps);
+    const double x = p->from.x + way * ((double)i / (double)steps);
     anhyst_path_at_f64(&path, x, &answer);
     const double left = sign * (x + p->omega * answer.m - p->r);
     const double slack = 64.0 * DBL_EPSILON * (fabs(x) + fabs(p->r) + fabs(p->omega));
@@ -157,8 +157,8 @@ static void nothing_moves_where_nothing_is_asked(void)
 static void what_cannot_be_solved_has_a_code(void)
 {
   uint64_t seed = 42;
-  const double nan = NAN;
-  const double inf = INFINITY;
+  const double nan = (double)NAN;
+  const double inf = (double)INFINITY;
   const double bad[] = {nan, inf, -inf};
   for (int i = 0; i < 200; i++) {
     problem p = draw(&seed, (anhyst_step)(i % 3), 0.05, 1e3, 10.0);

@@ -16,13 +16,9 @@ static int is_valid_q31(const anhyst_flux_loop_q31 *loop)
          anhyst_factor_is_share(loop->smoothing);
 }
 
-static int32_t sum_q31(int32_t a, int32_t b) { return anhyst_add_q31(a, b); }
-
-static int32_t difference_q31(int32_t a, int32_t b) { return anhyst_sub_q31(a, b); }
-
-static int32_t within_q31(int32_t a, int32_t low, int32_t high)
+static int32_t limited_q31(const anhyst_force_controller_q31 *c, int32_t current)
 {
-  return anhyst_clamp(a, low, high);
+  return anhyst_clamp(current, c->low, c->high);
 }
 
 /* The nearest force of the map, which only pulls; the largest code is its last column. */

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/compensator/force_controller_real.h"
 
+#include "anhyst/numeric/real.h"
+
 #include "lookup_real.h"
 
 #include "anhyst/numeric/f64.h"

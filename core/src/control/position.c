@@ -37,10 +37,6 @@ static int is_number_q31(int32_t a)
   return 1;
 }
 
-static int32_t sum_q31(int32_t a, int32_t b) { return anhyst_add_q31(a, b); }
-
-static int32_t difference_q31(int32_t a, int32_t b) { return anhyst_sub_q31(a, b); }
-
 static int32_t half_q31(int32_t a) { return a >> 1; }
 
 static int32_t within_q31(int32_t a, int32_t low, int32_t high)

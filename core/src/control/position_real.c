@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/control/position_real.h"
 
+#include "anhyst/numeric/real.h"
+
 #include <stddef.h>
 
 #include "anhyst/numeric/f64.h"

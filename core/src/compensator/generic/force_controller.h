@@ -54,8 +54,8 @@ ANHYST_REAL ANHYST_NAME(anhyst_force_controller_solve)(ANHYST_NAME(anhyst_force_
     ANHYST_NAME(correct)(c, gap, flux);
   }
   c->wanted =
-      ANHYST_NAME(sum)(ANHYST_NAME(anhyst_map_value)(c->map, c->demand, gap), c->correction);
-  c->current = ANHYST_NAME(within)(c->wanted, c->low, c->high);
+      ANHYST_NAME(anhyst_add)(ANHYST_NAME(anhyst_map_value)(c->map, c->demand, gap), c->correction);
+  c->current = ANHYST_NAME(limited)(c, c->wanted);
   if (c->current != c->wanted) {
     c->flags |= ANHYST_CURRENT_LIMITED;
   }
@@ -76,7 +76,7 @@ static ANHYST_REAL ANHYST_NAME(commit_compensator)(ANHYST_NAME(anhyst_force_cont
   if (c->solved == 0U || (c->flags & other) != 0U) {
     return output;
   }
-  return ANHYST_NAME(sum)(c->demand, ANHYST_NAME(difference)(output, solved));
+  return ANHYST_NAME(anhyst_add)(c->demand, ANHYST_NAME(anhyst_sub)(output, solved));
 }
 
 ANHYST_REAL ANHYST_NAME(anhyst_force_controller_commit)(ANHYST_NAME(anhyst_force_controller) *c,
@@ -87,7 +87,7 @@ ANHYST_REAL ANHYST_NAME(anhyst_force_controller_commit)(ANHYST_NAME(anhyst_force
     output = ANHYST_NAME(commit_compensator)(c, applied, gap);
   } else if (c->solved == 0U || applied != c->wanted) {
     const ANHYST_REAL added = c->solved == 0U ? ANHYST_NAME(held)(c) : c->correction;
-    output = ANHYST_NAME(anhyst_map_force)(c->map, ANHYST_NAME(difference)(applied, added), gap);
+    output = ANHYST_NAME(anhyst_map_force)(c->map, ANHYST_NAME(anhyst_sub)(applied, added), gap);
   }
   if (c->method == ANHYST_FORCE_BY_FLUX && c->solved != 0U) {
     ANHYST_NAME(advance_flux)(c, applied);

@@ -22,13 +22,10 @@ static int ANHYST_NAME(is_valid)(const ANHYST_NAME(anhyst_flux_loop) *loop)
          loop->smoothing <= R(1.0);
 }
 
-static ANHYST_REAL ANHYST_NAME(sum)(ANHYST_REAL a, ANHYST_REAL b) { return a + b; }
-
-static ANHYST_REAL ANHYST_NAME(difference)(ANHYST_REAL a, ANHYST_REAL b) { return a - b; }
-
-static ANHYST_REAL ANHYST_NAME(within)(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
+static ANHYST_REAL ANHYST_NAME(limited)(const ANHYST_NAME(anhyst_force_controller) *c,
+                                        ANHYST_REAL current)
 {
-  return ANHYST_NAME(anhyst_limited)(a, low, high);
+  return ANHYST_NAME(anhyst_limited)(current, c->low, c->high);
 }
 
 /* The nearest force of the map, which only pulls. */

@@ -113,8 +113,8 @@ static void ANHYST_NAME(solve)(ANHYST_NAME(anhyst_position) *c,
   const int magnets = ANHYST_NAME(magnets)(c);
   ANHYST_REAL force[ANHYST_POSITION_MAGNETS] = {c->demand, 0};
   if (magnets == 2) {
-    force[0] = ANHYST_NAME(sum)(c->settings->bias, ANHYST_NAME(half)(c->demand));
-    force[1] = ANHYST_NAME(difference)(force[0], c->demand);
+    force[0] = ANHYST_NAME(anhyst_add)(c->settings->bias, ANHYST_NAME(half)(c->demand));
+    force[1] = ANHYST_NAME(anhyst_sub)(force[0], c->demand);
   }
   for (int i = 0; i < magnets; i++) {
     wanted[i] = ANHYST_NAME(anhyst_force_controller_solve)(c->magnet[i], force[i], c->gap[i],
@@ -135,11 +135,11 @@ static ANHYST_REAL ANHYST_NAME(release)(const ANHYST_NAME(anhyst_position) *c, A
   ANHYST_REAL from = current;
   if (c->levitation.let_go != 0U) {
     const ANHYST_REAL eighth = ANHYST_NAME(half)(
-        ANHYST_NAME(half)(ANHYST_NAME(half)(ANHYST_NAME(difference)(current, zero))));
-    from = c->magnet[1] != NULL ? zero : ANHYST_NAME(difference)(current, eighth);
+        ANHYST_NAME(half)(ANHYST_NAME(half)(ANHYST_NAME(anhyst_sub)(current, zero))));
+    from = c->magnet[1] != NULL ? zero : ANHYST_NAME(anhyst_sub)(current, eighth);
   }
-  return ANHYST_NAME(within)(zero, ANHYST_NAME(difference)(from, release),
-                             ANHYST_NAME(sum)(from, release));
+  return ANHYST_NAME(within)(zero, ANHYST_NAME(anhyst_sub)(from, release),
+                             ANHYST_NAME(anhyst_add)(from, release));
 }
 
 /* The currents that this phase asks for, before the limits of the board. */
@@ -179,8 +179,8 @@ static ANHYST_REAL ANHYST_NAME(faded)(ANHYST_NAME(anhyst_position) *c, int magne
   const int ramps =
       c->levitation.phase == ANHYST_PHASE_REST || c->levitation.phase == ANHYST_PHASE_FALL;
   c->fading[magnet] =
-      ramps ? 0 : ANHYST_NAME(difference)(left, ANHYST_NAME(within)(left, -release, release));
-  return ANHYST_NAME(sum)(wanted, c->fading[magnet]);
+      ramps ? 0 : ANHYST_NAME(anhyst_sub)(left, ANHYST_NAME(within)(left, -release, release));
+  return ANHYST_NAME(anhyst_add)(wanted, c->fading[magnet]);
 }
 
 /* Applies what is wanted as far as the board lets it. */
@@ -205,7 +205,7 @@ static void ANHYST_NAME(commit)(ANHYST_NAME(anhyst_position) *c, const ANHYST_RE
   ANHYST_REAL force =
       ANHYST_NAME(anhyst_force_controller_commit)(c->magnet[0], applied[0], c->gap[0]);
   if (c->magnet[1] != NULL) {
-    force = ANHYST_NAME(difference)(
+    force = ANHYST_NAME(anhyst_sub)(
         force, ANHYST_NAME(anhyst_force_controller_commit)(c->magnet[1], applied[1], c->gap[1]));
   }
   if (c->pending != 0U) {

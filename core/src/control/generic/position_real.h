@@ -46,10 +46,6 @@ static int ANHYST_NAME(is_number)(ANHYST_REAL a)
   return a >= -largest && a <= largest;
 }
 
-static ANHYST_REAL ANHYST_NAME(sum)(ANHYST_REAL a, ANHYST_REAL b) { return a + b; }
-
-static ANHYST_REAL ANHYST_NAME(difference)(ANHYST_REAL a, ANHYST_REAL b) { return a - b; }
-
 static ANHYST_REAL ANHYST_NAME(half)(ANHYST_REAL a) { return R(0.5) * a; }
 
 /* The lower limit for what is not a number. */
