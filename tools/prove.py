@@ -160,7 +160,7 @@ def command(proof: Proof, core: Path) -> list[str]:
 
 
 def verdict_of(tool: str, output: str) -> str:
-    """Read the tool's answer; anything else than a clear yes or no is told as it is."""
+    """Read the tool's answer; anything else than a clear yes or no is reported as it is."""
     if tool == "esbmc":
         if "VERIFICATION SUCCESSFUL" in output:
             return PROVED

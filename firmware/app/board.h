@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a board tells the app once: constants in its own source, outside anything that can be
+/* What a board states to the app once: constants in its own source, outside anything that can be
    exchanged over the link. */
 #ifndef ANHYST_FIRMWARE_BOARD_H
 #define ANHYST_FIRMWARE_BOARD_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The actuator that a program is built around, under one set of names: what anhyst compile called
-   magnet is told by -DACTUATOR_NAME=magnet -DACTUATOR_MACRO=MAGNET. */
+   magnet is named by -DACTUATOR_NAME=magnet -DACTUATOR_MACRO=MAGNET. */
 #ifndef ANHYST_ACTUATOR_H
 #define ANHYST_ACTUATOR_H
 

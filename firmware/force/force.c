@@ -73,7 +73,7 @@ void app_body_swap(app_body *body, const int16_t *words)
 }
 
 /* The reason of a fault that this sample would be, or none. All sensors are judged, so that each
-   follows its own noise; the first that is wrong is told. Without a sample all values are
+   follows its own noise; the first that is wrong is reported. Without a sample all values are
    PORT_RESERVED. */
 static uint16_t judge(app_body *body, const port_sample *sample, uint32_t ticks)
 {

@@ -12,7 +12,7 @@
 
    If app_tick of a tick is not done when the next tick begins, the next one is missed: it is not
    made up for, the current stays as it is for one tick longer, and the tick number of the next
-   sample tells the firmware how many were left out. A board must bring the current to zero by
+   sample reports to the firmware how many were left out. A board must bring the current to zero by
    itself if app_tick stops being called altogether (a hardware watchdog of a few ticks). */
 #ifndef ANHYST_FIRMWARE_PORT_H
 #define ANHYST_FIRMWARE_PORT_H
@@ -60,13 +60,13 @@ void port_sense(port_sample *sample);
    currents are 0. */
 void port_drive(const int32_t *currents, uint32_t state);
 
-/* Takes at most `most` bytes that arrived on the link, in order, and tells how many; 0 where there
-   are none. Must not wait. A byte that the line knows to be broken (framing, overrun) may be
+/* Takes at most `most` bytes that arrived on the link, in order, and returns how many; 0 where
+   there are none. Must not wait. A byte that the line knows to be broken (framing, overrun) may be
    dropped or passed on: the checksum finds it either way. */
 uint16_t port_link_read(uint8_t *bytes, uint16_t most);
 
-/* Takes over up to `count` bytes for sending, in order, and tells how many. Must not wait; what it
-   did not take is offered again. Taken means: sent later without further calls. */
+/* Takes over up to `count` bytes for sending, in order, and returns how many. Must not wait; what
+   it did not take is offered again. Taken means: sent later without further calls. */
 uint16_t port_link_write(const uint8_t *bytes, uint16_t count);
 
 /* Between these two app_tick does not run. Called by app_poll for a few dozen instructions, never

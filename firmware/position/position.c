@@ -67,8 +67,8 @@ uint16_t app_body_command(app_body *body, uint16_t command)
   return refused;
 }
 
-/* Whether an armature can still be landed after this: not without amplifiers that do as they are
-   told. One magnet of a pair alone would pull it to its side. */
+/* Whether an armature can still be landed after this: not without amplifiers that do as
+   they are commanded. One magnet of a pair alone would pull it to its side. */
 static int can_land(uint16_t reason)
 {
   return reason != ANHYST_FAULT_AMPLIFIER && reason != ANHYST_FAULT_OVER_CURRENT &&

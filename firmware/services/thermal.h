@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* I^2 t: how warm a winding is, as far as its current tells.
+/* I^2 t: how warm a winding is, as far as its current shows.
 
    The warmth follows the square of the current as a body of one heat capacity does,
 

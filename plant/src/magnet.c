@@ -152,8 +152,9 @@ static double current_under(const anhyst_plant_magnet *magnet, double eddies, do
          (1.0 + eddies * (s->gain + magnet->resistance));
 }
 
-/* Where its voltage is beyond the limit, makes of a source one that gives the limit; tells whether
-   it did. The current then lies even farther from the reference: the limit holds there too. */
+/* Where its voltage is beyond the limit, makes of a source one that gives the limit; returns
+   whether it did. The current then lies even farther from the reference: the limit holds there too.
+ */
 static int limited(anhyst_plant_source *s, double current)
 {
   const double voltage = s->gain * (s->reference - current) + s->voltage;

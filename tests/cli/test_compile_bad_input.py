@@ -105,7 +105,7 @@ def test_a_model_that_no_simplified_law_follows(
     assert refused(*COMPILE, "--kind", "simplified", cwd=folder).startswith(f"model.toml: {said}")
 
 
-def test_a_damaged_model_is_told_with_line_and_key(folder: Path) -> None:
+def test_a_damaged_model_is_reported_with_line_and_key(folder: Path) -> None:
     text = edited(k_A_per_m='"300"')
     line = next(n for n, row in enumerate(text.split("\n"), 1) if row.startswith("k_A_per_m"))
     (folder / "model.toml").write_text(text)

@@ -57,7 +57,7 @@ def test_a_drive_that_does_not_fit_is_refused(folder: Path, content: str, said: 
     assert said in run(folder, content)
 
 
-def test_a_settled_cycle_beyond_the_tables_is_told_with_its_line(folder: Path) -> None:
+def test_a_settled_cycle_beyond_the_tables_is_reported_with_its_line(folder: Path) -> None:
     said = run(folder, "F_N,gap_mm\n0,0.3\n1e9,0.3\n", "--history", "settled", verb="invert")
     assert said.startswith("drive.csv: line 3: force (1e+09) the effective field leaves")
 

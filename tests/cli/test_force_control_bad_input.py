@@ -35,7 +35,7 @@ def line_of(text: str, beginning: str) -> int:
                      "integer", id="half a bit"),
     ],
 )  # fmt: skip
-def test_a_key_that_will_not_do_is_told_with_its_line(
+def test_a_key_that_will_not_do_is_reported_with_its_line(
     folder: Path, old: str, new: str, said: str
 ) -> None:
     text = (EXAMPLE / "rig.toml").read_text()

@@ -201,7 +201,7 @@ def test_gaps_that_are_all_but_the_same_are_warned_of(tmp_path: Path) -> None:
     assert any("gap 0.0003 and 0.00030001 m are all but the same" in text for text in reported)
 
 
-def test_a_gap_that_comes_again_must_be_told_apart(tmp_path: Path) -> None:
+def test_a_gap_that_comes_again_must_be_reported_apart(tmp_path: Path) -> None:
     again = [[row[0], row[1], f"{1.1 * float(row[2])}", row[3]] for row in rows()]
     untimed = [row[1:] for row in rows() + again]
     said = identify(write(tmp_path, table(untimed, "I_A,F_N,gap_m")))
@@ -221,7 +221,7 @@ def test_a_counter_of_rows_is_no_label_of_loops(tmp_path: Path) -> None:
     assert fitted(quick("inspect", "loops.csv", *reported, cwd=tmp_path)) == []
 
 
-def test_two_files_at_one_gap_must_be_told_apart(tmp_path: Path) -> None:
+def test_two_files_at_one_gap_must_be_reported_apart(tmp_path: Path) -> None:
     write(tmp_path, table(), "one.csv")
     write(tmp_path, changed(9, 2, "0.5"), "two.csv")
     said = refused("identify", "one.csv", "two.csv", "-o", "model.toml", cwd=tmp_path)

@@ -86,7 +86,7 @@ def test_the_good_model_is_good(folder: Path) -> None:
                      id="empty range"),
     ],
 )  # fmt: skip
-def test_a_wrong_value_is_told_with_its_line_and_key(
+def test_a_wrong_value_is_reported_with_its_line_and_key(
     folder: Path, key: str, value: str, said: str
 ) -> None:
     text = edited(key, value)
@@ -119,7 +119,7 @@ def test_a_wrong_value_is_told_with_its_line_and_key(
                      id="open bracket"),
     ],
 )  # fmt: skip
-def test_a_wrong_key_is_told(folder: Path, old: str, new: str, said: str) -> None:
+def test_a_wrong_key_is_reported(folder: Path, old: str, new: str, said: str) -> None:
     assert old in GOOD
     reported = refused(*VERBS["predict"], cwd=damage(folder, GOOD.replace(old, new, 1)))
     assert reported.startswith("model.toml:")
@@ -162,7 +162,7 @@ def test_every_verb_refuses_a_damaged_model(folder: Path, verb: str) -> None:
     assert refused(*VERBS[verb], cwd=folder) == "model.toml: no such file; check the path"
 
 
-def test_several_faults_are_told_at_once(folder: Path) -> None:
+def test_several_faults_are_reported_at_once(folder: Path) -> None:
     text = edited("c", "1.5").replace("k_A_per_m", "k").replace("alpha", "alfa")
     said = refused(*VERBS["predict"], cwd=damage(folder, text))
     assert "; wrong as well: " in said

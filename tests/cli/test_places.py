@@ -43,7 +43,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("verb", WRITERS)
-def test_a_missing_folder_is_told_at_once(folder: Path, verb: str) -> None:
+def test_a_missing_folder_is_reported_at_once(folder: Path, verb: str) -> None:
     start, name = WRITERS[verb]
     said = refused(*start, f"none/{name}", cwd=folder)
     assert said == (
@@ -69,7 +69,7 @@ def permissions_count(folder: Path) -> bool:
 
 
 @pytest.mark.parametrize("verb", WRITERS)
-def test_a_read_only_folder_is_told_at_once(folder: Path, verb: str) -> None:
+def test_a_read_only_folder_is_reported_at_once(folder: Path, verb: str) -> None:
     start, name = WRITERS[verb]
     locked = folder / "locked"
     locked.mkdir(mode=0o555)
@@ -99,7 +99,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file_as_it_was(folder: Path, verb: 
     assert contents(folder) == before
 
 
-def test_a_disk_without_room_for_a_checkpoint_is_told(folder: Path) -> None:
+def test_a_disk_without_room_for_a_checkpoint_is_reported(folder: Path) -> None:
     start, name = WRITERS["identify"]
     verb, *rest = start
     paper = [verb, "--search", "paper", *rest]
@@ -108,7 +108,7 @@ def test_a_disk_without_room_for_a_checkpoint_is_told(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("verb", LARGE)
-def test_a_device_that_is_full_is_told(folder: Path, verb: str) -> None:
+def test_a_device_that_is_full_is_reported(folder: Path, verb: str) -> None:
     if not Path("/dev/full").is_char_device():
         pytest.skip("no /dev/full here")
     (folder / "full.png").symlink_to("/dev/full")
@@ -147,7 +147,7 @@ def on_a_small_disk(folder: Path, command: list[str], *, read_only: bool) -> str
     return result.stderr.strip()
 
 
-def test_a_disk_that_is_really_full_is_told(folder: Path) -> None:
+def test_a_disk_that_is_really_full_is_reported(folder: Path) -> None:
     # Forty times the record: more than the disk holds, written in pieces.
     header, *lines = table().splitlines()
     (folder / "long.csv").write_text("\n".join([header, *lines * 40]) + "\n")
@@ -162,7 +162,7 @@ def test_a_disk_that_is_really_full_is_told(folder: Path) -> None:
     )
 
 
-def test_a_read_only_disk_is_told(folder: Path) -> None:
+def test_a_read_only_disk_is_reported(folder: Path) -> None:
     said = on_a_small_disk(
         folder, [*COMMAND, "identify", "loops.csv", "--out", "disk/model.toml"], read_only=True
     )

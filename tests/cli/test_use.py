@@ -69,7 +69,7 @@ def test_current_goes_to_force_and_back(folder: Path) -> None:
     assert np.abs(found[:, 2] - CYCLE).max() < 1e-6
 
 
-def test_history_and_columns_are_told_on_the_command_line(folder: Path) -> None:
+def test_history_and_columns_are_reported_on_the_command_line(folder: Path) -> None:
     text = (folder / "drive.csv").read_text().replace("I_A,gap_mm", "X,Y")
     (folder / "drive.csv").write_text(text)
     reported = ["--columns", "X=I_A,Y=gap_mm", "--history", "conditioned:0,2,0"]
@@ -101,7 +101,7 @@ def test_a_demand_that_settles_nowhere_is_a_negative_result(folder: Path) -> Non
     assert not (folder / "f.csv").exists()
 
 
-def test_a_model_that_was_edited_wrongly_is_told_with_its_line(folder: Path) -> None:
+def test_a_model_that_was_edited_wrongly_is_reported_with_its_line(folder: Path) -> None:
     text = (folder / "model.toml").read_text().replace("k_A_per_m = 300.0", "k_A_per_m = -3.0")
     (folder / "model.toml").write_text(text)
     line = 1 + text[: text.index("k_A_per_m = -3")].count("\n")
@@ -112,14 +112,14 @@ def test_a_model_that_was_edited_wrongly_is_told_with_its_line(folder: Path) -> 
     fails_in_one_line(result, 2, "model.toml:")
 
 
-def test_a_file_without_the_drive_is_told(folder: Path) -> None:
+def test_a_file_without_the_drive_is_reported(folder: Path) -> None:
     (folder / "drive.csv").write_text("F_N,gap_mm\n1,0.4\n2,0.4\n")
     result = anhyst("predict", "model.toml", "drive.csv", "--out", "f.csv", cwd=folder)
     fails_in_one_line(result, 2, "drive.csv: has no column of current")
     assert not (folder / "f.csv").exists()
 
 
-def test_diff_tells_the_change_and_the_newtons(folder: Path) -> None:
+def test_diff_reports_the_change_and_the_newtons(folder: Path) -> None:
     text = (folder / "model.toml").read_text().replace("F_0_N = 0.0", "F_0_N = 1.5")
     (folder / "other.toml").write_text(text)
     shown = anhyst("diff", "model.toml", "other.toml", cwd=folder)

@@ -186,7 +186,7 @@ def test_a_demand_that_stands_still_keeps_its_current(kind: Kind) -> None:
         assert np.ptp(held) <= 2.0**-13 * twin.block.scales.current
 
 
-def test_flags_tell_which_limit_was_met() -> None:
+def test_flags_show_which_limit_was_met() -> None:
     twin = FixedTwin(compiled("full"))
     scales, limits = twin.block.scales, twin.block.limits
     assert twin.solve(0.5 * HIGH, WIDE) > 0.0

@@ -215,7 +215,7 @@ def test_so_it_is_in_fixed_point(place: int) -> None:
         assert drive.commit(current // 2, ONE // 2) == curious.commit(current // 2, ONE // 2)
 
 
-def test_a_current_other_than_the_solved_one_is_told_as_force() -> None:
+def test_a_current_other_than_the_solved_one_is_reported_as_force() -> None:
     drive = of_map(ForceController)
     current = drive.solve(150.0, WIDE, NAN)
     between = drive.solve(120.0, WIDE, NAN)
@@ -224,7 +224,7 @@ def test_a_current_other_than_the_solved_one_is_told_as_force() -> None:
     assert drive.commit(current, WIDE) == pytest.approx(150.0, rel=1e-14)  # without a solve
 
 
-def test_what_a_limit_took_away_is_told_as_force() -> None:
+def test_what_a_limit_took_away_is_reported_as_force() -> None:
     drive = of_map(ForceController)
     narrow = ForceController.map(table(), FORCE, GAP_LOW, GAP_HIGH, LOW, 1.0)
     most = narrow.solve(190.0, WIDE, NAN)

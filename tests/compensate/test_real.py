@@ -198,7 +198,7 @@ def test_expected_force_is_that_of_the_current_a_slow_amplifier_gave() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_limits_are_kept_and_told(kind: RealKind) -> None:
+def test_limits_are_kept_and_reported(kind: RealKind) -> None:
     scales, limits = ranges("reluctance")
     low = DemandLimits(limits.demand, (CURRENTS[0], 0.8))
     law = closed_form("reluctance") if kind == "simplified" else None
@@ -217,7 +217,7 @@ def test_limits_are_kept_and_told(kind: RealKind) -> None:
     assert twin.solve(0.3 * HIGH, -1.0) == twin.solve(0.3 * HIGH, GAPS[0])
 
 
-def test_more_flux_than_saturation_is_limited_and_told() -> None:
+def test_more_flux_than_saturation_is_limited_and_reported() -> None:
     model, (scales, _) = magnet(), ranges("reluctance")
     block = build_real(model, "full", scales, DemandLimits((0.0, 400.0), CURRENTS))
     twin = RealTwin(block)

@@ -148,7 +148,7 @@ def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
     assert 0.0 < worst <= plan.allowance
 
 
-def test_lost_currents_are_told_to_the_memory(folder: Path) -> None:
+def test_lost_currents_are_reported_to_the_memory(folder: Path) -> None:
     plan = full(folder).plan
     path = paths(plan.model, plan.block.scales, plan.block.limits)[1]
     run = run_with_losses(plan.model, plan.block, "q15", path)
@@ -173,7 +173,7 @@ def test_same_model_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
         assert not re.search(r"\b20\d\d-\d\d|\d\d:\d\d:\d\d", (first.out / name).read_text())
 
 
-def test_manifest_tells_what_the_folder_is(compiled: Compiled) -> None:
+def test_manifest_reports_what_the_folder_is(compiled: Compiled) -> None:
     plan = compiled.plan
     manifest = json.loads((compiled.out / "manifest.json").read_text())
     assert manifest["format"] == 2
@@ -399,7 +399,7 @@ def test_unreachable_accuracy_names_its_cause(
         ({"gap_map": "free", "parameters": {"k": (300.0, 310.0, 320.0)}}, "gap map 'free'"),
     ],
 )
-def test_what_cannot_be_compiled_is_told_in_a_line(
+def test_what_cannot_be_compiled_is_reported_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], change: dict[str, Any], message: str
 ) -> None:
     model = measured(magnet())

@@ -244,7 +244,7 @@ def test_same_inputs_give_the_same_bytes(place: Path, compiled: Compiled, tmp_pa
         assert (again.out / name).read_bytes() == (compiled.out / name).read_bytes()
 
 
-def test_the_manifest_tells_what_the_codes_mean(compiled: Compiled) -> None:
+def test_the_manifest_reports_what_the_codes_mean(compiled: Compiled) -> None:
     manifest = json.loads((compiled.out / "manifest.json").read_text())
     assert {"bearing_controller.c", "bearing_controller.h", "controller.csv"} <= set(
         manifest["files"]
@@ -299,7 +299,7 @@ def test_every_setting_of_the_core_is_given(compiled: Compiled) -> None:
         assert not missing, structure
 
 
-def test_the_guide_tells_both_widths(compiled: Compiled) -> None:
+def test_the_guide_reports_both_widths(compiled: Compiled) -> None:
     guide = (compiled.out / "DROP_IN.md").read_text()
     assert "a converter of 16 bits" in guide
     assert "a signed 32-bit integer" in guide
@@ -387,7 +387,7 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
         ),
     ],
 )
-def test_what_does_not_fit_is_told_in_one_line(
+def test_what_does_not_fit_is_reported_in_one_line(
     place: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],

@@ -146,7 +146,7 @@ def test_noise_alone_is_no_delay() -> None:
 
 
 @pytest.mark.parametrize("sigma", [1e-4, 1e-3, 5e-3])
-def test_noise_is_told_from_the_signal(sigma: float) -> None:
+def test_noise_is_reported_from_the_signal(sigma: float) -> None:
     _, flux, _ = iron(5.0, 1000)
     noisy = flux + np.random.default_rng(5).normal(0.0, sigma, flux.size)
     assert noise(noisy) == pytest.approx(sigma, rel=0.1)

@@ -91,7 +91,7 @@ def test_width_of_even_force_is_found_with_both_signs_of_current() -> None:
     assert one.single_mean_relative < 0.05
 
 
-def test_one_gap_only_is_told() -> None:
+def test_one_gap_only_is_reported() -> None:
     found = inspect(loopset(magnet()))
     assert "one gap only: nothing can be learned about others" in found.warnings
 

@@ -40,7 +40,7 @@ def test_steel_core_loops_start_at_zero_flux_but_are_settled(measurements: Path)
     assert [loop.output[0] for loop in loops.loops] == [0.0] * 4
 
 
-def test_team32_loops_are_told_apart_by_their_peak(measurements: Path) -> None:
+def test_team32_loops_are_reported_apart_by_their_peak(measurements: Path) -> None:
     loops = read_loops(measurements / "steel_team32/loops.csv", columns={"bmax_T": "loop"})
     assert [loop.label for loop in loops.loops] == ["0.5", "1.02", "1.5"]
     peaks = [float(np.max(loop.output)) for loop in loops.loops]

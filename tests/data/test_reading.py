@@ -68,7 +68,7 @@ def test_several_files_join(tmp_path: Path) -> None:
     assert read_loops(tmp_path).schedule_values == (0.0004, 0.0005)
 
 
-def test_without_a_gap_files_are_told_apart_by_name(tmp_path: Path) -> None:
+def test_without_a_gap_files_are_reported_apart_by_name(tmp_path: Path) -> None:
     one = file_of(tmp_path, "small.csv", "H_A_per_m,B_T", rows_of(1))
     two = file_of(tmp_path, "large.csv", "H_A_per_m,B_T", rows_of(2))
     assert [loop.label for loop in read_loops([one, two]).loops] == ["small", "large"]
@@ -163,7 +163,7 @@ def test_unknown_history_is_refused(text: str) -> None:
         History.parse(text)
 
 
-def test_virgin_rise_is_told_from_a_settled_cycle(tmp_path: Path) -> None:
+def test_virgin_rise_is_reported_from_a_settled_cycle(tmp_path: Path) -> None:
     angle = np.linspace(0.0, 4.0 * np.pi, 400)
     drive = np.sin(angle)
     settled = drive - 0.2 * np.cos(angle)
@@ -247,7 +247,7 @@ def test_bad_sidecar_is_named_with_its_key(tmp_path: Path, content: str, words: 
         ("I_A,F_N,F_kN", ["1,2,3"] * 4, "columns 'F_N' and 'F_kN' are both force"),
     ],
 )
-def test_bad_files_are_told_in_one_line(
+def test_bad_files_are_reported_in_one_line(
     tmp_path: Path, header: str, rows: list[str], words: str
 ) -> None:
     path = file_of(tmp_path, "bad.csv", header, rows)

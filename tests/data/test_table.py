@@ -174,7 +174,7 @@ def test_mappings_that_make_no_sense_are_refused(
         read_columns(path, mapping)
 
 
-def test_absent_and_doubled_quantities_are_told(tmp_path: Path) -> None:
+def test_absent_and_doubled_quantities_are_reported(tmp_path: Path) -> None:
     table = read_columns(file_of(tmp_path, "I_A,I_mA\n1,2\n"))
     assert table.get("gap") is None
     with pytest.raises(InputError, match="has no column of force"):

@@ -74,7 +74,7 @@ def test_committed_files_are_what_the_script_writes(example: ModuleType) -> None
         assert (FOLDER / name).read_bytes() == text.encode(), name
 
 
-def test_script_writes_into_the_folder_it_is_told(
+def test_script_writes_into_the_folder_it_is_reported(
     example: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["make_loops.py", "--out", str(tmp_path / "new")])

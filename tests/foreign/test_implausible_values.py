@@ -61,7 +61,7 @@ def test_milliamperes_for_amperes_warn_with_the_likely_unit(known: ActuatorModel
         known.predict([0.0, 2000.0], 0.45e-3)
 
 
-def test_micrometres_and_metres_for_millimetres_are_told_apart(known: ActuatorModel) -> None:
+def test_micrometres_and_metres_for_millimetres_are_reported_apart(known: ActuatorModel) -> None:
     with pytest.warns(ImplausibleWarning, match="given in um"):
         known.predict([0.0, 1.0], 450.0)
     with pytest.warns(ImplausibleWarning, match="less than the smallest gap .*taken for mm"):

@@ -204,7 +204,7 @@ def test_the_bundled_loops_are_settled_without_their_sidecars(tmp_path: Path, ex
     assert histories(copy) == {"settled"}
 
 
-def test_a_constant_column_tells_loops_apart(tmp_path: Path) -> None:
+def test_a_constant_column_reports_loops_apart(tmp_path: Path) -> None:
     lines = ["I_max_A,I_A,F_N,gap_mm"]
     for label, gap, current, force in records("hard", once, run_in):
         rows = zip(current.tolist(), force.tolist(), strict=True)
@@ -258,7 +258,7 @@ def test_a_column_of_lengths_may_be_the_gap_and_is_asked_for(tmp_path: Path) -> 
         ("ferrite_mnzn/mnzn_ferrite_4loops.csv", ["0", "1", "2", "3"]),
     ],
 )
-def test_loops_of_real_files_are_told_apart_by_themselves(
+def test_loops_of_real_files_are_reported_apart_by_themselves(
     measurements: Path, name: str, labels: list[str]
 ) -> None:
     assert [loop["label"] for loop in inspected(measurements / name)["loops"]] == labels

@@ -215,7 +215,7 @@ def roughness(coordinates: FloatArray) -> float:
     return float(np.sum(np.diff(coordinates) ** 2))
 
 
-def test_ties_make_what_the_loops_do_not_tell_run_smoothly() -> None:
+def test_ties_make_what_the_loops_leave_open_run_smoothly() -> None:
     """A noisy loop a gap, far from saturation, tells little; ties cost the fit next to nothing."""
     truth = magnet("scaling")
     loops = []
@@ -238,7 +238,7 @@ def test_ties_make_what_the_loops_do_not_tell_run_smoothly() -> None:
     assert costs[0] < tied.cost < 1.01 * costs[0]
 
 
-def test_provenance_tells_the_settings(tmp_path: Path) -> None:
+def test_provenance_reports_the_settings(tmp_path: Path) -> None:
     made = loops_of(magnet(gaps=GAPS[:2]), samples=60)
     made.to_csv(tmp_path / "two_gaps.csv")
     loops = read_loops(tmp_path / "two_gaps.csv", history="settled")

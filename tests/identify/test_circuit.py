@@ -63,7 +63,7 @@ def test_the_iron_is_the_same_at_every_gap_so_that_the_gap_may_move() -> None:
     assert np.allclose(back.output, wanted, atol=1e-6)
 
 
-def test_a_gap_left_out_is_told() -> None:
+def test_a_gap_left_out_is_reported() -> None:
     fit = found("circuit").model.fit
     assert fit is not None
     assert 0.0 < fit.left_out["circuit"] < 5e-3

@@ -49,7 +49,7 @@ def test_a_model_has_a_dead_band_that_costs_no_more_than_it_may(name: str) -> No
         assert np.abs(one - other).max() < 1e-8 * largest(given.loops)
 
 
-def test_the_model_tells_how_wide_it_is_and_what_it_costs() -> None:
+def test_the_model_reports_how_wide_it_is_and_what_it_costs() -> None:
     given, without = (found("electromagnet", dead_band=wanted) for wanted in (True, False))
     reported = str(given.model.provenance.settings["dead_band"])
     assert reported.startswith(f"r_d = {part_of_pinning(given):g}*k")

@@ -307,7 +307,7 @@ def test_splines_need_two_nodes() -> None:
         spline_model_at(magnet("none"), 0.4e-3)
 
 
-def test_the_acceptance_test_tells_which_gaps_fail_with_splines(quick: IdentifyResult) -> None:
+def test_the_acceptance_test_reports_which_gaps_fail_with_splines(quick: IdentifyResult) -> None:
     check = quick.splines
     assert check is not None
     assert set(check.failing) <= set(check.gaps.tolist())

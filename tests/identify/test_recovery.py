@@ -177,7 +177,7 @@ def test_uncertainty_grows_with_the_noise_and_shrinks_with_samples() -> None:
     assert many.std[0] == pytest.approx(few.std[0] / 4.0, rel=0.35)
 
 
-def test_what_loops_cannot_tell_is_said() -> None:
+def test_what_loops_leave_open_is_said() -> None:
     reported = uncertainty_of(identify(loops_of(magnet(), noise=NOISE), gap_map="reluctance"))
     assert any("reported only together" in text for text in reported.statements)
     assert any("air core" in text for text in reported.statements)
@@ -190,7 +190,7 @@ def test_what_loops_cannot_tell_is_said() -> None:
     assert np.abs(matrix).max() < 1.0 + 1e-9
 
 
-def test_flux_over_field_tells_the_air_core() -> None:
+def test_flux_over_field_reports_the_air_core() -> None:
     reported = uncertainty_of(identify(loops_of(core(), noise=NOISE)))
     assert not any("air core" in text for text in reported.statements)
 

@@ -130,7 +130,7 @@ def test_moving_gap_follows_the_sign_of_the_new_equation() -> None:
     assert closing.state.x > state.x > opening.state.x
 
 
-def test_jumps_are_told_beforehand() -> None:
+def test_jumps_are_reported_beforehand() -> None:
     law = EffectiveField(0.5, 0.3)
     assert not may_jump(law, -2.99)
     assert may_jump(law, -3.0)

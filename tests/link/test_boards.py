@@ -138,7 +138,7 @@ def test_tools_that_are_not_installed_are_named(
         pass
 
 
-def test_a_controller_that_hangs_up_is_told() -> None:
+def test_a_controller_that_hangs_up_is_reported() -> None:
     ours, theirs = socket.socketpair()
     with ours:
         theirs.close()

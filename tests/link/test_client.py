@@ -210,7 +210,7 @@ def test_heartbeats_in_the_background_keep_the_link_alive(
     assert board.bus.state is State.FAULT
 
 
-def test_waiting_for_a_state_tells_of_a_fault(board: Running, controller: ControllerLink) -> None:
+def test_waiting_for_a_state_reports_of_a_fault(board: Running, controller: ControllerLink) -> None:
     run(board, controller)
     plant = board.bus.plant
     assert isinstance(plant, NoisyPlant)

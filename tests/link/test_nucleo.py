@@ -159,7 +159,7 @@ def test_an_over_current_is_cut_by_the_timer_and_works_again_at_zero(chip: Chip)
     assert status_of(chip, 5).fault == Fault.OVER_CURRENT
 
 
-def test_the_status_tells_the_cycles_of_a_tick(chip: Chip) -> None:
+def test_the_status_reports_the_cycles_of_a_tick(chip: Chip) -> None:
     settled(chip)
     assert status_of(chip, 2).cycles == 1000  # of a counter that is read twice in a tick
 

@@ -107,7 +107,7 @@ def test_firmware_of_another_protocol_version(answer: bytes) -> None:
     assert "build and flash" in text
 
 
-def test_firmware_tells_a_pc_of_another_version(board: Running, monkeypatch: object) -> None:
+def test_firmware_reports_a_pc_of_another_version(board: Running, monkeypatch: object) -> None:
     patch, its = monkeypatch, frames.VERSION
     assert isinstance(patch, pytest.MonkeyPatch)
     patch.setattr(frames, "VERSION", its + 7)

@@ -49,7 +49,7 @@ def test_a_coupling_that_outweighs_the_gap_without_a_jump_is_no_obstacle() -> No
     assert obstacle(model) is None
 
 
-def test_a_jump_at_the_smallest_gaps_is_told_with_the_range_that_is_left() -> None:
+def test_a_jump_at_the_smallest_gaps_is_reported_with_the_range_that_is_left() -> None:
     model = magnet("reluctance", alpha=0.0055)
     said = obstacle(model)
     assert said is not None
@@ -60,13 +60,13 @@ def test_a_jump_at_the_smallest_gaps_is_told_with_the_range_that_is_left() -> No
     assert obstacle(replace(model, valid=beyond)) is None
 
 
-def test_what_else_cannot_be_compiled_is_told_with_the_switch_that_helps() -> None:
+def test_what_else_cannot_be_compiled_is_reported_with_the_switch_that_helps() -> None:
     assert "--gap-map scaling or reluctance" in str(obstacle(magnet("free")))
     assert "identify with gamma = 0" in str(obstacle(magnet("none", gamma=0.5)))
     old = replace(magnet("none"), law="jiles-atherton-1986")
     assert "--law effective-field" in str(obstacle(old))
 
 
-def test_a_closed_core_that_jumps_is_told_so() -> None:
+def test_a_closed_core_that_jumps_is_reported_so() -> None:
     model = replace(magnet("none", alpha=0.01), valid=ValidRange((0.0, 2.0), (0.0, 200.0)))
     assert "predict and invert follow the jumps" in str(obstacle(model))

@@ -135,7 +135,7 @@ def test_every_bit_and_every_character_comes_back(
     assert read_model(path) == model
 
 
-def test_the_file_tells_units_and_nothing_about_the_time() -> None:
+def test_the_file_reports_units_and_nothing_about_the_time() -> None:
     text = model_text(COMPLETE)
     for key in ("k_A_per_m", "c_H_per_m", "c_F_N_per_T2", "I_0_A", "F_0_N", "nodes_m", "worst_N"):
         assert f"\n{key} = " in text
@@ -213,7 +213,7 @@ def test_a_wrong_key_is_named_with_its_line(
     assert "\n" not in text
 
 
-def test_everything_wrong_is_told_at_once(tmp_path: Path) -> None:
+def test_everything_wrong_is_reported_at_once(tmp_path: Path) -> None:
     path = edited(tmp_path, "^(k_A_per_m|a_A_per_m|M_s_A_per_m|c_H_per_m) = .*", r"\1 = -1")
     with pytest.raises(TomlFileError) as caught:
         read_model(path)
@@ -237,7 +237,9 @@ def test_everything_wrong_is_told_at_once(tmp_path: Path) -> None:
         (b"I_A,F_N\n0,1\n", ":1: damaged TOML"),
     ],
 )
-def test_a_damaged_file_is_told_in_one_line(tmp_path: Path, damage: bytes, message: str) -> None:
+def test_a_damaged_file_is_reported_in_one_line(
+    tmp_path: Path, damage: bytes, message: str
+) -> None:
     path = tmp_path / "model.toml"
     path.write_bytes(damage)
     with pytest.raises(InputError, match=message) as caught:

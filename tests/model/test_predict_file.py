@@ -162,6 +162,6 @@ def test_a_missing_column_is_named(tmp_path: Path, header: str, reason: str) -> 
     assert not (tmp_path / "f.csv").exists()
 
 
-def test_a_place_that_cannot_be_written_is_told_before_anything_is_read(tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_reported_before_anything_is_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"f\.csv: cannot be written: No such file or directory"):
         run_file(MODEL, "predict", tmp_path / "missing.csv", tmp_path / "none" / "f.csv")

@@ -203,7 +203,7 @@ def test_nothing_blows_up(jumping: bool) -> None:
         assert np.all(np.abs(m) <= iron.m_s * (1.0 + 1e-9) + 1e-12 * np.abs(b / MU_0))
 
 
-def test_field_beyond_the_tables_is_told_not_guessed() -> None:
+def test_field_beyond_the_tables_is_reported_not_guessed() -> None:
     iron = Iron(m_s=1.3e6, a=300.0, k=200.0, c=0.2, alpha=5e-4)
     record = core.run(core.core_of(iron), "forward", [100.0, 1e12, 100.0])
     assert record.status != 0
@@ -213,7 +213,7 @@ def test_field_beyond_the_tables_is_told_not_guessed() -> None:
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("direction", ["forward", "inverse"])
-def test_sample_that_is_not_finite_is_told(value: float, direction: str) -> None:
+def test_sample_that_is_not_finite_is_reported(value: float, direction: str) -> None:
     iron = Iron(m_s=1.3e6, a=300.0, k=200.0, c=0.2, alpha=5e-4)
     record = core.run(core.core_of(iron), direction, [0.1, value])
     assert record.status != 0

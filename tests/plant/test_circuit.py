@@ -33,7 +33,7 @@ def wander(samples: int, seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 @pytest.mark.parametrize("steel", STEELS.values(), ids=STEELS.keys())
-def test_force_and_flux_are_those_of_the_circuit_written_anew(steel: CellSteel) -> None:
+def test_force_and_flux_are_those_of_the_circuit_written_again(steel: CellSteel) -> None:
     current, gap = wander(1500, seed=3)
     found = Coil(cell_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap)
     expected = OracleMagnet(Shape(), steel).run(current, gap)

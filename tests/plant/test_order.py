@@ -38,7 +38,7 @@ def stepped(magnet: Magnet, steps: int, start: float = 0.0) -> FloatArray:
 
 
 @pytest.mark.parametrize("eddy_time", [0.0, 1e-4])
-def test_a_winding_goes_where_the_equations_written_anew_go(eddy_time: float) -> None:
+def test_a_winding_goes_where_the_equations_written_again_go(eddy_time: float) -> None:
     oracle = OracleMagnet(Shape(eddy_time=eddy_time), example_steel())
     psi, rows = 0.0, []
     for voltage, seconds in VOLTAGES:

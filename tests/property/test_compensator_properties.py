@@ -94,7 +94,7 @@ def test_any_memory_leads_back_into_bounds(
 
 @settings(max_examples=150)
 @given(KINDS, WORDS, WORDS)
-def test_flags_tell_what_was_limited(kind: Kind, demand: int, gap: int) -> None:
+def test_flags_show_what_was_limited(kind: Kind, demand: int, gap: int) -> None:
     block = block_of(kind, 0.0)
     core = FixedCompensator(kind, block.words)
     current = core.solve_q31(demand, gap)

@@ -184,7 +184,7 @@ def lab(colour: str, sight: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("sight", list(SIGHT))
-def test_variants_are_told_apart_by_colour_or_by_dash(sight: str) -> None:
+def test_variants_are_reported_apart_by_colour_or_by_dash(sight: str) -> None:
     for one, two in itertools.combinations(COLOURS, 2):
         apart = float(np.linalg.norm(lab(COLOURS[one], sight) - lab(COLOURS[two], sight)))
         assert apart > (20.0 if DASHES[one] == DASHES[two] else 8.0), (one, two, apart)
@@ -212,7 +212,7 @@ def test_steps_show_reference_and_every_variant_with_its_overshoot(
     assert below.get_ylabel() == "off (% of height)"
 
 
-def test_forces_tell_the_error_of_what_is_shown(runs: dict[MethodName, Recording]) -> None:
+def test_forces_show_the_error_of_what_is_shown(runs: dict[MethodName, Recording]) -> None:
     figure = figure_forces(runs)
     error = runs["full"]["force_N"] - runs["full"]["demand_N"]
     worst = f"worst {np.abs(error).max():.2f} N"

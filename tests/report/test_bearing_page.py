@@ -78,7 +78,7 @@ def test_the_page_fetches_nothing(html: str, page: Page) -> None:
     assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", html))
 
 
-def test_the_page_is_well_formed_with_figures_told_in_words(html: str, page: Page) -> None:
+def test_the_page_is_well_formed_with_figures_reported_in_words(html: str, page: Page) -> None:
     assert page.open == []
     ids = [given["id"] for _, given in page.tags if given.get("id")]
     assert len(ids) == len(set(ids))
@@ -228,7 +228,7 @@ def test_zones_follow_the_peak(page: Page) -> None:
     assert "ratio: peak 4.40, zone C; single-valued: peak 2.00, zone A" in page.text
 
 
-def test_lost_levitation_is_told_first(subject: SimulationSubject) -> None:
+def test_lost_levitation_is_reported_first(subject: SimulationSubject) -> None:
     fallen = [
         replace(cell, figures={}, lost=7) if cell.variant == "ratio" else cell for cell in cells()
     ]
@@ -295,7 +295,7 @@ def test_a_difference_within_the_noise_is_none(
         ((7.5, 0.0), "7.5"),
     ],
 )
-def test_an_interval_is_never_told_narrower_than_it_is(
+def test_an_interval_is_never_reported_narrower_than_it_is(
     given: tuple[float, float], text: str
 ) -> None:
     assert interval_text(Interval(*given, 20)) == text

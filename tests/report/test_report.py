@@ -212,7 +212,7 @@ def test_hysteresis_is_drawn_by_itself(subject: ModelSubject) -> None:
     assert dots.min() < 0.0 < dots.max()
 
 
-def test_the_head_tells_figures_verdict_and_acceptance(page: Page) -> None:
+def test_the_head_reports_figures_verdict_and_acceptance(page: Page) -> None:
     assert "Worth it. The model misses the measured force by" in page.text
     assert "Acceptance test passed. At every drive the output rises as the gap closes" in page.text
     assert "Best single-valued curve" in page.text
@@ -221,7 +221,7 @@ def test_the_head_tells_figures_verdict_and_acceptance(page: Page) -> None:
     assert "% of the largest force" in page.text
 
 
-def test_the_page_tells_reduction_uncertainty_and_origin(page: Page, folder: Path) -> None:
+def test_the_page_reports_reduction_uncertainty_and_origin(page: Page, folder: Path) -> None:
     assert "c_F 0.30 %, k 0.35 %" in page.text
     assert "0.150 ± 0.080 53 %" in page.text
     assert "What the data leave open" in page.text
@@ -317,7 +317,7 @@ def test_a_gap_that_cannot_be_computed_is_marked(subject: ModelSubject) -> None:
     assert "no root" in headline(replace(subject, check=stuck)).notes[0].text
 
 
-def test_figures_of_an_edited_model_are_computed_anew(subject: ModelSubject, folder: Path) -> None:
+def test_figures_of_an_edited_model_are_computed_again(subject: ModelSubject, folder: Path) -> None:
     model = subject.model
     edited = replace(model, parameters={**model.parameters, "c_out": 70.0})
     fresh = subject_of(edited, folder)
@@ -374,7 +374,7 @@ def folder_beside(folder: Path) -> Path:
     return beside
 
 
-def test_noise_is_told_from_the_record_before_thinning(tmp_path: Path) -> None:
+def test_noise_is_reported_from_the_record_before_thinning(tmp_path: Path) -> None:
     model = iron_sample(tmp_path)
     half = np.linspace(-3e3, 3e3, 2600)
     drive = np.concatenate([half, half[-2::-1]])
@@ -397,7 +397,7 @@ def test_a_bare_model_can_be_reported(tmp_path: Path) -> None:
     assert "does not say which measurements" in warnings[0]
 
 
-def test_left_out_errors_that_are_not_finite_are_told_in_words(subject: ModelSubject) -> None:
+def test_left_out_errors_that_are_not_finite_are_reported_in_words(subject: ModelSubject) -> None:
     assert subject.model.fit is not None
     fit = replace(subject.model.fit, left_out={"scaling": 0.004, "free": float("inf")})
     section = section_gap_map(replace(subject, model=replace(subject.model, fit=fit)))

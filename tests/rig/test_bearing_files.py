@@ -199,7 +199,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_rig_is_told_by_line(
+def test_what_is_wrong_with_a_rig_is_reported_by_line(
     folder: Path, old: str, new: str, key: str, what: str
 ) -> None:
     path = folder / "rig.toml"
@@ -325,7 +325,7 @@ def test_a_rate_too_slow_for_the_plant_is_refused(folder: Path) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_controller_is_told_by_line(
+def test_what_is_wrong_with_a_controller_is_reported_by_line(
     folder: Path, old: str, new: str, key: str, what: str
 ) -> None:
     path = folder / "controller.toml"
@@ -340,7 +340,7 @@ def test_what_is_wrong_with_a_controller_is_told_by_line(
         assert text.startswith(f"{path}:{line}: ")
 
 
-def test_a_controller_without_gains_is_told_so(folder: Path) -> None:
+def test_a_controller_without_gains_is_reported_so(folder: Path) -> None:
     path = folder / "controller.toml"
     settings = read_controller(path).settings
     change(path, "[design]", "[design_]")
@@ -365,7 +365,7 @@ def test_measured_flux_needs_a_probe(folder: Path) -> None:
         check_controller(controller, read_bearing(folder / "rig.toml"))
 
 
-def test_gains_that_fixed_point_cannot_hold_are_told_with_their_key(folder: Path) -> None:
+def test_gains_that_fixed_point_cannot_hold_are_reported_with_their_key(folder: Path) -> None:
     path = folder / "controller.toml"
     line = change(path, "bandwidth_Hz = 120.0", "bandwidth_Hz = 1e6")
     rig, where = read_bearing(folder / "rig.toml"), rf"{path}:{line}: design\.bandwidth_Hz: prop"
@@ -431,7 +431,7 @@ def test_a_flux_table_is_a_grid_whatever_the_order_of_its_rows(tmp_path: Path) -
         (["2,0.4,", *ROWS[1:]], "line 2"),
     ],
 )
-def test_a_flux_table_that_is_none_is_told_by_line_or_point(
+def test_a_flux_table_that_is_none_is_reported_by_line_or_point(
     tmp_path: Path, rows: list[str], what: str
 ) -> None:
     path = grid(tmp_path / "psi.csv", rows)
@@ -453,7 +453,7 @@ def test_a_flux_table_reaches_as_far_as_the_plant(tmp_path: Path) -> None:
         check_flux_range(path, table, low, high, 2.1)
 
 
-def test_a_flux_table_without_flux_is_told(tmp_path: Path) -> None:
+def test_a_flux_table_without_flux_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "psi.csv"
     path.write_text("I_A,gap_mm,F_N\n0,0.4,0\n1,0.4,3\n")
     with pytest.raises(InputError, match=r"no column of flux linkage .* name it 'psi_Wb'"):
@@ -498,7 +498,7 @@ def test_every_key_is_described_and_no_other(
     assert others <= listed
 
 
-def test_the_page_tells_what_each_kind_of_sensor_has() -> None:
+def test_the_page_reports_what_each_kind_of_sensor_has() -> None:
     text = (ROOT / "docs" / "rig-file.md").read_text()
     scale = {"nm": 1e-9, "us": 1e-6, "kHz": 1e3, "Hz": 1.0}
     for kind, usual in POSITION_SENSORS.items():

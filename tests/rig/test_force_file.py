@@ -44,7 +44,7 @@ def test_the_bundled_rigs_are_read(folder: Path) -> None:
     assert rig.solenoid.solenoid().step(1.0, 1e-3) > 30.0
 
 
-def test_an_unknown_key_is_told_with_its_line_and_the_nearest_known_one(rig: Path) -> None:
+def test_an_unknown_key_is_reported_with_its_line_and_the_nearest_known_one(rig: Path) -> None:
     line = line_of(rig, "slew_A_per_s")
     change(rig, "slew_A_per_s", "slew_A_per_ms")
     with pytest.raises(TomlFileError) as caught:
@@ -55,7 +55,7 @@ def test_an_unknown_key_is_told_with_its_line_and_the_nearest_known_one(rig: Pat
     assert "amplifier.slew_A_per_s (line" in text  # and that one is missing
 
 
-def test_a_key_inside_a_list_of_tables_is_told_too(rig: Path) -> None:
+def test_a_key_inside_a_list_of_tables_is_reported_too(rig: Path) -> None:
     change(rig, 'name = "inner"\nlow = 0.30', 'name = "inner"\nlov = 0.30')
     with pytest.raises(TomlFileError, match=r"demand\[2\]\.lov: is unknown; did you mean low\?"):
         read_rig(rig)
@@ -74,7 +74,7 @@ def test_a_key_inside_a_list_of_tables_is_told_too(rig: Path) -> None:
         ('name = "inner"', 'name = "wide open"', r"demand\[2\]\.name: string should match"),
     ],
 )
-def test_a_wrong_value_is_told(rig: Path, old: str, new: str, reported: str) -> None:
+def test_a_wrong_value_is_reported(rig: Path, old: str, new: str, reported: str) -> None:
     change(rig, old, new)
     with pytest.raises(TomlFileError, match=reported):
         read_rig(rig)
@@ -88,7 +88,7 @@ def test_a_missing_file_names_itself(rig: Path) -> None:
         read_rig(rig.parent)
 
 
-def test_what_is_no_toml_is_told(rig: Path) -> None:
+def test_what_is_no_toml_is_reported(rig: Path) -> None:
     rig.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="is no UTF-8 text"):
         read_rig(rig)

@@ -104,7 +104,7 @@ def test_without_a_probe_there_is_no_flux(rig: BearingRig, controller: Controlle
 
 
 @pytest.mark.slow
-def test_what_is_no_overshoot_is_told_in_metres(found: Benefit) -> None:
+def test_what_is_no_overshoot_is_reported_in_metres(found: Benefit) -> None:
     """The same distance counts at every height: what the armature moves about when it rests."""
     for one in found.cells:
         for against in (one.ratio, one.strongest, one.flux):
@@ -176,7 +176,7 @@ def test_what_is_lost_does_not_count_as_a_baseline() -> None:
 @pytest.mark.parametrize(
     ("mean", "outcome"), [(1.2, "gain"), (1.0, "no gain"), (-1.0, "no gain"), (-1.2, "loss")]
 )
-def test_gain_and_loss_are_told_only_where_they_are_certain(mean: float, outcome: str) -> None:
+def test_gain_and_loss_are_reported_only_where_they_are_certain(mean: float, outcome: str) -> None:
     ratio = quotient([1.0, 1.1], [2.0, 2.2])
     assert Comparison("single-valued", ratio, Interval(mean, 1.1, 2)).outcome == outcome
     assert Comparison("single-valued", ratio, Interval(mean, 1.1, 2), 3.0, True).outcome == (
@@ -215,7 +215,7 @@ def test_a_ratio_over_what_may_be_zero_is_open() -> None:
 
 
 @pytest.mark.parametrize(("scale", "fraction"), [(0.5, 0.15), (1.0, 0.05), (1.0, 0.3), (1.0, 0.5)])
-def test_measured_loops_tell_the_slope_after_a_reversal(
+def test_measured_loops_show_the_slope_after_a_reversal(
     rig: BearingRig, scale: float, fraction: float
 ) -> None:
     other = with_iron(rig, fraction, scale)
@@ -223,7 +223,7 @@ def test_measured_loops_tell_the_slope_after_a_reversal(
     assert reported == pytest.approx(find_operating_point(other).slopes.share, abs=0.08)
 
 
-def test_wide_loops_tell_it_less_well_but_in_order(rig: BearingRig) -> None:
+def test_wide_loops_show_it_less_well_but_in_order(rig: BearingRig) -> None:
     reported = [
         reversal_share(measure_loops(with_iron(rig, fraction, 2.0))) for fraction in (0.05, 0.15)
     ]
@@ -232,7 +232,7 @@ def test_wide_loops_tell_it_less_well_but_in_order(rig: BearingRig) -> None:
     assert 0.08 < reported[0] < 0.3 < reported[1] < 0.5
 
 
-def test_loops_without_reversals_near_enough_tell_nothing(rig: BearingRig) -> None:
+def test_loops_without_reversals_near_enough_show_nothing(rig: BearingRig) -> None:
     coarse = changed(rig, {"measurement.sample_s": 0.05})
     assert reversal_share(measure_loops(coarse)) is None
     single = rig.settings.measurement.records[0].model_copy(update={"turns": [0.0, 1.0]})

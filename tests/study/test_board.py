@@ -146,7 +146,7 @@ def test_a_million_ticks_differ_in_none(firmware: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("measured", [False, True])
-def test_a_pair_flies_the_same(tmp_path: Path, measured: bool) -> None:
+def test_a_pair_levitates_the_same(tmp_path: Path, measured: bool) -> None:
     """Two magnets, two currents over the bus; as measured they are applied too."""
     rig, own = bearings.pair_rig(), bearings.pair_controller()
     magnet = rig.settings.magnet

@@ -115,7 +115,7 @@ def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
     assert np.abs(swapped[-200:, 1] - GAP).max() < 0.3e-6
 
 
-def test_a_swap_while_conditioning_begins_it_anew_along_the_ramp(built: Built) -> None:
+def test_a_swap_while_conditioning_begins_it_again_along_the_ramp(built: Built) -> None:
     other = built.block(OTHERS["less pinning, a tenth more current"])
     with firmware_run(built.program, BearingPlant(built.setup), "host") as running:
         for _ in range(200):

@@ -73,7 +73,7 @@ def test_it_stands_still_to_ten_nanometres_without_a_limit_cycle(fraction: float
     assert standstill(quiet(bearings.single("full", fraction=fraction))) <= 10e-9
 
 
-def test_what_overshoots_is_told_from_what_only_moves_about() -> None:
+def test_what_overshoots_is_reported_from_what_only_moves_about() -> None:
     """A constant ratio overshoots; of the best curve without memory the noise is all there is."""
     assert all(cell.overshoots for cell in cells("ratio", "fixed", 0.15))
     least = cells("single-valued", "fixed", 0.15)[0]
@@ -116,7 +116,7 @@ def rests(trial: ExperimentTrial) -> ExperimentOutcome:
     return ExperimentOutcome({"rms_m": 1.0}, False, ())
 
 
-def test_a_limit_cycle_is_told_by_its_runs_and_not_by_a_mean_with_zeros() -> None:
+def test_a_limit_cycle_is_reported_by_its_runs_and_not_by_a_mean_with_zeros() -> None:
     setups: dict[MethodName, Setup] = {"ratio": bearings.single("ratio")}
     found = of_all(cycles_twice, setups, range(5), None)["ratio"]
     assert (found["limit_cycles"], found["runs"]) == (2, 5)

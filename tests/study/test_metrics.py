@@ -62,7 +62,7 @@ def _rising(way: Row, t: Row) -> tuple[Row, Row]:
     return way[:top], t[:top]
 
 
-def test_a_way_in_the_wrong_direction_is_told() -> None:
+def test_a_way_in_the_wrong_direction_is_reported() -> None:
     t = np.arange(2000) / RATE
     way = 1.0 - np.exp(-t / 2e-3) - 900.0 * t * np.exp(-t / 1e-3)
     figures = step_figures(*hold(way, 0.45e-3, 0.40e-3), SENSOR)

@@ -171,7 +171,7 @@ def test_results_of_something_else_are_refused(
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".toml"])
-def test_a_changed_file_of_loops_is_told(
+def test_a_changed_file_of_loops_is_reported(
     folder: Path, controller: ControllerFile, tmp_path: Path, suffix: str
 ) -> None:
     place = tmp_path / "rig"
@@ -184,7 +184,7 @@ def test_a_changed_file_of_loops_is_told(
         monte_carlo(rig, controller, place / "p.jsonl", 1, ("linearised",), jobs=1)
 
 
-def test_a_damaged_file_is_told_with_its_line(
+def test_a_damaged_file_is_reported_with_its_line(
     rig: BearingRig, controller: ControllerFile, tmp_path: Path
 ) -> None:
     path = tmp_path / "plants.jsonl"
@@ -225,7 +225,7 @@ LINE = {"plant": 0, "drift": {"pinning_percent": 1.0}, "variants": {"linearised"
         ({"standstill_rms_m": -1.0}, "variants.linearised.standstill_rms_m: "),
     ],
 )
-def test_a_line_that_is_no_result_is_told_with_its_key(
+def test_a_line_that_is_no_result_is_reported_with_its_key(
     changes: dict[str, Any], reported: str
 ) -> None:
     assert fault_of(LINE, ("linearised",), 4) is None

@@ -83,7 +83,7 @@ def test_it_is_that_of_the_linear_loop(clean: Sensitivity) -> None:
     assert np.max(clean.rest) < 5e-3
 
 
-def test_noise_is_averaged_out_and_told(clean: Sensitivity) -> None:
+def test_noise_is_averaged_out_and_reported(clean: Sensitivity) -> None:
     noisy = measure_sensitivity(bearing(noise=100e-9), FREQUENCIES, 1e-6, RATE)
     assert np.max(np.abs(noisy.ratio - clean.ratio)) < 0.05
     assert np.min(noisy.rest) > 0.05

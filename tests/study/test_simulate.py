@@ -215,7 +215,7 @@ def test_what_was_not_reached_is_null(folder: Path) -> None:
         pytest.param("damping = 1.0", "damping = 10.0", "oscillates by", id="noisy"),
     ],
 )
-def test_gains_that_do_not_hold_it_are_told_and_the_recording_is_kept(
+def test_gains_that_do_not_hold_it_are_reported_and_the_recording_is_kept(
     folder: Path, old: str, new: str, said: str
 ) -> None:
     change(folder / "controller.toml", {old: new})
@@ -271,7 +271,7 @@ def test_a_rise_that_never_ends_is_no_fault_of_the_gains(
         simulate(folder / "rig.toml", folder / "out" / "run.csv")
 
 
-def test_samples_that_are_rejected_are_told_from_bad_gains(folder: Path) -> None:
+def test_samples_that_are_rejected_are_reported_from_bad_gains(folder: Path) -> None:
     """A noise of the sensor beyond the largest step from tick to tick."""
     change(folder / "controller.toml", {"\nstep_m = 20e-6": "\nstep_m = 60e-9"})
     change(folder / "rig.toml", {"noise_m = 5e-9": "noise_m = 200e-9"})
@@ -313,14 +313,14 @@ def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     )
 
 
-def test_a_loop_that_is_late_is_told(folder: Path) -> None:
+def test_a_loop_that_is_late_is_reported(folder: Path) -> None:
     change(folder / "rig.toml", {"delay_ticks = 1.0": "delay_ticks = 8.0"})
     change(folder / "controller.toml", {"bandwidth_Hz = 120.0": "bandwidth_Hz = 250.0"})
     with pytest.raises(NegativeResult, match=r"lost at|oscillates"):
         simulate(folder / "rig.toml", folder / "out" / "run.csv")
 
 
-def test_a_variant_that_cannot_be_made_is_told(
+def test_a_variant_that_cannot_be_made_is_reported(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The law of 1986 has no compensator: the others are compared, and this is said."""
@@ -335,7 +335,7 @@ def test_a_variant_that_cannot_be_made_is_told(
     write_simulation_report(folder / "out" / "report.html", subject_of(found, "anhyst simulate"))
 
 
-def test_a_variant_that_does_not_hold_it_is_told_beside_the_others(folder: Path) -> None:
+def test_a_variant_that_does_not_hold_it_is_reported_beside_the_others(folder: Path) -> None:
     """At 50 Hz nothing holds the armature but what cancels the negative stiffness."""
     change(folder / "controller.toml", {"bandwidth_Hz = 120.0": "bandwidth_Hz = 50.0"})
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
@@ -352,7 +352,9 @@ def test_a_variant_that_does_not_hold_it_is_told_beside_the_others(folder: Path)
 
 
 @pytest.mark.parametrize("name", ["figures.json", "run.csv"])
-def test_a_place_that_cannot_be_written_is_told_before_the_work(folder: Path, name: str) -> None:
+def test_a_place_that_cannot_be_written_is_reported_before_the_work(
+    folder: Path, name: str
+) -> None:
     (folder / "out" / name).mkdir()
     with pytest.raises(InputError, match=name):
         simulate(folder / "rig.toml", folder / "out" / "run.csv")

@@ -24,7 +24,7 @@ def reported(*ones: Any) -> str:
     return worth(Plain(tuned={one.variant: one for one in ones}))  # type: ignore[arg-type]
 
 
-def test_a_certain_gain_is_told_against_the_strongest_baseline_and_flux() -> None:
+def test_a_certain_gain_is_reported_against_the_strongest_baseline_and_flux() -> None:
     said = reported(
         tuned("full", 4.0), tuned("ratio", 9.0), tuned("single-valued", 5.0), tuned("flux", 3.9)
     )
@@ -42,7 +42,7 @@ def test_a_certain_gain_is_told_against_the_strongest_baseline_and_flux() -> Non
         (tuned("full", 3.0, meets=False), "'full' misses the aims"),
     ],
 )
-def test_no_gain_is_told_as_none(mine: Any, words: str) -> None:
+def test_no_gain_is_reported_as_none(mine: Any, words: str) -> None:
     said = reported(mine, tuned("single-valued", 5.0), tuned("ratio", 4.0, meets=False))
     assert said.startswith("not worth it here: ")
     assert words in said

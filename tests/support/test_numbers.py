@@ -59,12 +59,12 @@ def test_units_fit_the_size_of_the_value(unit: str, value: float, text: str) -> 
     assert scale_of(unit, [value]).show(value, short=True) == text
 
 
-def test_displacements_are_told_in_micrometres_and_gaps_in_millimetres() -> None:
+def test_displacements_are_reported_in_micrometres_and_gaps_in_millimetres() -> None:
     assert scale_for(QUANTITIES["displacement"], [123e-6]).unit == "µm"
     assert scale_for(QUANTITIES["gap"], [123e-6]).unit == "mm"
 
 
-def test_what_is_not_told_is_a_dash() -> None:
+def test_what_is_not_reported_is_a_dash() -> None:
     assert scale_of("N", [None]).show(None) == "–"
     assert percent(None) == "–"
 

@@ -68,7 +68,7 @@ def test_known_quantity_without_unit_is_a_problem_with_advice(text: str) -> None
     assert f"'{text}_" in problem
 
 
-def test_gap_without_unit_is_told_metres_or_millimetres() -> None:
+def test_gap_without_unit_is_reported_metres_or_millimetres() -> None:
     assert parse_header("gap").problem == "has no unit; call it 'gap_m' or 'gap_mm'"
 
 

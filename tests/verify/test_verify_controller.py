@@ -184,7 +184,7 @@ def test_a_golden_answer_that_is_not_met_is_found(folder: Path, tmp_path: Path) 
     assert difference.expected == difference.found + 1
 
 
-def test_a_flight_without_a_column_is_told(
+def test_a_flight_without_a_column_is_reported(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     place = spoiled(folder, "controller.csv", "dropped", "lost", tmp_path / "out")

@@ -102,7 +102,7 @@ def test_a_fault_of_a_single_step_is_found_in_that_step(
     assert str(STEP) in (folder / "verify.md").read_text(encoding="utf-8")
 
 
-def test_a_fault_that_does_not_repeat_is_told_as_such(with_fault: Seed) -> None:
+def test_a_fault_that_does_not_repeat_is_reported_as_such(with_fault: Seed) -> None:
     twist = "  static int32_t calls;\n  demand ^= ++calls == 1500 ? 1 << 29 : 0;"
     wrong = f"{SOLVE}#ifdef __thumb__\n{twist}\n#endif\n"
     folder = with_fault("src/compensator/compensator.c", SOLVE, wrong)
@@ -122,7 +122,7 @@ def test_a_golden_vector_that_is_not_met_is_found(with_fault: Seed) -> None:
 VECTOR_BEFORE = "demand,gap,applied,current\n0,0,0,123456789\n"
 
 
-def test_an_access_to_nowhere_is_told(with_fault: Seed) -> None:
+def test_an_access_to_nowhere_is_reported(with_fault: Seed) -> None:
     wrong = f"{SOLVE}#ifdef __thumb__\n  *(volatile int32_t *)0x40000000 = demand;\n#endif\n"
     result = only(
         verify(with_fault("src/compensator/compensator.c", SOLVE, wrong), "cortex-m3").results
@@ -144,7 +144,7 @@ def test_undefined_behaviour_is_found_by_the_sanitizers_alone(
     assert "signed integer overflow" in found.first_failure()
 
 
-def test_c_that_does_not_compile_is_told(with_fault: Seed) -> None:
+def test_c_that_does_not_compile_is_reported(with_fault: Seed) -> None:
     folder = with_fault(
         "src/compensator/compensator.c", SOLVE, f"{SOLVE}#ifdef __thumb__\n#error no\n#endif\n"
     )

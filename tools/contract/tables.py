@@ -25,7 +25,7 @@ def size_of(fields: list[Entry]) -> int:
 
 
 def is_request(frame: Entry) -> bool:
-    """Tell whether the PC sends this frame."""
+    """Return whether the PC sends this frame."""
     return "answer" in frame
 
 

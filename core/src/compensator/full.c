@@ -223,7 +223,7 @@ static void slide(const path *along, int32_t goal, answer *at)
 }
 
 /* Where to look first on a path that begins held, up to a known end: there m needs no evaluation
-   and tells on which side the solution lies. The tangent at the start knows nothing of what comes
+   and shows on which side the solution lies. The tangent at the start knows nothing of what comes
    after the end. */
 static int32_t leave_hold(const path *along, search *find, int32_t end, int32_t tangent)
 {

@@ -254,7 +254,7 @@ int main(int argc, char **argv)
   if (argc != 3) {
     quit("usage", "firmware LINK PLANT");
   }
-  (void)signal(SIGPIPE, SIG_IGN); /* who hung up is told by write */
+  (void)signal(SIGPIPE, SIG_IGN); /* write reports who hung up */
   open_link(argv[1]);
   open_plant(argv[2]);
   lockstep_start();

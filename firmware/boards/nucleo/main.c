@@ -15,7 +15,7 @@
    of a position in place.h, what outlives the power in memory.h.
 
    The sensors' outputs have a live zero, so that a broken wire is no value: 0.33 V is 0, 2.97 V
-   is 1.0, unless a set in flash says otherwise. docs/boards.md tells the rest. */
+   is 1.0, unless a set in flash says otherwise. docs/boards.md has the rest. */
 #include <stddef.h>
 #include <stdint.h>
 
@@ -183,7 +183,7 @@ int port_keep(const int16_t *block, uint16_t words)
 uint32_t port_cycles(void) { return cycles; }
 
 /* The three values are there: computes the tick. One that began meanwhile is missed: what it
-   converted is left alone, and the number of the next sample tells. */
+   converted is left alone, and the number of the next sample shows it. */
 static void converted(void)
 {
   const uint32_t none = ~ADC_SR_JEOC;

@@ -12,7 +12,7 @@
 /* Run from RAM: the flash cannot be read while it works. */
 #define IN_RAM(name) __attribute__((section(".data.memory_" name), noinline))
 
-/* One command to the flash, to its end. Whether it did as told. */
+/* One command to the flash, to its end. Whether it was carried out. */
 IN_RAM("work") static int work(uint32_t command, volatile uint32_t *at, uint32_t word)
 {
   FLASH_SR = FLASH_SR_ERRORS;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What outlives the power: calibrations and a parameter block, in the last two sectors of the first
-   half of the flash (services/store.h tells how a torn write is survived).
+   half of the flash (services/store.h says how a torn write is survived).
 
    Erasing a sector takes 1 to 2 s, in which the flash cannot be read: meanwhile a routine in RAM
    feeds the watchdog, interrupts are off, and no tick is computed. */

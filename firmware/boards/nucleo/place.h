@@ -17,7 +17,7 @@
 #define PLACE_ENCODER 0U
 #define PLACE_CONVERTER 1U
 
-/* Time for which the converter is told to convert, before it is read. */
+/* Time for which the converter is commanded to convert, before it is read. */
 #define PLACE_CONVERT_NS 1000U
 
 void place_start(void);

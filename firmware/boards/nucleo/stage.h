@@ -9,7 +9,7 @@
      PB5  (D4)    amplifier, high: ready
 
    The three inputs are pulled low here, so that a broken wire is a fault. The contact of the
-   emergency stop belongs into the supply of the stage; this input only tells. */
+   emergency stop belongs into the supply of the stage; this input only reports. */
 #ifndef STAGE_H
 #define STAGE_H
 

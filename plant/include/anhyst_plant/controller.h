@@ -9,7 +9,7 @@
 extern "C" {
 #endif
 
-/* What the controller is told at one tick. */
+/* What the controller is given at one tick. */
 typedef struct {
   double gap;        /* as the sensor says, m; NAN: the sample was dropped */
   double current[2]; /* as the shunts say, A */

@@ -39,7 +39,7 @@ typedef struct {
   const double *target;    /* wanted gap, m */
   const double *load;      /* force commanded to the load drive, N */
   const double *inject;    /* added to the gap that the controller sees, m */
-  const double *feed;      /* load that the controller is told, N */
+  const double *feed;      /* load that the controller is given, N */
   const uint32_t *command; /* as in controller.h; bit 8: the gap's sample is dropped */
 } anhyst_plant_events;
 

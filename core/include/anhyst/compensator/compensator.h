@@ -9,7 +9,7 @@
      current = bias(gap) + flux_arm(gap)*flux + field_arm(gap)*field
 
    Signals, all dimensionless: a demand of 1.0 is the full-scale output, a current of 1.0 the
-   full-scale current, a gap of 0 .. 1.0 the range of gaps (manifest.json tells the scales). The
+   full-scale current, a gap of 0 .. 1.0 the range of gaps (manifest.json states the scales). The
    _q15 and _q31 functions differ in these signals alone; inside all state is 32 bits wide.
    Nothing here allocates, waits, or loops a number of times that depends on data. */
 #ifndef ANHYST_COMPENSATOR_H

@@ -13,7 +13,7 @@
                 within `hold` ticks is landed from
 
    Rest is the position at which the armature was when it was lifted. A fault in the air lands as
-   long as the position is known and the amplifiers do as they are told. A position that jumped is
+   long as the position is known and the amplifiers do as commanded. A position that jumped is
    not believed any more, whatever follows.
 
    Positions rise as the armature rises, q31 of a full scale of the caller's; demands are q31 of the

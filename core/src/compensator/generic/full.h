@@ -223,7 +223,7 @@ static void ANHYST_NAME(slide)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
 }
 
 /* Where to look first on a path that begins held, up to a known end: there m needs no evaluation
-   and tells on which side the solution lies. The tangent at the start knows nothing of what comes
+   and shows on which side the solution lies. The tangent at the start knows nothing of what comes
    after the end. */
 static ANHYST_REAL ANHYST_NAME(leave_hold)(const ANHYST_NAME(path) *along,
                                            ANHYST_NAME(search) *find, ANHYST_REAL end,

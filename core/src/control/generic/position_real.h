@@ -73,7 +73,7 @@ static ANHYST_REAL ANHYST_NAME(on_grid)(const ANHYST_NAME(anhyst_position_limits
   return reached > limits->current_high ? limits->current_high : reached;
 }
 
-/* Whether a range is a whole number of steps, as far as a float can tell. */
+/* Whether a range is a whole number of steps, as far as a float can show. */
 static int ANHYST_NAME(is_whole)(ANHYST_REAL range, ANHYST_REAL step)
 {
   const ANHYST_REAL steps = range / step;

@@ -51,7 +51,7 @@ int main(int argc, char **argv)
     (void)fputs("usage: avr_runner ELF MCU BOX COUNT HEAD WINDOW BYTES\n", stderr);
     return 2;
   }
-  /* simavr tells what it loads on standard output: boxes get a stream of their own. */
+  /* simavr prints what it loads on standard output: boxes get a stream of their own. */
   FILE *boxes = fdopen(dup(STDOUT_FILENO), "wb");
   if (boxes == NULL || dup2(STDERR_FILENO, STDOUT_FILENO) < 0) {
     return 1;

@@ -91,7 +91,7 @@ enum {
 enum {
   HARNESS_CONTROLS = HARNESS_SOLVE,      /* controls the position */
   HARNESS_RAMPS = HARNESS_COMMIT_SOLVED, /* demands a force of its own: lift-off, setting down */
-  HARNESS_RESTS = HARNESS_COMMIT_ROUNDED   /* neither */
+  HARNESS_RESTS = HARNESS_COMMIT_ROUNDED /* neither */
 };
 
 typedef struct {
@@ -139,7 +139,7 @@ uintptr_t harness_stack_end(void);
 /* Supplied by the subject, run_compensator.c or run_controller.c. Each keeps the inputs of one
  * step. */
 
-/* Forgets everything; tells status, sizes and words in the box. */
+/* Forgets everything; puts status, sizes and words in the box. */
 void subject_start(void);
 /* Folds what else of a start is compared. */
 void subject_fold_start(void);

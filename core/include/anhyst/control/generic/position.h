@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* What the amplifiers can be told. Constants of a board, outside anything that can be exchanged. */
+/* What the amplifiers accept. Constants of a board, outside anything that can be exchanged. */
 typedef struct {
   anhyst_levitation_limits levitation; /* q31 of the position's full scale */
   ANHYST_REAL current_low;
