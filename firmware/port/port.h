@@ -28,7 +28,7 @@
 #define PORT_RESERVED INT32_MIN
 
 /* Bits of port_sample.status. A bit of the hardware stays as long as its cause does, and may stay
-   until the power stage was switched on anew. */
+   until the power stage was switched on again. */
 #define PORT_NO_SAMPLE 1U      /* there are no values; the tick is right all the same */
 #define PORT_AMPLIFIER 2U      /* an amplifier reports a fault, or does not answer */
 #define PORT_EMERGENCY_STOP 4U /* the emergency stop is open */

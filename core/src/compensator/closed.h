@@ -39,7 +39,7 @@ static inline int32_t anhyst_lag_slope(const int16_t *words, int32_t p)
 int anhyst_closed_is_valid(const int16_t *words);
 
 /* Brings a memory to another block of its kind: what the iron has of its width stays; how far it
-   came since is found anew. */
+   came since is found again. */
 void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t flux,
                          anhyst_memory *memory);
 

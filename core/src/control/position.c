@@ -113,7 +113,7 @@ void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
     anhyst_compensator_swap(&c->magnet[i]->compensator, words);
   }
   if (supervisor->conditioning != 0U) {
-    supervisor->step = -1; /* begins anew */
+    supervisor->step = -1; /* begins again */
   }
   want_again(c, wanted);
   for (int i = 0; i < magnets_q31(c); i++) {

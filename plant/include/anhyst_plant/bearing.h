@@ -3,7 +3,7 @@
 
      mass*gap" = F_load + mass*gravity - F_1 (+ F_2) - damping*gap' + what the end stops push
 
-   Each magnet hangs on an amplifier behind a digital-analogue converter. The load is a moving coil
+   Each magnet is fed by an amplifier behind a digital-analogue converter. The load is a moving coil
    with a current amplifier (a lag of first order) and a state controller of its own, which renders
    force, damping and stiffness from an encoder.
 

@@ -49,7 +49,7 @@ typedef struct {
    the block is one that anhyst_compensator_swap may be given. The control goes on at once with the
    new model. What the currents would jump by is driven on beside what is wanted and fades by
    limits->release a tick, so that a swap in the air moves no current faster than that, whatever the
-   controller asks for meanwhile. A conditioning sequence begins anew. Costs about two solves a
+   controller asks for meanwhile. A conditioning sequence begins again. Costs about two solves a
    magnet. */
 void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words);
 

@@ -125,7 +125,7 @@ extern volatile harness_box_layout harness_box;
 
 /* Supplied by the port. */
 
-/* Gives way to the host, which fills the box anew before this returns. */
+/* Gives way to the host, which fills the box again before this returns. */
 void harness_wait(void);
 /* Starts counting instructions or cycles. */
 void harness_clock_start(void);
