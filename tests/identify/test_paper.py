@@ -99,7 +99,7 @@ def reduced(loops: LoopSet, free: Stand) -> list[Stand]:
 @pytest.fixture(scope="module")
 def quick(two_gaps: LoopSet) -> IdentifyResult:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sequence_module, "Effort", lambda: SHORT)
+        patch.setattr(sequence_module, "SearchEffort", lambda: SHORT)
         return identify(two_gaps, search="paper", offsets=False)
 
 

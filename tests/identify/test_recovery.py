@@ -179,7 +179,7 @@ def test_uncertainty_grows_with_the_noise_and_shrinks_with_samples() -> None:
 
 def test_what_loops_leave_open_is_said() -> None:
     reported = uncertainty_of(identify(loops_of(magnet(), noise=NOISE), gap_map="reluctance"))
-    assert any("reported only together" in text for text in reported.statements)
+    assert any("determined only together" in text for text in reported.statements)
     assert any("air core" in text for text in reported.statements)
     assert any("alpha and an offset of rho" in text for text in reported.statements)
     size = len(reported.names)
@@ -190,7 +190,7 @@ def test_what_loops_leave_open_is_said() -> None:
     assert np.abs(matrix).max() < 1.0 + 1e-9
 
 
-def test_flux_over_field_reports_the_air_core() -> None:
+def test_flux_over_field_determines_the_air_core() -> None:
     reported = uncertainty_of(identify(loops_of(core(), noise=NOISE)))
     assert not any("air core" in text for text in reported.statements)
 

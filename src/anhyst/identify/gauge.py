@@ -88,6 +88,10 @@ def physical(
     """
     answer = output_map(output_quantity)
     table = [_at_one_gap(local, gap_map, input_quantity.name, answer) for local in sets]
+    if gap_map in IN_SERIES:
+        _lift_reluctance(table, gaps, answer.power)
+    for row in table:
+        row.update(dead_band(row, play))
     vary = {
         "none": set(),
         "scaling": {"c_H"},
@@ -97,10 +101,6 @@ def physical(
     }[gap_map]
     if len(sets) == 1:
         vary = set()
-    if gap_map in IN_SERIES:
-        _lift_reluctance(table, gaps, answer.power)
-    for row in table:
-        row.update(dead_band(row, play))
     same = {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
     return {
         name: tuple(row[name] for row in table) if name in vary - same else table[0][name]
