@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from anhyst.cli.app import app
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS, MemoryTable
+from anhyst.identify import identify
 from anhyst.laws.law import Law, ParameterSpec
 from anhyst.laws.registry import LAWS
 from anhyst.laws.sampled import SampledIron, State
@@ -22,6 +23,7 @@ from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
 
 GAPS = (0.3e-3, 0.5e-3)
@@ -138,6 +140,11 @@ def test_the_file_is_read_by_its_own_format(measured: Path) -> None:
     assert {loop.label for loop in loops.loops} == {"large", "small"}
     assert loops.sources[0].sha256 == sha256(measured.read_bytes()).hexdigest()
     assert read_loops(measured.parent).schedule_values == loops.schedule_values
+
+
+def test_the_papers_search_is_for_laws_of_the_core(measured: Path) -> None:
+    with pytest.raises(InputError, match="search 'paper' needs a law of the core, play is none"):
+        identify(read_loops(measured), law="play", search="paper")
 
 
 def test_the_law_is_found_again(found: Path) -> None:

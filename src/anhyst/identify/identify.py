@@ -183,6 +183,8 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
             f"gap map '{gap_map}' does not go with the law {law}; use --law {DEFAULT_LAW}, or "
             "--gap-map scaling"
         )
+    if kernel is None and search == "paper":
+        raise InputError(f"search 'paper' needs a law of the core, {law} is none; use default")
     if search == "paper" and gap_map == "circuit":
         raise InputError(
             "gap map 'circuit' is none of the paper's; use --search default, or --gap-map auto"
