@@ -363,7 +363,7 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
         (
             [("gap_high_m = 0.57e-3", "gap_high_m = 2.57e-3")],
             ["--io", "q31"],
-            r":25: limits\.gap_high_m: the drive covers too little of the gaps that can be; narrow",
+            r":25: limits\.gap_high_m: the compensator covers too little of the gaps that can be; narrow",
         ),
         (
             [("current_low_A = 0.0", "current_low_A = 0.5")],

@@ -104,7 +104,7 @@ class Workshop:
         ports = [port, "freestanding"] if port == WITHOUT_LIBRARY else [port]
         sources = [name for name in self.bundle.c_files if name.endswith(".c")]
         if self.subject == "compensator":
-            sources = [name for name in sources if not name.endswith("_controller.c")]
+            sources = [name for name in sources if name != f"{self.bundle.name}_controller.c"]
         names = [
             "harness.c",
             f"run_{self.subject}.c",

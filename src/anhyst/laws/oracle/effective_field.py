@@ -80,9 +80,9 @@ class EffectiveField(LaggingLaw):
 
     Examples
     --------
-    >>> from anhyst.laws.oracle.operator import State
+    >>> from anhyst.laws.oracle.operator import LawState
     >>> law = EffectiveField(kappa=0.8, c=0.2)
-    >>> step = law.step(State(0.0, 0.0, 0.0), 2.0)
+    >>> step = law.step(LawState(0.0, 0.0, 0.0), 2.0)
     >>> round(step.m, 6)
     0.399538
     """
