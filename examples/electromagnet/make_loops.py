@@ -1,10 +1,8 @@
 """Simulate the force-current loops of this folder.
 
-The magnet is described in ``magnet.toml``. Its iron is a stack of pinned cells: cell ``i``
-follows the field only when it has moved by more than its threshold ``eta_i`` (a play operator),
-``h_i <- clip(h_i, H - eta_i, H + eta_i)``; all cells share one anhysteretic curve, and
-``M = sum_i w_i*M_an(h_i)``. The cells with ``eta = 0`` are the reversible fraction. Unlike a
-Jiles-Atherton material this one does not creep: a minor loop closes at once and stays.
+The magnet is described in ``magnet.toml``. Its iron is a stack of pinned cells
+(:class:`anhyst.rig.parts.iron.CellSteel`). Unlike a Jiles-Atherton material this one does not
+creep: a minor loop closes at once and stays.
 
 Run it again and the same bytes come out: ``python make_loops.py [--out DIR]``.
 """
@@ -21,45 +19,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from anhyst.rig.parts.iron import CellIron, CellSteel
 from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
 HERE = Path(__file__).resolve().parent
-MU_0 = 4e-7 * np.pi
-Array = FloatArray
-
-
-@dataclass(frozen=True)
-class Iron:
-    """Pinned cells: what they weigh, what pins them, and the curve they follow."""
-
-    length: float  # m
-    reversible_fraction: float
-    cells: int
-    pinning_scale: float  # A/m
-    pinning_shape: float
-    saturation_sharp: float  # T
-    knee_sharp: float  # A/m
-    saturation_slow: float  # T
-    knee_slow: float  # A/m
-
-    @property
-    def thresholds(self) -> Array:
-        """Pinning thresholds in A/m: zero for the reversible cell, then Weibull quantiles."""
-        quantile = (np.arange(self.cells) + 0.5) / self.cells
-        pinned = self.pinning_scale * (-np.log1p(-quantile)) ** (1 / self.pinning_shape)
-        return np.concatenate(([0.0], pinned))
-
-    @property
-    def weights(self) -> Array:
-        """Share of each cell in the magnetisation; they add up to one."""
-        pinned = np.full(self.cells, (1 - self.reversible_fraction) / self.cells)
-        return np.concatenate(([self.reversible_fraction], pinned))
-
-    def anhysteretic(self, field: Array) -> Array:
-        """Magnetisation without pinning in A/m, at a field in A/m."""
-        sharp = field / np.hypot(field, self.knee_sharp)
-        slow = 2 / np.pi * np.arctan(field / self.knee_slow)
-        return (self.saturation_sharp * sharp + self.saturation_slow * slow) / MU_0
 
 
 @dataclass(frozen=True)
@@ -103,21 +67,20 @@ class Circuit:
 class Magnet:
     """Iron and circuit together, with the memory of the iron; starts demagnetised."""
 
-    def __init__(self, iron: Iron, circuit: Circuit) -> None:
-        self.iron = iron
+    def __init__(self, steel: CellSteel, length: float, circuit: Circuit) -> None:
+        self.iron = CellIron(steel)
+        self.length = length  # of the flux path, m
         self.circuit = circuit
-        self._thresholds = iron.thresholds
-        self._weights = iron.weights
-        self._cells = np.zeros(iron.cells + 1)
-        self.field = 0.0
-        self.flux_density = 0.0
 
-    def _moved_cells(self, field: float) -> Array:
-        return np.clip(self._cells, field - self._thresholds, field + self._thresholds)
+    @property
+    def field(self) -> float:
+        """Field of the iron in A/m."""
+        return self.iron.field
 
-    def _flux_density_at(self, field: float) -> float:
-        magnetisation = self._weights @ self.iron.anhysteretic(self._moved_cells(field))
-        return MU_0 * (field + float(magnetisation))
+    @property
+    def flux_density(self) -> float:
+        """Flux density of the iron in T."""
+        return self.iron.flux_density(self.field)[0]
 
     def step(self, current: float, gap: float) -> float:
         """Move to a current (A) at a gap (m) and give the force (N).
@@ -127,15 +90,13 @@ class Magnet:
         outside = self.circuit.iron_area * self.circuit.outer_reluctance(gap)
 
         def excess(field: float) -> float:
-            used = self.iron.length * field + outside * self._flux_density_at(field)
+            used = self.length * field + outside * self.iron.flux_density(field)[0]
             return self.circuit.turns * current - used
 
         # B never falls as H rises, so the field cannot move further than this: a bracket.
-        end = self.field + excess(self.field) / self.iron.length
+        end = self.field + excess(self.field) / self.length
         if end != self.field:
-            self.field = float(brentq(excess, self.field, end, xtol=1e-11))
-        self.flux_density = self._flux_density_at(self.field)
-        self._cells = self._moved_cells(self.field)
+            self.iron.commit(float(brentq(excess, self.field, end, xtol=1e-11)))
         return self.circuit.force(self.flux_density * self.circuit.iron_area, gap)
 
 
@@ -145,11 +106,11 @@ class Record:
 
     label: str
     gap: float  # m
-    time: Array  # s, on the clock of the whole campaign
-    current: Array  # A, true
-    force: Array  # N, true
-    read_current: Array  # A, with offset and noise
-    read_force: Array  # N, late, with drift and noise
+    time: FloatArray  # s, on the clock of the whole campaign
+    current: FloatArray  # A, true
+    force: FloatArray  # N, true
+    read_current: FloatArray  # A, with offset and noise
+    read_force: FloatArray  # N, late, with drift and noise
 
 
 def load(path: Path = HERE / "magnet.toml") -> tuple[Magnet, dict[str, Any]]:
@@ -157,8 +118,7 @@ def load(path: Path = HERE / "magnet.toml") -> tuple[Magnet, dict[str, Any]]:
     settings = tomllib.loads(path.read_text(encoding="utf-8"))
     iron, circuit = settings["iron"], settings["circuit"]
     return Magnet(
-        Iron(
-            length=iron["length_m"],
+        CellSteel(
             reversible_fraction=iron["reversible_fraction"],
             cells=iron["cells"],
             pinning_scale=iron["pinning_scale_A_per_m"],
@@ -168,6 +128,7 @@ def load(path: Path = HERE / "magnet.toml") -> tuple[Magnet, dict[str, Any]]:
             saturation_slow=iron["saturation_slow_T"],
             knee_slow=iron["knee_slow_A_per_m"],
         ),
+        iron["length_m"],
         Circuit(
             turns=circuit["turns"],
             pole_width=circuit["pole_width_m"],
@@ -179,7 +140,7 @@ def load(path: Path = HERE / "magnet.toml") -> tuple[Magnet, dict[str, Any]]:
 
 def settled_loop(
     magnet: Magnet, gap: float, low: float, high: float, settings: dict[str, Any]
-) -> tuple[Array, Array, Array]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Run the conditioning cycles, then one triangle from low to high and back.
 
     Returns

@@ -56,7 +56,9 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
 def test_what_does_not_happen_does_not_show(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the event both runs are one, to the bit: what is counted is the event alone."""
     monkeypatch.setattr(experiments, "DROP", 0)
-    monkeypatch.setattr(experiments, "SimulatedLoop", lambda setup, seed, _: SimulatedLoop(setup, seed))
+    monkeypatch.setattr(
+        experiments, "SimulatedLoop", lambda setup, seed, _: SimulatedLoop(setup, seed)
+    )
     found = recover(ExperimentTrial(bearings.single("full"), 0, event))
     assert found.figures == {"excess_peak_m": 0.0, "excess_s": 0.0}
 
