@@ -46,21 +46,6 @@ from tests.report.bearing_reports import (
 )
 
 
-@pytest.fixture(scope="module", name="rig")
-def _rig() -> BearingRig:
-    return bearing_reports.rig()
-
-
-@pytest.fixture(scope="module", name="controller")
-def _controller() -> ControllerTable:
-    return bearing_reports.controller()
-
-
-@pytest.fixture(scope="module", name="subject")
-def _subject() -> SimulationSubject:
-    return bearing_reports.subject()
-
-
 @pytest.fixture(scope="module", name="runs")
 def _runs() -> dict[MethodName, Recording]:
     return bearing_reports.runs()

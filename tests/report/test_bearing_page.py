@@ -22,27 +22,11 @@ from anhyst.report.bearing.verdict import judge
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.study.bearing.metrics import Interval
 from tests.page import NAMESPACES, Page
-from tests.report import bearing_reports
 from tests.report.bearing_reports import (
     GAP,
     OVERSHOOT,
     cells,
 )
-
-
-@pytest.fixture(scope="module", name="rig")
-def _rig() -> BearingRig:
-    return bearing_reports.rig()
-
-
-@pytest.fixture(scope="module", name="controller")
-def _controller() -> ControllerTable:
-    return bearing_reports.controller()
-
-
-@pytest.fixture(scope="module", name="subject")
-def _subject() -> SimulationSubject:
-    return bearing_reports.subject()
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -12,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import cores
 from anhyst.support.progress import Progress
 from anhyst.verify.bundle import LEVITATION, VECTORS, read_bundle
 from anhyst.verify.compare import Answers, compare, run
@@ -179,7 +179,7 @@ class _Job:
         for steps in {self.steps(name) for name, _ in orders}:
             self._answers[steps] = run(self._reference.program, self.vectors, steps, self.seed)
         results: list[TargetResult] = []
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
+        with ThreadPoolExecutor(cores()) as pool:
             waiting = [pool.submit(partial(self._one, *order)) for order in orders]
             for future in waiting:
                 results.append(future.result())

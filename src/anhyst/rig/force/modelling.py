@@ -22,7 +22,7 @@ PLAUSIBLE = 0.82
 scale for plausible."""
 
 
-def read_loops(rig: Rig) -> LoopSet:
+def loops_of_rig(rig: Rig) -> LoopSet:
     """Read the loops of a rig.
 
     Raises

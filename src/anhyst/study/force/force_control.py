@@ -21,7 +21,7 @@ from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.force.demand import Demand, triangle, with_lead_in
 from anhyst.rig.force.file import Rig, complete_rig, read_rig
-from anhyst.rig.force.modelling import find_model, loops_at, read_loops
+from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
 from anhyst.rig.force.programs import Program, prepare
 from anhyst.study.force.results import figures
 from anhyst.study.force.trials import (
@@ -117,7 +117,7 @@ def force_control(
     _check_tools(board)
     trials = list(plan_trials(rig, demands))
     report = _Steps(progress, total=2.0 * _PREPARED + len(trials))
-    loops = read_loops(rig)
+    loops = loops_of_rig(rig)
     end = loops_at(loops, rig.settings.force_control.end_m)
     force_max = rig.settings.force_control.force_max_N
     ratio = fit_ratio(end, force_max)
