@@ -1,0 +1,217 @@
+"""Play cells as weights: what every computation with the law `play-cells` starts from.
+
+Cell ``i`` follows the effective field at a distance of its threshold, and the magnetisation is a
+sum of curves at the places of the cells::
+
+    p_i <- clip(p_i, x - r_i, x + r_i),    M = sum_i sum_j W_ij * phi(p_i / a_j)
+
+Cell 0 has no threshold: the reversible part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from anhyst.support.arrays import FloatArray
+
+Shape = Literal["tanh", "langevin"]
+
+SHAPES: tuple[Shape, ...] = ("tanh", "langevin")
+
+PINNED = 12
+"""Cells with a threshold that populations are cut into."""
+
+LEAST_THRESHOLD, LARGEST_THRESHOLD = 0.2, 2.0
+"""First and last threshold, in parts of the smallest and of the largest pinning scale."""
+
+MOST_CELLS = 64
+"""As many as the core takes, the one without threshold included."""
+
+
+class Population(NamedTuple):
+    """Cells whose thresholds are spread as ``1 - exp(-(r/scale)**spread)``.
+
+    Attributes
+    ----------
+    magnetisation
+        Share of the saturation, A/m.
+    width
+        Of the curve that its cells follow, A/m.
+    scale
+        Pinning scale ``k`` of the thresholds, A/m.
+    spread
+        Exponent ``s``: the larger, the more alike the thresholds.
+    """
+
+    magnetisation: float
+    width: float
+    scale: float
+    spread: float
+
+
+@dataclass(frozen=True, eq=False)
+class CellWeights:
+    """Thresholds, widths and weights of play cells.
+
+    Parameters
+    ----------
+    thresholds : ndarray, shape (n + 1,)
+        Ascending from 0, A/m.
+    widths : ndarray, shape (J,)
+        Of the curves, above 0, A/m.
+    weights : ndarray, shape (n + 1, J)
+        Share of each cell and curve in the saturation, 0 or above, A/m.
+    shape : str
+        The curve, ``"tanh"`` or ``"langevin"``.
+
+    Raises
+    ------
+    ValueError
+        Something is out of range; the message names it.
+    """
+
+    thresholds: FloatArray
+    widths: FloatArray
+    weights: FloatArray
+    shape: Shape = "tanh"
+
+    def __post_init__(self) -> None:
+        for name in ("thresholds", "widths", "weights"):
+            values = np.ascontiguousarray(getattr(self, name), dtype=np.float64).copy()
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+        problem = self._problem()
+        if problem:
+            raise ValueError(problem)
+
+    def _problem(self) -> str | None:
+        return self._misshapen() or self._out_of_range()
+
+    def _misshapen(self) -> str | None:
+        r, a = self.thresholds, self.widths
+        if self.shape not in SHAPES:
+            return f"shape is {self.shape!r}; use one of {', '.join(SHAPES)}"
+        if r.ndim != 1 or not 1 <= r.size <= MOST_CELLS:
+            return f"thresholds must be a row of 1 to {MOST_CELLS} numbers"
+        if a.ndim != 1 or not a.size:
+            return "widths must be a row of numbers"
+        if self.weights.shape != (r.size, a.size):
+            return (
+                f"weights must be {r.size} rows of {a.size}, one row for each threshold and one "
+                "column for each width"
+            )
+        return None
+
+    def _out_of_range(self) -> str | None:
+        r, a, weights = self.thresholds, self.widths, self.weights
+        if not np.isfinite(r).all() or r[0] != 0.0 or (np.diff(r) <= 0.0).any():
+            return "thresholds must be finite and ascend from 0"
+        if not np.isfinite(a).all() or (a <= 0.0).any():
+            return "widths must be finite and above 0"
+        if not np.isfinite(weights).all() or (weights < 0.0).any():
+            return "weights must be finite and not negative"
+        return None if weights.any() else "weights are all 0; one at least must be above"
+
+    def __eq__(self, other: object) -> bool:
+        """Compare by value."""
+        if not isinstance(other, CellWeights):
+            return NotImplemented
+        return self.shape == other.shape and all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("thresholds", "widths", "weights")
+        )
+
+    def __hash__(self) -> int:
+        """Hash by value."""
+        arrays = (self.thresholds, self.widths, self.weights)
+        return hash((self.shape, *(array.tobytes() for array in arrays)))
+
+    @property
+    def saturation(self) -> float:
+        """Largest magnetisation, A/m."""
+        return float(self.weights.sum())
+
+
+def thresholds(scales: Sequence[float]) -> FloatArray:
+    """Return the thresholds for pinning scales, geometric above the first, which is 0.
+
+    Parameters
+    ----------
+    scales : sequence of float
+        Of the populations that count, A/m.
+
+    Returns
+    -------
+    ndarray, shape (13,)
+        A/m.
+    """
+    low, high = LEAST_THRESHOLD * min(scales), LARGEST_THRESHOLD * max(scales)
+    return np.concatenate([[0.0], np.geomspace(low, high, PINNED)])
+
+
+def shares(places: FloatArray, scale: float, spread: float) -> FloatArray:
+    """Return the share of a population at each threshold but the first.
+
+    A cell stands for what lies between the geometric middles to its neighbours; the first for all
+    below, the last for all above.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n + 1,)
+        Thresholds, A/m.
+    scale, spread : float
+        Of the population.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        They add up to one.
+    """
+    middles = np.sqrt(places[1:-1] * places[2:])
+    # Beyond exp(-700) nothing is left of a population.
+    left = np.exp(-np.exp(np.minimum(spread * np.log(middles / scale), np.log(700.0))))
+    return np.asarray(-np.diff(np.concatenate([[1.0], left, [0.0]])))
+
+
+def populations(
+    reversible: tuple[float, float], pinned: Sequence[Population], shape: Shape = "tanh"
+) -> CellWeights:
+    """Cut populations into cells.
+
+    Parameters
+    ----------
+    reversible : tuple of float
+        Magnetisation and width of the part without pinning, A/m.
+    pinned : sequence of Population
+        Those without magnetisation do not count; one at least must have some.
+    shape : str
+        As in :class:`CellWeights`.
+
+    Returns
+    -------
+    CellWeights
+        Of 13 cells; widths in the order given, the reversible one first.
+
+    Raises
+    ------
+    ValueError
+        Nothing is pinned, or a number is out of range.
+    """
+    counting = [one for one in pinned if one.magnetisation != 0.0]
+    if not counting:
+        raise ValueError("no population has a magnetisation above 0; nothing would be pinned")
+    for one in counting:
+        if not all(np.isfinite(one)) or min(one) <= 0.0:
+            raise ValueError("a population needs finite numbers above 0")
+    places = thresholds([one.scale for one in counting])
+    magnetisation, width = reversible
+    weights = np.zeros((places.size, 1 + len(counting)))
+    weights[0, 0] = magnetisation
+    for column, one in enumerate(counting, start=1):
+        weights[1:, column] = one.magnetisation * shares(places, one.scale, one.spread)
+    widths = np.array([width, *(one.width for one in counting)])
+    return CellWeights(places, widths, weights, shape)
