@@ -149,22 +149,23 @@ def identify(
         measured = options.read(loops, progress)
     # Only now: these take longer to import than it takes to refuse a bad file.
     from anhyst.identify import identify as find_model
+    from anhyst.identify.options import IdentifyTable
     from anhyst.model.sources import with_read_options
     from anhyst.model.writer import write_model
 
+    wanted = IdentifyTable(
+        law=law,
+        gap_map=gap_map.value,
+        search=search.value,
+        seed=seed,
+        weights=weights.value,
+        offsets=offsets,
+        dead_band=dead_band,
+    )
     checkpoint = _checkpoint(out) if search is SearchChoice.PAPER else None
     with _stoppable(checkpoint), progress_bar("searching") as progress:
         result = find_model(
-            measured,
-            law=law,
-            gap_map=gap_map.value,
-            search=search.value,
-            seed=seed,
-            weights=weights.value,
-            offsets=offsets,
-            dead_band=dead_band,
-            progress=progress,
-            checkpoint=checkpoint,
+            measured, **wanted.searching(), progress=progress, checkpoint=checkpoint
         )
     write_model(with_read_options(result.model, options), out)
     _report(result, out, checkpoint, as_json)

@@ -56,6 +56,7 @@ METHODS: Mapping[MethodName, Method] = {
 }
 
 BASELINES = tuple(name for name, method in METHODS.items() if method.role == "baseline")
+SENSORS = tuple(name for name, method in METHODS.items() if method.role == "sensor")
 MODELS = tuple(name for name, method in METHODS.items() if method.role == "model")
 
 

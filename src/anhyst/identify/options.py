@@ -80,12 +80,12 @@ class IdentifyTable(Table):
             clean=self.clean,
         )
 
-    def searching(self, gap_map: str) -> dict[str, Any]:
+    def searching(self, gap_map: str = "auto") -> dict[str, Any]:
         """Return what :func:`anhyst.identify.identify` is to be asked for.
 
         Parameters
         ----------
-        gap_map : str
+        gap_map : str, optional
             Which one, where nothing is said.
         """
         return {

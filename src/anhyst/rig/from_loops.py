@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import Field, dataclass, replace
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -119,6 +119,36 @@ def fit_magnet(loops: LoopSet, table: ElectromagnetTable) -> FittedPlant:
         fit = _Fit(fit.loops, table.model_copy(update={"turns": turns}))
         _, at = fit.run(fit.start(0.0))
     return fit.fitted(at, table)
+
+
+class RigWithMagnet(Protocol):
+    """A rig file of either kind, as a record."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def settings(self) -> Any:
+        """What it says; its magnet, if it has one, under ``magnet``."""
+
+
+AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
+
+
+def complete_rig(rig: AnyRig, loops: LoopSet) -> AnyRig:
+    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted.
+
+    Parameters
+    ----------
+    rig : Rig or BearingRig
+    loops : LoopSet
+        Those that its file names.
+    """
+    magnet = rig.settings.magnet
+    if magnet is None or not magnet.from_loops:
+        return rig
+    found = fit_magnet(loops, magnet)
+    settings = rig.settings.model_copy(update={"magnet": magnet.model_copy(update=found.keys)})
+    return replace(rig, settings=settings, fitted=found)
 
 
 class _Fit:

@@ -6,12 +6,11 @@ Everything is SI and the unit stands in the key. Every key is described in docs/
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.data import LoopSet
 from anhyst.rig.bearing.tables import BearingTable, MagnetTable
-from anhyst.rig.from_loops import FittedPlant, fit_magnet
+from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.loop_files import Measured, identify_faults
 from anhyst.support.atomic import PathLike
 from anhyst.support.toml_file import Fault, faults_error, read_toml
@@ -160,23 +159,6 @@ def read_bearing(path: PathLike) -> BearingRig:
     if faults:
         raise faults_error(place, faults)
     return BearingRig(place, settings)
-
-
-def complete_rig(rig: BearingRig, loops: LoopSet) -> BearingRig:
-    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted.
-
-    Parameters
-    ----------
-    rig : BearingRig
-    loops : LoopSet
-        Those that its file names.
-    """
-    magnet = rig.settings.magnet
-    if not magnet.from_loops:
-        return rig
-    found = fit_magnet(loops, magnet)
-    settings = rig.settings.model_copy(update={"magnet": magnet.model_copy(update=found.keys)})
-    return replace(rig, settings=settings, fitted=found)
 
 
 def check_load(rig: BearingRig, force_max: float) -> None:

@@ -7,7 +7,7 @@ Everything is SI and the unit stands in the key. Every key is described in docs/
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 from anhyst.data import LoopSet
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.distance import Follow, PlantCheck, along, distance, model_distance
-from anhyst.rig.from_loops import FittedPlant, fit_magnet
+from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.loop_files import FileList, Measured, identify_faults
 from anhyst.rig.magnet_table import ElectromagnetTable, SteelTable
 from anhyst.rig.parts.amplifier import Amplifier
@@ -331,20 +331,3 @@ def read_rig(path: PathLike) -> Rig:
     if settings.solenoid is None:
         return Rig(place, settings, None)
     return Rig(place, settings, read_toml(place.parent / settings.solenoid, SolenoidFile))
-
-
-def complete_rig(rig: Rig, loops: LoopSet) -> Rig:
-    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted.
-
-    Parameters
-    ----------
-    rig : Rig
-    loops : LoopSet
-        Those that its file names.
-    """
-    magnet = rig.settings.magnet
-    if magnet is None or not magnet.from_loops:
-        return rig
-    found = fit_magnet(loops, magnet)
-    settings = rig.settings.model_copy(update={"magnet": magnet.model_copy(update=found.keys)})
-    return replace(rig, settings=settings, fitted=found)

@@ -11,9 +11,10 @@ from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.controller_check import check_controller
-from anhyst.rig.bearing.file import BearingRig, complete_rig, read_bearing
+from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.plant import flux_table, law_of
+from anhyst.rig.from_loops import complete_rig
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import BASELINES, MODELS, SENSORS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
@@ -37,15 +38,7 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 
-COMPARED: tuple[MethodName, ...] = (
-    "ratio",
-    "secant",
-    "linearised",
-    "single-valued",
-    "flux",
-    "simplified",
-    "full",
-)
+COMPARED = (*BASELINES, *SENSORS, *MODELS)
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
 
 FIGURES = "figures.json"

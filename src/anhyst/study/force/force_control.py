@@ -20,9 +20,10 @@ from anhyst.link.process import find_qemu
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.force.demand import Demand, triangle, with_lead_in
-from anhyst.rig.force.file import Rig, complete_rig, read_rig
+from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
 from anhyst.rig.force.programs import Program, prepare
+from anhyst.rig.from_loops import complete_rig
 from anhyst.study.force.results import figures
 from anhyst.study.force.trials import (
     Controllers,
