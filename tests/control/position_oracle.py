@@ -18,7 +18,7 @@ LOW, HIGH = -(2**31), 2**31 - 1
 MISSING, RANGE, STEP, NO_LIFT, STOPPED = 17, 18, 19, 21, 22
 INIT, SELFTEST, IDLE, READY, RUN, FAULT = range(6)
 REST, BREAKAWAY, RISE, HOVER, DESCEND, SET_DOWN, FALL, CONDITION = range(8)
-AIR = (RISE, HOVER, DESCEND)
+LEVITATING = (RISE, HOVER, DESCEND)
 
 
 def limited(a: int, low: int = LOW, high: int = HIGH) -> int:
@@ -85,7 +85,7 @@ class Sample:
 
 
 @dataclass
-class Flight:
+class Levitation:
     """``anhyst_levitation``: what happens when."""
 
     given: Mapping[str, float]
@@ -111,8 +111,8 @@ class Flight:
 
     def tick(self, sample: Sample, demand: int, conditioning: int, at_zero: bool) -> None:
         self.begins, self.lets_go, self.events = False, False, set()
-        self.obey(sample.command, at_zero)
-        if self.phase in AIR:
+        self.handle_command(sample.command, at_zero)
+        if self.phase in LEVITATING:
             self.demand = demand
         self.state = max(self.state, SELFTEST)
         self.watch(sample.position)
@@ -138,8 +138,8 @@ class Flight:
             if self.unseen > self.number("max_missing_samples"):
                 self.fail(reason)
                 self.lost |= reason == STEP
-                instead = {BREAKAWAY: SET_DOWN, CONDITION: REST} | dict.fromkeys(AIR, FALL)
-                if self.phase in AIR:
+                instead = {BREAKAWAY: SET_DOWN, CONDITION: REST} | dict.fromkeys(LEVITATING, FALL)
+                if self.phase in LEVITATING:
                     self.count = 0
                 self.phase = instead.get(self.phase, self.phase)
             return
@@ -160,10 +160,10 @@ class Flight:
         self.phase, self.reference, self.begins = phase, self.position, True
 
     def come_down(self) -> None:
-        instead = {BREAKAWAY: SET_DOWN} | dict.fromkeys(AIR, DESCEND)
+        instead = {BREAKAWAY: SET_DOWN} | dict.fromkeys(LEVITATING, DESCEND)
         self.phase = instead.get(self.phase, self.phase)
 
-    def obey(self, command: int, at_zero: bool) -> None:
+    def handle_command(self, command: int, at_zero: bool) -> None:
         resting = self.phase == REST and at_zero
         still = self.phase != CONDITION
         idle = resting and self.state in (IDLE, READY)
@@ -246,7 +246,7 @@ class Oracle:
     ) -> None:
         self.given, self.drives = settings, drives
         self.pidd2 = Pidd2([int(word) for word in gains])
-        self.flight = Flight(settings)
+        self.levitation = Levitation(settings)
         self.zero = self.on_grid(limited(0, *self.range()))
         self.current = [self.zero] * len(drives)
         self.gap = [0] * len(drives)
@@ -266,13 +266,15 @@ class Oracle:
 
     def tick(self, sample: Sample) -> tuple[list[int], int, int, int, int]:
         """Return currents, reference, demand, state, flags."""
-        flight = self.flight
+        levitation = self.levitation
         length = max(drive.conditioning_length() for drive in self.drives)
-        flight.tick(sample, self.demand, length, all(i == self.zero for i in self.current))
-        self.flags = 8 * ("implausible" in flight.events) + 16 * ("refused" in flight.events)
+        levitation.tick(sample, self.demand, length, all(i == self.zero for i in self.current))
+        self.flags = 8 * ("implausible" in levitation.events) + 16 * (
+            "refused" in levitation.events
+        )
         for i in range(len(self.drives)):
             factor = self.number(f"gap_mantissa_{i + 1}"), self.number(f"gap_shift_{i + 1}")
-            part = limited(2 * product(flight.position, factor))
+            part = limited(2 * product(levitation.position, factor))
             self.gap[i] = limited(self.number(f"gap_offset_{i + 1}") + part)
         if self.given["measured"]:
             self.commit(sample.current)
@@ -283,23 +285,29 @@ class Oracle:
         self.short = self.flags & 7 != 0
         if not self.given["measured"]:
             self.commit(self.current)
-        reference = flight.reference if flight.phase in AIR else flight.position
-        return self.current, reference, self.demand, 16 * flight.state + flight.phase, self.flags
+        reference = levitation.reference if levitation.phase in LEVITATING else levitation.position
+        return (
+            self.current,
+            reference,
+            self.demand,
+            16 * levitation.state + levitation.phase,
+            self.flags,
+        )
 
     def wanted(self, sample: Sample) -> list[int]:
-        flight, release = self.flight, self.number("release")
-        if flight.phase in (REST, FALL):
-            self.demand = self.demand if flight.phase == FALL else 0
+        levitation, release = self.levitation, self.number("release")
+        if levitation.phase in (REST, FALL):
+            self.demand = self.demand if levitation.phase == FALL else 0
             begin = self.current
-            if flight.lets_go and len(begin) == 1:
+            if levitation.lets_go and len(begin) == 1:
                 begin = [limited(i - (limited(i - self.zero) >> 3)) for i in begin]
-            elif flight.lets_go:
+            elif levitation.lets_go:
                 begin = [self.zero] * 2
             return [limited(self.zero, limited(i - release), limited(i + release)) for i in begin]
-        if flight.phase == CONDITION:
+        if levitation.phase == CONDITION:
             self.demand = 0
-            return [drive.conditioning(flight.count) for drive in self.drives]
-        self.demand = self.control(sample) if flight.phase in AIR else flight.demand
+            return [drive.conditioning(levitation.count) for drive in self.drives]
+        self.demand = self.control(sample) if levitation.phase in LEVITATING else levitation.demand
         forces = [self.demand]
         if len(self.drives) == 2:
             first = limited(self.number("bias") + self.demand // 2)
@@ -313,9 +321,9 @@ class Oracle:
         return found
 
     def control(self, sample: Sample) -> int:
-        flight = self.flight
-        signals = flight.reference, flight.position, sample.load
-        if flight.begins:
+        levitation = self.levitation
+        signals = levitation.reference, levitation.position, sample.load
+        if levitation.begins:
             self.pidd2.start(*signals, self.demand)
         self.pending = True
         self.output = self.pidd2.solve(*signals)

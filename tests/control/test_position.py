@@ -25,7 +25,7 @@ from tests.control.levitating import (
     place,
 )
 
-AIR = (Phase.RISE, Phase.HOVER, Phase.DESCEND)
+LEVITATING = (Phase.RISE, Phase.HOVER, Phase.DESCEND)
 each_format = pytest.mark.parametrize("number_format", FORMATS)
 
 

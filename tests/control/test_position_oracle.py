@@ -69,7 +69,7 @@ class Twin(FixedPosition):
         assert answer[2] == middle - reference / Q31 * self.scale["position_full"]
         assert self.code(answer[3], "demand") == demand
         assert answer[4:] == (state, flags)
-        assert self.fault == self.oracle.flight.fault
+        assert self.fault == self.oracle.levitation.fault
         self.seen.add(place(answer))
         return answer
 
@@ -83,7 +83,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("control", CASES.values(), ids=CASES.keys())
-def test_a_whole_flight(control: PositionControl) -> None:
+def test_a_whole_run(control: PositionControl) -> None:
     """Lift, steps, load, saturation, lost samples, hold, landing, fault: every bit of it."""
     twin = Twin(control)
     load = 150.0 if control.gap_total is None else 40.0

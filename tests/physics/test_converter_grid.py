@@ -33,10 +33,10 @@ def demands(ticks: int, top: float) -> FloatArray:
     return top * np.concatenate(parts)
 
 
-def flown(
+def followed(
     kind: Kind, play: float, bits: int, ticks: int, *, searched: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fly demands with a converter of so many bits; searched: commits forget what was solved.
+    """Follow demands with a converter of so many bits; searched: commits forget what was solved.
 
     Returns the expected outputs, the currents, and the demands.
     """
@@ -62,7 +62,7 @@ def flown(
 
 def worst(play: float, bits: int, ticks: int, *, searched: bool) -> tuple[float, float]:
     """Return the worst and the last tenth's mean error of the expected force, over the largest."""
-    expected, current, _ = flown("full", play, bits, ticks, searched=searched)
+    expected, current, _ = followed("full", play, bits, ticks, searched=searched)
     exact = magnet("reluctance", play).predict(
         current, np.full(current.size, WIDE), history="demagnetised"
     )

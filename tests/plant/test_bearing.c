@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Bearings of both kinds through commands of every size, for the sanitizers to watch; what is
-   printed of each flight holds every bit of it. */
+   printed of each run holds every bit of it. */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -100,7 +100,7 @@ static void add(uint64_t *hash, double value)
   }
 }
 
-static int fly(const anhyst_plant_bearing *b, const char *name)
+static int run(const anhyst_plant_bearing *b, const char *name)
 {
   static anhyst_plant_state state;
   uint64_t hash = UINT64_C(0xCBF29CE484222325);
@@ -168,7 +168,7 @@ int main(void)
     bearing.magnet[1] = bearing.magnet[0];
     (void)snprintf(name, sizeof name, "%s, %d magnets, %s", choice & 2 ? "law" : "cells",
                    bearing.magnets, choice & 1 ? "current" : "voltage");
-    failed += fly(&bearing, name);
+    failed += run(&bearing, name);
   }
   return failed;
 }

@@ -131,7 +131,7 @@ def test_in_voltage_mode_the_command_is_the_voltage() -> None:
 FREE: dict[str, Any] = OPEN_LOOP | {"mechanics.stop_low_m": 0.1e-3, "mechanics.stop_high_m": 0.8e-3}
 
 
-def flight(changes: dict[str, Any], velocity: float, force: float, ticks: int) -> FloatArray:
+def run_armature(changes: dict[str, Any], velocity: float, force: float, ticks: int) -> FloatArray:
     """Return gap and velocity without any current."""
     plant = bearing(FREE | changes)
     plant.place(GAP, velocity)
@@ -143,7 +143,7 @@ def flight(changes: dict[str, Any], velocity: float, force: float, ticks: int) -
 
 
 def test_the_load_drive_gives_its_force_behind_its_bandwidth() -> None:
-    velocity = flight({}, 0.0, 20.0, 60)[:, 1]
+    velocity = run_armature({}, 0.0, 20.0, 60)[:, 1]
     at = 50e-6 * np.arange(1, 61)
     lag = 1.0 / (2.0 * math.pi * 500.0)
     expected = 10.0 * (at - lag * -np.expm1(-at / lag))
@@ -154,18 +154,18 @@ QUICK: dict[str, Any] = {"load.bandwidth_Hz": 1e5, "load.velocity_bandwidth_Hz":
 
 
 def test_the_load_drive_renders_damping() -> None:
-    velocity = flight(QUICK | {"load.damping_N_s_per_m": 200.0}, 5e-3, 0.0, 200)[:, 1]
+    velocity = run_armature(QUICK | {"load.damping_N_s_per_m": 200.0}, 5e-3, 0.0, 200)[:, 1]
     fade = np.polynomial.Polynomial.fit(np.arange(200) * 50e-6, np.log(velocity), 1).convert()
     assert fade.coef[1] == pytest.approx(-100.0, rel=0.02)
 
 
 def test_the_load_drive_renders_stiffness_around_the_operating_gap() -> None:
     spring = QUICK | {"load.stiffness_N_per_m": 2e4}
-    gap = flight(spring, 5e-3, 0.0, 4000)[:, 0]
+    gap = run_armature(spring, 5e-3, 0.0, 4000)[:, 0]
     crossings = np.flatnonzero((gap[:-1] < GAP) & (gap[1:] >= GAP))
     period = 50e-6 * float(np.mean(np.diff(crossings)))
     assert period == pytest.approx(2.0 * math.pi * math.sqrt(2.0 / 2e4), rel=0.01)
-    pushed = flight(spring | {"load.damping_N_s_per_m": 200.0}, 0.0, 1.0, 4000)[-1, 0]
+    pushed = run_armature(spring | {"load.damping_N_s_per_m": 200.0}, 0.0, 1.0, 4000)[-1, 0]
     assert pushed - GAP == pytest.approx(1.0 / 2e4, rel=1e-3)
 
 

@@ -58,7 +58,7 @@ def test_the_net_force_is_odd_in_displacement_and_in_the_difference_of_currents(
         assert pair(2.5, 2.5, displaced).force * displaced < 0.0  # towards the nearer magnet
 
 
-def flight(side: float) -> tuple[FloatArray, FloatArray]:
+def run_pair(side: float) -> tuple[FloatArray, FloatArray]:
     """Return displacements and readings of 5 ms; side -1 with the roles of the magnets changed."""
     swing = 0.4 * np.sin(0.3 * np.arange(100))
     plant = pair(2.5, 2.5, side * 1e-6)
@@ -72,9 +72,9 @@ def flight(side: float) -> tuple[FloatArray, FloatArray]:
     return np.array(away), np.array(read)
 
 
-def test_a_mirrored_flight_is_the_mirror_image() -> None:
-    away, read = flight(1.0)
-    mirrored, mirrored_read = flight(-1.0)
+def test_a_mirrored_run_is_the_mirror_image() -> None:
+    away, read = run_pair(1.0)
+    mirrored, mirrored_read = run_pair(-1.0)
     assert np.ptp(away) > 10e-6
     assert mirrored == pytest.approx(away, abs=1e-12)
     # Each side by its own sensors: the same but for noise and steps of the converters.

@@ -1,4 +1,4 @@
-"""The plant flies the same flights, bit for bit, whatever compiled it and wherever it runs."""
+"""The plant makes the same runs, bit for bit, whatever compiled it and wherever it runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.plant.test_sanitized import sources
 FLAGS = ("-O0", "-O2", "-O3", "-O3 -march=native")
 """Ways to compile; a processor of one's own may fuse products into sums if it is let."""
 
-FLIGHTS = (
+RUNS = (
     "ok cells, 1 magnets, voltage, c3964ec9365790fa",
     "ok cells, 1 magnets, current, 245d0e78a3bdf201",
     "ok law, 1 magnets, voltage, 1be65399f2823a09",
@@ -27,8 +27,8 @@ FLIGHTS = (
 
 
 def built(compiler: str, flags: str, folder: Path) -> Path:
-    """Compile core, plant and flights without fused products."""
-    program = folder / "flights"
+    """Compile core, plant and runs without fused products."""
+    program = folder / "runs"
     command = [
         *compiler.split(),
         "-std=c99",
@@ -44,7 +44,7 @@ def built(compiler: str, flags: str, folder: Path) -> Path:
     return program
 
 
-def flights(*command: object) -> tuple[str, ...]:
+def runs_of(*command: object) -> tuple[str, ...]:
     done = subprocess.run(
         list(map(str, command)), capture_output=True, text=True, check=True, timeout=600
     )
@@ -56,10 +56,10 @@ def flights(*command: object) -> tuple[str, ...]:
 def test_compilers_and_their_flags_do_not_change_a_bit(
     compiler: str, flags: str, tmp_path: Path
 ) -> None:
-    assert flights(built(tool(compiler), flags, tmp_path)) == FLIGHTS
+    assert runs_of(built(tool(compiler), flags, tmp_path)) == RUNS
 
 
 def test_another_processor_does_not_change_a_bit(tmp_path: Path) -> None:
     emulator = tool("qemu-aarch64", "qemu-aarch64-static")
     program = built(f"{tool('python-zig')} cc -target aarch64-linux-musl", "-O2", tmp_path)
-    assert flights(emulator, program) == FLIGHTS
+    assert runs_of(emulator, program) == RUNS

@@ -19,7 +19,7 @@ WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotio
 
 
 def sources() -> list[str]:
-    """Return what a compiler is given: where headers are, and the sources of the flights."""
+    """Return what a compiler is given: where headers are, and the sources of the runs."""
     folders = (ROOT / "core" / "include", ROOT / "plant" / "include", ROOT / "core" / "src")
     files = [
         *(ROOT / "core" / "src" / f"{name}.c" for name in CORE),

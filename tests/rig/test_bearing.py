@@ -33,7 +33,7 @@ FULL = bearings.single
 def levitate(
     rig: BearingRig, seconds: float = 0.3, setup: Setup | None = None
 ) -> tuple[Recording, Recording]:
-    """Lift, hold, step up, land; return what is in the air and what holds its position."""
+    """Lift, hold, step up, land; return the levitating plant and what holds its position."""
     setup = setup or Setup(rig, FULL().controller, FULL().compensator)
     script = bearings.lifted(setup)
     begin = script.ticks
