@@ -11,7 +11,9 @@ from collections.abc import Mapping
 from anhyst.laws.law import FitNumber, ParameterSpec
 
 PARAMETERS = (
-    ParameterSpec("M_s", "saturation magnetisation", "A/m", low=0.0, coordinate="log"),
+    ParameterSpec(
+        "M_s", "saturation magnetisation", "A/m", low=0.0, coordinate="log", role="saturation"
+    ),
     ParameterSpec("a", "shape of the anhysteretic curve", "A/m", low=0.0, coordinate="log"),
     ParameterSpec(
         "k",
@@ -19,8 +21,11 @@ PARAMETERS = (
         "A/m",
         low=0.0,
         coordinate="log",
+        role="pinning",
     ),
-    ParameterSpec("c", "reversible fraction, 0 to 1", low=0.0, high=1.0, closed=True),
+    ParameterSpec(
+        "c", "reversible fraction, 0 to 1", low=0.0, high=1.0, closed=True, role="reversible"
+    ),
     ParameterSpec("alpha", "interaction, below 1", high=1.0, default=0.0),
     ParameterSpec(
         "r_d",
@@ -29,6 +34,7 @@ PARAMETERS = (
         low=0.0,
         closed=True,
         default=0.0,
+        role="dead band",
     ),
 )
 

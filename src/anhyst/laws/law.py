@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 Coordinate = Literal["reciprocal", "log", "plain"]
 """In what a parameter is nearest to straight over a gap, and a search moves it."""
 
+Role = Literal["saturation", "pinning", "reversible", "dead band", ""]
+"""What a parameter is for whoever does not know its law: what drifts, what a rig may widen."""
+
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
@@ -36,6 +39,8 @@ class ParameterSpec:
     search
         Range of a search without a kernel in the core, of ``A/m`` in parts of the largest field
         that is applied; None: held at its default.
+    role
+        What it is for whoever does not know the law.
     """
 
     name: str
@@ -47,6 +52,7 @@ class ParameterSpec:
     default: float | None = None
     coordinate: Coordinate = "plain"
     search: tuple[float, float] | None = None
+    role: Role = ""
 
     def problem(self, value: float) -> str | None:
         """Return what is wrong with a value, if anything is."""
@@ -176,3 +182,7 @@ class Law:
     kernel: Kernel | None = None
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
     obstacle: str = "there is no compensator for it"
+
+    def with_role(self, role: Role) -> tuple[ParameterSpec, ...]:
+        """Return the parameters that play a role."""
+        return tuple(spec for spec in self.parameters if spec.role == role)

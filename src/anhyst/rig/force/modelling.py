@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from anhyst.data import LoopSet
+from anhyst.laws.registry import LAWS
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.parameters import Parameter
 from anhyst.rig.force.file import Rig
@@ -86,14 +87,16 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
 
 
 def _spanning(model: ActuatorModel, least: float) -> ActuatorModel:
-    """Return a model whose dead band is at least so wide, A/m."""
-    given = model.parameters["r_d"]
-    wide: Parameter = (
-        tuple(max(one, least) for one in given) if isinstance(given, tuple) else max(given, least)
-    )
-    if wide == given:
-        return model
-    return replace(model, parameters={**model.parameters, "r_d": wide})
+    """Return a model whose dead band, if its law has one, is at least so wide, A/m."""
+    wide: dict[str, Parameter] = {}
+    for spec in LAWS[model.law].with_role("dead band"):
+        given = model.parameters[spec.name]
+        wide[spec.name] = (
+            tuple(max(one, least) for one in given)
+            if isinstance(given, tuple)
+            else max(given, least)
+        )
+    return replace(model, parameters={**model.parameters, **wide}) if wide else model
 
 
 def _least_dead_band(model: ActuatorModel, rig: Rig) -> float:

@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, fields, replace
 import numpy as np
 
 from anhyst._core import Bearing
+from anhyst.laws.law import Role
+from anhyst.laws.registry import LAWS
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
@@ -110,19 +112,21 @@ def drifted_rig(rig: BearingRig, drift: Drift) -> BearingRig:
 
 
 def drifted_law(model: ActuatorModel, drift: Drift) -> ActuatorModel:
-    """Return the law of a magnet that has drifted: its k, c and M_s."""
-
-    def scaled(name: str, factor: float, most: float = np.inf) -> Parameter:
-        value = model.parameters[name]
-        if isinstance(value, tuple):
-            return tuple(min(factor * one, most) for one in value)
-        return min(factor * value, most)
-
-    changed = {
-        "k": scaled("k", 1.0 + drift.pinning),
-        "c": scaled("c", 1.0 + drift.reversible, 1.0),
-        "M_s": scaled("M_s", 1.0 + drift.saturation),
+    """Return the law of a magnet that has drifted: its pinning, reversible part and saturation."""
+    factors: dict[Role, float] = {
+        "pinning": 1.0 + drift.pinning,
+        "reversible": 1.0 + drift.reversible,
+        "saturation": 1.0 + drift.saturation,
     }
+    changed: dict[str, Parameter] = {}
+    for role, factor in factors.items():
+        for spec in LAWS[model.law].with_role(role):
+            value = model.parameters[spec.name]
+            changed[spec.name] = (
+                tuple(min(factor * one, spec.high) for one in value)
+                if isinstance(value, tuple)
+                else min(factor * value, spec.high)
+            )
     return replace(model, parameters={**model.parameters, **changed})
 
 
