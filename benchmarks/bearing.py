@@ -18,6 +18,7 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, mak
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bearing.tables import PositionTable, TrajectoryTable
+from anhyst.rig.iron_table import SteelTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
@@ -50,7 +51,9 @@ class Iron:
     @property
     def title(self) -> str:
         """For tables: its reversible fraction, and whether it is pathological."""
-        share = f"{self.rig.settings.magnet.steel.reversible_fraction:g}"
+        steel = self.rig.settings.magnet.steel
+        assert isinstance(steel, SteelTable)
+        share = f"{steel.reversible_fraction:g}"
         return f"{share} (pathological)" if self.at.slopes.label == "pathological" else share
 
 

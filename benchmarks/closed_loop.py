@@ -26,6 +26,7 @@ from anhyst.rig.bearing.plant import STOP_RESONANCE, current_gains, make_bearing
 from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.bearing.ready import make_ready
 from anhyst.support.arrays import FloatArray
 from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
@@ -94,6 +95,7 @@ def plant_of(rig: BearingRig) -> Plant:
     steel, sensor = magnet.steel.steel(), rig.settings.position_sensor.sensor()
     gain, reset = current_gains(rig)
     stop = 2.0 * math.pi * STOP_RESONANCE
+    assert isinstance(steel, CellSteel)
     return Plant(
         thresholds=steel.thresholds,
         weights=steel.weights,

@@ -2,6 +2,10 @@
 set(ANHYST_PLANT_DIR "${CMAKE_CURRENT_LIST_DIR}")
 set(ANHYST_PLANT_SOURCES
   "${ANHYST_PLANT_DIR}/src/iron.c"
+  "${ANHYST_PLANT_DIR}/src/irons/curve.c"
+  "${ANHYST_PLANT_DIR}/src/irons/cells.c"
+  "${ANHYST_PLANT_DIR}/src/irons/preisach.c"
+  "${ANHYST_PLANT_DIR}/src/irons/duhem.c"
   "${ANHYST_PLANT_DIR}/src/magnet.c"
   "${ANHYST_PLANT_DIR}/src/sensor.c"
   "${ANHYST_PLANT_DIR}/src/bearing.c"

@@ -19,7 +19,7 @@ typedef struct {
 
 /* Where a step ends. */
 typedef struct {
-  around around; /* the iron; cells only */
+  around around; /* the iron; circuit only */
   double gap;    /* m */
   double half;   /* of the step, s */
   double eddies; /* what they take of the current, A for each V that is induced */
@@ -28,7 +28,7 @@ typedef struct {
 
 /* What is found there. */
 typedef struct {
-  anhyst_plant_goal goal; /* of the iron; cells only */
+  anhyst_plant_goal goal; /* of the iron; circuit only */
   double steady;          /* current that the field needs, A */
   double current;         /* with that of the eddies, A */
 } reached;
@@ -48,7 +48,7 @@ static around around_iron(const anhyst_plant_circuit *c, double gap)
 
 static void pull(const anhyst_plant_circuit *c, const around *at, anhyst_plant_coil *coil)
 {
-  const double flux = coil->cells.density * c->iron_area * at->share;
+  const double flux = coil->iron.density * c->iron_area * at->share;
   coil->density = flux * at->per_area;
   coil->force = flux * coil->density * (1.0 / ANHYST_PLANT_MU0) * at->widens;
 }
@@ -179,7 +179,7 @@ static void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil
     const double per_field = c->iron_length / magnet->turns;
     const double per_density = end->around.outer * c->iron_area / magnet->turns;
     const double weight = magnet->turns * c->iron_area;
-    anhyst_plant_field(&c->steel, &coil->cells, half * taken * per_field,
+    anhyst_plant_field(&c->iron, &coil->iron, half * taken * per_field,
                        weight + half * taken * per_density, end->begun + half * given,
                        weight * TOLERANCE, &found->goal);
     found->steady = per_field * found->goal.field + per_density * found->goal.density;
@@ -194,7 +194,7 @@ static void iron_follows(const anhyst_plant_magnet *magnet, anhyst_plant_coil *c
                          const ending *end, const anhyst_plant_goal *goal)
 {
   if (magnet->circuit) {
-    anhyst_plant_move(&magnet->circuit->steel, &coil->cells, goal);
+    anhyst_plant_move(&magnet->circuit->iron, &coil->iron, goal);
     pull(magnet->circuit, &end->around, coil);
   } else {
     law_moves(magnet->law, coil, end->gap, 0.5 / end->half);
@@ -258,11 +258,11 @@ void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil
     const around at = around_iron(c, gap);
     const double b = at.outer * c->iron_area;
     anhyst_plant_goal goal;
-    anhyst_plant_field(&c->steel, &coil->cells, c->iron_length, b, magnet->turns * current,
+    anhyst_plant_field(&c->iron, &coil->iron, c->iron_length, b, magnet->turns * current,
                        b * TOLERANCE, &goal);
-    anhyst_plant_move(&c->steel, &coil->cells, &goal);
+    anhyst_plant_move(&c->iron, &coil->iron, &goal);
     pull(c, &at, coil);
-    coil->psi = magnet->turns * c->iron_area * coil->cells.density;
+    coil->psi = magnet->turns * c->iron_area * coil->iron.density;
   } else {
     double slope;
     law_moves(magnet->law, coil, gap, 0.0);

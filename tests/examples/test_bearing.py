@@ -17,6 +17,8 @@ from anhyst.data.reading import read_loops
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import static_map
+from anhyst.rig.iron_table import SteelTable
+from anhyst.rig.parts.iron import CellSteel
 from anhyst.support.arrays import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -97,6 +99,7 @@ def test_the_table_of_gaps(rig: BearingRig) -> None:
 def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
     table = rows(r"^\| 0\.\d\d \|.*$")
     magnet, gap = rig.settings.magnet, rig.settings.simulate.gap_m
+    assert isinstance(magnet.steel, SteelTable)
     assert float(table[0][0]) == magnet.steel.reversible_fraction
     for fraction, on, back, part, width in table:
         iron = magnet.steel.model_copy(update={"reversible_fraction": float(fraction)})
@@ -121,7 +124,9 @@ def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
 
 def test_the_numbers_in_the_text(rig: BearingRig) -> None:
     settings = rig.settings
-    thresholds = settings.magnet.steel.steel().thresholds
+    steel = settings.magnet.steel.steel()
+    assert isinstance(steel, CellSteel)
+    thresholds = steel.thresholds
     low, high = map(float, re.findall(r"thresholds between\s+(\d+) and (\d+) A/m", README)[0])
     assert (round(thresholds[1]), round(thresholds[-1])) == (low, high)
     gap = settings.simulate.gap_m

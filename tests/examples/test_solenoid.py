@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.rig.force.file import Rig, read_rig
+from anhyst.rig.parts.iron import CellSteel
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 CURRENT_MAX = 1.2
@@ -85,7 +86,9 @@ def test_the_table_of_positions(rig: Rig) -> None:
 
 
 def test_the_thresholds_of_the_cells(rig: Rig) -> None:
-    thresholds = rig.solenoid.iron.steel().thresholds
+    steel = rig.solenoid.iron.steel()
+    assert isinstance(steel, CellSteel)
+    thresholds = steel.thresholds
     text = (FOLDER / "README.md").read_text()
     low, high = map(float, re.findall(r"thresholds between (\d+) and (\d+) A/m", text)[0])
     assert thresholds[1] == pytest.approx(low, rel=0.05)

@@ -55,7 +55,9 @@ def bearing(changes: dict[str, Any] | None = None, seed: int = 0) -> Bearing:
 
 
 def example_steel() -> CellSteel:
-    return rig().settings.magnet.steel.steel()
+    steel = rig().settings.magnet.steel.steel()
+    assert isinstance(steel, CellSteel)
+    return steel
 
 
 def example_poles() -> Poles:

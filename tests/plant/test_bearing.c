@@ -16,19 +16,19 @@ static const double psi[2 * POINTS] = {0.0, 0.04, 0.07, 0.09, 0.1, 0.0, 0.02, 0.
 static const anhyst_plant_row rows[2] = {{8e3, 4e-3, 60.0, 0.1, 0.02},
                                          {6e3, 6e-3, 60.0, 0.1, 0.02}};
 
+static const anhyst_plant_curve curve = {1.3, 120.0, 0.75, 3000.0};
+
 static void make_circuit(anhyst_plant_circuit *c)
 {
   int i;
   memset(c, 0, sizeof *c);
-  c->steel.cells = CELLS;
+  c->iron.family = &anhyst_plant_of_cells;
+  c->iron.steel.cells.cells = CELLS;
   for (i = 0; i < CELLS; i++) {
-    c->steel.threshold[i] = 12.0 * (double)i;
-    c->steel.weight[i] = 1.0 / (double)CELLS;
+    c->iron.steel.cells.threshold[i] = 12.0 * (double)i;
+    c->iron.steel.cells.weight[i] = 1.0 / (double)CELLS;
   }
-  c->steel.sharp = 1.3;
-  c->steel.knee_sharp = 120.0;
-  c->steel.slow = 0.75;
-  c->steel.knee_slow = 3000.0;
+  c->iron.steel.cells.curve = curve;
   c->iron_length = 0.2;
   c->iron_area = 0.016 * 0.014;
   c->pole_width = 0.016;

@@ -9,7 +9,7 @@ import pytest
 
 from anhyst._core import Coil, Magnet
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.parts.magnet import FluxTable, cell_magnet, law_magnet
+from anhyst.rig.parts.magnet import FluxTable, iron_magnet, law_magnet
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 from tests.actuators import GAPS, nested
@@ -35,7 +35,7 @@ def wander(samples: int, seed: int) -> tuple[FloatArray, FloatArray]:
 @pytest.mark.parametrize("steel", STEELS.values(), ids=STEELS.keys())
 def test_force_and_flux_are_those_of_the_circuit_written_again(steel: CellSteel) -> None:
     current, gap = wander(1500, seed=3)
-    found = Coil(cell_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap)
+    found = Coil(iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap)
     expected = OracleMagnet(Shape(), steel).run(current, gap)
     largest = expected.max(axis=0)
     assert largest[0] > 300.0
@@ -45,7 +45,7 @@ def test_force_and_flux_are_those_of_the_circuit_written_again(steel: CellSteel)
 def test_the_flux_density_in_the_gap_is_what_pulls() -> None:
     current, gap = wander(300, seed=4)
     force, _, density = (
-        Coil(cell_magnet(example_poles(), example_steel(), 0.0, GAP)).run(current, gap).T
+        Coil(iron_magnet(example_poles(), example_steel(), 0.0, GAP)).run(current, gap).T
     )
     # Two gaps of the fringed area, less what the fringe loses as it narrows with the gap.
     width, depth = 0.016 + gap, 0.014 + gap
@@ -54,7 +54,7 @@ def test_the_flux_density_in_the_gap_is_what_pulls() -> None:
 
 
 def test_a_path_leaves_the_same_memory_in_one_step_as_in_many() -> None:
-    magnet = cell_magnet(example_poles(), example_steel(), 0.0, GAP)
+    magnet = iron_magnet(example_poles(), example_steel(), 0.0, GAP)
     turns = np.array([4.5, -1.0, 3.0, 0.5, 2.5, 1.0, 2.0])
     many = np.concatenate([np.linspace(a, b, 500) for a, b in itertools.pairwise(turns)])
     coarse = Coil(magnet).run(turns, np.full(turns.size, GAP))
@@ -68,7 +68,7 @@ def test_after_a_reversal_only_the_unpinned_iron_answers(fraction: float) -> Non
     shape, current, turn = Shape(), 2.8, 1e-4
     at = np.full(3, GAP)
     force, psi, _ = (
-        Coil(cell_magnet(example_poles(), steel, 0.0, GAP))
+        Coil(iron_magnet(example_poles(), steel, 0.0, GAP))
         .run(np.array([current, current - turn, current - 2.0 * turn]), at)
         .T
     )

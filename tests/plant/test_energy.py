@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from anhyst._core import Coil
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.parts.magnet import cell_magnet
+from anhyst.rig.parts.magnet import iron_magnet
 from anhyst.support.arrays import FloatArray
 from tests.plant.oracle import Ledger, Shape, middles
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles, example_steel
@@ -36,7 +36,7 @@ def test_over_a_closed_cycle_energy_is_heat_and_work(
     samples = 2000
     turn = 2.0 * math.pi * np.arange(2 * samples + 1) / samples
     current, gap = mean + swing * np.sin(turn), GAP + moves * np.sin(turn + phase)
-    force, psi, _ = Coil(cell_magnet(example_poles(), STEEL, 0.0, GAP)).run(current, gap).T
+    force, psi, _ = Coil(iron_magnet(example_poles(), STEEL, 0.0, GAP)).run(current, gap).T
     ledger = Ledger(SHAPE, STEEL, current, gap, psi)
     last = slice(samples, None)  # the first cycle leaves the demagnetised state
     electrical = float(middles(current[last]) @ np.diff(psi[last]))
@@ -53,7 +53,7 @@ def test_over_a_closed_cycle_energy_is_heat_and_work(
 def test_stepped_in_time_energy_is_heat_and_work(eddy_time: float) -> None:
     """An alternating voltage while the gap moves."""
     samples, period = 2000, 2e-2
-    coil = Coil(cell_magnet(example_poles(), STEEL, eddy_time, GAP))
+    coil = Coil(iron_magnet(example_poles(), STEEL, eddy_time, GAP))
     h = period / samples
     turn = 2.0 * math.pi * np.arange(3 * samples) / samples
     gap = GAP + 0.05e-3 * np.sin(turn)
@@ -146,7 +146,7 @@ def test_no_path_of_current_and_gap_makes_energy(
 ) -> None:
     current, gap = straight(turns, 150)
     current, gap = np.tile(current, 2), np.tile(gap, 2)
-    force, psi, _ = Coil(cell_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap).T
+    force, psi, _ = Coil(iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap).T
     ledger = Ledger(SHAPE, steel, current, gap, psi)
     electrical = np.cumsum(middles(current) * np.diff(psi))
     work = -np.cumsum(middles(force) * np.diff(gap))

@@ -11,7 +11,7 @@ import pytest
 
 from anhyst._core import Coil, Magnet
 from anhyst.rig.bearing.plant import make_bearing
-from anhyst.rig.parts.magnet import cell_magnet, flux_table_of, law_magnet
+from anhyst.rig.parts.magnet import flux_table_of, iron_magnet, law_magnet
 from anhyst.support.arrays import FloatArray
 from tests.actuators import GAPS
 from tests.actuators import magnet as model
@@ -45,14 +45,14 @@ def test_a_winding_goes_where_the_equations_written_again_go(eddy_time: float) -
         psi, current = oracle.drive(psi, voltage, GAP, seconds)
         rows.append((psi, current, oracle.pull(psi / oracle.shape.turns, GAP)))
     expected = np.array(rows)
-    magnet = cell_magnet(example_poles(), example_steel(), eddy_time, GAP)
+    magnet = iron_magnet(example_poles(), example_steel(), eddy_time, GAP)
     errors = [np.abs(stepped(magnet, steps) - expected) for steps in (10, 20, 40, 80)]
     for coarse, fine in itertools.pairwise(errors):
         assert np.all(coarse[:, :2] > 3.0 * fine[:, :2])
         assert np.all(coarse[:, :2] < 5.0 * fine[:, :2])
     assert np.all(errors[-1] < 5e-6 * np.max(expected, axis=0))
     if eddy_time:
-        plain = stepped(cell_magnet(example_poles(), example_steel(), 0.0, GAP), 80)
+        plain = stepped(iron_magnet(example_poles(), example_steel(), 0.0, GAP), 80)
         assert np.all(np.abs(plain - expected)[:, 1] > 0.05)
 
 

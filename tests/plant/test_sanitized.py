@@ -14,7 +14,10 @@ CORE = (
     *("law/solver", "law/branch", "law/langevin", "numeric/elementary"),
 )
 """What of the core the plant stands on."""
-PLANT = ("iron", "magnet", "sensor", "bearing")
+PLANT = (
+    *("iron", "irons/curve", "irons/cells", "irons/preisach", "irons/duhem"),
+    *("magnet", "sensor", "bearing"),
+)
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")
 
 

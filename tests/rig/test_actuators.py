@@ -128,6 +128,7 @@ def test_the_force_is_the_coenergy_that_the_gap_gives_up(gap: float) -> None:
 @pytest.mark.parametrize("gap", GAPS)
 def test_the_ampere_turns_of_a_step_are_used_up(gap: float) -> None:
     ours, rng = Solenoid(STEEL, GEOMETRY), np.random.default_rng(1)
+    assert isinstance(ours.iron, CellIron)
     for current in rng.uniform(0.0, 1.2, 30).tolist():
         before = CellIron(STEEL)
         before._cells = ours.iron._cells.copy()

@@ -1,58 +1,83 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Iron made of pinned cells, which is not a Jiles-Atherton material.
+/* Irons of several families behind one table of operators; none of them is a Jiles-Atherton
+   material. An iron is its steel and its memory.
 
-   A cell follows the field only when that has moved by more than its threshold (a play operator);
-   the polarisation is the weighted sum of one anhysteretic curve at the fields of all cells:
-
-     B = mu0*H + sum of weight*(sharp*h/sqrt(h^2 + knee_sharp^2) + slow*2/pi*atan(h/knee_slow))
-
-   Thresholds ascend, and all cells have had the same past since they were demagnetised; so the
-   cells that move form the beginning of the row, and what rests is looked at no further. */
+   Every family answers where a straight way of one coordinate leads: field and flux density, which
+   both rise with the coordinate, and their slopes on the way there. Of cells and of the Duhem iron
+   this is the field of the curve, of the Preisach iron the field that its relays see. */
 #ifndef ANHYST_PLANT_IRON_H
 #define ANHYST_PLANT_IRON_H
+
+#include "anhyst_plant/cells.h"
+#include "anhyst_plant/duhem.h"
+#include "anhyst_plant/preisach.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 #define ANHYST_PLANT_MU0 1.25663706143591729539e-6
-#define ANHYST_PLANT_CELLS 64
-
-typedef struct {
-  int cells;                            /* 1..ANHYST_PLANT_CELLS */
-  double threshold[ANHYST_PLANT_CELLS]; /* A/m, ascending, the first may be 0 */
-  double weight[ANHYST_PLANT_CELLS];    /* share of each cell; they add up to one */
-  double sharp;                         /* T */
-  double knee_sharp;                    /* A/m */
-  double slow;                          /* T */
-  double knee_slow;                     /* A/m */
-} anhyst_plant_steel;
 
 /* All zero: demagnetised. */
 typedef struct {
-  double place[ANHYST_PLANT_CELLS]; /* fields of the cells, A/m */
-  double
-      rest[ANHYST_PLANT_CELLS + 1]; /* what this cell and all beyond add to the polarisation, T */
-  double field;                     /* at the last move, A/m */
-  double stride;                    /* by which the field moved then */
-  double density;                   /* flux density, T */
-} anhyst_plant_cells;
+  double at;      /* coordinate, A/m */
+  double stride;  /* by which it moved last */
+  double field;   /* A/m */
+  double density; /* flux density, T */
+  union {
+    anhyst_plant_cells cells;
+    anhyst_plant_preisach preisach;
+    anhyst_plant_duhem duhem;
+  } own;
+} anhyst_plant_memory;
 
-/* Where the field may move to. */
+/* Where the coordinate may move to. */
 typedef struct {
-  double field;                    /* A/m */
-  double density;                  /* flux density there, T */
-  int moved;                       /* cells that move, the first ones */
-  double part[ANHYST_PLANT_CELLS]; /* what each of them adds to the polarisation there, T */
+  double at;            /* A/m */
+  double field;         /* A/m */
+  double density;       /* flux density there, T */
+  double field_slope;   /* of the field over the coordinate */
+  double density_slope; /* of the flux density over the coordinate, T m/A */
+  union {
+    anhyst_plant_cells_goal cells;
+    anhyst_plant_preisach_goal preisach;
+    anhyst_plant_duhem duhem;
+  } own;
 } anhyst_plant_goal;
+
+typedef struct anhyst_plant_iron anhyst_plant_iron;
+
+typedef struct {
+  /* Fills in all of a goal but its coordinate, which is given. Where that does not move, the slopes
+     are those of going on. */
+  void (*look)(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
+               anhyst_plant_goal *goal);
+  /* Moves there: density and own of the memory. */
+  void (*move)(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
+               const anhyst_plant_goal *goal);
+} anhyst_plant_family;
+
+extern const anhyst_plant_family anhyst_plant_of_cells;
+extern const anhyst_plant_family anhyst_plant_of_preisach;
+extern const anhyst_plant_family anhyst_plant_of_duhem;
+
+struct anhyst_plant_iron {
+  const anhyst_plant_family *family;
+  double slack; /* by which the coordinate may move further than the field, A/m */
+  union {
+    anhyst_plant_cell_steel cells;
+    anhyst_plant_preisach_steel preisach;
+    anhyst_plant_duhem_steel duhem;
+  } steel;
+};
 
 /* The field H for which a*H + b*B(H) = r, for a > 0 and b >= 0, if the field moves there in a
    straight line; the memory is not touched. |a*H + b*B - r| <= tolerance. */
-void anhyst_plant_field(const anhyst_plant_steel *steel, const anhyst_plant_cells *cells, double a,
+void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
                         double b, double r, double tolerance, anhyst_plant_goal *goal);
 
 /* Moves there. */
-void anhyst_plant_move(const anhyst_plant_steel *steel, anhyst_plant_cells *cells,
+void anhyst_plant_move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
                        const anhyst_plant_goal *goal);
 
 #ifdef __cplusplus

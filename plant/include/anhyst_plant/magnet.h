@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* An electromagnet at a gap: winding, iron, pull; of two kinds.
 
-   cells: iron of pinned cells in series with two gaps that fringe and a leakage path beside them,
-   and with the joints of the core.
+   circuit: an iron in series with two gaps that fringe and a leakage path beside them, and with the
+   joints of the core.
    Flux linkage and pull belong to one circuit, so that energy is kept:
 
      turns*current = length*H + eddy*length*dB/dt + outer(gap)*area*B,   psi = turns*area*B
@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 typedef struct {
-  anhyst_plant_steel steel;
+  anhyst_plant_iron iron;
   double iron_length; /* m */
   double iron_area;   /* m^2 */
   double pole_width;  /* m */
@@ -82,7 +82,7 @@ typedef struct {
 
 /* All zero: demagnetised, no current. */
 typedef struct {
-  anhyst_plant_cells cells;
+  anhyst_plant_memory iron; /* of a circuit */
   anhyst_state_f64 law;
   double stride;   /* law: by which the flux density moved last, T */
   double psi;      /* flux linkage, Wb */

@@ -320,13 +320,51 @@ class FixedForceController:
 LOOP_COLUMNS: str
 """Names of the columns of a loop's record, separated by blanks."""
 
-class Magnet:
-    """An electromagnet, plant/include/anhyst_plant/magnet.h: of cells, or of a law and a table."""
+class Steel:
+    """What an iron of the plant is made of, plant/include/anhyst_plant/iron.h.
+
+    Of pinned cells with thresholds and weights, of relays with an Everett table, or of Duhem's kind
+    with numbers alone.
+    """
 
     @overload
     def __init__(
         self, numbers: Mapping[str, float], thresholds: _Array, weights: _Array
     ) -> None: ...
+    @overload
+    def __init__(self, numbers: Mapping[str, float], everett: _Array) -> None: ...
+    @overload
+    def __init__(self, numbers: Mapping[str, float]) -> None: ...
+
+class Piece:
+    """A piece of steel with its memory; starts demagnetised."""
+
+    def __init__(self, steel: Steel) -> None: ...
+    def flux_density(self, field: float) -> tuple[float, float]:
+        """Return flux density (T) and its slope if the field (A/m) moved there straight."""
+
+    def commit(self, field: float) -> None:
+        """Move to a field (A/m) in a straight line."""
+
+    def solve(self, a: float, b: float, r: float) -> float:
+        """Move to where ``a*H + b*B = r``, a > 0 and b >= 0, and return the field H (A/m)."""
+
+    def run(self, field: _Array) -> _Array:
+        """Move to fields one after the other; rows of field (A/m) and flux density (T)."""
+
+    def demagnetise(self) -> None:
+        """Forget everything, as after a field that alternated and died away."""
+
+    @property
+    def field(self) -> float: ...
+    @property
+    def density(self) -> float: ...
+
+class Magnet:
+    """An electromagnet, plant/include/anhyst_plant/magnet.h: an iron, or a law and a table."""
+
+    @overload
+    def __init__(self, numbers: Mapping[str, float], steel: Steel) -> None: ...
     @overload
     def __init__(
         self, numbers: Mapping[str, float], iron: Iron, rows: _Array, psi: _Array

@@ -40,9 +40,23 @@ private:
 
 void bind_plant(nb::module_ &m)
 {
-  nb::class_<Magnet>(m, "Magnet")
+  nb::class_<Steel>(m, "Steel")
       .def(nb::init<const nb::dict &, const In &, const In &>(), "numbers"_a,
            "thresholds"_a.noconvert(), "weights"_a.noconvert())
+      .def(nb::init<const nb::dict &, const InTable &>(), "numbers"_a, "everett"_a.noconvert())
+      .def(nb::init<const nb::dict &>(), "numbers"_a);
+  nb::class_<Piece>(m, "Piece")
+      .def(nb::init<const Steel &>(), "steel"_a, nb::keep_alive<1, 2>())
+      .def("flux_density", &Piece::flux_density, "field"_a)
+      .def("commit", &Piece::commit, "field"_a)
+      .def("solve", &Piece::solve, "a"_a, "b"_a, "r"_a)
+      .def("run", &Piece::run, "field"_a.noconvert())
+      .def("demagnetise", &Piece::demagnetise)
+      .def_prop_ro("field", [](const Piece &p) { return p.get().field; })
+      .def_prop_ro("density", [](const Piece &p) { return p.get().density; });
+  nb::class_<Magnet>(m, "Magnet")
+      .def(nb::init<const nb::dict &, const Steel &>(), "numbers"_a, "steel"_a,
+           nb::keep_alive<1, 3>())
       .def(nb::init<const nb::dict &, const Iron &, const InTable &, const InTable &>(),
            "numbers"_a, "iron"_a, "rows"_a.noconvert(), "psi"_a.noconvert(),
            nb::keep_alive<1, 3>());

@@ -8,27 +8,16 @@
 #include "anhyst_plant/bearing.h"
 #include "iron.h"
 #include "settings.h"
+#include "steel.h"
 
 // A magnet with what it points to.
 class Magnet {
 public:
-  // Iron of pinned cells in a reluctance circuit.
-  Magnet(const nb::dict &numbers, const In &thresholds, const In &weights)
+  // An iron in a reluctance circuit.
+  Magnet(const nb::dict &numbers, const Steel &steel)
   {
     Settings given(numbers);
-    same_length(thresholds.shape(0), weights.shape(0), "weights");
-    if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_PLANT_CELLS) {
-      throw std::invalid_argument("an iron has 1 to 64 cells");
-    }
-    circuit_.steel.cells = static_cast<int>(thresholds.shape(0));
-    for (size_t i = 0; i < thresholds.shape(0); i++) {
-      circuit_.steel.threshold[i] = thresholds(i);
-      circuit_.steel.weight[i] = weights(i);
-    }
-    circuit_.steel.sharp = given.take<double>("sharp");
-    circuit_.steel.knee_sharp = given.take<double>("knee_sharp");
-    circuit_.steel.slow = given.take<double>("slow");
-    circuit_.steel.knee_slow = given.take<double>("knee_slow");
+    circuit_.iron = steel.get();
     circuit_.iron_length = given.take<double>("iron_length");
     circuit_.iron_area = given.take<double>("iron_area");
     circuit_.pole_width = given.take<double>("pole_width");

@@ -22,7 +22,7 @@ from anhyst.data import LoopSet
 from anhyst.rig.distance import along, follower, thinned
 from anhyst.rig.magnet_table import ElectromagnetTable, steel_table
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.parts.magnet import Poles, cell_magnet
+from anhyst.rig.parts.magnet import Poles, iron_magnet
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 
@@ -77,7 +77,7 @@ class FittedPlant:
     @property
     def magnet(self) -> Magnet:
         """What the core steps."""
-        return cell_magnet(self.poles, self.steel)
+        return iron_magnet(self.poles, self.steel)
 
     @property
     def keys(self) -> Mapping[str, Any]:
@@ -235,7 +235,7 @@ class _Fit:
     def _misses(self, at: FloatArray) -> FloatArray:
         values = self._values(at)
         poles, steel = self._poles(values)
-        magnet = cell_magnet(poles, steel)
+        magnet = iron_magnet(poles, steel)
         zero_current = values["zero_current"] * self._high
         zero_force = values["zero_force"] * self._top
         misses = [

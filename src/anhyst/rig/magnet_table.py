@@ -6,50 +6,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
+from anhyst.rig.iron_table import DuhemTable, MagnetSteelTable, PreisachTable, family_of
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.parts.magnet import MOST_CELLS, Poles
-from anhyst.support.toml_file import BRANCH, NotNegative, Positive, Share, Table
+from anhyst.rig.parts.magnet import Poles
+from anhyst.support.toml_file import BRANCH, NotNegative, Positive, Table
 
 FROM_LOOPS = "from loops"
-
-
-class SteelTable(Table):
-    """A steel of pinned cells."""
-
-    cells: Annotated[int, Field(ge=1, le=1000)]
-    reversible_fraction: Share
-    pinning_scale_A_per_m: Positive
-    pinning_shape: Positive
-    saturation_sharp_T: Positive
-    knee_sharp_A_per_m: Positive
-    saturation_slow_T: Positive
-    knee_slow_A_per_m: Positive
-
-    def steel(self) -> CellSteel:
-        """Return what it is made of."""
-        return CellSteel(
-            cells=self.cells,
-            reversible_fraction=self.reversible_fraction,
-            pinning_scale=self.pinning_scale_A_per_m,
-            pinning_shape=self.pinning_shape,
-            saturation_sharp=self.saturation_sharp_T,
-            knee_sharp=self.knee_sharp_A_per_m,
-            saturation_slow=self.saturation_slow_T,
-            knee_slow=self.knee_slow_A_per_m,
-        )
-
-
-class MagnetSteelTable(SteelTable):
-    """The same where the core computes it."""
-
-    @field_validator("cells")
-    @classmethod
-    def _few(cls, cells: int) -> int:
-        if cells >= MOST_CELLS:
-            raise ValueError(f"the plant has room for {MOST_CELLS - 1}; lower it")
-        return cells
 
 
 def steel_table(steel: CellSteel) -> MagnetSteelTable:
@@ -67,11 +31,16 @@ def steel_table(steel: CellSteel) -> MagnetSteelTable:
 
 
 def _branch(value: Any) -> str:
-    return f"{BRANCH}word" if isinstance(value, str) else f"{BRANCH}table"
+    return f"{BRANCH}word" if isinstance(value, str) else family_of(value)
 
+
+HandTyped = MagnetSteelTable | PreisachTable | DuhemTable
+"""An iron typed by hand, or found by a fit."""
 
 IronEntry = Annotated[
-    Annotated[MagnetSteelTable, Tag(f"{BRANCH}table")]
+    Annotated[MagnetSteelTable, Tag(f"{BRANCH}cells")]
+    | Annotated[PreisachTable, Tag(f"{BRANCH}preisach")]
+    | Annotated[DuhemTable, Tag(f"{BRANCH}duhem")]
     | Annotated[Literal["from loops"], Tag(f"{BRANCH}word")],
     Discriminator(_branch),
 ]
@@ -105,9 +74,9 @@ class ElectromagnetTable(Table):
         return self.iron == FROM_LOOPS
 
     @property
-    def steel(self) -> MagnetSteelTable:
+    def steel(self) -> HandTyped:
         """The iron, once it is known."""
-        assert isinstance(self.iron, MagnetSteelTable)
+        assert isinstance(self.iron, HandTyped)
         return self.iron
 
     @property

@@ -148,13 +148,7 @@ def _hysteresis(plant: BearingTable) -> DiagramBlock:
     if magnet.force == "model" and magnet.model is not None:
         lines = ["identified Jiles-Atherton law", magnet.model.file, pole]
     else:
-        iron = magnet.steel
-        lines = [
-            f"iron of {iron.cells} pinned cells",
-            f"reversible fraction {iron.reversible_fraction:.3g}",
-            f"pinning {iron.pinning_scale_A_per_m:.3g} A/m",
-            pole,
-        ]
+        lines = [*magnet.steel.lines(), pole]
     if magnet.arrangement == "pair":
         assert magnet.gap_total_m is not None
         lines.append(f"bias {magnet.bias_force_N:g} N, gaps {1e3 * magnet.gap_total_m:g} mm")

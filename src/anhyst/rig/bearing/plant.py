@@ -15,8 +15,8 @@ from anhyst.rig.bearing.flux_file import check_flux_range, read_flux_table
 from anhyst.rig.bearing.tables import PositionSensor
 from anhyst.rig.parts.magnet import (
     FluxTable,
-    cell_magnet,
     flux_table_of,
+    iron_magnet,
     law_magnet,
 )
 from anhyst.support.arrays import FloatArray
@@ -53,7 +53,7 @@ def make_magnet(rig: BearingRig, law: ActuatorModel | None = None) -> Magnet:
     settings = rig.settings.magnet
     middle = rig.settings.simulate.gap_m
     if settings.force == "cells":
-        return cell_magnet(settings.poles, settings.steel.steel(), settings.eddy_time_s, middle)
+        return iron_magnet(settings.poles, settings.steel.steel(), settings.eddy_time_s, middle)
     table = flux_table(rig)
     model = law or law_of(rig)
     at = np.linspace(float(table.gap[0]), float(table.gap[-1]), ROWS)

@@ -12,22 +12,24 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from anhyst.data import LoopSet
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.distance import Follow, PlantCheck, along, distance, model_distance
 from anhyst.rig.from_loops import FittedPlant
+from anhyst.rig.iron_table import DuhemTable, PreisachTable, SteelTable, family_of
 from anhyst.rig.loop_files import FileList, Measured, identify_faults
-from anhyst.rig.magnet_table import ElectromagnetTable, SteelTable
+from anhyst.rig.magnet_table import ElectromagnetTable
 from anhyst.rig.parts.amplifier import Amplifier
-from anhyst.rig.parts.magnet import Electromagnet, cell_magnet
+from anhyst.rig.parts.magnet import Electromagnet, iron_magnet
 from anhyst.rig.parts.sensors import Converter, Sensor
 from anhyst.rig.parts.solenoid import Geometry, Solenoid
 from anhyst.rig.tables import ForceSensorTable, Name, RigTable, ShuntTable, ordered
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.toml_file import (
+    BRANCH,
     Bits,
     NotNegative,
     Number,
@@ -39,11 +41,31 @@ from anhyst.support.toml_file import (
 )
 
 
-class IronTable(SteelTable):
-    """``[iron]``: what the flux path is made of."""
+class FluxPathTable(Table):
+    """What ``[iron]`` says of its shape."""
 
     length_m: Positive
     area_m2: Positive
+
+
+class CellPathTable(SteelTable, FluxPathTable):
+    """``[iron]``: a flux path of cells."""
+
+
+class PreisachPathTable(PreisachTable, FluxPathTable):
+    """``[iron]``: a flux path of Preisach iron."""
+
+
+class DuhemPathTable(DuhemTable, FluxPathTable):
+    """``[iron]``: a flux path of Duhem iron."""
+
+
+IronEntry = Annotated[
+    Annotated[CellPathTable, Tag(f"{BRANCH}cells")]
+    | Annotated[PreisachPathTable, Tag(f"{BRANCH}preisach")]
+    | Annotated[DuhemPathTable, Tag(f"{BRANCH}duhem")],
+    Discriminator(family_of),
+]
 
 
 class CircuitTable(Table):
@@ -66,7 +88,7 @@ class CircuitTable(Table):
 class SolenoidFile(Table):
     """A file that describes a solenoid, and perhaps how its loops were measured."""
 
-    iron: IronTable
+    iron: IronEntry
     circuit: CircuitTable
     measurement: dict[str, Any] = Field(default_factory=dict)
 
@@ -221,7 +243,7 @@ class Rig:
         magnet = self.settings.magnet
         if magnet is None:
             return self.solenoid.solenoid()
-        return Electromagnet(cell_magnet(magnet.poles, magnet.steel.steel()))
+        return Electromagnet(iron_magnet(magnet.poles, magnet.steel.steel()))
 
     def follower(self) -> Follow:
         """Return what its actuator does along currents and gaps, from demagnetised on."""

@@ -1,16 +1,42 @@
-"""Iron made of pinned cells, which is not a Jiles-Atherton material."""
+"""Iron made of pinned cells, which is not a Jiles-Atherton material.
+
+Other families: :mod:`anhyst.rig.parts.preisach` and :mod:`anhyst.rig.parts.duhem`.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
 
 import numpy as np
 
-from anhyst._core import log
+from anhyst._core import Steel, log
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import power
+from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
+
+MOST_CELLS = 64
+"""Of an iron, the unpinned one included."""
+
+
+class AnySteel(Protocol):
+    """A steel of any family."""
+
+    def plant(self) -> Steel:
+        """Return it as the plant computes it.
+
+        Raises
+        ------
+        InputError
+            Numbers that make no iron.
+        """
+        ...
+
+    def unpinned(self) -> Self:
+        """Return the same steel without what makes its loops wide."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +83,28 @@ class CellSteel:
         """Share of each cell in the magnetisation, shape (cells + 1,); they add up to one."""
         pinned = np.full(self.cells, (1.0 - self.reversible_fraction) / self.cells)
         return np.concatenate(([self.reversible_fraction], pinned))
+
+    def plant(self) -> Steel:
+        """Return it as the plant computes it.
+
+        Raises
+        ------
+        InputError
+            Too many cells.
+        """
+        if self.cells + 1 > MOST_CELLS:
+            raise InputError(f"cells: {self.cells} are too many; use up to {MOST_CELLS - 1}")
+        curve = {
+            "sharp": self.saturation_sharp,
+            "knee_sharp": self.knee_sharp,
+            "slow": self.saturation_slow,
+            "knee_slow": self.knee_slow,
+        }
+        return Steel(curve, self.thresholds, self.weights)
+
+    def unpinned(self) -> CellSteel:
+        """Return a steel that follows the same curve without a loop."""
+        return replace(self, cells=1, reversible_fraction=1.0)
 
 
 class CellIron:

@@ -1,24 +1,21 @@
-"""Electromagnets of the virtual bearing: iron of pinned cells in a circuit, or an identified law.
+"""Electromagnets of the virtual bearing: an iron in a circuit, or an identified law.
 
 The equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their numbers.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from anhyst._core import Coil, Iron, Magnet
 from anhyst.laws.law import IronOperator
-from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.parts.iron import AnySteel
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
-
-MOST_CELLS = 64
-"""Of an iron, the unpinned one included."""
 
 _CURRENTS, _GAPS = 257, 129
 
@@ -69,15 +66,13 @@ class Poles:
         return self.turns**2 / self.reluctance(gap)
 
 
-def cell_magnet(
-    poles: Poles, steel: CellSteel, eddy_time: float = 0.0, gap: float = 1e-3
-) -> Magnet:
+def iron_magnet(poles: Poles, steel: AnySteel, eddy_time: float = 0.0, gap: float = 1e-3) -> Magnet:
     """Return a magnet whose iron is not a Jiles-Atherton material.
 
     Parameters
     ----------
     poles : Poles
-    steel : CellSteel
+    steel : AnySteel
     eddy_time : float, optional
         Time by which the flux lags behind the current at this gap, s.
     gap : float, optional
@@ -86,15 +81,9 @@ def cell_magnet(
     Raises
     ------
     InputError
-        Too many cells.
+        Numbers that make no iron.
     """
-    if steel.cells + 1 > MOST_CELLS:
-        raise InputError(f"cells: {steel.cells} are too many; use up to {MOST_CELLS - 1}")
     numbers = {
-        "sharp": steel.saturation_sharp,
-        "knee_sharp": steel.knee_sharp,
-        "slow": steel.saturation_slow,
-        "knee_slow": steel.knee_slow,
         "iron_length": poles.iron_length,
         "iron_area": poles.area,
         "pole_width": poles.width,
@@ -105,7 +94,7 @@ def cell_magnet(
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-    return Magnet(numbers, steel.thresholds, steel.weights)
+    return Magnet(numbers, steel.plant())
 
 
 class Electromagnet:
@@ -146,14 +135,14 @@ class FluxTable:
 
 
 def flux_table_of(
-    poles: Poles, steel: CellSteel, current_high: float, gaps: tuple[float, float]
+    poles: Poles, steel: AnySteel, current_high: float, gaps: tuple[float, float]
 ) -> FluxTable:
     """Make a flux table from a magnet's poles and the anhysteretic curve of its iron.
 
     Parameters
     ----------
     poles : Poles
-    steel : CellSteel
+    steel : AnySteel
         Its pinning is left out.
     current_high : float
         A.
@@ -162,8 +151,7 @@ def flux_table_of(
     """
     current = np.linspace(0.0, current_high, _CURRENTS)
     gap = np.linspace(*gaps, _GAPS)
-    soft = replace(steel, cells=1, reversible_fraction=1.0)
-    magnet = cell_magnet(poles, soft, 0.0, float(gap[0]))
+    magnet = iron_magnet(poles, steel.unpinned(), 0.0, float(gap[0]))
     psi = [Coil(magnet).run(current, np.full(current.size, place))[:, 1] for place in gap]
     return FluxTable(current, gap, np.array(psi))
 

@@ -13,7 +13,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from anhyst.rig.parts.iron import CellIron, CellSteel
+from anhyst._core import Piece
+from anhyst.rig.parts.iron import AnySteel, CellIron, CellSteel
 from anhyst.support.units import MU_0
 
 _ITERATIONS = 100
@@ -122,14 +123,14 @@ class Solenoid:
 
     Parameters
     ----------
-    steel : CellSteel
+    steel : AnySteel
         Of plunger, stop and housing.
     geometry : Geometry
         Winding and poles.
     """
 
-    def __init__(self, steel: CellSteel, geometry: Geometry) -> None:
-        self.iron = CellIron(steel)
+    def __init__(self, steel: AnySteel, geometry: Geometry) -> None:
+        self.iron = CellIron(steel) if isinstance(steel, CellSteel) else Piece(steel.plant())
         self.geometry = geometry
         self.flux = 0.0
         """Flux in the iron after the last step, Wb; times the turns it is the flux linkage."""

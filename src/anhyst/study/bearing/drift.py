@@ -99,15 +99,8 @@ def drifted_rig(rig: BearingRig, drift: Drift) -> BearingRig:
     if hall is not None:
         changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain
     if magnet.iron is not None:
-        iron = magnet.steel
-        pinning, more = iron.pinning_scale_A_per_m * (1.0 + drift.pinning), 1.0 + drift.saturation
-        fraction = min(iron.reversible_fraction * (1.0 + drift.reversible), 1.0)
-        changes |= {
-            "magnet.iron.pinning_scale_A_per_m": pinning,
-            "magnet.iron.reversible_fraction": fraction,
-            "magnet.iron.saturation_sharp_T": iron.saturation_sharp_T * more,
-            "magnet.iron.saturation_slow_T": iron.saturation_slow_T * more,
-        }
+        iron = magnet.steel.drifted(drift.pinning, drift.reversible, drift.saturation)
+        changes |= {f"magnet.iron.{key}": value for key, value in iron.items()}
     return changed(rig, changes)
 
 

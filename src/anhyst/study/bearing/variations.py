@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.iron_table import MagnetSteelTable
 from anhyst.support.errors import InputError
 
 
@@ -45,12 +46,17 @@ def with_iron(rig: BearingRig, reversible_fraction: float, width: float = 1.0) -
     Raises
     ------
     InputError
-        The force is made by an identified law.
+        The force is made by an identified law, or by an iron of another family.
     """
     magnet = rig.settings.magnet
     if magnet.force != "cells":
         raise InputError(
             f'{rig.path}: magnet.force: other irons are tried with force "cells"; set it so'
+        )
+    if not isinstance(magnet.steel, MagnetSteelTable):
+        raise InputError(
+            f"{rig.path}: magnet.iron.family: other irons are tried of cells alone; "
+            "describe one of cells"
         )
     return changed(
         rig,

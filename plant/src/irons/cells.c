@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst_plant/iron.h"
+
+/* A cell at the edge of its play counts as moving: where the field stands, the slope is that of
+   going on. */
+static void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
+                 anhyst_plant_goal *goal)
+{
+  const anhyst_plant_cell_steel *steel = &iron->steel.cells;
+  const anhyst_plant_cells *cells = &memory->own.cells;
+  anhyst_plant_cells_goal *own = &goal->own.cells;
+  double density = ANHYST_PLANT_MU0 * goal->at;
+  double slope = ANHYST_PLANT_MU0;
+  int i;
+  for (i = 0; i < steel->cells; i++) {
+    const double away = goal->at - cells->place[i];
+    const double r = steel->threshold[i];
+    double steep;
+    if (away < r && away > -r) {
+      break;
+    }
+    own->part[i] =
+        steel->weight[i] *
+        anhyst_plant_polarisation(&steel->curve, away > 0.0 ? goal->at - r : goal->at + r, &steep);
+    density += own->part[i];
+    slope += steel->weight[i] * steep;
+  }
+  own->moved = i;
+  goal->field = goal->at;
+  goal->field_slope = 1.0;
+  goal->density = density + cells->rest[i];
+  goal->density_slope = slope;
+}
+
+static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
+                 const anhyst_plant_goal *goal)
+{
+  const anhyst_plant_cell_steel *steel = &iron->steel.cells;
+  anhyst_plant_cells *cells = &memory->own.cells;
+  int i;
+  for (i = goal->own.cells.moved - 1; i >= 0; i--) {
+    const double r = steel->threshold[i];
+    cells->place[i] = goal->at > cells->place[i] ? goal->at - r : goal->at + r;
+    cells->rest[i] = cells->rest[i + 1] + goal->own.cells.part[i];
+  }
+  memory->density = ANHYST_PLANT_MU0 * goal->at + cells->rest[0];
+}
+
+const anhyst_plant_family anhyst_plant_of_cells = {look, move};
