@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.optimize import brentq
@@ -62,6 +62,14 @@ class Circuit:
         area = self.gap_area(gap)
         widening = self.pole_width + self.pole_depth + 2 * gap  # d(area)/d(gap)
         return gap_flux**2 / (MU_0 * area) * (1 - gap * widening / area)
+
+
+class Steppable(Protocol):
+    """What loops are recorded from."""
+
+    def step(self, current: float, gap: float) -> float:
+        """Move to a current (A) at a gap (m) and give the force (N)."""
+        ...
 
 
 class Magnet:
@@ -139,7 +147,7 @@ def load(path: Path = HERE / "magnet.toml") -> tuple[Magnet, dict[str, Any]]:
 
 
 def settled_loop(
-    magnet: Magnet, gap: float, low: float, high: float, settings: dict[str, Any]
+    magnet: Steppable, gap: float, low: float, high: float, settings: dict[str, Any]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Run the conditioning cycles, then one triangle from low to high and back.
 
@@ -163,9 +171,15 @@ def settled_loop(
     return current, np.array(force), np.array(late_force)
 
 
-def measure(part: str, path: Path = HERE / "magnet.toml") -> list[Record]:
-    """Record all loops of one part of the magnet file, ``identification`` or ``unseen``."""
-    magnet, settings = load(path)
+def measure(
+    part: str, path: Path = HERE / "magnet.toml", other: Steppable | None = None
+) -> list[Record]:
+    """Record all loops of one part of the magnet file, ``identification`` or ``unseen``.
+
+    Of the file's magnet, or of another one with its drive and its sensors.
+    """
+    own, settings = load(path)
+    magnet = other or own
     drive, sensors = settings["drive"], settings["sensors"]
     rng = np.random.default_rng([sensors["seed"], *part.encode()])
     records = []

@@ -12,7 +12,7 @@
 
    With f = fading, n = rate*saturation: where f*(1 + 2/n + 2/n^2) <= 1, h stays between the two
    parabolas and every way costs energy: H*dJ - d(stored) >= 0, stored = integral of x dJ +
-   h^2/(2*q/rate)/rate. */
+   h^2/(2*q). */
 #ifndef ANHYST_PLANT_DUHEM_H
 #define ANHYST_PLANT_DUHEM_H
 

@@ -19,7 +19,7 @@
 
 #include "anhyst_plant/curve.h"
 
-#define ANHYST_PLANT_TURNS 64
+#define ANHYST_PLANT_TURNS 512
 
 typedef struct {
   const double *everett; /* nodes rows of nodes entries, T; rises along a row */

@@ -1,0 +1,188 @@
+"""Simulate force-current loops of the bundled electromagnet with another iron.
+
+Winding, poles, drive and sensors are those of ``../electromagnet/magnet.toml``; the irons stand in
+``irons.toml``. The magnet is the plant's (``anhyst.rig.parts.magnet``).
+
+``python make_loops.py NAME --out DIR`` writes the loops as the sensors read them, and three truths
+without noise: loops at unseen gaps, a gap that moves under random reversals of the current, and small
+cycles about a bias. Run it again and the same bytes come out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter
+
+from anhyst._core import Coil, Magnet
+from anhyst.rig.magnet_table import HandTyped, IronEntry
+from anhyst.rig.parts.iron import AnySteel
+from anhyst.rig.parts.magnet import Electromagnet, Poles, iron_magnet
+from anhyst.support.arrays import FloatArray
+from anhyst.support.elementary import sine
+
+HERE = Path(__file__).resolve().parent
+SEED = 20261122
+MOVING_TURNS = 40
+MOVING_PERIOD = 3.1  # s
+SMALL_TURNS = 12
+SMALL_BIASES = (0.3, 0.5, 0.7)  # of the largest current
+SMALL_SWING = 0.04  # of the largest current, to either side
+
+
+def _bundled() -> ModuleType:
+    path = HERE.parent / "electromagnet" / "make_loops.py"
+    spec = importlib.util.spec_from_file_location("bundled_magnet", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its dataclasses look themselves up there
+    spec.loader.exec_module(module)
+    return module
+
+
+bundled = _bundled()
+SETTINGS = bundled.load()[1]
+CIRCUIT, DRIVE = SETTINGS["circuit"], SETTINGS["drive"]
+LARGEST: float = DRIVE["current_max_A"]
+POLES = Poles(
+    turns=CIRCUIT["turns"],
+    resistance=1.2,
+    width=CIRCUIT["pole_width_m"],
+    depth=CIRCUIT["pole_depth_m"],
+    leakage=CIRCUIT["leakage_H"],
+    iron_length=SETTINGS["iron"]["length_m"],
+)
+
+
+def tables(path: Path = HERE / "irons.toml") -> dict[str, HandTyped]:
+    """Return the irons by name, as a rig file holds them."""
+    schema: TypeAdapter[HandTyped | str] = TypeAdapter(IronEntry)
+    irons = tomllib.loads(path.read_text(encoding="utf-8"))
+    found = {name: schema.validate_python(table) for name, table in irons.items()}
+    return {name: table for name, table in found.items() if not isinstance(table, str)}
+
+
+def irons() -> dict[str, AnySteel]:
+    """Return what they are made of."""
+    return {name: table.steel() for name, table in tables().items()}
+
+
+def magnet(name: str) -> Magnet:
+    """Return the bundled electromagnet with this iron."""
+    return iron_magnet(POLES, irons()[name])
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A path from the demagnetised state on, and the force along it, without noise."""
+
+    label: str
+    time: FloatArray  # s
+    current: FloatArray  # A
+    gap: FloatArray  # m
+    force: FloatArray  # N
+    counted: NDArray[np.bool_]  # where the path is what its name says, not on the way there
+
+
+def sweeps(ends: list[float]) -> FloatArray:
+    """Return the samples of straight lines of current from end to end, A."""
+    step = DRIVE["sweep_A_per_s"] * DRIVE["sample_s"]
+    parts = [np.array(ends[:1])]
+    for start, end in pairwise(ends):
+        count = max(1, round(abs(end - start) / step))
+        parts.append(start + (end - start) * np.arange(1, count + 1) / count)
+    return np.concatenate(parts)
+
+
+def _truth(name: str, label: str, current: FloatArray, gap: FloatArray, since: int) -> Truth:
+    time = DRIVE["sample_s"] * np.arange(current.size)
+    force = np.ascontiguousarray(Coil(magnet(name)).run(current, gap)[:, 0])
+    return Truth(label, time, current, gap, force, np.arange(current.size) >= since)
+
+
+def moving(name: str) -> Truth:
+    """Let the current turn round anywhere while the gap moves through the measured range."""
+    rng = np.random.default_rng([SEED, 1])
+    current = sweeps([0.0, *(LARGEST * rng.random(MOVING_TURNS)).tolist(), 0.0])
+    gaps = SETTINGS["identification"]["gaps_m"]
+    middle, swing = 0.5 * (gaps[-1] + gaps[0]), 0.5 * (gaps[-1] - gaps[0])
+    gap = middle + swing * sine(DRIVE["sample_s"] / MOVING_PERIOD * np.arange(current.size))
+    return _truth(name, "moving", current, gap, 0)
+
+
+def small_cycles(name: str) -> Iterator[Truth]:
+    """Turn round at random within a few per cent about a bias, at gaps that were not measured.
+
+    Each bias is come to from zero and from the largest current.
+    """
+    rng = np.random.default_rng([SEED, 2])
+    for gap in SETTINGS["unseen"]["gaps_m"]:
+        for bias in SMALL_BIASES:
+            for side, way in (("up", [0.0, LARGEST, 0.0]), ("down", [0.0, LARGEST])):
+                swings = SMALL_SWING * (2.0 * rng.random(SMALL_TURNS) - 1.0)
+                there = sweeps([*way, LARGEST * bias])
+                cycles = sweeps([LARGEST * bias, *(LARGEST * (bias + swings)).tolist()])[1:]
+                current = np.concatenate([there, cycles])
+                label = f"{gap * 1e3:.2f}mm-{bias:g}-{side}"
+                yield _truth(name, label, current, np.full(current.size, gap), there.size)
+
+
+def rows(truths: list[Truth], offset: float) -> Iterator[str]:
+    """Lay out truths one after the other, the current as the sensor's zero moves it."""
+    clock = 0.0
+    for truth in truths:
+        columns = (clock + truth.time, truth.current + offset, truth.force, truth.gap)
+        for time, current, force, gap in zip(*columns, strict=True):
+            yield f"{time:.2f},{current:.6f},{force:.6f},{gap:.9f},{truth.label}"
+        clock = float(columns[0][-1]) + DRIVE["pause_s"]
+
+
+def files(name: str) -> dict[str, str]:
+    """Text of every file of one iron, by name."""
+    offset = SETTINGS["sensors"]["current_offset_A"]
+
+    def fresh() -> Electromagnet:
+        return Electromagnet(magnet(name))
+
+    head = f"simulated, see README.md: the bundled electromagnet with the iron {name}\n"
+    truth = f"{head}F_N: true force. I_A: true current plus the constant offset of the sensor\n"
+    settled = "history: settled; one cycle of each loop after three of the same loop"
+    begun = "history: demagnetised"
+    measured = bundled.measure("identification", other=fresh())
+    unseen = bundled.measure("unseen", other=fresh())
+    texts = {
+        "loops": (head + settled, bundled.measured_rows(measured), "settled"),
+        "unseen_truth": (truth + settled, bundled.true_rows(unseen, offset), "settled"),
+        "moving_truth": (truth + begun, rows([moving(name)], offset), "demagnetised"),
+        "small_truth": (truth + begun, rows(list(small_cycles(name)), offset), "demagnetised"),
+    }
+    found = {}
+    for stem, (notes, lines, history) in texts.items():
+        found[f"{stem}.csv"] = bundled.csv_text(notes, lines)
+        found[f"{stem}.toml"] = f'history = "{history}"\n'
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Simulate the bundled magnet of another iron.")
+    parser.add_argument("name", choices=sorted(tables()), help="iron, by its name in irons.toml")
+    parser.add_argument("--out", type=Path, required=True, help="folder to write to")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    for name, text in files(given.name).items():
+        (given.out / name).write_bytes(text.encode())
+
+
+if __name__ == "__main__":
+    main()
