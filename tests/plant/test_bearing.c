@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Bearings of both kinds through commands of every size, for the sanitizers to watch; what is
-   printed of each run holds every bit of it. */
+/* Bearings of an identified law and of irons of every family through commands of every size, for
+   the sanitizers to watch; what is printed of each run holds every bit of it. */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -11,6 +11,10 @@
 #define CELLS 25
 #define POINTS 5
 #define TICKS 3000
+#define NODES 33
+
+enum { OF_CELLS, OF_LAW, OF_PREISACH, OF_DUHEM, KINDS };
+static const char *const kinds[KINDS] = {"cells", "law", "preisach", "duhem"};
 
 static const double psi[2 * POINTS] = {0.0, 0.04, 0.07, 0.09, 0.1, 0.0, 0.02, 0.04, 0.055, 0.065};
 static const anhyst_plant_row rows[2] = {{8e3, 4e-3, 60.0, 0.1, 0.02},
@@ -18,17 +22,62 @@ static const anhyst_plant_row rows[2] = {{8e3, 4e-3, 60.0, 0.1, 0.02},
 
 static const anhyst_plant_curve curve = {1.3, 120.0, 0.75, 3000.0};
 
-static void make_circuit(anhyst_plant_circuit *c)
+static double everett[NODES * NODES];
+
+static void make_cells(anhyst_plant_iron *iron)
 {
   int i;
-  memset(c, 0, sizeof *c);
-  c->iron.family = &anhyst_plant_of_cells;
-  c->iron.steel.cells.cells = CELLS;
+  iron->family = &anhyst_plant_of_cells;
+  iron->steel.cells.cells = CELLS;
   for (i = 0; i < CELLS; i++) {
-    c->iron.steel.cells.threshold[i] = 12.0 * (double)i;
-    c->iron.steel.cells.weight[i] = 1.0 / (double)CELLS;
+    iron->steel.cells.threshold[i] = 12.0 * (double)i;
+    iron->steel.cells.weight[i] = 1.0 / (double)CELLS;
   }
-  c->iron.steel.cells.curve = curve;
+  iron->steel.cells.curve = curve;
+}
+
+/* Relays that are spread evenly over the cells of the table. */
+static void make_preisach(anhyst_plant_iron *iron)
+{
+  const anhyst_plant_curve reversible = {0.1, 300.0, 0.5, 3000.0};
+  int i;
+  int j;
+  for (i = 0; i < NODES; i++) {
+    for (j = 0; j < NODES; j++) {
+      const double away = (double)(j - i) / (double)(NODES - 1);
+      everett[i * NODES + j] = 2.4 * away * fabs(away);
+    }
+  }
+  iron->family = &anhyst_plant_of_preisach;
+  iron->steel.preisach.everett = everett;
+  iron->steel.preisach.nodes = NODES;
+  iron->steel.preisach.knee = 150.0;
+  iron->steel.preisach.reach = 0.8;
+  iron->steel.preisach.feedback = 10.0;
+  iron->steel.preisach.curve = reversible;
+  iron->slack = 40.0;
+}
+
+static void make_duhem(anhyst_plant_iron *iron)
+{
+  iron->family = &anhyst_plant_of_duhem;
+  iron->steel.duhem.curve = curve;
+  iron->steel.duhem.coercivity = 80.0;
+  iron->steel.duhem.rate = 5.0;
+  iron->steel.duhem.fading = 0.6;
+  iron->slack = 320.0;
+}
+
+static void make_circuit(anhyst_plant_circuit *c, int kind)
+{
+  memset(c, 0, sizeof *c);
+  if (kind == OF_PREISACH) {
+    make_preisach(&c->iron);
+  } else if (kind == OF_DUHEM) {
+    make_duhem(&c->iron);
+  } else {
+    make_cells(&c->iron);
+  }
   c->iron_length = 0.2;
   c->iron_area = 0.016 * 0.014;
   c->pole_width = 0.016;
@@ -131,15 +180,12 @@ static int run(const anhyst_plant_bearing *b, const char *name)
 
 int main(void)
 {
-  anhyst_plant_circuit circuit;
+  static anhyst_plant_circuit circuits[KINDS];
   anhyst_plant_law law;
   anhyst_iron_f64 iron;
-  anhyst_plant_magnet magnets[2];
   int failed = 0;
   int choice;
-  make_circuit(&circuit);
   memset(&law, 0, sizeof law);
-  memset(magnets, 0, sizeof magnets);
   if (anhyst_iron_init_f64(&iron, ANHYST_STEP_LINEAR, 1.3e6, 400.0, 300.0, 0.15, 0.0, 0.0, 0) !=
       ANHYST_OK) {
     return 1;
@@ -154,20 +200,27 @@ int main(void)
   law.table.current_high = 4.0;
   law.table.gap_low = 0.3e-3;
   law.table.gap_high = 0.6e-3;
-  magnets[0].circuit = &circuit;
-  magnets[1].law = &law;
-  for (choice = 0; choice < 2; choice++) {
-    magnets[choice].turns = 250.0;
-    magnets[choice].resistance = 1.2;
-  }
-  for (choice = 0; choice < 8; choice++) {
+  for (choice = 0; choice < 4 * KINDS; choice++) {
+    const int kind = choice / 2 % KINDS;
+    const int pair = choice / 2 / KINDS;
+    const int by_current = choice % 2;
     anhyst_plant_bearing bearing;
+    anhyst_plant_magnet magnet;
     char name[40];
-    make_bearing(&bearing, choice & 4 ? 2 : 1, choice & 4 ? 4 : 1, choice & 1);
-    bearing.magnet[0] = magnets[(choice >> 1) & 1];
-    bearing.magnet[1] = bearing.magnet[0];
-    (void)snprintf(name, sizeof name, "%s, %d magnets, %s", choice & 2 ? "law" : "cells",
-                   bearing.magnets, choice & 1 ? "current" : "voltage");
+    memset(&magnet, 0, sizeof magnet);
+    magnet.turns = 250.0;
+    magnet.resistance = 1.2;
+    if (kind == OF_LAW) {
+      magnet.law = &law;
+    } else {
+      make_circuit(&circuits[kind], kind);
+      magnet.circuit = &circuits[kind];
+    }
+    make_bearing(&bearing, pair ? 2 : 1, pair ? 4 : 1, by_current);
+    bearing.magnet[0] = magnet;
+    bearing.magnet[1] = magnet;
+    (void)snprintf(name, sizeof name, "%s, %d magnets, %s", kinds[kind], bearing.magnets,
+                   by_current ? "current" : "voltage");
     failed += run(&bearing, name);
   }
   return failed;

@@ -18,10 +18,18 @@ RUNS = (
     "ok cells, 1 magnets, current, 245d0e78a3bdf201",
     "ok law, 1 magnets, voltage, 1be65399f2823a09",
     "ok law, 1 magnets, current, 0e4044597ad02e97",
+    "ok preisach, 1 magnets, voltage, 01d89dbf66f25de1",
+    "ok preisach, 1 magnets, current, 5e6028b8e8be1ef9",
+    "ok duhem, 1 magnets, voltage, f9dbb93c7152b84b",
+    "ok duhem, 1 magnets, current, 8484f57d7cec83e0",
     "ok cells, 2 magnets, voltage, bcdb025991aa9da5",
     "ok cells, 2 magnets, current, d1f619427449ea73",
     "ok law, 2 magnets, voltage, 48293fb37b4a0226",
     "ok law, 2 magnets, current, 1a4eb3f55b1742f4",
+    "ok preisach, 2 magnets, voltage, 10bea9bd94dbf44b",
+    "ok preisach, 2 magnets, current, 332a8b2aaea5ed36",
+    "ok duhem, 2 magnets, voltage, fb1120ff45082fb3",
+    "ok duhem, 2 magnets, current, d0351f4be57fe706",
 )
 """What every build on every processor prints."""
 
