@@ -2,7 +2,6 @@
 set(ANHYST_PLANT_DIR "${CMAKE_CURRENT_LIST_DIR}")
 set(ANHYST_PLANT_SOURCES
   "${ANHYST_PLANT_DIR}/src/iron.c"
-  "${ANHYST_PLANT_DIR}/src/irons/curve.c"
   "${ANHYST_PLANT_DIR}/src/irons/cells.c"
   "${ANHYST_PLANT_DIR}/src/irons/preisach.c"
   "${ANHYST_PLANT_DIR}/src/irons/duhem.c"

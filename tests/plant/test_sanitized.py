@@ -15,7 +15,7 @@ CORE = (
 )
 """What of the core the plant stands on."""
 PLANT = (
-    *("iron", "irons/curve", "irons/cells", "irons/preisach", "irons/duhem"),
+    *("iron", "irons/cells", "irons/preisach", "irons/duhem"),
     *("magnet", "sensor", "bearing"),
 )
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")
