@@ -1,0 +1,153 @@
+"""Rig files whose iron is of another family than cells: read, checked, simulated."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.bearing.plant import make_bearing
+from anhyst.rig.force.file import read_rig
+from anhyst.rig.parts.solenoid import Solenoid
+from anhyst.study.bearing.drift import Drift, drifted_rig
+from anhyst.study.bearing.variations import changed, with_iron
+from anhyst.support.errors import InputError
+from tests.plant.irons import FOLDER, STEELS
+
+EXAMPLES = FOLDER.parent
+TEXT = (FOLDER / "irons.toml").read_text(encoding="utf-8")
+every = pytest.mark.parametrize("name", STEELS)
+
+
+def keys_of(name: str) -> str:
+    """Return what stands in the table of an iron."""
+    found = re.search(rf"^\[{name}\].*?\n(.*?)(?=^\[|\Z)", TEXT, re.M | re.S)
+    assert found is not None
+    return found[1]
+
+
+def with_keys(path: Path, table: str, keys: str) -> Path:
+    """Replace the keys of a steel in a table of a file."""
+    text = path.read_text(encoding="utf-8")
+    begun, rest = text.split(f"[{table}]", 1)
+    own, *after = rest.split("\n[", 1)
+    kept = [line for line in own.splitlines() if re.match(r"length_m|area_m2", line)]
+    whole = "\n".join([f"{begun}[{table}]", *kept, keys])
+    path.write_text("\n[".join([whole, *after]), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def bearing(tmp_path: Path) -> Path:
+    shutil.copytree(EXAMPLES / "bearing", tmp_path, dirs_exist_ok=True)
+    return tmp_path / "rig.toml"
+
+
+@pytest.fixture
+def solenoid(tmp_path: Path) -> Path:
+    shutil.copytree(EXAMPLES / "solenoid", tmp_path, dirs_exist_ok=True)
+    return tmp_path / "rig.toml"
+
+
+@every
+def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, name: str) -> None:
+    rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of(name)))
+    assert rig.settings.magnet.steel.steel() == STEELS[name]
+    plant = make_bearing(changed(rig, {"mechanics.mass_kg": 1e200}), 0)  # welded in place
+    plant.place(0.45e-3, 0.0)
+    plant.hold(2.5, 0)
+    rising = plant.force
+    plant.hold(4.0, 0)
+    plant.hold(2.5, 0)
+    assert 50.0 < rising < plant.force < 400.0
+    falling = plant.force
+    for current in [2.5] * 50 + [4.0] * 200 + [2.5] * 200:
+        plant.advance(current, 0.0, 0.0)
+    assert plant.current == pytest.approx(2.5, abs=1e-3)
+    assert plant.force == pytest.approx(falling, rel=0.02)
+
+
+@every
+def test_a_solenoid_uses_up_its_ampere_turns_whatever_its_iron(solenoid: Path, name: str) -> None:
+    with_keys(solenoid.with_name("solenoid.toml"), "iron", keys_of(name))
+    actuator = read_rig(solenoid).actuator()
+    assert isinstance(actuator, Solenoid)
+    shape = actuator.geometry
+    forces = []
+    for current in (0.0, 1.2, 0.4, 1.0, 0.7, 0.1):
+        forces.append(actuator.step(current, 1.6e-3))
+        outside = actuator._gap(1.6e-3).mmf(actuator.flux)[0]
+        used = shape.iron_length * actuator.iron.field + shape.slide_reluctance * actuator.flux
+        assert used + outside == pytest.approx(shape.turns * current, abs=1e-5)
+    assert forces[1] > forces[3] > forces[4] > forces[2] > forces[5] >= 0.0
+
+
+def test_a_solenoid_follows_the_same_path_cut_finely(solenoid: Path) -> None:
+    geometry = read_rig(solenoid).solenoid.solenoid().geometry
+    for name in ("preisach-hard", "duhem-hard"):
+        coarse, fine = (Solenoid(STEELS[name], geometry) for _ in range(2))
+        for start, end in ((0.0, 1.2), (1.2, 0.3), (0.3, 0.9)):
+            coarse.step(end, 1.6e-3)
+            for current in np.linspace(start, end, 40)[1:].tolist():
+                fine.step(current, 1.6e-3)
+            assert fine.force == pytest.approx(coarse.force, rel=1e-6)
+
+
+def refusal(bearing: Path, name: str, old: str, new: str) -> str:
+    keys = keys_of(name)
+    assert old in keys
+    with pytest.raises(InputError) as caught:
+        read_bearing(with_keys(bearing, "magnet.iron", keys.replace(old, new)))
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "said"),
+    [
+        ("duhem-usual", '"duhem"', '"dühem"', "magnet.iron"),
+        ("duhem-usual", "turning_T = 0.18", "turning_mT = 180.0", "turning_mT"),
+        ("duhem-usual", "turning_T = 0.18", "turning_T = 1.8", "lets small loops give energy"),
+        (
+            "duhem-usual",
+            "knee_sharp_A_per_m = 120.0",
+            "knee_sharp_A_per_m = 12.0",
+            "fades too fast",
+        ),
+        ("preisach-usual", "feedback_A_per_m_T = 12.0", "feedback_A_per_m_T = 200.0", "would make"),
+        ("preisach-usual", "pinning_spread = 0.5", "pinning_spread = 0.0", "pinning_spread"),
+        ("preisach-usual", 'family = "preisach"', 'family = "duhem"', "saturation_T: is unknown"),
+        ("preisach-usual", 'family = "preisach"', "", "saturation_T: is unknown"),
+    ],
+)
+def test_numbers_that_make_no_iron_are_refused_in_one_line_at_their_place(
+    bearing: Path, name: str, old: str, new: str, said: str
+) -> None:
+    text = refusal(bearing, name, old, new)
+    assert re.match(rf"{re.escape(str(bearing))}:\d+: magnet\.iron", text)
+    assert said in text
+    assert "\n" not in text
+
+
+def test_a_drifted_iron_of_any_family_is_another_one(bearing: Path) -> None:
+    for name in ("preisach-usual", "duhem-usual"):
+        path = with_keys(bearing, "magnet.iron", keys_of(name))
+        rig = read_bearing(path)
+        drift = Drift(pinning=0.2, saturation=0.05)
+        iron, other = (one.settings.magnet.steel.steel() for one in (rig, drifted_rig(rig, drift)))
+        assert other.saturation_sharp == pytest.approx(1.05 * iron.saturation_sharp)
+        assert other != iron
+        shutil.copy(EXAMPLES / "bearing" / "rig.toml", bearing)
+
+
+def test_a_sweep_over_irons_of_cells_asks_for_one_of_cells(bearing: Path) -> None:
+    rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of("duhem-usual")))
+    with pytest.raises(InputError, match=r"magnet\.iron\.family: .*describe one of cells"):
+        with_iron(rig, 0.1)
+
+
+def test_an_iron_without_family_is_one_of_cells(bearing: Path) -> None:
+    assert read_bearing(bearing).settings.magnet.steel.family == "cells"
