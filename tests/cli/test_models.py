@@ -59,7 +59,7 @@ def test_the_good_model_is_good(folder: Path) -> None:
         pytest.param("version", "2", "version: is 2, but this anhyst reads version 1; update",
                      id="another version"),
         pytest.param("format", '"recipe"', 'format: must be "anhyst-model"', id="another format"),
-        pytest.param("law", '"preisach"', "law: must be 'effective-field' or", id="unknown law"),
+        pytest.param("law", '"preisach"', "law: must be 'effective-field', 'jiles", id="unknown law"),
         pytest.param("gap_map", '"spline"', "gap_map: must be 'none', 'scaling'", id="unknown map"),
         pytest.param("history", '"virgin"', "history: history 'virgin' is not known; use",
                      id="unknown history"),

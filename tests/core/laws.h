@@ -12,6 +12,7 @@ enum { MAY_JUMP = 1, WITH_PLAY = 2, EXTREME = 4 };
 
 typedef struct {
   anhyst_iron_f64 iron;
+  anhyst_operator_f64 law;
   anhyst_branch_f64 branch;
   double amplitude; /* of the field to drive it with, A/m */
 } sample_iron;
@@ -44,8 +45,8 @@ static inline int draw_iron(uint64_t *seed, anhyst_step step, int what, sample_i
   }
   const double shear = shape + (alpha < 0.0 ? -alpha * saturation / 3.0 : 0.0);
   out->amplitude = log_uniform(seed, 0.3, extreme ? 300.0 : 30.0) * shear;
-  return anhyst_iron_init_f64(&out->iron, step, saturation, shape, pinning, c, alpha, play,
-                              &out->branch) == ANHYST_OK;
+  return anhyst_iron_init_f64(&out->iron, &out->law, step, saturation, shape, pinning, c, alpha,
+                              play, &out->branch) == ANHYST_OK;
 }
 
 /* A state reached by wandering from the demagnetised one, by effective field. */

@@ -35,9 +35,10 @@ static void drive_of(uint64_t *seed, double drive[SAMPLES])
 
 static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out)
 {
-  const anhyst_state_f64 start = {0.0, 0.0, 0.0};
-  anhyst_state_f64 there = start;
-  anhyst_state_f64 back = start;
+  anhyst_memory_f64 there;
+  anhyst_memory_f64 back;
+  memset(&there, 0, sizeof there);
+  memset(&back, 0, sizeof back);
   double drive[SAMPLES];
   double flux[SAMPLES];
   double again[SAMPLES];
@@ -70,7 +71,7 @@ static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out
   const double terms = largest + most_flux * (1.0 / ANHYST_MU0 * (1.0 + rho) + eddy);
   keep_worst(&out->field, worst / largest);
   keep_worst(&out->units, worst / terms / DBL_EPSILON);
-  keep_worst(&out->state, fabs(there.y - back.y));
+  keep_worst(&out->state, fabs(there.lag.y - back.lag.y));
   out->sets++;
   out->jumping += sample.iron.interaction * sample.iron.saturation > 3.0 * sample.iron.shape;
   out->saturated += most_flux > 0.9 * ANHYST_MU0 * sample.iron.saturation;

@@ -3,27 +3,46 @@
 
 #include <math.h>
 
-anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_step step, double saturation,
-                                   double shape, double pinning, double reversibility,
-                                   double interaction, double play_width,
-                                   const anhyst_branch_f64 *branch)
+/* Written so that NaN and infinity fail too. */
+static int iron_valid(const anhyst_iron_f64 *iron)
 {
-  /* Written so that NaN and infinity fail too. */
-  if (!(saturation > 0.0) || !(shape > 0.0) || !(interaction < 1.0) ||
-      !((1.0 - interaction) * (saturation / shape) < 1e12)) {
-    return ANHYST_BAD_PARAMETER;
-  }
+  return iron->saturation > 0.0 && iron->shape > 0.0 && iron->interaction < 1.0 &&
+         (1.0 - iron->interaction) * (iron->saturation / iron->shape) < 1e12;
+}
+
+anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *law,
+                                   anhyst_step step, double saturation, double shape,
+                                   double pinning, double reversibility, double interaction,
+                                   double play_width, const anhyst_branch_f64 *branch)
+{
+  iron->law = &anhyst_law_lag_f64;
+  iron->parameters = law;
   iron->saturation = saturation;
   iron->shape = shape;
   iron->interaction = interaction;
-  iron->law.step = step;
-  iron->law.kappa = pinning / shape;
-  iron->law.c = reversibility;
-  iron->law.play = play_width / shape;
-  iron->law.eps =
-      step == ANHYST_STEP_JA1986 ? interaction * reversibility * saturation / shape : 0.0;
-  iron->law.branch = branch;
-  return anhyst_operator_check_f64(&iron->law);
+  iron->grain = 1.0;
+  if (!iron_valid(iron)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  law->step = step;
+  law->kappa = pinning / shape;
+  law->c = reversibility;
+  law->play = play_width / shape;
+  law->eps = step == ANHYST_STEP_JA1986 ? interaction * reversibility * saturation / shape : 0.0;
+  law->branch = branch;
+  return anhyst_operator_check_f64(law);
+}
+
+anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells_f64 *cells,
+                                       double interaction)
+{
+  iron->law = &anhyst_law_cells_f64;
+  iron->parameters = cells;
+  iron->saturation = 1.0;
+  iron->shape = 1.0;
+  iron->interaction = interaction;
+  iron->grain = cells->scale;
+  return iron_valid(iron) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 static double flux_from(const anhyst_iron_f64 *iron, double x, double m)
@@ -31,12 +50,21 @@ static double flux_from(const anhyst_iron_f64 *iron, double x, double m)
   return ANHYST_MU0 * (iron->shape * x + (1.0 - iron->interaction) * iron->saturation * m);
 }
 
-double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_state_f64 *state)
+double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state)
 {
-  return flux_from(iron, state->x, anhyst_operator_m_f64(&iron->law, state));
+  double x;
+  double m;
+  iron->law->read(iron->parameters, state, &x, &m);
+  return flux_from(iron, x, m);
 }
 
-anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_state_f64 *state,
+void anhyst_accept_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
+                       const anhyst_reaction_f64 *reaction)
+{
+  iron->law->accept(iron->parameters, state, &reaction->solution);
+}
+
+anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                  const anhyst_circuit_f64 *circuit, double drive,
                                  anhyst_reaction_f64 *reaction)
 {
@@ -44,51 +72,49 @@ anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_state
   const double past = circuit->eddy > 0.0 ? circuit->eddy * anhyst_flux_of_f64(iron, state) : 0.0;
   const double omega = (load / (1.0 + load) - iron->interaction) * (iron->saturation / iron->shape);
   const double r = (drive + past) / ((1.0 + load) * iron->shape);
-  anhyst_candidate_f64 found;
-  const anhyst_status status = anhyst_solve_f64(&iron->law, state, omega, r, &found);
+  anhyst_solution_f64 *found = &reaction->solution;
+  const anhyst_status status = iron->law->solve(iron->parameters, state, omega, r, found);
   if (status != ANHYST_OK) {
     return status;
   }
-  reaction->state = found.state;
   reaction->drive = drive;
-  reaction->field = iron->shape * found.state.x - iron->interaction * iron->saturation * found.m;
-  reaction->flux = flux_from(iron, found.state.x, found.m);
+  reaction->field = iron->shape * found->x - iron->interaction * iron->saturation * found->m;
+  reaction->flux = flux_from(iron, found->x, found->m);
   return ANHYST_OK;
 }
 
-anhyst_status anhyst_inverse_f64(const anhyst_iron_f64 *iron, const anhyst_state_f64 *state,
+anhyst_status anhyst_inverse_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                  const anhyst_circuit_f64 *circuit, double flux,
                                  anhyst_reaction_f64 *reaction)
 {
   const double omega = (1.0 - iron->interaction) * (iron->saturation / iron->shape);
   const double both = flux / ANHYST_MU0;
-  anhyst_candidate_f64 found;
+  anhyst_solution_f64 *found = &reaction->solution;
   const anhyst_status status =
-      anhyst_solve_f64(&iron->law, state, omega, both / iron->shape, &found);
+      iron->law->solve(iron->parameters, state, omega, both / iron->shape, found);
   if (status != ANHYST_OK) {
     return status;
   }
   const double past = circuit->eddy > 0.0 ? anhyst_flux_of_f64(iron, state) : 0.0;
-  reaction->state = found.state;
-  reaction->field = iron->shape * found.state.x - iron->interaction * iron->saturation * found.m;
+  reaction->field = iron->shape * found->x - iron->interaction * iron->saturation * found->m;
   reaction->flux = flux;
   reaction->drive = reaction->field + circuit->gap_ratio * both + circuit->eddy * (flux - past);
   /* The solver has not seen the circuit: one that is not finite shows only here. */
   return fabs(reaction->drive) <= 1e30 ? ANHYST_OK : ANHYST_OUT_OF_RANGE;
 }
 
-anhyst_status anhyst_commit_f64(const anhyst_iron_f64 *iron, anhyst_state_f64 *state,
+anhyst_status anhyst_commit_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
                                 const anhyst_circuit_f64 *circuit, double applied_drive)
 {
   anhyst_reaction_f64 reaction;
   const anhyst_status status = anhyst_forward_f64(iron, state, circuit, applied_drive, &reaction);
   if (status == ANHYST_OK) {
-    *state = reaction.state;
+    anhyst_accept_f64(iron, state, &reaction);
   }
   return status;
 }
 
-anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_state_f64 *state, int inverse,
+anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state, int inverse,
                                 size_t n, const double *given, const double *rho,
                                 const double *eddy, double *found, double *field, size_t *index)
 {
@@ -104,7 +130,7 @@ anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_state_f64 *s
       *index = i;
       return status;
     }
-    *state = reaction.state;
+    anhyst_accept_f64(iron, state, &reaction);
     if (found != 0) {
       found[i] = inverse ? reaction.drive : reaction.flux;
       field[i] = reaction.field;
@@ -113,47 +139,43 @@ anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_state_f64 *s
   return ANHYST_OK;
 }
 
-/* Limit of a geometric sequence from three members, kept where the law allows a state. */
-static void extrapolate(const anhyst_operator_f64 *law, const double y[3], anhyst_state_f64 *state)
+/* Whether every number of a state has returned. */
+static int returned(int count, const double *before, const double *after, double tol)
 {
-  const double first = y[1] - y[0];
-  const double second = y[2] - y[1];
-  const double change = second - first;
-  if (!(fabs(second) < fabs(first)) || !(fabs(change) > 0.0)) {
-    return;
+  for (int i = 0; i < count; i++) {
+    if (!(fabs(after[i] - before[i]) <= tol)) {
+      return 0;
+    }
   }
-  anhyst_state_f64 limit = *state;
-  limit.y -= second * second / change;
-  if (anhyst_state_check_f64(law, &limit) == ANHYST_OK) {
-    *state = limit;
-  }
+  return 1;
 }
 
-anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_state_f64 *state, int inverse,
+anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state, int inverse,
                                 size_t n, const double *given, const double *rho,
                                 const double *eddy, double tol, int most_cycles, int *cycles,
                                 size_t *index)
 {
-  double y[3] = {state->y, state->y, state->y};
+  const anhyst_law_f64 *law = iron->law;
+  const int count = law->numbers(iron->parameters);
+  double ends[4][ANHYST_NUMBERS_MAX]; /* of the repetitions since the last guess */
   int fresh = 0;
+  law->leave(iron->parameters, state, ends[0]);
   for (*cycles = 1; *cycles <= most_cycles; (*cycles)++) {
-    const anhyst_state_f64 before = *state;
     const anhyst_status status =
         anhyst_record_f64(iron, state, inverse, n, given, rho, eddy, 0, 0, index);
     if (status != ANHYST_OK) {
       return status;
     }
-    if (fabs(state->x - before.x) <= tol && fabs(state->y - before.y) <= tol &&
-        fabs(state->p - before.p) <= tol) {
+    const double *before = ends[fresh];
+    fresh = (fresh + 1) % 4;
+    law->leave(iron->parameters, state, ends[fresh]);
+    if (returned(count, before, ends[fresh], tol * iron->grain)) {
       return ANHYST_OK;
     }
-    y[0] = y[1];
-    y[1] = y[2];
-    y[2] = state->y;
-    fresh++;
-    if (fresh == 4) {
-      extrapolate(&iron->law, y, state);
-      fresh = 0;
+    if (fresh == 0 && law->hasten != 0) {
+      const double *const last[3] = {ends[2], ends[3], ends[0]};
+      law->hasten(iron->parameters, last, state);
+      law->leave(iron->parameters, state, ends[0]);
     }
   }
   return ANHYST_NOT_SETTLED;

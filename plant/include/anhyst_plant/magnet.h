@@ -83,7 +83,7 @@ typedef struct {
 /* All zero: demagnetised, no current. */
 typedef struct {
   anhyst_plant_memory iron; /* of a circuit */
-  anhyst_state_f64 law;
+  anhyst_memory_f64 law;
   double stride;   /* law: by which the flux density moved last, T */
   double psi;      /* flux linkage, Wb */
   double current;  /* A */

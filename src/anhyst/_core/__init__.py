@@ -2,8 +2,10 @@
 
 from anhyst._core._native import (
     LOOP_COLUMNS,
+    AnyIron,
     Bearing,
     BearingLoop,
+    CellIron,
     Coil,
     Compensator,
     CompensatorF32,
@@ -37,8 +39,10 @@ from anhyst._core._native import (
 
 __all__ = [
     "LOOP_COLUMNS",
+    "AnyIron",
     "Bearing",
     "BearingLoop",
+    "CellIron",
     "Coil",
     "Compensator",
     "CompensatorF32",

@@ -12,20 +12,9 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
-class Iron:
-    """A material in physical units: A/m, and T for flux density; ValueError if out of range."""
+class AnyIron:
+    """A material in physical units, of any law: A/m, and T for flux density."""
 
-    def __init__(
-        self,
-        m_s: float,
-        a: float,
-        k: float,
-        c: float,
-        alpha: float,
-        r_d: float = 0.0,
-        law: str = "effective-field",
-        step: str = "exact",
-    ) -> None: ...
     def forward(
         self, drive: _Array, rho: _Array, eddy: _Array, state: _Array
     ) -> tuple[_Array, _Array, _Array, int, int]:
@@ -49,10 +38,47 @@ class Iron:
         """Repeat a cycle till it closes; return state, cycles, status."""
 
     def check_state(self, state: _Array) -> int:
-        """Return the status of a state (x/a, M_irr/M_s, p/a) given from outside."""
+        """Return the status of a state given from outside; ValueError for a wrong length."""
 
     def flux_of(self, state: _Array) -> float:
         """Return the flux density of a state, T."""
+
+class Iron(AnyIron):
+    """An iron of a law on the Langevin curve; ValueError if out of range.
+
+    Its state is x/a, M_irr/M_s, p/a.
+    """
+
+    def __init__(
+        self,
+        m_s: float,
+        a: float,
+        k: float,
+        c: float,
+        alpha: float,
+        r_d: float = 0.0,
+        law: str = "effective-field",
+        step: str = "exact",
+    ) -> None: ...
+
+class CellIron(AnyIron):
+    """An iron of play cells; thresholds (n + 1), widths (J), weights (n + 1, J), all A/m.
+
+    Its state is x, p_1 .. p_n, A/m; one that no drive leads to is clipped to one that is valid.
+    ValueError if out of range.
+    """
+
+    def __init__(
+        self,
+        thresholds: _Array,
+        widths: _Array,
+        weights: _Array,
+        shape: str = "tanh",
+        alpha: float = 0.0,
+    ) -> None: ...
+    @property
+    def steepest(self) -> float:
+        """Upper bound of dM/dx over all states, a thousandth above the largest that there is."""
 
 class Operator:
     """The law in units of its own, M_s = a = 1; ValueError if out of range."""
@@ -367,7 +393,7 @@ class Magnet:
     def __init__(self, numbers: Mapping[str, float], steel: Steel) -> None: ...
     @overload
     def __init__(
-        self, numbers: Mapping[str, float], iron: Iron, rows: _Array, psi: _Array
+        self, numbers: Mapping[str, float], iron: AnyIron, rows: _Array, psi: _Array
     ) -> None: ...
 
 class Coil:

@@ -34,7 +34,8 @@ const char *status_text(int status)
   case ANHYST_BAD_STATE:
     return "the law cannot reach this initial state";
   case ANHYST_REFUSED:
-    return "even the reversible part would jump; alpha*c*M_s/(3a) must stay below 1";
+    return "even the reversible part would jump; alpha times its largest slope, c*M_s/(3a) or "
+           "M_0/a_0, must stay below 1";
   case ANHYST_OUT_OF_RANGE:
     return "the effective field leaves the range of the law's tables";
   case ANHYST_NOT_CONVERGED:
@@ -63,28 +64,34 @@ NB_MODULE(_native, m)
   // Caches of the package hold irons until the process ends; that is no leak to warn of.
   nb::set_leak_warnings(false);
   m.doc() = "The anhyst C core.";
-  nb::class_<Iron>(m, "Iron")
-      .def(nb::init<double, double, double, double, double, double, const std::string &,
-                    const std::string &>(),
-           "m_s"_a, "a"_a, "k"_a, "c"_a, "alpha"_a, "r_d"_a = 0.0, "law"_a = "effective-field",
-           "step"_a = "exact")
+  nb::class_<AnyIron>(m, "AnyIron")
       .def(
           "forward",
-          [](const Iron &self, const In &drive, const In &rho, const In &eddy, const In &state) {
+          [](const AnyIron &self, const In &drive, const In &rho, const In &eddy, const In &state) {
             return self.record(0, drive, rho, eddy, state);
           },
           "drive"_a.noconvert(), "rho"_a.noconvert(), "eddy"_a.noconvert(), "state"_a.noconvert())
       .def(
           "inverse",
-          [](const Iron &self, const In &b, const In &rho, const In &eddy, const In &state) {
+          [](const AnyIron &self, const In &b, const In &rho, const In &eddy, const In &state) {
             return self.record(1, b, rho, eddy, state);
           },
           "b"_a.noconvert(), "rho"_a.noconvert(), "eddy"_a.noconvert(), "state"_a.noconvert())
-      .def("settle", &Iron::settle, "given"_a.noconvert(), "rho"_a.noconvert(),
+      .def("settle", &AnyIron::settle, "given"_a.noconvert(), "rho"_a.noconvert(),
            "eddy"_a.noconvert(), "state"_a.noconvert(), "inverse"_a = false, "max_cycles"_a = 10000,
            "tol"_a = 1e-12)
-      .def("check_state", &Iron::check_state, "state"_a.noconvert())
-      .def("flux_of", &Iron::flux_of, "state"_a.noconvert());
+      .def("check_state", &AnyIron::check_state, "state"_a.noconvert())
+      .def("flux_of", &AnyIron::flux_of, "state"_a.noconvert());
+  nb::class_<LagIron, AnyIron>(m, "Iron").def(
+      nb::init<double, double, double, double, double, double, const std::string &,
+               const std::string &>(),
+      "m_s"_a, "a"_a, "k"_a, "c"_a, "alpha"_a, "r_d"_a = 0.0, "law"_a = "effective-field",
+      "step"_a = "exact");
+  nb::class_<CellIron, AnyIron>(m, "CellIron")
+      .def(nb::init<const In &, const In &, const InTable &, const std::string &, double>(),
+           "thresholds"_a.noconvert(), "widths"_a.noconvert(), "weights"_a.noconvert(),
+           "shape"_a = "tanh", "alpha"_a = 0.0)
+      .def_prop_ro("steepest", &CellIron::steepest);
   m.def("demagnetised", [] { return from_state({0.0, 0.0, 0.0}); });
   m.def("status_text", &status_text, "status"_a);
   m.def("exp", [](const In &x) { return of_each(anhyst_exp_f64, x); }, "x"_a.noconvert());

@@ -1,31 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// An iron of the identified law with its table.
+// Irons: a law with what it points to, over whole records.
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "anhyst/law/circuit.h"
 #include "arrays.h"
 
-class Iron {
+// An iron of any law.
+class AnyIron {
 public:
-  Iron(double m_s, double a, double k, double c, double alpha, double r_d, const std::string &law,
-       const std::string &step)
-  {
-    const anhyst_step kind = to_step(law, step);
-    if (kind == ANHYST_STEP_EXACT) {
-      branch_ = std::make_unique<anhyst_branch_f64>();
-      if (!(a > 0.0) || anhyst_branch_build_f64(branch_.get(), k / a) != ANHYST_OK) {
-        throw std::invalid_argument("k/a must lie between 0.001 and 1000");
-      }
-    }
-    if (anhyst_iron_init_f64(&iron_, kind, m_s, a, k, c, alpha, r_d, branch_.get()) != ANHYST_OK) {
-      throw std::invalid_argument(
-          "parameters out of range: M_s, a, k > 0, 0.001 <= k/a <= 1000, 0 <= c <= 1, alpha < 1, "
-          "r_d >= 0, and for the law of 1986 alpha*c*M_s/a <= 2.85");
-    }
-  }
-
   nb::tuple record(int inverse, const In &given, const In &rho, const In &eddy,
                    const In &state) const
   {
@@ -34,15 +19,15 @@ public:
     const size_t n = given.shape(0);
     Out found = make_array(n);
     Out field = make_array(n);
-    anhyst_state_f64 now = to_state(state);
+    anhyst_memory_f64 now{};
     size_t index = 0;
-    anhyst_status status = anhyst_state_check_f64(&iron_.law, &now);
+    anhyst_status status = enter(state, &now);
     if (status == ANHYST_OK) {
       nb::gil_scoped_release release;
       status = anhyst_record_f64(&iron_, &now, inverse, n, given.data(), rho.data(), eddy.data(),
                                  found.data(), field.data(), &index);
     }
-    return nb::make_tuple(found, field, from_state(now), static_cast<int>(status), index);
+    return nb::make_tuple(found, field, leave(now), static_cast<int>(status), index);
   }
 
   nb::tuple settle(const In &given, const In &rho, const In &eddy, const In &state, bool inverse,
@@ -50,33 +35,130 @@ public:
   {
     same_length(given.shape(0), rho.shape(0), "rho");
     same_length(given.shape(0), eddy.shape(0), "eddy");
-    anhyst_state_f64 now = to_state(state);
+    anhyst_memory_f64 now{};
     size_t index = 0;
     int cycles = 0;
-    anhyst_status status = anhyst_state_check_f64(&iron_.law, &now);
+    anhyst_status status = enter(state, &now);
     if (status == ANHYST_OK) {
       nb::gil_scoped_release release;
       status = anhyst_settle_f64(&iron_, &now, inverse, given.shape(0), given.data(), rho.data(),
                                  eddy.data(), tol, max_cycles, &cycles, &index);
     }
-    return nb::make_tuple(from_state(now), cycles, static_cast<int>(status));
+    return nb::make_tuple(leave(now), cycles, static_cast<int>(status));
   }
 
   int check_state(const In &state) const
   {
-    const anhyst_state_f64 now = to_state(state);
-    return anhyst_state_check_f64(&iron_.law, &now);
+    anhyst_memory_f64 now{};
+    return enter(state, &now);
   }
 
   double flux_of(const In &state) const
   {
-    const anhyst_state_f64 now = to_state(state);
+    anhyst_memory_f64 now{};
+    enter(state, &now);
     return anhyst_flux_of_f64(&iron_, &now);
   }
 
   const anhyst_iron_f64 *get() const { return &iron_; }
 
+protected:
+  AnyIron() = default;
+  AnyIron(const AnyIron &) = delete;
+  AnyIron &operator=(const AnyIron &) = delete;
+
+  anhyst_iron_f64 iron_{};
+
+private:
+  anhyst_status enter(const In &state, anhyst_memory_f64 *now) const
+  {
+    same_length(static_cast<size_t>(iron_.law->numbers(iron_.parameters)), state.shape(0),
+                "the state");
+    return iron_.law->enter(iron_.parameters, state.data(), now);
+  }
+
+  Out leave(const anhyst_memory_f64 &now) const
+  {
+    Out numbers = make_array(static_cast<size_t>(iron_.law->numbers(iron_.parameters)));
+    iron_.law->leave(iron_.parameters, &now, numbers.data());
+    return numbers;
+  }
+};
+
+// An iron of a law on the Langevin curve, with its table.
+class LagIron : public AnyIron {
+public:
+  LagIron(double m_s, double a, double k, double c, double alpha, double r_d,
+          const std::string &law, const std::string &step)
+  {
+    const anhyst_step kind = to_step(law, step);
+    if (kind == ANHYST_STEP_EXACT) {
+      branch_ = std::make_unique<anhyst_branch_f64>();
+      if (!(a > 0.0) || anhyst_branch_build_f64(branch_.get(), k / a) != ANHYST_OK) {
+        throw std::invalid_argument("k/a must lie between 0.001 and 1000");
+      }
+    }
+    if (anhyst_iron_init_f64(&iron_, &law_, kind, m_s, a, k, c, alpha, r_d, branch_.get()) !=
+        ANHYST_OK) {
+      throw std::invalid_argument(
+          "parameters out of range: M_s, a, k > 0, 0.001 <= k/a <= 1000, 0 <= c <= 1, alpha < 1, "
+          "r_d >= 0, and for the law of 1986 alpha*c*M_s/a <= 2.85");
+    }
+  }
+
 private:
   std::unique_ptr<anhyst_branch_f64> branch_;
-  anhyst_iron_f64 iron_;
+  anhyst_operator_f64 law_{};
+};
+
+// Play cells with their tables.
+class Cells {
+public:
+  Cells(const In &thresholds, const In &widths, const InTable &weights, const std::string &shape)
+  {
+    same_shape(thresholds.shape(0), widths.shape(0), weights, "weights");
+    if (shape != "tanh" && shape != "langevin") {
+      throw std::invalid_argument("unknown shape of play cells: " + shape);
+    }
+    const anhyst_cell_weights_f64 given = {static_cast<int>(thresholds.shape(0)),
+                                           static_cast<int>(widths.shape(0)),
+                                           thresholds.data(),
+                                           widths.data(),
+                                           weights.data(),
+                                           shape == "tanh" ? ANHYST_SHAPE_TANH
+                                                           : ANHYST_SHAPE_LANGEVIN};
+    size_t pieces = 0;
+    if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_CELLS_MAX || widths.shape(0) < 1 ||
+        anhyst_cells_lay_f64(&cells_, &given, &pieces) != ANHYST_OK) {
+      throw std::invalid_argument(
+          "play cells out of range: 1 to 64 thresholds that ascend from 0, widths above 0, weights "
+          "of 0 and above and one above 0, no width below about 1/300 of a threshold");
+    }
+    rows_.resize(pieces);
+    anhyst_cells_tabulate_f64(&cells_, &given, rows_.data());
+  }
+
+  const anhyst_cells_f64 *get() const { return &cells_; }
+
+private:
+  std::vector<anhyst_cell_piece_f64> rows_;
+  anhyst_cells_f64 cells_{};
+};
+
+// An iron of play cells.
+class CellIron : public AnyIron {
+public:
+  CellIron(const In &thresholds, const In &widths, const InTable &weights, const std::string &shape,
+           double alpha)
+      : cells_(thresholds, widths, weights, shape)
+  {
+    if (anhyst_iron_of_cells_f64(&iron_, cells_.get(), alpha) != ANHYST_OK) {
+      throw std::invalid_argument("parameters out of range: alpha < 1");
+    }
+  }
+
+  double steepest() const { return cells_.get()->steepest; }
+
+private:
+  Cells cells_;
 };

@@ -57,7 +57,7 @@ void bind_plant(nb::module_ &m)
   nb::class_<Magnet>(m, "Magnet")
       .def(nb::init<const nb::dict &, const Steel &>(), "numbers"_a, "steel"_a,
            nb::keep_alive<1, 3>())
-      .def(nb::init<const nb::dict &, const Iron &, const InTable &, const InTable &>(),
+      .def(nb::init<const nb::dict &, const AnyIron &, const InTable &, const InTable &>(),
            "numbers"_a, "iron"_a, "rows"_a.noconvert(), "psi"_a.noconvert(),
            nb::keep_alive<1, 3>());
   nb::class_<Coil>(m, "Coil")

@@ -30,7 +30,7 @@ public:
   }
 
   // An identified law with a table of the flux linkage.
-  Magnet(const nb::dict &numbers, const Iron &iron, const InTable &rows, const InTable &psi)
+  Magnet(const nb::dict &numbers, const AnyIron &iron, const InTable &rows, const InTable &psi)
   {
     Settings given(numbers);
     if (rows.shape(0) < 2 || rows.shape(1) != 5 || psi.shape(0) < 2 || psi.shape(1) < 2) {

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from anhyst._core import Coil, Iron, Magnet
+from anhyst._core import AnyIron, Coil, Magnet
 from anhyst.laws.law import IronOperator
 from anhyst.rig.parts.iron import AnySteel
 from anhyst.support.arrays import FloatArray
@@ -179,7 +179,7 @@ def law_magnet(
     InputError
         A law that the core does not have.
     """
-    if not isinstance(iron, Iron):
+    if not isinstance(iron, AnyIron):
         raise InputError("model: the core does not have its law, and a virtual magnet runs there")
     numbers = {
         "eddy": eddy,

@@ -1,0 +1,235 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "cell_table.h"
+
+#include "anhyst/law/langevin.h"
+#include "anhyst/numeric/elementary.h"
+
+/* Pieces of the narrowest curve's width in the first octave, and the most that one is cut into. */
+static const double fineness = 4.0;
+static const int most_pieces = 1024;
+/* What the tables aim at and what they may miss by, of the saturation. */
+static const double aim = 1e-12;
+static const double limit = 1e-6;
+/* How far the tables go, in parts of the widest curve and the largest threshold. */
+static const double far = 131072.0;
+/* Interpolation by a quintic with value, slope and curvature at both ends: h^6*f''''''/46080. */
+static const double quintic = 46080.0;
+
+/* Value, slope and curvature. */
+typedef struct {
+  double f, f1, f2;
+} jet;
+
+static jet tanh_jet(double z)
+{
+  jet at;
+  const double kept = anhyst_exp_f64(-2.0 * fabs(z));
+  const double below = 1.0 / (1.0 + kept);
+  const double size = (1.0 - kept) * below;
+  at.f = z < 0.0 ? -size : size;
+  at.f1 = 4.0 * kept * below * below;
+  at.f2 = -2.0 * at.f * at.f1;
+  return at;
+}
+
+static jet langevin_jet(double z)
+{
+  jet at;
+  at.f = anhyst_langevin_f64(z, &at.f1);
+  if (fabs(z) < 0.1) {
+    const double t = z * z;
+    at.f2 = -z * (2.0 / 15.0 - t * (8.0 / 189.0 - t * (2.0 / 225.0 - t * (16.0 / 10395.0))));
+  } else {
+    at.f2 = 2.0 * ((at.f / z - at.f1) / z - at.f * at.f1);
+  }
+  return at;
+}
+
+/* Upper bound of the sixth derivative of the curve from |z| on. */
+static double sixth(anhyst_shape shape, double z)
+{
+  const double near = shape == ANHYST_SHAPE_TANH ? 53.0 : 0.45;
+  const double z2 = z * z;
+  const double tail = shape == ANHYST_SHAPE_TANH ? 134.0 * anhyst_exp_f64(-2.0 * z)
+                                                 : 720.0 / (z2 * z2 * z2 * z + 1.0);
+  return tail < near ? tail : near;
+}
+
+static int weights_valid(const anhyst_cell_weights_f64 *w)
+{
+  int ok = w->cells >= 1 && w->cells <= ANHYST_CELLS_MAX && w->widths >= 1 &&
+           !(w->threshold[0] < 0.0) && !(w->threshold[0] > 0.0);
+  double sum = 0.0;
+  for (int i = 1; ok && i < w->cells; i++) {
+    ok = w->threshold[i] > w->threshold[i - 1] && w->threshold[i] < 1e15;
+  }
+  for (int j = 0; ok && j < w->widths; j++) {
+    ok = w->width[j] > 1e-15 && w->width[j] < 1e15;
+  }
+  for (int i = 0; ok && i < w->cells * w->widths; i++) {
+    ok = w->weight[i] >= 0.0;
+    sum += w->weight[i];
+  }
+  return ok && sum > 1e-15 && sum < 1e15;
+}
+
+/* Narrowest and widest curve that has any weight. */
+static void find_widths(const anhyst_cell_weights_f64 *w, double *narrowest, double *widest)
+{
+  *narrowest = 1e300;
+  *widest = 0.0;
+  for (int i = 0; i < w->cells * w->widths; i++) {
+    const double width = w->width[i % w->widths];
+    if (w->weight[i] > 0.0) {
+      *narrowest = width < *narrowest ? width : *narrowest;
+      *widest = width > *widest ? width : *widest;
+    }
+  }
+}
+
+/* Error of one piece from low to high on either side, the curves of all cells together. */
+static double piece_error(const anhyst_cell_weights_f64 *w, double low, double high)
+{
+  double sum = 0.0;
+  for (int i = 0; i < w->cells; i++) {
+    const double r = w->threshold[i];
+    const double away = r < low ? low - r : (r > high ? r - high : 0.0);
+    for (int j = 0; j < w->widths; j++) {
+      if (w->weight[i * w->widths + j] > 0.0) {
+        const double part = (high - low) / w->width[j];
+        const double cube = part * part * part;
+        sum += w->weight[i * w->widths + j] * cube * cube * sixth(w->shape, away / w->width[j]);
+      }
+    }
+  }
+  return sum / quintic;
+}
+
+anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
+                                   size_t *pieces)
+{
+  if (!weights_valid(weights)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  double narrowest;
+  double widest;
+  find_widths(weights, &narrowest, &widest);
+  cells->cells = weights->cells;
+  cells->saturation = 0.0;
+  for (int i = 0; i < weights->cells * weights->widths; i++) {
+    cells->saturation += weights->weight[i];
+  }
+  for (int i = 0; i < weights->cells; i++) {
+    cells->threshold[i] = weights->threshold[i];
+  }
+  cells->scale = widest + weights->threshold[weights->cells - 1];
+  cells->reach = far * cells->scale;
+  cells->per_unit = fineness / narrowest;
+  /* The fourth power of such a part is 6e-18. */
+  cells->tangent = 5e-5 * narrowest;
+  cells->pieces = 0;
+  cells->octaves = 0;
+  /* The last octave ends beyond the reach. */
+  for (double begin = 1.0; begin < 1.0 + cells->reach * cells->per_unit; begin *= 2.0) {
+    if (cells->octaves == ANHYST_CELLS_OCTAVES) {
+      return ANHYST_BAD_PARAMETER;
+    }
+    const double low = (begin - 1.0) / cells->per_unit;
+    const double high = (2.0 * begin - 1.0) / cells->per_unit;
+    double error = piece_error(weights, low, high) / cells->saturation;
+    int count = 1;
+    int halvings = 0;
+    while (error > aim && count < most_pieces) {
+      count *= 2;
+      halvings++;
+      error /= 64.0;
+    }
+    if (!(error <= limit)) {
+      return ANHYST_BAD_PARAMETER;
+    }
+    const int octave = cells->octaves++;
+    cells->shift[octave] = 52 - halvings;
+    cells->per_piece[octave] = (double)count / begin;
+    cells->first[octave] = (int64_t)(cell_bits(begin) >> cells->shift[octave]) - cells->pieces;
+    cells->pieces += count;
+    cells->top = 2.0 * begin * (1.0 - 1e-15);
+  }
+  *pieces = (size_t)cells->pieces * 2U * (size_t)cells->cells;
+  return ANHYST_OK;
+}
+
+/* Jets of all rows at one place. */
+static void rows_at(const anhyst_cell_weights_f64 *w, double x, jet *rows)
+{
+  jet sum = {0.0, 0.0, 0.0};
+  for (int i = 0; i < w->cells; i++) {
+    for (int j = 0; j < w->widths; j++) {
+      const double weight = w->weight[i * w->widths + j];
+      if (weight > 0.0) {
+        const double inverse = 1.0 / w->width[j];
+        const double z = (x - w->threshold[i]) * inverse;
+        const jet at = w->shape == ANHYST_SHAPE_TANH ? tanh_jet(z) : langevin_jet(z);
+        sum.f += weight * at.f;
+        sum.f1 += weight * inverse * at.f1;
+        sum.f2 += weight * inverse * inverse * at.f2;
+      }
+    }
+    rows[i] = sum;
+  }
+}
+
+/* The piece over h away from zero; turn is -1 where that is towards falling x. */
+static void fill(double *c, const jet *from, const jet *to, double h, double turn)
+{
+  c[0] = from->f;
+  c[1] = turn * h * from->f1;
+  c[2] = 0.5 * h * h * from->f2;
+  const double value = to->f - c[0] - c[1] - c[2];
+  const double slope = turn * h * to->f1 - c[1] - 2.0 * c[2];
+  const double curve = h * h * to->f2 - 2.0 * c[2];
+  c[3] = 10.0 * value - 4.0 * slope + 0.5 * curve;
+  c[4] = -15.0 * value + 7.0 * slope - curve;
+  c[5] = 6.0 * value - 3.0 * slope + 0.5 * curve;
+}
+
+/* One side of zero, all rows; *steep becomes its largest slope at a node. */
+static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
+                      anhyst_cell_piece_f64 *storage, double turn, double *steep)
+{
+  jet ends[2][ANHYST_CELLS_MAX];
+  int64_t piece = turn < 0.0 ? cells->pieces : 0;
+  double from = 0.0;
+  rows_at(weights, from, ends[0]);
+  double begin = 1.0;
+  for (int octave = 0; octave < cells->octaves; octave++) {
+    const int count = 1 << (52 - cells->shift[octave]);
+    for (int i = 1; i <= count; i++) {
+      const double to = (begin * (1.0 + (double)i / (double)count) - 1.0) / cells->per_unit;
+      rows_at(weights, turn * to, ends[1]);
+      for (int row = 0; row < cells->cells; row++) {
+        fill(storage[piece + 2 * row * cells->pieces].c, &ends[0][row], &ends[1][row], to - from,
+             turn);
+      }
+      const jet *last = &ends[1][cells->cells - 1];
+      *steep = last->f1 > *steep ? last->f1 : *steep;
+      memcpy(ends[0], ends[1], sizeof ends[0]);
+      from = to;
+      piece++;
+    }
+    begin *= 2.0;
+  }
+}
+
+void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
+                               anhyst_cell_piece_f64 *storage)
+{
+  jet origin[ANHYST_CELLS_MAX];
+  rows_at(weights, 0.0, origin);
+  cells->reversible = origin[0].f1;
+  cells->steepest = origin[cells->cells - 1].f1;
+  fill_side(cells, weights, storage, 1.0, &cells->steepest);
+  fill_side(cells, weights, storage, -1.0, &cells->steepest);
+  /* Between nodes a curve can be a little steeper than at both. */
+  cells->steepest *= 1.001;
+  cells->rows = storage;
+}

@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Where a place lies in the tables of play cells, and what a row holds there. */
+#ifndef ANHYST_CELL_TABLE_H
+#define ANHYST_CELL_TABLE_H
+
+#include <math.h>
+#include <string.h>
+
+#include "anhyst/law/cells.h"
+
+/* Value of a row and its first three derivatives. */
+typedef struct {
+  double value, slope, curve, third;
+} cell_sum;
+
+static inline uint64_t cell_bits(double place)
+{
+  uint64_t bits;
+  memcpy(&bits, &place, sizeof bits);
+  return bits;
+}
+
+static inline double cell_place(uint64_t bits)
+{
+  double place;
+  memcpy(&place, &bits, sizeof place);
+  return place;
+}
+
+/* 1 + |x|/unit, at most the last place of the tables; its exponent is the octave. */
+static inline uint64_t cell_bits_at(const anhyst_cells_f64 *cells, double x)
+{
+  const double place = 1.0 + fabs(x) * cells->per_unit;
+  return cell_bits(place < cells->top ? place : cells->top);
+}
+
+static inline size_t cell_octave(uint64_t bits) { return (size_t)(bits >> 52) - 1023U; }
+
+/* T_(row+1)(x). */
+static inline cell_sum cell_look(const anhyst_cells_f64 *cells, int row, double x)
+{
+  const uint64_t bits = cell_bits_at(cells, x);
+  const size_t octave = cell_octave(bits);
+  const int shift = cells->shift[octave];
+  const uint64_t number = bits >> shift;
+  const double u = (cell_place(bits) - cell_place(number << shift)) * cells->per_piece[octave];
+  const int64_t side = 2 * (int64_t)row + (x < 0.0 ? 1 : 0);
+  const int64_t piece = side * cells->pieces + ((int64_t)number - cells->first[octave]);
+  const double *c = cells->rows[piece].c;
+  const double u2 = u * u;
+  const double stretch = cells->per_unit * cells->per_piece[octave];
+  cell_sum found;
+  found.value = (c[0] + u * c[1]) + u2 * ((c[2] + u * c[3]) + u2 * (c[4] + u * c[5]));
+  found.slope =
+      ((c[1] + u * (2.0 * c[2])) + u2 * ((3.0 * c[3] + u * (4.0 * c[4])) + u2 * (5.0 * c[5]))) *
+      (x < 0.0 ? -stretch : stretch);
+  found.curve = ((2.0 * c[2] + u * (6.0 * c[3])) + u2 * (12.0 * c[4] + u * (20.0 * c[5]))) *
+                (stretch * stretch);
+  found.third = (6.0 * c[3] + u * (24.0 * c[4] + u * (60.0 * c[5]))) *
+                ((x < 0.0 ? -stretch : stretch) * (stretch * stretch));
+  return found;
+}
+
+#endif

@@ -1,0 +1,110 @@
+"""The laws `play-cells`: cells that follow the effective field at a distance (docs/theory.md).
+
+A reversible part and up to three populations of pinned cells; one without magnetisation is left
+out. What computes is imported where it is run: the command line shows the laws without it.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from anhyst.laws.law import Law, ParameterSpec
+
+if TYPE_CHECKING:
+    from anhyst._core import CellIron
+    from anhyst.laws.cells import CellWeights, Shape
+
+POPULATIONS = 3
+
+STATES = 13
+"""Numbers of the state: the effective field and the places of the pinned cells, A/m."""
+
+
+def _population(number: int) -> tuple[ParameterSpec, ...]:
+    """Return what describes a population; all but the first may be left out."""
+    first = number == 1
+    ordinal = ("first", "second", "third")[number - 1]
+
+    def spec(
+        symbol: str, meaning: str, unit: str, default: float, search: tuple[float, float]
+    ) -> ParameterSpec:
+        may_vanish = symbol == "M" and not first
+        return ParameterSpec(
+            f"{symbol}_{number}",
+            f"{ordinal} population: {meaning}",
+            unit,
+            low=0.0,
+            closed=may_vanish,
+            coordinate="plain" if may_vanish else "log",
+            default=None if first else default,
+            search=search if first else None,
+        )
+
+    return (
+        spec("M", "share of the saturation", "A/m", 0.0, (10.0, 1e5)),
+        spec("a", "width of its curve", "A/m", 1.0, (0.02, 5.0)),
+        spec("k", "pinning scale", "A/m", 1.0, (5e-3, 1.0)),
+        spec("s", "spread of the pinning, the larger the more alike", "1", 2.0, (0.5, 5.0)),
+    )
+
+
+PARAMETERS = (
+    ParameterSpec(
+        "M_0",
+        "saturation of the reversible part",
+        "A/m",
+        low=0.0,
+        closed=True,
+        default=0.0,
+        search=(1.0, 1e5),
+    ),
+    ParameterSpec(
+        "a_0",
+        "width of the reversible curve",
+        "A/m",
+        low=0.0,
+        coordinate="log",
+        default=1.0,
+        search=(0.02, 5.0),
+    ),
+    *(spec for number in range(1, POPULATIONS + 1) for spec in _population(number)),
+    ParameterSpec("alpha", "interaction, below 1", high=1.0, default=0.0),
+)
+
+
+def weights_of(shape: Shape, *numbers: float) -> CellWeights:
+    """Return the cells of the parameters but ``alpha``, in the order of the file."""
+    from anhyst.laws.cells import Population, populations
+
+    places = range(2, len(numbers), 4)
+    pinned = [Population(*numbers[place : place + 4]) for place in places]
+    return populations((numbers[0], numbers[1]), pinned, shape)
+
+
+def iron_of(cells: CellWeights, alpha: float) -> CellIron:
+    """Return the iron of the core."""
+    from anhyst._core import CellIron
+
+    return CellIron(cells.thresholds, cells.widths, cells.weights, cells.shape, alpha)
+
+
+def _iron(shape: Shape, *numbers: float) -> CellIron:
+    *cells, alpha = numbers
+    return iron_of(weights_of(shape, *cells), alpha)
+
+
+def _law(name: str, title: str, shape: Shape) -> Law:
+    return Law(
+        name=name,
+        title=title,
+        parameters=PARAMETERS,
+        iron=partial(_iron, shape),
+        states=STATES,
+    )
+
+
+PLAY_CELLS = _law("play-cells", "play cells in the effective field", "tanh")
+PLAY_CELLS_LANGEVIN = _law(
+    "play-cells-langevin", "play cells in the effective field, on Langevin curves", "langevin"
+)
