@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "cell_table.h"
 
-#include "anhyst/law/langevin.h"
 #include "anhyst/numeric/elementary.h"
+
+#include "cell_shape.h"
 
 /* Pieces of the narrowest curve's width in the first octave, and the most that one is cut into. */
 static const double fineness = 4.0;
@@ -14,36 +15,6 @@ static const double limit = 1e-6;
 static const double far = 131072.0;
 /* Interpolation by a quintic with value, slope and curvature at both ends: h^6*f''''''/46080. */
 static const double quintic = 46080.0;
-
-/* Value, slope and curvature. */
-typedef struct {
-  double f, f1, f2;
-} jet;
-
-static jet tanh_jet(double z)
-{
-  jet at;
-  const double kept = anhyst_exp_f64(-2.0 * fabs(z));
-  const double below = 1.0 / (1.0 + kept);
-  const double size = (1.0 - kept) * below;
-  at.f = z < 0.0 ? -size : size;
-  at.f1 = 4.0 * kept * below * below;
-  at.f2 = -2.0 * at.f * at.f1;
-  return at;
-}
-
-static jet langevin_jet(double z)
-{
-  jet at;
-  at.f = anhyst_langevin_f64(z, &at.f1);
-  if (fabs(z) < 0.1) {
-    const double t = z * z;
-    at.f2 = -z * (2.0 / 15.0 - t * (8.0 / 189.0 - t * (2.0 / 225.0 - t * (16.0 / 10395.0))));
-  } else {
-    at.f2 = 2.0 * ((at.f / z - at.f1) / z - at.f * at.f1);
-  }
-  return at;
-}
 
 /* Upper bound of the sixth derivative of the curve from |z| on. */
 static double sixth(anhyst_shape shape, double z)
@@ -159,16 +130,16 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
 }
 
 /* Jets of all rows at one place. */
-static void rows_at(const anhyst_cell_weights_f64 *w, double x, jet *rows)
+static void rows_at(const anhyst_cell_weights_f64 *w, double x, cell_jet *rows)
 {
-  jet sum = {0.0, 0.0, 0.0};
+  cell_jet sum = {0.0, 0.0, 0.0};
   for (int i = 0; i < w->cells; i++) {
     for (int j = 0; j < w->widths; j++) {
       const double weight = w->weight[i * w->widths + j];
       if (weight > 0.0) {
         const double inverse = 1.0 / w->width[j];
         const double z = (x - w->threshold[i]) * inverse;
-        const jet at = w->shape == ANHYST_SHAPE_TANH ? tanh_jet(z) : langevin_jet(z);
+        const cell_jet at = anhyst_cell_shape(w->shape, z);
         sum.f += weight * at.f;
         sum.f1 += weight * inverse * at.f1;
         sum.f2 += weight * inverse * inverse * at.f2;
@@ -179,7 +150,7 @@ static void rows_at(const anhyst_cell_weights_f64 *w, double x, jet *rows)
 }
 
 /* The piece over h away from zero; turn is -1 where that is towards falling x. */
-static void fill(double *c, const jet *from, const jet *to, double h, double turn)
+static void fill(double *c, const cell_jet *from, const cell_jet *to, double h, double turn)
 {
   c[0] = from->f;
   c[1] = turn * h * from->f1;
@@ -196,7 +167,7 @@ static void fill(double *c, const jet *from, const jet *to, double h, double tur
 static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                       anhyst_cell_piece_f64 *storage, double turn, double *steep)
 {
-  jet ends[2][ANHYST_CELLS_MAX];
+  cell_jet ends[2][ANHYST_CELLS_MAX];
   int64_t piece = turn < 0.0 ? cells->pieces : 0;
   double from = 0.0;
   rows_at(weights, from, ends[0]);
@@ -210,7 +181,7 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
         fill(storage[piece + 2 * row * cells->pieces].c, &ends[0][row], &ends[1][row], to - from,
              turn);
       }
-      const jet *last = &ends[1][cells->cells - 1];
+      const cell_jet *last = &ends[1][cells->cells - 1];
       *steep = last->f1 > *steep ? last->f1 : *steep;
       memcpy(ends[0], ends[1], sizeof ends[0]);
       from = to;
@@ -223,7 +194,7 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
 void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                anhyst_cell_piece_f64 *storage)
 {
-  jet origin[ANHYST_CELLS_MAX];
+  cell_jet origin[ANHYST_CELLS_MAX];
   rows_at(weights, 0.0, origin);
   cells->reversible = origin[0].f1;
   cells->steepest = origin[cells->cells - 1].f1;

@@ -113,6 +113,40 @@ class Operator:
         Return x, m (n), x_t, m_t (n, d), state after, tangents of it (d, 3), status, index.
         """
 
+class CellOperator:
+    """Play cells by their equation alone, A/m; arguments as those of `CellIron`."""
+
+    def __init__(
+        self, thresholds: _Array, widths: _Array, weights: _Array, shape: str = "tanh"
+    ) -> None: ...
+    @property
+    def steepest(self) -> float:
+        """Upper bound of dM/dx over all states."""
+
+    def run(
+        self, omega: _Array, r: _Array, state: _Array
+    ) -> tuple[_Array, _Array, _Array, int, int]:
+        """Follow x + omega*M(x) = r; return x, M, state after, status, index."""
+
+    def sensitivity(
+        self,
+        omega: _Array,
+        r: _Array,
+        omega_t: _Array,
+        r_t: _Array,
+        weights_t: _Array,
+        widths_t: _Array,
+        state: _Array,
+        state_t: _Array,
+    ) -> tuple[_Array, _Array, _Array, _Array, _Array, _Array, int, int]:
+        """Follow the path and d tangents of it, the thresholds held.
+
+        omega_t, r_t: (n, d); weights_t: (cells, widths, d); widths_t: (widths, d); state_t:
+        (d, cells). Return x, M (n), x_t, M_t (n, d), state after, tangents of it (d, cells),
+        status, index. A settled cycle is that of the second of two runs, state and tangents
+        carried over.
+        """
+
 def batch(
     kappa: _Array,
     c: _Array,

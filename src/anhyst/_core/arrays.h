@@ -15,6 +15,7 @@ using nb::literals::operator""_a;
 
 using In = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using InTable = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using InCube = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using InOut = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Out = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
 using OutTable = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
@@ -66,6 +67,7 @@ inline Out from_state(const anhyst_state_f64 &state)
 anhyst_step to_step(const std::string &law, const std::string &step);
 
 void bind_identification(nb::module_ &m);
+void bind_cells(nb::module_ &m);
 void bind_compensator(nb::module_ &m);
 void bind_real_compensator(nb::module_ &m);
 void bind_control(nb::module_ &m);

@@ -109,6 +109,7 @@ NB_MODULE(_native, m)
       },
       "z"_a.noconvert());
   bind_identification(m);
+  bind_cells(m);
   bind_compensator(m);
   bind_real_compensator(m);
   bind_control(m);

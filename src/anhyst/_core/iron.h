@@ -3,10 +3,10 @@
 #pragma once
 
 #include <memory>
-#include <vector>
 
 #include "anhyst/law/circuit.h"
 #include "arrays.h"
+#include "cells.h"
 
 // An iron of any law.
 class AnyIron {
@@ -109,40 +109,6 @@ public:
 private:
   std::unique_ptr<anhyst_branch_f64> branch_;
   anhyst_operator_f64 law_{};
-};
-
-// Play cells with their tables.
-class Cells {
-public:
-  Cells(const In &thresholds, const In &widths, const InTable &weights, const std::string &shape)
-  {
-    same_shape(thresholds.shape(0), widths.shape(0), weights, "weights");
-    if (shape != "tanh" && shape != "langevin") {
-      throw std::invalid_argument("unknown shape of play cells: " + shape);
-    }
-    const anhyst_cell_weights_f64 given = {static_cast<int>(thresholds.shape(0)),
-                                           static_cast<int>(widths.shape(0)),
-                                           thresholds.data(),
-                                           widths.data(),
-                                           weights.data(),
-                                           shape == "tanh" ? ANHYST_SHAPE_TANH
-                                                           : ANHYST_SHAPE_LANGEVIN};
-    size_t pieces = 0;
-    if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_CELLS_MAX || widths.shape(0) < 1 ||
-        anhyst_cells_lay_f64(&cells_, &given, &pieces) != ANHYST_OK) {
-      throw std::invalid_argument(
-          "play cells out of range: 1 to 64 thresholds that ascend from 0, widths above 0, weights "
-          "of 0 and above and one above 0, no width below about 1/300 of a threshold");
-    }
-    rows_.resize(pieces);
-    anhyst_cells_tabulate_f64(&cells_, &given, rows_.data());
-  }
-
-  const anhyst_cells_f64 *get() const { return &cells_; }
-
-private:
-  std::vector<anhyst_cell_piece_f64> rows_;
-  anhyst_cells_f64 cells_{};
 };
 
 // An iron of play cells.

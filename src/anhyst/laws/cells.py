@@ -171,14 +171,25 @@ def shares(places: FloatArray, scale: float, spread: float) -> FloatArray:
     ndarray, shape (n,)
         They add up to one.
     """
-    middles = np.sqrt(places[1:-1] * places[2:])
-    # Beyond exp(-700) nothing is left of a population.
-    left = np.exp(-np.exp(np.minimum(spread * np.log(middles / scale), np.log(700.0))))
+    left, _ = _left(places, scale, spread)
     return np.asarray(-np.diff(np.concatenate([[1.0], left, [0.0]])))
 
 
+def _left(places: FloatArray, scale: float, spread: float) -> tuple[FloatArray, FloatArray]:
+    """Return what of a population lies above each middle, and its derivative by ``ln(u)``.
+
+    ``u = (middle/scale)**spread``; beyond ``exp(-700)`` nothing is left.
+    """
+    middles = np.sqrt(places[1:-1] * places[2:])
+    u = np.exp(np.minimum(spread * np.log(middles / scale), np.log(700.0)))
+    return np.exp(-u), -u * np.exp(-u)
+
+
 def populations(
-    reversible: tuple[float, float], pinned: Sequence[Population], shape: Shape = "tanh"
+    reversible: tuple[float, float],
+    pinned: Sequence[Population],
+    shape: Shape = "tanh",
+    places: FloatArray | None = None,
 ) -> CellWeights:
     """Cut populations into cells.
 
@@ -190,11 +201,13 @@ def populations(
         Those without magnetisation do not count; one at least must have some.
     shape : str
         As in :class:`CellWeights`.
+    places : ndarray, shape (n + 1,), optional
+        Thresholds, A/m, which a fit holds; without them :func:`thresholds` says.
 
     Returns
     -------
     CellWeights
-        Of 13 cells; widths in the order given, the reversible one first.
+        Of 13 cells, unless places are given; widths in the order given, the reversible one first.
 
     Raises
     ------
@@ -207,7 +220,8 @@ def populations(
     for one in counting:
         if not all(np.isfinite(one)) or min(one) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
-    places = thresholds([one.scale for one in counting])
+    if places is None:
+        places = thresholds([one.scale for one in counting])
     magnetisation, width = reversible
     weights = np.zeros((places.size, 1 + len(counting)))
     weights[0, 0] = magnetisation
@@ -215,3 +229,51 @@ def populations(
         weights[1:, column] = one.magnetisation * shares(places, one.scale, one.spread)
     widths = np.array([width, *(one.width for one in counting)])
     return CellWeights(places, widths, weights, shape)
+
+
+class Tangents(NamedTuple):
+    """How weights and widths change with the numbers of populations, thresholds held.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (n + 1, J, d)
+        By magnetisation and width of the reversible part, then by magnetisation, width, scale and
+        spread of each population.
+    widths : ndarray, shape (J, d)
+        The same of the widths.
+    """
+
+    weights: FloatArray
+    widths: FloatArray
+
+
+def population_tangents(places: FloatArray, pinned: Sequence[Population]) -> Tangents:
+    """Differentiate :func:`populations`, at given places, by its ``d = 2 + 4 J`` numbers.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n + 1,)
+        Thresholds, A/m.
+    pinned : sequence of Population
+        All with a magnetisation above 0.
+
+    Returns
+    -------
+    Tangents
+    """
+    columns, directions = 1 + len(pinned), 2 + 4 * len(pinned)
+    weights = np.zeros((places.size, columns, directions))
+    widths = np.zeros((columns, directions))
+    weights[0, 0, 0] = widths[0, 1] = 1.0
+    for column, one in enumerate(pinned, start=1):
+        first = 4 * column - 2
+        _, by_log = _left(places, one.scale, one.spread)
+        middles = np.sqrt(places[1:-1] * places[2:])
+        by_scale = -by_log * one.spread / one.scale
+        by_spread = by_log * np.log(middles / one.scale)
+        weights[1:, column, first] = shares(places, one.scale, one.spread)
+        widths[column, first + 1] = 1.0
+        for place, by in ((first + 2, by_scale), (first + 3, by_spread)):
+            change = -np.diff(np.concatenate([[0.0], by, [0.0]]))
+            weights[1:, column, place] = one.magnetisation * change
+    return Tangents(weights, widths)
