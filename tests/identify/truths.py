@@ -179,8 +179,7 @@ def gauge_free(model: ActuatorModel) -> list[Local]:
         grip = 1.0 - p["alpha"]
         found.append(
             Local(
-                kappa=p["k"] / p["a"],
-                c=p["c"],
+                law=(p["k"] / p["a"], p["c"]),
                 omega=(p["rho"] / (1.0 + p["rho"]) - p["alpha"]) * p["M_s"] / p["a"],
                 scale=p["a"] * (1.0 + p["rho"]) / p["c_H"],
                 gain=p["c_out"] * (MU_0 * p["M_s"] * grip) ** model.power,

@@ -45,8 +45,7 @@ def omegas(least: float) -> st.SearchStrategy[float]:
 @st.composite
 def local_sets(draw: st.DrawFn, count: int, vary: str, least: float = -2.0) -> list[Local]:
     first = Local(
-        kappa=draw(st.floats(0.05, 5.0)),
-        c=draw(st.floats(0.0, 0.9)),
+        law=(draw(st.floats(0.05, 5.0)), draw(st.floats(0.0, 0.9))),
         omega=draw(omegas(least)),
         scale=draw(st.floats(0.03, 1.0)),
         gain=draw(st.floats(0.1, 10.0)),
@@ -65,7 +64,7 @@ def local_sets(draw: st.DrawFn, count: int, vary: str, least: float = -2.0) -> l
             sets.append(
                 replace(
                     first,
-                    kappa=first.kappa * factor,
+                    law=(first.kappa * factor, first.c),
                     omega=draw(omegas(least)),
                     scale=first.scale * draw(st.floats(0.5, 2.0)),
                     gain=first.gain * draw(st.floats(0.5, 2.0)),
@@ -97,7 +96,7 @@ def model_of(
     return ActuatorModel(
         "model",
         *quantities,
-        physical(sets, gap_map, *quantities, GAPS[: len(sets)]),
+        physical(form_of(*quantities, law), sets, gap_map, *quantities, GAPS[: len(sets)]),
         law=law,
         gap_map=gap_map if len(sets) > 1 else "none",
         schedule=QUANTITIES["gap"],

@@ -32,7 +32,7 @@ def model_of(found: FoundModel, loopset: LoopSet) -> ActuatorModel:
     single = len(nodes) < 2
     gaps = nodes if loopset.schedule is not None and loopset.schedule.name == "gap" else ()
     parameters = physical(
-        found.sets, space.gap_map, loopset.input, loopset.output, gaps, space.form.dead_band
+        space.form, found.sets, space.gap_map, loopset.input, loopset.output, gaps
     )
     for name, reading in (("in_0", space.records.rest.input), ("out_0", space.records.rest.output)):
         fitted = np.asarray(parameters[name]) + reading.offset

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.identify.no_response import NoResponseError
 from anhyst.identify.objective import Objective
-from anhyst.identify.response import NoResponseError
 from anhyst.support.arrays import FloatArray
 
 

@@ -19,7 +19,6 @@ import numpy as np
 from anhyst.data.output_map import OutputMap, output_map
 from anhyst.identify.response import Local, ResponseForm
 from anhyst.identify.space import IN_SERIES
-from anhyst.laws.jiles_atherton import dead_band, iron_parameters, shrink_field
 from anhyst.model.gap_map import Curve
 from anhyst.support.units import MU_0, Quantity
 
@@ -59,17 +58,19 @@ def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> Re
 
 
 def physical(
+    form: ResponseForm,
     sets: Sequence[Local],
     gap_map: str,
     input_quantity: Quantity,
     output_quantity: Quantity,
     gaps: Sequence[float] = (),
-    play: float = 0.0,
 ) -> dict[str, Parameter]:
     """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.ActuatorModel`.
 
     Parameters
     ----------
+    form : ResponseForm
+        Of which law, and how wide its dead band is.
     sets : sequence of Local
         One for each gap.
     gap_map : str
@@ -78,8 +79,6 @@ def physical(
         As measured.
     gaps : sequence of float
         Gap of each set, m; empty if it is not a gap that is scheduled.
-    play : float
-        Half-width of the dead band in parts of the pinning.
 
     Returns
     -------
@@ -87,11 +86,11 @@ def physical(
         SI; a tuple where the map lets a parameter differ from gap to gap.
     """
     answer = output_map(output_quantity)
-    table = [_at_one_gap(local, gap_map, input_quantity.name, answer) for local in sets]
+    table = [_at_one_gap(form, local, gap_map, input_quantity.name, answer) for local in sets]
     if gap_map in IN_SERIES:
-        _lift_reluctance(table, gaps, answer.power)
+        _lift_reluctance(form, table, gaps, answer.power)
     for row in table:
-        row.update(dead_band(row, play))
+        row.update(form.kernel.dead_band(row, form.dead_band))
     vary = {
         "none": set(),
         "scaling": {"c_H"},
@@ -108,7 +107,9 @@ def physical(
     }
 
 
-def _lift_reluctance(table: list[dict[str, float]], gaps: Sequence[float], power: int) -> None:
+def _lift_reluctance(
+    form: ResponseForm, table: list[dict[str, float]], gaps: Sequence[float], power: int
+) -> None:
     """Move along the redundancy between alpha and rho until no reluctance is negative."""
     rho = np.array([row["rho"] for row in table])
     least = float(rho.min())
@@ -118,11 +119,13 @@ def _lift_reluctance(table: list[dict[str, float]], gaps: Sequence[float], power
     p = min(1.0 + least, 1.0)
     for row in table:
         row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)
-        shrink_field(row, p)
+        form.kernel.shrink_field(row, p)
         row["c_out"] /= p**power
 
 
-def _at_one_gap(local: Local, gap_map: str, input_name: str, answer: OutputMap) -> dict[str, float]:
+def _at_one_gap(
+    form: ResponseForm, local: Local, gap_map: str, input_name: str, answer: OutputMap
+) -> dict[str, float]:
     h, omega = local.h, local.omega
     if gap_map in IN_SERIES:
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
@@ -142,7 +145,7 @@ def _at_one_gap(local: Local, gap_map: str, input_name: str, answer: OutputMap) 
     if abs(c_out - 1.0) < 1e-12:
         c_out = 1.0  # flux density measured: but for rounding it is one by construction
     return {
-        **iron_parameters(saturation, a, local.kappa, local.c, alpha),
+        **form.kernel.iron(saturation, a, local.law, alpha),
         "rho": rho,
         "c_H": a / unscaled,
         "c_out": c_out,

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from anhyst._core import Operator
-from anhyst.identify.response import LOCAL, Local, NoResponseError, Responder
+from anhyst.identify.cell_response import CellResponder
+from anhyst.identify.no_response import NoResponseError
+from anhyst.identify.response import Local, Responder
 from anhyst.identify.space import CoordinateSpace
 from anhyst.support.arrays import FloatArray
 
@@ -30,9 +31,10 @@ class Objective:
     space: CoordinateSpace
     tie: float = 0.0
     evaluations: int = 0
-    _responder: Responder = field(default_factory=Responder)
+    _responder: Responder | CellResponder = field(init=False)
 
     def __post_init__(self) -> None:
+        self._responder = CellResponder() if self.space.form.populations else Responder()
         loops = self.space.records.loops
         self.measured = np.concatenate([record.output for record in loops])
         self.weights = np.concatenate([np.full(r.output.size, r.weight) for r in loops])
@@ -44,31 +46,12 @@ class Objective:
         far = _IMPOSSIBLE * self.space.records.output_span * self.weights
         return np.concatenate([far, np.zeros(self._ties.shape[0])])
 
-    def _operators(self, sets: list[Local]) -> list[Operator]:
-        """Laws at each gap; those that are the same are built once."""
-        form = self.space.form
-        built: dict[tuple[float, ...], Operator] = {}
-        found = []
-        for local in sets:
-            key = (
-                (local.kappa, local.c, local.omega)
-                if form.kernel.coupled
-                else (local.kappa, local.c)
-            )
-            if key not in built:
-                built[key] = form.operator(local)
-            found.append(built[key])
-        return found
-
     def outputs(self, sets: list[Local]) -> FloatArray:
         """Modelled outputs of all loops, one after the other, SI."""
         self.evaluations += 1
-        operators = self._operators(sets)
-        parts = [
-            self._responder.output(self.space.form, sets[d.gap], operators[d.gap], d)
-            for d in self.space.records.loops
-        ]
-        return np.concatenate(parts)
+        return np.concatenate(
+            self._responder.outputs(self.space.form, sets, self.space.records.loops)
+        )
 
     def deviations(self, theta: FloatArray) -> FloatArray:
         """Weighted deviations, shape (samples,), and ties, if any, after them."""
@@ -78,19 +61,21 @@ class Objective:
             return self.impossible
         return np.concatenate([(found - self.measured) * self.weights, self._ties @ theta])
 
+    def _derivatives(
+        self, sets: list[tuple[Local, FloatArray]]
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        loops = self.space.records.loops
+        return self._responder.derivatives(self.space.form, [one for one, _ in sets], loops)
+
     def with_jacobian(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Deviations as above and their derivatives, one row for each, shape (.., size)."""
         self.evaluations += 1
         sets = self.space.unpack(theta)
-        operators = self._operators([local for local, _ in sets])
+        loops = self.space.records.loops
         values, rows = [], []
-        for record in self.space.records.loops:
-            local, by_theta = sets[record.gap]
-            output, by_local = self._responder.with_derivatives(
-                self.space.form, local, operators[record.gap], record
-            )
+        for record, (output, by_local) in zip(loops, self._derivatives(sets), strict=True):
             values.append((output - record.output) * record.weight)
-            rows.append((by_local * record.weight) @ by_theta)
+            rows.append((by_local * record.weight) @ sets[record.gap][1])
         values.append(self._ties @ theta)
         rows.append(self._ties)
         return np.concatenate(values), np.concatenate(rows)
@@ -98,24 +83,21 @@ class Objective:
     def normal(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Deviations as above, gradient of half their sum of squares, and normal matrix.
 
-        Gap by gap from the seven parameters there: what one gap does not share with the others
+        Gap by gap from the parameters there: what one gap does not share with the others
         costs nothing at theirs, and no product is large enough for a library to spread it over
         threads that then wait for each other.
         """
         self.evaluations += 1
         sets = self.space.unpack(theta)
-        operators = self._operators([local for local, _ in sets])
-        squares = np.zeros((len(sets), len(LOCAL), len(LOCAL)))
-        slopes = np.zeros((len(sets), len(LOCAL)))
+        numbers = len(self.space.form.names)
+        squares = np.zeros((len(sets), numbers, numbers))
+        slopes = np.zeros((len(sets), numbers))
         values = []
-        for record in self.space.records.loops:
-            output, by_local = self._responder.with_derivatives(
-                self.space.form, sets[record.gap][0], operators[record.gap], record
-            )
-            value = (output - record.output) * record.weight
-            by_local *= record.weight
-            squares[record.gap] += by_local.T @ by_local
-            slopes[record.gap] += value @ by_local
+        loops = self.space.records.loops
+        for record, (output, by_local) in zip(loops, self._derivatives(sets), strict=True):
+            value, weighted = (output - record.output) * record.weight, by_local * record.weight
+            squares[record.gap] += weighted.T @ weighted
+            slopes[record.gap] += value @ weighted
             values.append(value)
         values.append(self._ties @ theta)
         gradient, matrix = self._ties.T @ values[-1], self._ties.T @ self._ties

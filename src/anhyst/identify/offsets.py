@@ -16,8 +16,8 @@ import numpy as np
 
 from anhyst.identify.default import FoundModel, follow
 from anhyst.identify.fitting import Evaluation, Linear
+from anhyst.identify.no_response import NoResponseError
 from anhyst.identify.objective import Objective
-from anhyst.identify.response import NoResponseError
 from anhyst.identify.rest import RestReading
 from anhyst.identify.space import CoordinateSpace
 from anhyst.identify.uncertainty import mean_memory

@@ -10,32 +10,38 @@ and flux density measured it follows from ``scale`` and ``gain``, else no data d
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from anhyst._core import Operator, demagnetised, langevin, status_text
+from anhyst.identify.cell_kernel import CellKernel
 from anhyst.identify.fit_records import FitRecord
+from anhyst.identify.no_response import NoResponseError
+from anhyst.laws.cells import Shape
 from anhyst.laws.law import Kernel
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.support.arrays import FloatArray
 
-LOCAL = ("kappa", "c", "omega", "scale", "gain", "in_0", "out_0")
-"""Gauge-free parameters at one gap, in the order of the derivatives."""
+SURROUNDING = ("omega", "scale", "gain", "in_0", "out_0")
+"""What surrounds the law, in the order of the derivatives."""
+
+LOCAL = ("kappa", "c", *SURROUNDING)
+"""Gauge-free parameters at one gap of a law of Jiles and Atherton, in the same order."""
+
+CELLS: Mapping[str, Shape] = {"play-cells": "tanh", "play-cells-langevin": "langevin"}
+"""Laws of play cells, and the curve of each."""
 
 _DIRECTIONS = 5  # kappa, c, omega, scale, in_0; the core differentiates by these
 _SEED = 5  # one more direction: the state at the start of a settled cycle
 _CLOSED = 1e-10
 _NEARLY_CLOSED = 1e-5
 _PASSES = 80
-_FLATTEST = 0.95
+FLATTEST = 0.95
 _CREEPING = 4  # passes after which the rest of the way is extrapolated
 _FAR = 1e3  # effective field, in units of a, that no loop needs
 _FULL = 1.0 - 1e-6  # magnetisation that no effective field up to there exceeds
-
-
-class NoResponseError(ArithmeticError):
-    """The law has no answer for these parameters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +50,10 @@ class Local:
 
     Parameters
     ----------
-    kappa, c, omega
-        Pinning over shape, reversibility, and interaction with circuit: dimensionless.
+    law
+        Numbers of the law, in the order of its kernel: dimensionless.
+    omega
+        Interaction with circuit, dimensionless.
     scale
         Input that makes one unit of effective field, SI.
     gain
@@ -56,14 +64,23 @@ class Local:
         Slope of the air core, dimensionless.
     """
 
-    kappa: float
-    c: float
+    law: tuple[float, ...]
     omega: float
     scale: float
     gain: float
     in_0: float
     out_0: float
     h: float
+
+    @property
+    def kappa(self) -> float:
+        """Pinning over shape, of a law of Jiles and Atherton."""
+        return self.law[0]
+
+    @property
+    def c(self) -> float:
+        """Reversibility, of a law of Jiles and Atherton."""
+        return self.law[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +92,9 @@ class ResponseForm:
     power
         2 for a force, else 1.
     law
-        Name of a law with a kernel.
+        Name of a law with a kernel, or of play cells.
+    populations
+        Of play cells; 0 for another law.
     permeability
         mu_0 where field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0.
     h
@@ -87,16 +106,34 @@ class ResponseForm:
 
     power: int
     law: str = DEFAULT_LAW
+    populations: int = 0
     permeability: float = 0.0
     h: float = 1e-3
     dead_band: float = 0.0
 
     @property
-    def kernel(self) -> Kernel:
-        """How the core follows the law."""
+    def kernel(self) -> Kernel | CellKernel:
+        """How the law is followed."""
+        if self.populations:
+            return CellKernel(CELLS[self.law], self.populations)
         kernel = LAWS[self.law].kernel
         assert kernel is not None
         return kernel
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Gauge-free parameters at one gap, in the order of the derivatives."""
+        return (*(number.name for number in self.kernel.numbers), *SURROUNDING)
+
+    def values(self, local: Local) -> dict[str, float]:
+        """Return the parameters of a set by name."""
+        return dict(zip(self.names, (*local.law, *(getattr(local, name) for name in SURROUNDING)),
+                        strict=True))  # fmt: skip
+
+    def local(self, values: Mapping[str, float]) -> Local:
+        """Return a set of parameters given by name, with h by the rule."""
+        law = tuple(values[number.name] for number in self.kernel.numbers)
+        return self.with_h(Local(law, **{name: values[name] for name in SURROUNDING}, h=0.0))
 
     def with_h(self, local: Local) -> Local:
         """Fill in h by the rule."""
@@ -106,11 +143,13 @@ class ResponseForm:
 
     def operator(self, local: Local) -> Operator:
         """Build the law for a parameter set; in the law of 1986 interaction enters twice."""
-        if local.h * local.omega > _FLATTEST:
+        if local.h * local.omega > FLATTEST:
             raise NoResponseError("the curve would be all but as flat as the air core")
         try:
+            kernel = self.kernel
+            assert isinstance(kernel, Kernel)
             play = self.dead_band * local.kappa
-            return self.kernel.operator(local.kappa, local.c, play, local.omega)
+            return kernel.operator(local.kappa, local.c, play, local.omega)
         except ValueError as error:
             raise NoResponseError(str(error)) from error
 
@@ -120,6 +159,20 @@ class Responder:
 
     def __init__(self) -> None:
         self._starts: dict[int, FloatArray] = {}
+
+    def outputs(
+        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
+    ) -> list[FloatArray]:
+        """Output of every drive, SI."""
+        laws = _operators(form, sets)
+        return [self.output(form, sets[d.gap], laws[d.gap], d) for d in records]
+
+    def derivatives(
+        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Output of every drive, and its derivatives by :data:`LOCAL`, shape (n, 7)."""
+        laws = _operators(form, sets)
+        return [self.with_derivatives(form, sets[d.gap], laws[d.gap], d) for d in records]
 
     def output(
         self, form: ResponseForm, local: Local, operator: Operator, record: FitRecord
@@ -198,6 +251,18 @@ class Responder:
         m_t[:, :_DIRECTIONS] += m_t[:, _SEED, None] * start_t
         x_t[:, :_DIRECTIONS] += x_t[:, _SEED, None] * start_t
         return x, m, x_t, m_t
+
+
+def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
+    """Laws at each gap; those that are the same are built once."""
+    built: dict[tuple[float, ...], Operator] = {}
+    found = []
+    for local in sets:
+        key = (*local.law, local.omega) if form.kernel.coupled else local.law
+        if key not in built:
+            built[key] = form.operator(local)
+        found.append(built[key])
+    return found
 
 
 class _Terms:

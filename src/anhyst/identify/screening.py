@@ -208,7 +208,7 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
     for place in chosen:
         kappa, c, omega, scale = (float(value) for value in sets[:, place])
         offset = 0.0 if "out_0" in space.held else float(out_0[place])
-        local = Local(kappa, c, omega, scale, float(gain[place]), 0.0, offset, 0.0)
+        local = Local((kappa, c), omega, scale, float(gain[place]), 0.0, offset, 0.0)
         found.append(space.form.with_h(local))
     return found
 

@@ -1,6 +1,6 @@
 """The numbers a search moves, and the parameters at each gap they stand for.
 
-A coordinate vector holds, in the order of :data:`~anhyst.identify.response.LOCAL`, one entry for
+A coordinate vector holds, in the order of the names of its form, one entry for
 each parameter that is shared by all gaps and one for each gap for those that are not. Positive
 ones are logarithms; ``omega``, which may have either sign and any size, is the hyperbolic sine of
 its coordinate.
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.identify.fit_records import FitRecords
-from anhyst.identify.response import LOCAL, Local, ResponseForm
+from anhyst.identify.response import SURROUNDING, Local, ResponseForm
 from anhyst.laws.law import FitNumber
 from anhyst.support.arrays import FloatArray
 
@@ -25,10 +25,11 @@ PER_GAP = {
     "scaling": frozenset({"scale"}),
     "reluctance": frozenset({"omega"}),
     "circuit": frozenset({"omega", "gain", "in_0", "out_0"}),
-    "free": frozenset(LOCAL),
+    "free": frozenset(SURROUNDING),
 }
-"""Which parameters each gap map lets differ from gap to gap. Where omega is a reluctance the scale
-of the input follows from it: ``scale = scale_0/(1 - h*omega)``; 1/(1 - h*omega) = 1 + rho."""
+"""Which parameters each gap map lets differ from gap to gap; ``free`` those of the law too. Where
+omega is a reluctance the scale of the input follows from it: ``scale = scale_0/(1 - h*omega)``;
+1/(1 - h*omega) = 1 + rho."""
 
 IN_SERIES = frozenset({"reluctance", "circuit"})
 """Gap maps that read omega as a reluctance in series with the iron."""
@@ -76,10 +77,13 @@ class CoordinateSpace:
     def entries(self) -> tuple[tuple[str, int | None], ...]:
         """Name and gap of each coordinate; no gap for those shared by all."""
         found: list[tuple[str, int | None]] = []
-        for name in LOCAL:
+        differing = PER_GAP[self.gap_map] - self.common
+        if self.gap_map == "free":
+            differing |= {number.name for number in self.form.kernel.numbers} - self.common
+        for name in self.form.names:
             if name in self.held:
                 continue
-            if name in PER_GAP[self.gap_map] - self.common:
+            if name in differing:
                 found.extend((name, gap) for gap in range(self.records.gaps))
             else:
                 found.append((name, None))
@@ -136,7 +140,7 @@ class CoordinateSpace:
         theta = []
         for name, gap in self.entries:
             local = sets[gap or 0]
-            value = getattr(local, name)
+            value = self.form.values(local)[name]
             if name == "scale" and self.gap_map in IN_SERIES:
                 value *= 1.0 - self.form.h * local.omega
             theta.append(self.inward(name, value))
@@ -153,7 +157,7 @@ class CoordinateSpace:
         return replace(self, held=self.held | names), np.array(kept)
 
     def unpack(self, theta: FloatArray) -> list[tuple[Local, FloatArray]]:
-        """Parameters at each gap, and their derivatives by the coordinates, shape (7, size)."""
+        """Parameters at each gap, and their derivatives by the coordinates, shape (numbers, size)."""
         shared: dict[str, tuple[int, float, float]] = {}
         single: dict[tuple[str, int], tuple[int, float, float]] = {}
         for place, ((name, gap), coordinate) in enumerate(zip(self.entries, theta, strict=True)):
@@ -163,10 +167,11 @@ class CoordinateSpace:
             else:
                 single[name, gap] = (place, value, slope)
         found = []
+        names = self.form.names
         for gap in range(self.records.gaps):
-            values = dict.fromkeys(LOCAL, 0.0)
-            jacobian = np.zeros((len(LOCAL), theta.size))
-            for row, name in enumerate(LOCAL):
+            values = dict.fromkeys(names, 0.0)
+            jacobian = np.zeros((len(names), theta.size))
+            for row, name in enumerate(names):
                 at = single.get((name, gap)) or shared.get(name)
                 if at is not None:
                     values[name] = at[1]
@@ -177,10 +182,10 @@ class CoordinateSpace:
     def _finish(self, values: dict[str, float], jacobian: FloatArray) -> Local:
         """Fill in what follows from the rest: h, and the scale of the reluctance map."""
         if self.gap_map not in IN_SERIES:
-            return self.form.with_h(Local(**values, h=0.0))
-        row, omega_row = LOCAL.index("scale"), LOCAL.index("omega")
+            return self.form.local(values)
+        row, omega_row = self.form.names.index("scale"), self.form.names.index("omega")
         ratio = 1.0 / (1.0 - min(self.form.h * values["omega"], 0.99))
         values["scale"] *= ratio
         jacobian[row] *= ratio
         jacobian[row] += values["scale"] * ratio * self.form.h * jacobian[omega_row]
-        return self.form.with_h(Local(**values, h=0.0))
+        return self.form.local(values)

@@ -81,7 +81,7 @@ def assess(found: FoundModel, loopset: LoopSet) -> Uncertainty:
     readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
     for (name, gap), coordinate, std in zip(space.entries, found.theta, deviation, strict=True):
-        value = float(getattr(found.sets[gap or 0], name))
+        value = space.form.values(found.sets[gap or 0])[name]
         number = space.numbers[name]
         label = _label(number, units)
         if gap is not None and loopset.schedule is not None:

@@ -6,8 +6,6 @@ input, and ``alpha`` acts through the interaction ``omega`` (docs/theory.md).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from anhyst.laws.law import FitNumber, ParameterSpec
 
 PARAMETERS = (
@@ -44,20 +42,3 @@ NUMBERS = (
     FitNumber("c", "c", 0.0, 0.999),
 )
 """What a fit moves of the law itself."""
-
-
-def iron_parameters(m_s: float, a: float, kappa: float, c: float, alpha: float) -> dict[str, float]:
-    """Return the parameters of an iron for its scales and what was fitted."""
-    return {"M_s": m_s, "a": a, "k": kappa * a, "c": c, "alpha": alpha}
-
-
-def shrink_field(iron: dict[str, float], part: float) -> None:
-    """Take the field inside an iron without interaction to a part of itself, by interaction."""
-    iron["alpha"] = 1.0 - part
-    iron["a"] *= part
-    iron["k"] *= part
-
-
-def dead_band(iron: Mapping[str, float], part: float) -> dict[str, float]:
-    """Return the parameter of a dead band that is a part of the pinning."""
-    return {"r_d": part * iron["k"]}

@@ -116,6 +116,8 @@ class FitNumber:
         In which it is moved: its logarithm, its inverse hyperbolic sine, or itself over its unit.
     of
         Its unit is the span of the measured input or output; nothing for a pure number.
+    usual
+        What it is to be expected at, where loops leave it open; None: nothing is expected.
     """
 
     name: str
@@ -124,11 +126,12 @@ class FitNumber:
     high: float
     coordinate: Literal["log", "asinh", "plain"] = "plain"
     of: Literal["input", "output", ""] = ""
+    usual: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """How the core follows a law in units of its own, where ``M_s = a = 1``, for the fast fit.
+    """How the core follows a law of Jiles and Atherton where ``M_s = a = 1``, for the fast fit.
 
     Attributes
     ----------
@@ -147,6 +150,23 @@ class Kernel:
     numbers: tuple[FitNumber, ...]
     differentiated: bool
     coupled: bool
+
+    def iron(
+        self, saturation: float, width: float, law: tuple[float, ...], alpha: float
+    ) -> dict[str, float]:
+        """Return the parameters of an iron, from its scales and what was fitted."""
+        kappa, c = law
+        return {"M_s": saturation, "a": width, "k": kappa * width, "c": c, "alpha": alpha}
+
+    def shrink_field(self, iron: dict[str, float], part: float) -> None:
+        """Take the field inside an iron without interaction to a part of itself, by interaction."""
+        iron["alpha"] = 1.0 - part
+        iron["a"] *= part
+        iron["k"] *= part
+
+    def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
+        """Return the parameter of a dead band that is a part of the pinning."""
+        return {"r_d": part * iron["k"]}
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,9 @@ import numpy as np
 
 from anhyst._core import Operator
 from anhyst.identify.fit_records import FitRecord, FitRecords
+from anhyst.identify.no_response import NoResponseError
 from anhyst.identify.paper.seven import Variables, gauge_free, local_of
-from anhyst.identify.response import Local, NoResponseError, Responder, ResponseForm
+from anhyst.identify.response import Local, Responder, ResponseForm
 from anhyst.identify.screening import OMEGA_JUMP, follow_sets
 from anhyst.support.arrays import FloatArray
 

@@ -190,7 +190,8 @@ def local_of(values: Mapping[str, float], power: int) -> Local:
     """Gauge-free parameters of one set."""
     arrays = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
     form = {name: float(value) for name, value in gauge_free(arrays, power).items()}
-    return Local(**form, in_0=values["in_0"], out_0=values["out_0"])
+    law = (form.pop("kappa"), form.pop("c"))
+    return Local(law, **form, in_0=values["in_0"], out_0=values["out_0"])
 
 
 def mean_over_gaps(name: str, values: Sequence[float]) -> float:

@@ -1,0 +1,126 @@
+"""What a fit moves of play cells in populations, in units of their own.
+
+The unit of field is the width ``a_1`` of the first population, that of magnetisation its saturation
+``M_1``. How wide the reversible part is no loop shows beside how much of it there is: its width is
+set (docs/identification.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from anhyst.identify.cell_path import CellPaths, Tangents
+from anhyst.laws.cells import CellWeights, Population, Shape, populations
+from anhyst.laws.law import FitNumber
+
+REVERSIBLE_WIDTH = 3.0
+"""``a_0`` over ``a_1``."""
+
+_DIFFERENCE = 1e-5
+
+_FIRST = (
+    FitNumber("share_0", "M_0/M_1", 1e-4, 1e2, "log", usual=0.2),
+    FitNumber("pinning_1", "k_1/a_1", 1e-3, 1e2, "log", usual=0.3),
+    FitNumber("spread_1", "s_1", 0.3, 12.0, "log", usual=1.5),
+)
+
+
+def _further(place: int) -> tuple[FitNumber, ...]:
+    return (
+        FitNumber(f"share_{place}", f"M_{place}/M_1", 1e-3, 1e2, "log", usual=1.0),
+        FitNumber(f"width_{place}", f"a_{place}/a_1", 3e-2, 3e1, "log", usual=1.0),
+        FitNumber(f"pinning_{place}", f"k_{place}/a_1", 1e-3, 1e2, "log", usual=0.3),
+        FitNumber(f"spread_{place}", f"s_{place}", 0.3, 12.0, "log", usual=1.5),
+    )
+
+
+@dataclass(frozen=True)
+class CellKernel:
+    """Play cells as a fit sees them.
+
+    Parameters
+    ----------
+    shape
+        The curve that cells follow.
+    populations
+        How many: 1 to 3.
+    """
+
+    shape: Shape
+    populations: int
+
+    differentiated = True
+    coupled = False
+
+    @cached_property
+    def numbers(self) -> tuple[FitNumber, ...]:
+        """What a fit moves of the law itself."""
+        more = (number for place in range(2, self.populations + 1) for number in _further(place))
+        return (*_FIRST, *more)
+
+    def paths(self, law: tuple[float, ...]) -> CellPaths:
+        """Return the cells of a set of numbers, ready to be driven."""
+        return _paths(self, law, tangents=False)
+
+    def paths_with_tangents(self, law: tuple[float, ...]) -> CellPaths:
+        """Return them with derivatives by the numbers."""
+        return _paths(self, law, tangents=True)
+
+    def iron(
+        self, saturation: float, width: float, law: tuple[float, ...], alpha: float
+    ) -> dict[str, float]:
+        """Return the parameters of an iron, from its scales and what was fitted."""
+        share_0, *rest = law
+        rest = [1.0, 1.0, *rest]
+        found = {"M_0": share_0 * saturation, "a_0": REVERSIBLE_WIDTH * width}
+        for place in range(self.populations):
+            share, wide, pinning, spread = rest[4 * place : 4 * place + 4]
+            found |= {
+                f"M_{place + 1}": share * saturation,
+                f"a_{place + 1}": wide * width,
+                f"k_{place + 1}": pinning * width,
+                f"s_{place + 1}": spread,
+            }
+        return found | {"alpha": alpha}
+
+    def shrink_field(self, iron: dict[str, float], part: float) -> None:
+        """Take the field inside an iron without interaction to a part of itself, by interaction."""
+        iron["alpha"] = 1.0 - part
+        for name in iron:
+            if name[:2] in {"a_", "k_"}:
+                iron[name] *= part
+
+    def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
+        """Return nothing: cells need none."""
+        return {}
+
+    def weights(self, law: tuple[float, ...]) -> CellWeights:
+        """Return the cells of a set of numbers."""
+        iron = self.iron(1.0, 1.0, law, 0.0)
+        pinned = [
+            Population(*(iron[f"{name}_{place}"] for name in "Maks"))
+            for place in range(1, self.populations + 1)
+        ]
+        return populations((iron["M_0"], iron["a_0"]), pinned, self.shape)
+
+
+@lru_cache(maxsize=64)
+def _paths(kernel: CellKernel, law: tuple[float, ...], *, tangents: bool) -> CellPaths:
+    cells = kernel.weights(law)
+    if not tangents:
+        return CellPaths(cells)
+    ends = []
+    for place, value in enumerate(law):
+        step = _DIFFERENCE * value
+        sides = [kernel.weights((*law[:place], value + way, *law[place + 1 :]))
+                 for way in (-step, step)]  # fmt: skip
+        ends.append((sides, 2.0 * step))
+    thresholds, widths, weights = (
+        np.array([(getattr(up, name) - getattr(low, name)) / way for (low, up), way in ends])
+        for name in ("thresholds", "widths", "weights")
+    )
+    return CellPaths(cells, Tangents(thresholds, widths, weights))
