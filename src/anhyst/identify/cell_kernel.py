@@ -8,7 +8,7 @@ set (docs/identification.md).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -17,10 +17,17 @@ from anhyst.identify.cell_path import CellPaths, Tangents
 from anhyst.laws.cells import CellWeights, Population, Shape, populations
 from anhyst.laws.law import FitNumber
 
-REVERSIBLE_WIDTH = 3.0
+REVERSIBLE_WIDTH = 1.0
 """``a_0`` over ``a_1``."""
 
 _DIFFERENCE = 1e-5
+
+POLISHED = (0.6, 1.0, 1.8)
+"""Widths of cells by their weights, over that of the first population; further ones have theirs,
+and twice it."""
+
+_LOOSE = 0.1
+"""Spread of a weight around that of the populations, in parts of all of them."""
 
 _FIRST = (
     FitNumber("share_0", "M_0/M_1", 1e-4, 1e2, "log", usual=0.2),
@@ -124,3 +131,79 @@ def _paths(kernel: CellKernel, law: tuple[float, ...], *, tangents: bool) -> Cel
         for name in ("thresholds", "widths", "weights")
     )
     return CellPaths(cells, Tangents(thresholds, widths, weights))
+
+
+@dataclass(frozen=True)
+class WeightKernel:
+    """Play cells by their weights: what populations leave over, near to them.
+
+    Parameters
+    ----------
+    populations
+        The cells to begin with.
+    """
+
+    populations: CellWeights
+
+    differentiated = True
+    coupled = False
+
+    @property
+    def shape(self) -> Shape:
+        """The curve that cells follow."""
+        return self.populations.shape
+
+    @cached_property
+    def numbers(self) -> tuple[FitNumber, ...]:
+        """What a fit moves: the weights."""
+        start = self.populations
+        spread = _LOOSE * start.saturation
+        return tuple(
+            FitNumber(f"weight_{i}_{j}", f"W_{i}_{j}/M_1", 0.0, 1e2, usual=value, spread=spread)
+            for (i, j), value in np.ndenumerate(start.weights)
+        )
+
+    def weights(self, law: tuple[float, ...]) -> CellWeights:
+        """Return the cells of a set of weights."""
+        start = self.populations
+        return replace(start, weights=np.reshape(law, start.weights.shape))
+
+    def paths(self, law: tuple[float, ...]) -> CellPaths:
+        """Return the cells of a set of weights, ready to be driven."""
+        return CellPaths(self.weights(law))
+
+    def paths_with_tangents(self, law: tuple[float, ...]) -> CellPaths:
+        """Return them with derivatives by the weights."""
+        count, cells = len(law), self.populations
+        tangents = Tangents(
+            np.zeros((count, cells.thresholds.size)),
+            np.zeros((count, cells.widths.size)),
+            np.eye(count).reshape(count, *cells.weights.shape),
+        )
+        return CellPaths(self.weights(law), tangents)
+
+    def iron(
+        self, saturation: float, width: float, law: tuple[float, ...], alpha: float
+    ) -> dict[str, float]:
+        """Return the parameters of an iron: of the law only the interaction is left."""
+        return {"alpha": alpha}
+
+    def shrink_field(self, iron: dict[str, float], part: float) -> None:
+        """Take the field inside an iron without interaction to a part of itself, by interaction."""
+        iron["alpha"] = 1.0 - part
+
+    def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
+        """Return nothing: cells need none."""
+        return {}
+
+
+def by_weights(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:
+    """Return the kernel that moves each weight, beginning with populations."""
+    start = kernel.weights(law)
+    first, *further = start.widths[1:]
+    widths = np.unique([*(part * first for part in POLISHED),
+                        *(part * one for one in further for part in (1.0, 2.0))])  # fmt: skip
+    weights = np.zeros((start.thresholds.size, widths.size))
+    for column, width in enumerate(start.widths):
+        weights[:, int(np.argmin(np.abs(widths - width)))] += start.weights[:, column]
+    return WeightKernel(replace(start, widths=widths, weights=weights))

@@ -20,10 +20,10 @@ from anhyst.identify.no_response import NoResponseError
 from anhyst.laws.cells import CellWeights, Shape
 from anhyst.support.arrays import FloatArray
 
-_SOLVED = 1e-11
+_SOLVED = 1e-10
 """What is left of the equation, in parts of the largest drive."""
 
-_MOST = 60
+_MOST = 100
 """Steps of Newton's method and halvings of its bracket at most."""
 
 
@@ -56,6 +56,8 @@ class DrivenCells:
         Right side, shape (n,).
     kept
         First sample that is asked for; those before it lead up to it.
+    guess
+        Effective field where it is looked for first, shape (n,).
     omega_t, r_t
         Derivatives by what a caller moves, shapes (d,) and (n, d); the numbers of the law come
         first, and are none of both.
@@ -64,6 +66,7 @@ class DrivenCells:
     omega: float
     r: FloatArray
     kept: int
+    guess: FloatArray
     omega_t: FloatArray
     r_t: FloatArray
 
@@ -186,10 +189,7 @@ class _Followed:
                 place: slice(int(one[step]), int(one[step + 1]))
                 for place, one in enumerate(runs) if step + 1 < one.size
             })  # fmt: skip
-        return [
-            Path(*(values[drive.kept :] for values in found))
-            for found, drive in zip(self.found, self.drives, strict=True)
-        ]
+        return self.found
 
     def _run(self, spans: dict[int, slice]) -> None:
         """Take one run of each drive that has one left."""
@@ -207,7 +207,9 @@ class _Followed:
         state = self.state[of] * each[:, None]
         wanted = each * r
         way = np.maximum(wanted - np.repeat(start * side, sizes), 0.0)
-        x = self._solve(state, omega, wanted, np.repeat(before * side, sizes), way)
+        low = np.repeat(before * side, sizes)
+        guess = np.concatenate([self.drives[place].guess[span] for place, span in spans.items()])
+        x = self._solve(state, omega, wanted, low, way, each * guess)
         self._take(spans, ends, each, state, omega, x)
 
     def _solve(
@@ -217,11 +219,13 @@ class _Followed:
         wanted: FloatArray,
         low: FloatArray,
         way: FloatArray,
+        guess: FloatArray,
     ) -> FloatArray:
         """Solve a run upward; the field lies between where it was and a bound of the slope."""
         steepest = self.cells.steepest
         high = low + way / np.minimum(1.0, 1.0 + omega * steepest)
-        x = low + way / (1.0 + np.maximum(omega, 0.0) * steepest)
+        x = np.clip(guess, low, high)
+        before = np.full(x.size, np.inf)
         for _ in range(_MOST):
             places = np.maximum(state, x[:, None] - self.thresholds)
             m, _, steep, _ = self.cells.magnetisation(places)
@@ -232,8 +236,9 @@ class _Followed:
             slope = np.sum(self.cells.each_cell(steep) * active, axis=1)
             low, high = np.where(off < 0.0, x, low), np.where(off > 0.0, x, high)
             trial = x - off / (1.0 + omega * slope)
-            inside = (trial >= low) & (trial <= high)
-            x = np.where(inside, trial, 0.5 * (low + high))
+            # From one flat end to the other and back Newton's method can go for ever.
+            nearer = (trial >= low) & (trial <= high) & (np.abs(off) <= 0.5 * before)
+            x, before = np.where(nearer, trial, 0.5 * (low + high)), np.abs(off)
         raise NoResponseError("the equation of the cells has no solution that was found")
 
     def _take(

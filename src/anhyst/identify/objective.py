@@ -12,6 +12,10 @@ from anhyst.identify.response import Local, Responder
 from anhyst.identify.space import CoordinateSpace
 from anhyst.support.arrays import FloatArray
 
+EXPECTED = 1e-8
+"""Cost of a number one spread away from what is expected of it, in parts of the largest output
+squared: as much as a deviation of a ten-thousandth."""
+
 _IMPOSSIBLE = 10.0
 """Deviation, in units of the largest output, where the law has no answer."""
 
@@ -25,7 +29,7 @@ class Objective:
 
     With ``tie`` above zero, differences of coordinates from gap to gap count as deviations too,
     times its square root: what the loops do not determine then runs smoothly over the gap instead of
-    anyhow.
+    anyhow. Numbers of which something is expected count as :data:`EXPECTED` says.
     """
 
     space: CoordinateSpace
@@ -34,17 +38,18 @@ class Objective:
     _responder: Responder | CellResponder = field(init=False)
 
     def __post_init__(self) -> None:
-        self._responder = CellResponder() if self.space.form.populations else Responder()
+        self._responder = CellResponder() if self.space.form.cells else Responder()
         loops = self.space.records.loops
         self.measured = np.concatenate([record.output for record in loops])
         self.weights = np.concatenate([np.full(r.output.size, r.weight) for r in loops])
         self._ties = np.sqrt(self.tie) * _differences(self.space)
+        self._pull, self._usual = _expectations(self.space)
 
     @property
     def impossible(self) -> FloatArray:
         """Deviations that stand for parameters without an answer."""
         far = _IMPOSSIBLE * self.space.records.output_span * self.weights
-        return np.concatenate([far, np.zeros(self._ties.shape[0])])
+        return np.concatenate([far, np.zeros(self._ties.shape[0] + self._usual.size)])
 
     def outputs(self, sets: list[Local]) -> FloatArray:
         """Modelled outputs of all loops, one after the other, SI."""
@@ -59,7 +64,8 @@ class Objective:
             found = self.outputs([local for local, _ in self.space.unpack(theta)])
         except NoResponseError:
             return self.impossible
-        return np.concatenate([(found - self.measured) * self.weights, self._ties @ theta])
+        off = (found - self.measured) * self.weights
+        return np.concatenate([off, self._ties @ theta, self._pull @ theta - self._usual])
 
     def _derivatives(
         self, sets: list[tuple[Local, FloatArray]]
@@ -76,8 +82,8 @@ class Objective:
         for record, (output, by_local) in zip(loops, self._derivatives(sets), strict=True):
             values.append((output - record.output) * record.weight)
             rows.append((by_local * record.weight) @ sets[record.gap][1])
-        values.append(self._ties @ theta)
-        rows.append(self._ties)
+        values += [self._ties @ theta, self._pull @ theta - self._usual]
+        rows += [self._ties, self._pull]
         return np.concatenate(values), np.concatenate(rows)
 
     def normal(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -99,8 +105,9 @@ class Objective:
             squares[record.gap] += weighted.T @ weighted
             slopes[record.gap] += value @ weighted
             values.append(value)
-        values.append(self._ties @ theta)
-        gradient, matrix = self._ties.T @ values[-1], self._ties.T @ self._ties
+        values += [self._ties @ theta, self._pull @ theta - self._usual]
+        gradient = self._ties.T @ values[-2] + self._pull.T @ values[-1]
+        matrix = self._ties.T @ self._ties + self._pull.T @ self._pull
         for (_, by_theta), square, slope in zip(sets, squares, slopes, strict=True):
             gradient = gradient + slope @ by_theta
             matrix = matrix + by_theta.T @ square @ by_theta
@@ -119,3 +126,16 @@ def _differences(space: CoordinateSpace) -> FloatArray:
     for row, (first, second) in zip(rows, pairs, strict=True):
         row[first], row[second] = -1.0, 1.0
     return rows
+
+
+def _expectations(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
+    """Rows that take a coordinate in parts of its spread, and what is expected of them."""
+    numbers = [space.numbers[name] for name, _ in space.entries]
+    places = [place for place, number in enumerate(numbers) if number.usual is not None]
+    rows, usual = np.zeros((len(places), space.size)), np.zeros(len(places))
+    for row, place in enumerate(places):
+        number = numbers[place]
+        assert number.usual is not None
+        rows[row, place] = np.sqrt(EXPECTED) / number.spread
+        usual[row] = rows[row, place] * space.inward(number.name, number.usual)
+    return rows, usual

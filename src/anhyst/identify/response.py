@@ -16,10 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst._core import Operator, demagnetised, langevin, status_text
-from anhyst.identify.cell_kernel import CellKernel
+from anhyst.identify.cell_kernel import CellKernel, WeightKernel
 from anhyst.identify.fit_records import FitRecord
 from anhyst.identify.no_response import NoResponseError
-from anhyst.laws.cells import Shape
 from anhyst.laws.law import Kernel
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.support.arrays import FloatArray
@@ -29,9 +28,6 @@ SURROUNDING = ("omega", "scale", "gain", "in_0", "out_0")
 
 LOCAL = ("kappa", "c", *SURROUNDING)
 """Gauge-free parameters at one gap of a law of Jiles and Atherton, in the same order."""
-
-CELLS: Mapping[str, Shape] = {"play-cells": "tanh", "play-cells-langevin": "langevin"}
-"""Laws of play cells, and the curve of each."""
 
 _DIRECTIONS = 5  # kappa, c, omega, scale, in_0; the core differentiates by these
 _SEED = 5  # one more direction: the state at the start of a settled cycle
@@ -93,8 +89,8 @@ class ResponseForm:
         2 for a force, else 1.
     law
         Name of a law with a kernel, or of play cells.
-    populations
-        Of play cells; 0 for another law.
+    cells
+        How a fit sees play cells; None for another law.
     permeability
         mu_0 where field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0.
     h
@@ -106,16 +102,16 @@ class ResponseForm:
 
     power: int
     law: str = DEFAULT_LAW
-    populations: int = 0
+    cells: CellKernel | WeightKernel | None = None
     permeability: float = 0.0
     h: float = 1e-3
     dead_band: float = 0.0
 
     @property
-    def kernel(self) -> Kernel | CellKernel:
+    def kernel(self) -> Kernel | CellKernel | WeightKernel:
         """How the law is followed."""
-        if self.populations:
-            return CellKernel(CELLS[self.law], self.populations)
+        if self.cells is not None:
+            return self.cells
         kernel = LAWS[self.law].kernel
         assert kernel is not None
         return kernel

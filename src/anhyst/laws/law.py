@@ -118,6 +118,8 @@ class FitNumber:
         Its unit is the span of the measured input or output; nothing for a pure number.
     usual
         What it is to be expected at, where loops leave it open; None: nothing is expected.
+    spread
+        Standard deviation of the coordinate around that.
     """
 
     name: str
@@ -127,6 +129,7 @@ class FitNumber:
     coordinate: Literal["log", "asinh", "plain"] = "plain"
     of: Literal["input", "output", ""] = ""
     usual: float | None = None
+    spread: float = 1.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,112 @@
+"""The search for play cells: from the fit of a law of Jiles and Atherton, population by population.
+
+What a law of Jiles and Atherton says of circuit, offsets, shape and pinning is near enough to begin
+with. A further population begins as a part of those there are, in a few ways that differ: wider and
+as strongly pinned (a slow approach to saturation), wider and pinned otherwise, narrower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from anhyst.identify.cell_kernel import CellKernel, by_weights
+from anhyst.identify.default import TIE, TIED, FoundModel, follow
+from anhyst.identify.fit_records import FitRecords
+from anhyst.identify.response import Local, ResponseForm
+from anhyst.identify.space import CoordinateSpace
+
+COARSE, FINE = 40, 100
+"""Samples of a loop on which ways to begin are tried, and on which the fit runs, at most."""
+
+_SHORT, _LONG, _POLISHED = 8, 40, 12
+_ROUGH, _CLOSE = 1e-3, 1e-5
+
+_PINNINGS = (1.0, 0.4)
+"""Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
+
+_LANGEVIN = {"langevin": 1.0, "tanh": 3.0}
+"""Width of each curve that has the slope of Langevin's of width 1 at its middle."""
+
+_FURTHER = ((0.5, 8.0, 1.0), (0.6, 1.6, 2.0), (0.5, 2.0, 0.5))
+"""Share, width and pinning of a further population, in parts of those of the first."""
+
+
+def first_population(
+    found: FoundModel, form: ResponseForm, records: FitRecords
+) -> FoundModel:
+    """Fit cells of one population.
+
+    Parameters
+    ----------
+    found : FoundModel
+        Fit of a law of Jiles and Atherton, whose map and offsets are kept.
+    form : ResponseForm
+        Of play cells.
+    records : FitRecords
+        What is fitted.
+    """
+    assert form.cells is not None
+    wide = _LANGEVIN[form.cells.shape]
+    begins = []
+    for part in _PINNINGS:
+        begins.append([
+            replace(local, law=(local.c + 0.05, part * local.kappa / wide, 2.0),
+                    omega=local.omega / wide, scale=local.scale * wide)
+            for local in found.sets
+        ])  # fmt: skip
+    return _best(found, form, records, begins)
+
+
+def one_more(found: FoundModel, form: ResponseForm, records: FitRecords) -> FoundModel:
+    """Fit cells of one population more than a fit of cells has."""
+    return _best(found, form, records, ([_split(local, form.power, how) for local in found.sets]
+                                        for how in _FURTHER))  # fmt: skip
+
+
+def _split(local: Local, power: int, how: tuple[float, float, float]) -> Local:
+    """Add a population; the initial slope stays as it is."""
+    share, width, pinning = how
+    all_of_it = 1.0 + share / width
+    share_0, pinning_1, spread_1, *others = local.law
+    kept = [value / all_of_it if place % 4 == 0 else value for place, value in enumerate(others)]
+    more = (share, width, pinning_1 * pinning, spread_1)
+    return replace(
+        local,
+        law=(share_0 * all_of_it, pinning_1, spread_1, *kept, *more),
+        omega=local.omega / all_of_it,
+        gain=local.gain / all_of_it**power,
+    )
+
+
+def _best(
+    found: FoundModel,
+    form: ResponseForm,
+    records: FitRecords,
+    begins: Iterable[Sequence[Local]],
+) -> FoundModel:
+    """Descend a little from each begin, and on from the best of them."""
+    old = found.space
+    tie = TIE * found.cost if old.gap_map in TIED else 0.0
+    coarse, fine = (
+        CoordinateSpace(old.gap_map, records.thinned(most), form, old.held, old.common)
+        for most in (COARSE, FINE)
+    )
+    tried = [follow(coarse, coarse.pack(list(sets)), _ROUGH, _SHORT, tie) for sets in begins]
+    best = min(tried, key=lambda one: one.cost)
+    end = follow(fine, best.theta, _CLOSE, _LONG, tie)
+    spent = end.evaluations + sum(one.evaluations for one in tried)
+    return replace(end, evaluations=spent)
+
+
+def polish(found: FoundModel, records: FitRecords) -> FoundModel:
+    """Let every weight of the cells of a fit move by itself, near to where it is."""
+    form = found.space.form
+    assert isinstance(form.cells, CellKernel)
+    kernel = by_weights(form.cells, found.sets[0].law)
+    law = tuple(kernel.populations.weights.ravel().tolist())
+    sets = [replace(local, law=law) for local in found.sets]
+    space = replace(
+        found.space, records=records.thinned(FINE), form=replace(form, law=form.law, cells=kernel)
+    )
+    return follow(space, space.pack(sets), _CLOSE, _POLISHED, found.tie)
