@@ -20,6 +20,9 @@ from anhyst.laws.law import FitNumber
 REVERSIBLE_WIDTH = 1.0
 """``a_0`` over ``a_1``."""
 
+LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
+"""Law of play cells that follow a curve."""
+
 _DIFFERENCE = 1e-5
 
 POLISHED = (0.6, 1.0, 1.8)

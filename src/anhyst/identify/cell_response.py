@@ -95,7 +95,9 @@ class CellResponder:
         return DrivenCells(local.omega, r, lead.size, guess, omega_t, r_t)
 
 
-def _ready(kernel: CellKernel | WeightKernel, law: tuple[float, ...], *, tangents: bool) -> CellPaths:
+def _ready(
+    kernel: CellKernel | WeightKernel, law: tuple[float, ...], *, tangents: bool
+) -> CellPaths:
     try:
         return kernel.paths_with_tangents(law) if tangents else kernel.paths(law)
     except ValueError as error:

@@ -10,9 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from anhyst.identify.cell_kernel import CellKernel, by_weights
+from anhyst.identify.candidates import ModelCandidate
+from anhyst.identify.cell_kernel import LAW_OF, CellKernel, by_weights
+from anhyst.identify.contest import Fits
 from anhyst.identify.default import TIE, TIED, FoundModel, follow
 from anhyst.identify.fit_records import FitRecords
+from anhyst.identify.offsets import only_demanded
 from anhyst.identify.response import Local, ResponseForm
 from anhyst.identify.space import CoordinateSpace
 
@@ -32,9 +35,36 @@ _FURTHER = ((0.5, 8.0, 1.0), (0.6, 1.6, 2.0), (0.5, 2.0, 0.5))
 """Share, width and pinning of a further population, in parts of those of the first."""
 
 
-def first_population(
-    found: FoundModel, form: ResponseForm, records: FitRecords
-) -> FoundModel:
+def search_cells(
+    base: FoundModel, records: FitRecords, wanted: Sequence[ModelCandidate]
+) -> dict[ModelCandidate, Fits]:
+    """Fit play cells of one curve.
+
+    Parameters
+    ----------
+    base : FoundModel
+        Fit of a law of Jiles and Atherton, with its offsets free.
+    records : FitRecords
+        What is fitted.
+    wanted : sequence of ModelCandidate
+        By populations, ascending, each followed by the same with its weights fitted.
+    """
+    fits: dict[ModelCandidate, Fits] = {}
+    wide = base
+    for one in wanted:
+        assert one.cells is not None
+        form = replace(base.space.form, law=LAW_OF[one.cells.shape], cells=one.cells, dead_band=0.0)
+        if one.polished:
+            end = polish(wide, records)
+        elif wide is base:
+            end = wide = first_population(base, form, records)
+        else:
+            end = wide = one_more(wide, form, records)
+        fits[one] = Fits(end, only_demanded(end, _CLOSE, _LONG))
+    return fits
+
+
+def first_population(found: FoundModel, form: ResponseForm, records: FitRecords) -> FoundModel:
     """Fit cells of one population.
 
     Parameters
@@ -48,13 +78,14 @@ def first_population(
     """
     assert form.cells is not None
     wide = _LANGEVIN[form.cells.shape]
-    begins = []
-    for part in _PINNINGS:
-        begins.append([
+    begins = [
+        [
             replace(local, law=(local.c + 0.05, part * local.kappa / wide, 2.0),
                     omega=local.omega / wide, scale=local.scale * wide)
             for local in found.sets
-        ])  # fmt: skip
+        ]
+        for part in _PINNINGS
+    ]  # fmt: skip
     return _best(found, form, records, begins)
 
 

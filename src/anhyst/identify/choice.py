@@ -1,23 +1,29 @@
-"""Which gap map: one that a controller can use, and that predicts gaps it has not seen."""
+"""Which law and gap map: those that a controller can use, and that predict what was left out."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from anhyst.data import LoopSet
+from anhyst.data.output_map import is_electromagnet
 from anhyst.identify.bare import model_of, valid_range
+from anhyst.identify.candidates import (
+    ModelCandidate,
+    cell_candidates,
+    map_candidates,
+    require_gaps,
+)
+from anhyst.identify.cell_search import search_cells
+from anhyst.identify.contest import Contest, Fits
 from anhyst.identify.cross_validation import (
-    AS_GOOD,
     Fold,
-    Miss,
+    LeftOut,
     Refit,
-    better,
     folds,
     inner,
-    mean_of,
+    inner_loops,
     noise_at,
     promise,
     refit,
@@ -33,43 +39,19 @@ from anhyst.identify.default import (
     search_each_gap,
     search_one_gap,
 )
-from anhyst.identify.fit_records import FitRecords
-from anhyst.identify.offsets import OFFSETS, only_demanded
+from anhyst.identify.offsets import only_demanded
 from anhyst.identify.response import Local
 from anhyst.identify.run import SEARCHED, SearchRun
 from anhyst.identify.screening import starts
 from anhyst.model.compilable import obstacle
-from anhyst.model.fit_record import CrossValidation
-from anhyst.support.errors import InputError
+from anhyst.model.fit_record import CandidateFit, CrossValidation
 
 CARRIED = 24
 """Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
 
 
-@dataclass(frozen=True)
-class MapCandidate:
-    """A gap map, and what it may vary.
-
-    Parameters
-    ----------
-    gap_map
-        The map.
-    held
-        Parameters that are zero and not fitted.
-    common
-        Parameters that are the same at every gap although the map lets them differ.
-    rank
-        Complexity: one of a higher rank is taken only where it is better by more than its scatter.
-    """
-
-    gap_map: str
-    held: frozenset[str]
-    common: frozenset[str] = frozenset()
-    rank: int = 0
-
-
 @dataclass(frozen=True, eq=False)
-class MapChoice:
+class ModelChoice:
     """The fit chosen, and why.
 
     Parameters
@@ -85,6 +67,8 @@ class MapChoice:
         gaps, and without those maps that cannot be computed at a gap left out.
     promised
         What the whole choice misses at gaps it has not seen; None below three gaps.
+    candidates
+        All that were compared, where laws were.
     """
 
     found: FoundModel
@@ -92,67 +76,11 @@ class MapChoice:
     dead_band: str = "none"
     left_out: dict[str, float] = field(default_factory=dict)
     promised: CrossValidation | None = None
+    candidates: tuple[CandidateFit, ...] = ()
 
 
-def require_gaps(records: FitRecords, wanted: str) -> None:
-    """Refuse a gap map where there is nothing to see of it.
-
-    Raises
-    ------
-    InputError
-        A gap map is wanted and there is one gap only.
-    """
-    if wanted != "auto" and records.gaps < 2:
-        raise InputError(
-            f"gap map '{wanted}' needs loops at two gaps or more, there are loops at one; measure "
-            "another gap, or use --gap-map auto for a model of this gap alone"
-        )
-
-
-def candidates_for(run: SearchRun, loopset: LoopSet, wanted: str) -> list[MapCandidate]:
-    """Name the candidates, the simplest first.
-
-    A reluctance in series is physics of a gap only, and does not go with the law of 1986. Of
-    ``circuit`` and ``free``, two gaps say too little. Under ``free`` the gap cannot move, so it is
-    for other schedules. The offsets of a sensor do not depend on the gap: ``circuit`` lets them
-    only where it is asked for.
-    """
-    gaps, held = run.searched.gaps, run.held
-    if wanted == "circuit":
-        shared = MapCandidate("circuit", held, OFFSETS)
-        apart = gaps >= 3 and not held >= OFFSETS
-        return [shared, MapCandidate("circuit", held, rank=1)] if apart else [shared]
-    if wanted == "free":
-        # With everything free at each gap, interaction and shape of the anhysteretic replace each
-        # other almost without trace, and what is interpolated of them need not fit together.
-        # Without interaction the fit is a little worse and may predict much better.
-        # The same holds of offsets at every gap.
-        if gaps < 3:
-            return [MapCandidate("free", held)]
-        found = [
-            MapCandidate("free", held | OFFSETS),
-            MapCandidate("free", held | OFFSETS | {"omega"}),
-        ]
-        if not held >= OFFSETS:
-            found += [
-                MapCandidate("free", held, rank=1),
-                MapCandidate("free", held | {"omega"}, rank=1),
-            ]
-        return found
-    if wanted != "auto":
-        return [MapCandidate(wanted, held)]
-    found = [MapCandidate("scaling", held)]
-    if loopset.schedule is None or loopset.schedule.name != "gap":
-        others = candidates_for(run, loopset, "free") if gaps >= 3 else []
-        return found + [replace(one, rank=one.rank + 1) for one in others]
-    if not run.form.kernel.coupled:
-        found.append(MapCandidate("reluctance", held))
-        found += [MapCandidate("circuit", held, OFFSETS, rank=1)] if gaps >= 3 else []
-    return found
-
-
-def search_maps(run: SearchRun, loopset: LoopSet, wanted: str) -> MapChoice:
-    """Fit under the wanted map, or under all and keep the one that predicts left-out gaps best.
+def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
+    """Fit under the wanted map and law, or under all, and keep what predicts best what is left out.
 
     Parameters
     ----------
@@ -165,7 +93,7 @@ def search_maps(run: SearchRun, loopset: LoopSet, wanted: str) -> MapChoice:
 
     Returns
     -------
-    MapChoice
+    ModelChoice
 
     Raises
     ------
@@ -174,19 +102,16 @@ def search_maps(run: SearchRun, loopset: LoopSet, wanted: str) -> MapChoice:
     """
     gaps = run.searched.gaps
     require_gaps(run.records, wanted)
-    tried = candidates_for(run, loopset, wanted) if gaps > 1 else []
-    left_out = folds(gaps, nested=len(tried) > 1)
+    tried = map_candidates(run, loopset, wanted) if gaps > 1 else []
+    left_out = folds(inner(gaps), nested=len(tried) > 1 or bool(run.cells))
     run.total = 1 + len(tried) + len(left_out) + run.dead_band + _is_thinned(run)
-    known = _known(run)
+    run.total += len(run.cells) + len(left_out) if run.cells else 0
+    alone, known = _known(run)
     if gaps == 1:
-        assert run.best is not None
-        why = "there is one gap only, so nothing runs over it"
-        return MapChoice(*_finished(run, loopset, run.best, why))
-    fits = {one: _joined(run, one, known) for one in tried}
-    able = [one for one in tried if obstacle(model_of(fits[one].found, loopset)) is None]
-    contest = _Contest(list(able or tried), fits, {})
-    for fold in left_out:
-        contest.refits[fold] = _without(run, contest, loopset, fold)
+        one = ModelCandidate("none", run.held)
+        contest = Contest([one], {one: alone}, {}, ())
+    else:
+        contest = _compared_maps(run, loopset, tried, known, left_out)
     best = _accepted(contest, loopset)
     why = _why(contest, best, wanted, gaps)
     if unable := [one.gap_map for one in tried if one not in contest.entrants]:
@@ -194,88 +119,117 @@ def search_maps(run: SearchRun, loopset: LoopSet, wanted: str) -> MapChoice:
             "; passed over, because it cannot be compiled or fails the acceptance test: "
             f"{', '.join(dict.fromkeys(unable))}"
         )
-    return MapChoice(
-        *_finished(run, loopset, fits[best].found, why),
-        {name: error for name, error in contest.errors(gaps).items() if np.isfinite(error)},
-        promise(contest.nested(gaps), noise_at(loopset)[1:-1]),
+    candidates: tuple[CandidateFit, ...] = ()
+    if run.cells:
+        maps = contest.errors_of_maps(best)
+        best = _compare_cells(run, loopset, contest, best)
+        candidates = _listed(run, contest, best)
+        why += f"; {_why_law(run, contest, best)}"
+    else:
+        maps = contest.errors_of_maps(best)
+    return ModelChoice(
+        *_finished(run, loopset, contest.fits[best].found, why),
+        {name: error for name, error in maps.items() if np.isfinite(error)},
+        promise(contest.nested(), noise_at(loopset)[1:-1]) if gaps > 2 else None,
+        candidates,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Fits:
-    """Two fits under one candidate: offsets free, and only those that the data demand."""
-
-    wide: FoundModel
-    found: FoundModel
-
-
-@dataclass(frozen=True, eq=False)
-class _Contest:
-    """All that was fitted: to all gaps, and without some."""
-
-    entrants: list[MapCandidate]
-    fits: Mapping[MapCandidate, _Fits]
-    refits: dict[Fold, Mapping[MapCandidate, Refit]]
-
-    def misses(self, one: MapCandidate, gaps: int, besides: Fold = frozenset()) -> list[Miss]:
-        """Give what a candidate missed at each inner gap, left out besides some others."""
-        return [
-            self.refits[besides | {gap}][one].missed[gap]
-            for gap in inner(gaps)
-            if gap not in besides
-        ]
-
-    def winner(self, gaps: int, besides: Fold = frozenset()) -> MapCandidate:
-        """Choose from all gaps, or from all but some."""
-        missed = {one: self.misses(one, gaps, besides) for one in self.entrants}
-        if not any(missed.values()):
-            return min(self._simplest(), key=lambda one: self._cost(one, besides))
-        best = None
-        for rank in sorted({one.rank for one in self.entrants}):
-            means = {one: mean_of(missed[one]) for one in self.entrants if one.rank == rank}
-            enough = AS_GOOD * min(means.values())
-            first = next(one for one, mean in means.items() if mean <= enough)
-            if best is None or better(missed[best], missed[first]):
-                best = first
-        assert best is not None
-        return best
-
-    def _simplest(self) -> list[MapCandidate]:
-        least = min(one.rank for one in self.entrants)
-        return [one for one in self.entrants if one.rank == least]
-
-    def _cost(self, one: MapCandidate, besides: Fold) -> float:
-        return self.refits[besides][one].cost if besides else self.fits[one].found.cost
-
-    def errors(self, gaps: int) -> dict[str, float]:
-        """Cross-validation error of each map, of its best variant."""
-        found: dict[str, float] = {}
-        for one in self.entrants if gaps > 2 else ():
-            error = mean_of(self.misses(one, gaps))
-            found[one.gap_map] = min(error, found.get(one.gap_map, np.inf))
-        return found
-
-    def nested(self, gaps: int) -> list[float]:
-        """Errors at gaps that neither the fit nor the choice has seen."""
-        errors = []
-        for gap in inner(gaps):
-            fold = frozenset({gap})
-            one = self.winner(gaps, fold) if len(self.entrants) > 1 else self.entrants[0]
-            errors.append(self.refits[fold][one].missed[gap].mean)
-        return errors
+def _compared_maps(
+    run: SearchRun,
+    loopset: LoopSet,
+    tried: list[ModelCandidate],
+    known: list[Local],
+    left_out: list[Fold],
+) -> Contest:
+    """Fit every gap map, to all gaps and without some."""
+    fits = {one: _joined(run, one, known) for one in tried}
+    able = [one for one in tried if obstacle(model_of(fits[one].found, loopset)) is None]
+    contest = Contest(list(able or tried), fits, {}, inner(run.searched.gaps))
+    for fold in left_out:
+        contest.refits[fold] = _without(run, contest, loopset, fold)
+    return contest
 
 
-def _accepted(contest: _Contest, loopset: LoopSet) -> MapCandidate:
+def _compare_cells(
+    run: SearchRun, loopset: LoopSet, contest: Contest, base: ModelCandidate
+) -> ModelCandidate:
+    """Fit play cells under the map of another candidate, and choose from all.
+
+    With fewer than three gaps the inner loops are left out, where there are two or more.
+    """
+    by: LeftOut = "gap"
+    if not contest.places:
+        by, places = "loop", inner_loops(run.searched)
+        contest.places = places if len(places) > 1 else ()
+        contest.entrants[:] = [base]
+        for fold in folds(contest.places, nested=True):
+            contest.refits[fold] = {base: refit(contest.fits[base].wide, loopset, fold, by)}
+    new = cell_candidates(base, run.cells)
+    for shape in run.cells:
+        of_shape = [one for one in new if one.cells and one.cells.shape == shape]
+        contest.fits.update(
+            run.step(lambda: search_cells(contest.fits[base].wide, run.searched, of_shape))  # noqa: B023
+        )
+    for fold in folds(contest.places, nested=True):
+        found = {one: refit(contest.fits[one].wide, loopset, fold, by) for one in new}
+        contest.refits[fold].update(run.step(lambda: found))  # noqa: B023
+    if run.only_cells:
+        contest.entrants.clear()
+    contest.entrants += [
+        one for one in new if run.only_cells or _is_usable(contest.fits[one].found, loopset)
+    ]
+    return _accepted(contest, loopset)
+
+
+def _is_usable(found: FoundModel, loopset: LoopSet) -> bool:
+    """Whether what is to be compensated can be compiled."""
+    return not is_electromagnet(loopset) or obstacle(model_of(found, loopset)) is None
+
+
+def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[CandidateFit, ...]:
+    """Put all candidates side by side, the simplest first."""
+    return tuple(
+        CandidateFit(
+            law=one.title(run.form.law),
+            gap_map=one.gap_map,
+            numbers=fits.found.theta.size,
+            rms=float(np.sqrt(fits.found.cost)),
+            left_out=contest.error(one) if one in contest.entrants else None,
+            note="chosen" if one == best else "" if one in contest.entrants else "passed over",
+        )
+        for one, fits in sorted(contest.fits.items(), key=lambda item: item[0].rank)
+    )
+
+
+def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
+    name = best.title(run.form.law)
+    if not contest.places:
+        return f"law {name}: too few loops to leave one out, so the simplest"
+    errors = {one: contest.error(one) for one in contest.entrants if one != best}
+    own = contest.error(best)
+    assert own is not None
+    text = f"law {name} misses {100.0 * own:.2g} % of the largest output on what was left out"
+    others = {one: error for one, error in errors.items() if error is not None}
+    if not others:
+        return text
+    least = min(others, key=lambda one: others[one])
+    text += f", {least.title(run.form.law)} {100.0 * others[least]:.2g} %"
+    if others[least] < own:
+        text += ": not less by more than its scatter, and less simple"
+    return text
+
+
+def _accepted(contest: Contest, loopset: LoopSet) -> ModelCandidate:
     """Choose; what fails the acceptance test drops out as long as anything else is there."""
-    gaps = len(loopset.schedule_values)
     every = list(contest.entrants)
     while contest.entrants:
-        best = contest.winner(gaps)
+        best = contest.winner()
         if len(every) == 1 or _passes(contest.fits[best].found, loopset):
             return best
         contest.entrants.remove(best)
     contest.entrants.extend(every)
-    return contest.winner(gaps)
+    return contest.winner()
 
 
 def _passes(found: FoundModel, loopset: LoopSet) -> bool:
@@ -298,7 +252,9 @@ def _finished(
         The fit, why this one, and how wide the dead band is.
     """
     dead_band = "none: it was not wanted"
-    if run.dead_band:
+    if found.space.form.cells is not None:
+        dead_band = "none: play cells need none"
+    elif run.dead_band:
         found, dead_band = _with_dead_band(run, loopset, found)
     if _is_thinned(run):  # the search took fewer samples
         start = found
@@ -320,23 +276,23 @@ def _with_dead_band(run: SearchRun, loopset: LoopSet, found: FoundModel) -> tupl
     return after, why_dead_band(found, after)
 
 
-def _known(run: SearchRun) -> list[Local]:
-    """Give sets at the gap that shows most: its optimum first, then others worth a try."""
+def _known(run: SearchRun) -> tuple[Fits, list[Local]]:
+    """Fit the gap that shows most; give sets there: its optimum, then others worth a try."""
     home = run.searched.at(reference_gap(run.searched))
     fits = run.step(
         lambda: _pair(search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1)
     )
     if run.searched.gaps == 1:
         run.best = fits.found
-        return fits.found.sets
-    return [*fits.wide.sets, *starts(fits.wide.space, SCREENED, CARRIED, run.seed)]
+        return fits, fits.found.sets
+    return fits, [*fits.wide.sets, *starts(fits.wide.space, SCREENED, CARRIED, run.seed)]
 
 
-def _pair(wide: FoundModel, decide: bool = True) -> _Fits:
-    return _Fits(wide, only_demanded(wide) if decide else wide)
+def _pair(wide: FoundModel, decide: bool = True) -> Fits:
+    return Fits(wide, only_demanded(wide) if decide else wide)
 
 
-def _joined(run: SearchRun, one: MapCandidate, known: list[Local]) -> _Fits:
+def _joined(run: SearchRun, one: ModelCandidate, known: list[Local]) -> Fits:
     def search() -> FoundModel:
         if one.gap_map == "free":
             return search_each_gap(run.form, run.searched, run.seed, one.held)
@@ -351,15 +307,17 @@ def _joined(run: SearchRun, one: MapCandidate, known: list[Local]) -> _Fits:
 
 
 def _without(
-    run: SearchRun, contest: _Contest, loopset: LoopSet, fold: Fold
-) -> dict[MapCandidate, Refit]:
+    run: SearchRun, contest: Contest, loopset: LoopSet, fold: Fold
+) -> dict[ModelCandidate, Refit]:
     return run.step(
         lambda: {one: refit(contest.fits[one].wide, loopset, fold) for one in contest.entrants}
     )
 
 
-def _why(contest: _Contest, best: MapCandidate, wanted: str, gaps: int) -> str:
-    errors = contest.errors(gaps)
+def _why(contest: Contest, best: ModelCandidate, wanted: str, gaps: int) -> str:
+    if gaps == 1:
+        return "there is one gap only, so nothing runs over it"
+    errors = contest.errors_of_maps(best)
     if wanted != "auto":
         why = f"gap map '{wanted}' was asked for"
         if not errors:

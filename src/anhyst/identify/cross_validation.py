@@ -1,16 +1,17 @@
 """What a choice is worth: deviations at gaps that neither the fit nor the choice has seen.
 
-Gaps inside the range are left out in turn. A choice that is judged by the gaps that made it
-promises too much, so the promise is nested: for each gap left out the choice is made again by
-leaving out, in turn, each of the others.
+Gaps inside the range are left out in turn, or, where there are too few, inner loops. A choice that
+is judged by the gaps that made it promises too much, so the promise is nested: for each gap left out
+the choice is made again by leaving out, in turn, each of the others.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
@@ -19,12 +20,15 @@ from anhyst.data.noise import noise
 from anhyst.data.verdict import largest_output
 from anhyst.identify.bare import model_of
 from anhyst.identify.default import FoundModel, follow
+from anhyst.identify.fit_records import FitRecords
 from anhyst.identify.offsets import only_demanded
 from anhyst.model.fit_record import CrossValidation
 from anhyst.support.errors import InputError, NegativeResult
 
 Fold = frozenset[int]
-"""Places of the gaps that are left out together."""
+"""Places of the gaps, or of the loops, that are left out together."""
+
+LeftOut = Literal["gap", "loop"]
 
 AS_GOOD = 1.02
 """A cross-validation error within this factor of the least counts as equal to it."""
@@ -34,6 +38,8 @@ FOLDED = 160
 
 _TOLERANCE = 1e-6
 _MOST = 40
+_ROUGH, _FEW = 1e-4, 12
+"""The same for play cells: of many numbers, the last digits of some say nothing."""
 
 SCATTER = 0.35
 """Standard deviation of the logarithm of the deviation from gap to gap that is expected before any
@@ -73,15 +79,28 @@ def inner(gaps: int) -> range:
     return range(1, gaps - 1)
 
 
-def folds(gaps: int, nested: bool) -> list[Fold]:
-    """Name what is left out in turn: each inner gap and, to nest a choice, each pair of them."""
-    single = [frozenset({gap}) for gap in inner(gaps)]
-    pairs = combinations(inner(gaps), 2) if nested else ()
+def inner_loops(records: FitRecords) -> tuple[int, ...]:
+    """Give the places of loops that are not the largest at their gap."""
+    sizes = [float(np.max(np.abs(record.output))) for record in records.loops]
+    largest = {
+        gap: max((size, -place) for place, size in enumerate(sizes)
+                 if records.loops[place].gap == gap)
+        for gap in range(records.gaps)
+    }  # fmt: skip
+    return tuple(
+        place for place, record in enumerate(records.loops) if -largest[record.gap][1] != place
+    )
+
+
+def folds(places: Sequence[int], nested: bool) -> list[Fold]:
+    """Name what is left out in turn: each place and, to nest a choice, each pair of them."""
+    single = [frozenset({place}) for place in places]
+    pairs = combinations(places, 2) if nested else ()
     return [*single, *map(frozenset, pairs)]
 
 
-def refit(wide: FoundModel, loopset: LoopSet, fold: Fold) -> Refit:
-    """Fit without some gaps, offsets and all, and predict them.
+def refit(wide: FoundModel, loopset: LoopSet, fold: Fold, by: LeftOut = "gap") -> Refit:
+    """Fit without some gaps or loops, offsets and all, and predict them.
 
     Parameters
     ----------
@@ -90,33 +109,44 @@ def refit(wide: FoundModel, loopset: LoopSet, fold: Fold) -> Refit:
     loopset : LoopSet
         All loops.
     fold : frozenset of int
-        Places of the gaps left out.
+        Places of what is left out.
+    by : str
+        Whether these are gaps or loops, in the order of the records.
 
     Returns
     -------
     Refit
     """
-    space, kept = wide.on(wide.space.records.thinned(FOLDED)).space.without(fold)
+    whole = wide.on(wide.space.records.thinned(FOLDED)).space
     groups = list(loopset.by_schedule().values())
+    if by == "gap":
+        space, kept = whole.without(fold)
+    else:
+        groups = [[loop] for group in groups for loop in group]
+        space, kept = (
+            replace(whole, records=whole.records.without_loops(fold)),
+            np.arange(whole.size),
+        )
+    tolerance, most = (_TOLERANCE, _MOST) if whole.form.cells is None else (_ROUGH, _FEW)
     try:
-        free = follow(space, wide.theta[kept], _TOLERANCE, _MOST, wide.tie)
-        found = only_demanded(free, _TOLERANCE, _MOST)
+        free = follow(space, wide.theta[kept], tolerance, most, wide.tie)
+        found = only_demanded(free, tolerance, most)
         model = model_of(found, loopset)
         missed = {}
-        for gap in fold:
+        for place in fold:
             off = [
                 np.abs(
                     model.predict(loop.input, loop.schedule, loop.time, loop.history).output
                     - loop.output
                 )
                 / space.records.output_span
-                for loop in groups[gap]
+                for loop in groups[place]
             ]
-            missed[gap] = Miss(
+            missed[place] = Miss(
                 float(np.mean(np.concatenate(off))), tuple(float(one.mean()) for one in off)
             )
     except (InputError, NegativeResult):
-        nothing = {gap: Miss(np.inf, (np.inf,) * len(groups[gap])) for gap in fold}
+        nothing = {one: Miss(np.inf, (np.inf,) * len(groups[one])) for one in fold}
         return Refit(float("inf"), nothing)
     return Refit(found.cost, missed)
 

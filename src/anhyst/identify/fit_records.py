@@ -84,6 +84,11 @@ class FitRecords:
         )
         return replace(self, loops=loops, nodes=self.nodes[keep])
 
+    def without_loops(self, left_out: Collection[int]) -> FitRecords:
+        """Take all loops but these, by their places."""
+        kept = tuple(one for place, one in enumerate(self.loops) if place not in left_out)
+        return replace(self, loops=kept)
+
     def thinned(self, most: int) -> FitRecords:
         """Take at most about `most` samples of each loop, weighing the same together.
 

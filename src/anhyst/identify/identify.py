@@ -14,7 +14,8 @@ from anhyst.data import History, LoopSet
 from anhyst.data.plausibility import check_plausible
 from anhyst.identify.any_law import fit_any
 from anhyst.identify.bare import model_of, valid_range
-from anhyst.identify.choice import MapChoice, require_gaps, search_maps
+from anhyst.identify.candidates import require_gaps
+from anhyst.identify.choice import ModelChoice, search_models
 from anhyst.identify.default import FoundModel
 from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
@@ -255,12 +256,12 @@ def _search(run: SearchRun, loopset: LoopSet, gap_map: str, search: str) -> _Out
         )
     interrupted = False
     try:
-        choice = search_maps(run, loopset, gap_map)
+        choice = search_models(run, loopset, gap_map)
     except KeyboardInterrupt:
         if run.best is None:
             raise
         best, interrupted = run.best.on(run.records), True  # the search may have thinned them
-        choice = MapChoice(best, "the search was interrupted: this is the best so far")
+        choice = ModelChoice(best, "the search was interrupted: this is the best so far")
     found = choice.found
     return _Outcome(
         model_of(found, loopset),

@@ -14,6 +14,7 @@ import numpy as np
 
 from anhyst.identify.fit_records import FitRecords
 from anhyst.identify.response import ResponseForm
+from anhyst.laws.cells import Shape
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.progress import Progress
 from anhyst.support.version import running_version
@@ -42,6 +43,10 @@ class SearchRun:
         Of everything random.
     held
         Parameters that are zero and not fitted.
+    cells
+        Curves of play cells that are compared with the law of the form.
+    only_cells
+        Whether only they may be chosen.
     dead_band
         Whether the law is given the widest dead band that the loops allow.
     total
@@ -60,6 +65,8 @@ class SearchRun:
     records: FitRecords
     seed: int
     held: frozenset[str]
+    cells: tuple[Shape, ...] = ()
+    only_cells: bool = False
     dead_band: bool = True
     total: int = 1
     progress: Progress | None = None

@@ -84,6 +84,33 @@ class CrossValidation:
 
 
 @dataclass(frozen=True, slots=True)
+class CandidateFit:
+    """One law that was fitted and compared with others.
+
+    Parameters
+    ----------
+    law, gap_map : str
+        What it is; the law in words.
+    numbers : int
+        How many were fitted.
+    rms : float
+        Root mean square deviation from all loops, in parts of the largest output.
+    left_out : float or None
+        Mean absolute deviation on what was left out of the fit, gaps or loops, in the same parts;
+        None where nothing was, or it was passed over.
+    note : str
+        ``chosen``, ``passed over``, or nothing.
+    """
+
+    law: str
+    gap_map: str
+    numbers: int
+    rms: float
+    left_out: float | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class FitFigures:
     """How far model and measurement are apart over all loops.
 
@@ -103,6 +130,8 @@ class FitFigures:
         Outcome of the acceptance test over gap and drive; None where it does not apply.
     cross_validation : CrossValidation or None
         What to expect at values between those measured; None below three of them.
+    candidates : tuple of CandidateFit
+        The laws that were compared, the simplest first; empty where one was asked for.
     """
 
     largest_output: float
@@ -113,6 +142,7 @@ class FitFigures:
     left_out: Mapping[str, float] = field(default_factory=dict)
     monotone: bool | None = None
     cross_validation: CrossValidation | None = None
+    candidates: tuple[CandidateFit, ...] = ()
 
 
 def fit_figures(
@@ -121,6 +151,7 @@ def fit_figures(
     left_out: Mapping[str, float] = MappingProxyType({}),
     monotone: bool | None = None,
     cross_validation: CrossValidation | None = None,
+    candidates: tuple[CandidateFit, ...] = (),
 ) -> FitFigures:
     """Compare measured and modelled loops.
 
@@ -130,7 +161,7 @@ def fit_figures(
         The measured loops.
     fitted : sequence of ndarray
         Modelled output of each, SI, in the order of the set.
-    left_out, monotone, cross_validation
+    left_out, monotone, cross_validation, candidates
         As in :class:`FitFigures`.
 
     Returns
@@ -162,6 +193,7 @@ def fit_figures(
         left_out=dict(left_out),
         monotone=monotone,
         cross_validation=cross_validation,
+        candidates=candidates,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from anhyst.data import LoopSet
 from anhyst.identify.bare import model_of
-from anhyst.identify.choice import require_gaps
+from anhyst.identify.candidates import require_gaps
 from anhyst.identify.default import FoundModel
 from anhyst.identify.objective import Objective
 from anhyst.identify.paper.criterion import mean_deviation
