@@ -24,7 +24,7 @@ from anhyst.cli.options import (
     read_options,
 )
 from anhyst.cli.progress import progress_bar
-from anhyst.laws.registry import DEFAULT_LAW, LAWS
+from anhyst.laws.registry import LAWS
 from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Model fi
 
 
 def _known(law: str) -> str:
-    if law not in LAWS:
+    if law not in {*LAWS, "auto"}:
         known = ", ".join(repr(name) for name in LAWS)
         raise typer.BadParameter(f"{law!r} is not one of {known}.")
     return law
@@ -69,7 +69,12 @@ def _known(law: str) -> str:
 
 LawOption = Annotated[
     str,
-    typer.Option(metavar="LAW", callback=_known, help=f"The hysteresis law: {' or '.join(LAWS)}."),
+    typer.Option(
+        metavar="LAW",
+        callback=_known,
+        help=f"The hysteresis law: {', '.join(LAWS)}, or auto, the one "
+        "that predicts best what is left out of its fit.",
+    ),
 ]
 GapMapOption = Annotated[
     GapMapChoice,
@@ -113,7 +118,7 @@ DeadBand = Annotated[
 def identify(
     loops: Loops,
     out: Out,
-    law: LawOption = DEFAULT_LAW,
+    law: LawOption = "auto",
     gap_map: GapMapOption = GapMapChoice.AUTO,
     search: SearchOption = SearchChoice.DEFAULT,
     seed: Seed = 1,

@@ -23,7 +23,7 @@ REVERSIBLE_WIDTH = 1.0
 LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
 """Law of play cells that follow a curve."""
 
-_DIFFERENCE = 1e-5
+_DIFFERENCE = 1e-6
 
 POLISHED = (0.6, 1.0, 1.8)
 """Widths of cells by their weights, over that of the first population; further ones have theirs,
@@ -126,11 +126,9 @@ def _paths(kernel: CellKernel, law: tuple[float, ...], *, tangents: bool) -> Cel
     ends = []
     for place, value in enumerate(law):
         step = _DIFFERENCE * value
-        sides = [kernel.weights((*law[:place], value + way, *law[place + 1 :]))
-                 for way in (-step, step)]  # fmt: skip
-        ends.append((sides, 2.0 * step))
+        ends.append((kernel.weights((*law[:place], value + step, *law[place + 1 :])), step))
     thresholds, widths, weights = (
-        np.array([(getattr(up, name) - getattr(low, name)) / way for (low, up), way in ends])
+        np.array([(getattr(end, name) - getattr(cells, name)) / step for end, step in ends])
         for name in ("thresholds", "widths", "weights")
     )
     return CellPaths(cells, Tangents(thresholds, widths, weights))

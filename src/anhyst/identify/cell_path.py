@@ -1,8 +1,8 @@
 """The path of play cells along many drives at once, with tangents: what a fit of them runs on.
 
-From one turning point of a drive to the next every cell is a function of the effective field alone,
-``p_i = max(p_i, x - r_i)`` on the way up, so that all samples of such a run, and the same run of
-every drive, are solved together: ``x + omega*M(x) = r`` by Newton's method within a bracket.
+The core solves ``x + omega*M(x) = r`` along a drive. From one turning point to the next every cell
+is then a function of the effective field alone, ``p_i = max(p_i, x - r_i)`` on the way up, so that
+the tangents of all samples of such a run, and of the same run of every drive, are taken together.
 """
 
 from __future__ import annotations
@@ -15,16 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import langevin
+from anhyst._core import CellIron, langevin, status_text
 from anhyst.identify.no_response import NoResponseError
 from anhyst.laws.cells import CellWeights, Shape
 from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
-_SOLVED = 1e-10
-"""What is left of the equation, in parts of the largest drive."""
-
-_MOST = 100
-"""Steps of Newton's method and halvings of its bracket at most."""
+_SMALL = 1e-3
+"""Weight of the magnetisation as the core sees it: its unit is free, and makes it that small."""
 
 
 class Tangents(NamedTuple):
@@ -56,8 +54,6 @@ class DrivenCells:
         Right side, shape (n,).
     kept
         First sample that is asked for; those before it lead up to it.
-    guess
-        Effective field where it is looked for first, shape (n,).
     omega_t, r_t
         Derivatives by what a caller moves, shapes (d,) and (n, d); the numbers of the law come
         first, and are none of both.
@@ -66,7 +62,6 @@ class DrivenCells:
     omega: float
     r: FloatArray
     kept: int
-    guess: FloatArray
     omega_t: FloatArray
     r_t: FloatArray
 
@@ -78,10 +73,6 @@ def curve(shape: Shape, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         return value, 1.0 - value * value
     value, slope = langevin(z.ravel())
     return value.reshape(z.shape), slope.reshape(z.shape)
-
-
-SLOPES = {"tanh": 1.0, "langevin": 1.0 / 3.0}
-"""Largest slope of each curve, at its middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,33 +99,55 @@ class CellPaths:
         rows, columns = np.nonzero(some)
         return rows, columns
 
-    @cached_property
-    def steepest(self) -> float:
-        """Bound of the slope of the magnetisation, whatever the state."""
-        sums = self.cells.weights @ (1.0 / self.cells.widths)
-        return SLOPES[self.cells.shape] * float(sums.sum())
-
     def follow(self, drives: Sequence[DrivenCells]) -> list[Path]:
         """Drive the demagnetised cells along every drive.
 
         Raises
         ------
         NoResponseError
-            The equation may have several solutions, or none was found.
+            The equation may have several solutions.
         """
-        if min(1.0 + drive.omega * self.steepest for drive in drives) <= 0.0:
-            raise NoResponseError("the magnetisation may jump")
-        return _Followed(self, drives).paths()
+        solved = self._solve(drives)
+        if self.tangents is None:
+            nothing = np.empty((0, 0))
+            return [Path(x, m, nothing, nothing) for x, m in solved]
+        return _Followed(self, drives, solved).paths()
 
-    def magnetisation(
-        self, places: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return M of cells at places (t, n + 1), and of each pair: curve, slope over width, place."""
+    def _solve(self, drives: Sequence[DrivenCells]) -> list[tuple[FloatArray, FloatArray]]:
+        """Return effective field and magnetisation along every drive."""
+        weights = np.array([drive.omega for drive in drives])
+        unit = max(1.0, float(np.max(np.abs(weights)))) / _SMALL
+        alpha = max(0.0, -float(weights.min()) / unit)
+        cells = self.cells
+        try:
+            iron = CellIron(
+                cells.thresholds, cells.widths, unit * cells.weights, cells.shape, alpha
+            )
+        except ValueError as error:
+            raise NoResponseError(str(error)) from error
+        if 1.0 + float(weights.min()) / unit * iron.steepest <= 0.0:
+            raise NoResponseError("the magnetisation may jump")
+        found = []
+        for drive, weight in zip(drives, weights.tolist(), strict=True):
+            share = weight / unit + alpha
+            ratio = np.full(drive.r.size, share / (1.0 - share))
+            nothing = np.zeros(drive.r.size)
+            flux, field, _, status, _ = iron.forward(
+                drive.r * (1.0 + ratio), ratio, nothing, np.zeros(cells.thresholds.size)
+            )
+            if status != 0:
+                raise NoResponseError(status_text(status))
+            magnetisation = flux / MU_0 - field
+            found.append((field + alpha * magnetisation, magnetisation / unit))
+        return found
+
+    def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return, of each pair of cells at places (t, n + 1): curve, weighted slope, place."""
         rows, columns = self._used
         z = places[:, rows] / self.cells.widths[columns]
         value, slope = curve(self.cells.shape, z)
         steep = slope * (self.cells.weights / self.cells.widths)[rows, columns]
-        return value @ self.cells.weights[rows, columns], value, steep, z
+        return value, steep, z
 
     def each_cell(self, of_pairs: FloatArray) -> FloatArray:
         """Sum over the widths of each cell."""
@@ -169,18 +182,22 @@ def turns(r: FloatArray) -> NDArray[np.intp]:
 
 
 class _Followed:
-    """All drives under way: states, and what was found so far."""
+    """All drives under way: places of the cells, and their tangents."""
 
-    def __init__(self, paths: CellPaths, drives: Sequence[DrivenCells]) -> None:
-        self.cells, self.drives = paths, drives
+    def __init__(
+        self,
+        paths: CellPaths,
+        drives: Sequence[DrivenCells],
+        solved: Sequence[tuple[FloatArray, FloatArray]],
+    ) -> None:
+        self.cells, self.drives, self.solved = paths, drives, solved
         self.thresholds = paths.cells.thresholds
         count, width = len(drives), drives[0].omega_t.size
         self.state = np.zeros((count, self.thresholds.size))
-        self.found = [Path(np.empty(d.r.size), np.empty(d.r.size), *(
-            np.empty((d.r.size, width if paths.tangents else 0)) for _ in range(2)
-        )) for d in drives]  # fmt: skip
         self.state_t = np.zeros((count, self.thresholds.size, width))
-        self.reach = max(float(np.max(np.abs(d.r))) for d in drives)
+        self.tangents = [
+            (np.empty((drive.r.size, width)), np.empty((drive.r.size, width))) for drive in drives
+        ]
 
     def paths(self) -> list[Path]:
         runs = [turns(drive.r) for drive in self.drives]
@@ -189,95 +206,57 @@ class _Followed:
                 place: slice(int(one[step]), int(one[step + 1]))
                 for place, one in enumerate(runs) if step + 1 < one.size
             })  # fmt: skip
-        return self.found
+        return [
+            Path(x, m, x_t, m_t)
+            for (x, m), (x_t, m_t) in zip(self.solved, self.tangents, strict=True)
+        ]
 
     def _run(self, spans: dict[int, slice]) -> None:
-        """Take one run of each drive that has one left."""
-        places = np.array(list(spans))
+        """Take one run of each drive that has one left, upward or mirrored."""
         sizes = np.array([span.stop - span.start for span in spans.values()])
-        of = np.repeat(places, sizes)
-        r = np.concatenate([self.drives[place].r[span] for place, span in spans.items()])
-        omega = np.array([drive.omega for drive in self.drives])[of]
-        ends = np.cumsum(sizes) - 1
-        before = self.state[places, 0]
-        m0 = self.cells.magnetisation(self.state[places])[0]
-        start = before + np.array([self.drives[place].omega for place in places]) * m0
-        side = np.where(r[ends] < start, -1.0, 1.0)
-        each = np.repeat(side, sizes)
-        state = self.state[of] * each[:, None]
-        wanted = each * r
-        way = np.maximum(wanted - np.repeat(start * side, sizes), 0.0)
-        low = np.repeat(before * side, sizes)
-        guess = np.concatenate([self.drives[place].guess[span] for place, span in spans.items()])
-        x = self._solve(state, omega, wanted, low, way, each * guess)
-        self._take(spans, ends, each, state, omega, x)
-
-    def _solve(
-        self,
-        state: FloatArray,
-        omega: FloatArray,
-        wanted: FloatArray,
-        low: FloatArray,
-        way: FloatArray,
-        guess: FloatArray,
-    ) -> FloatArray:
-        """Solve a run upward; the field lies between where it was and a bound of the slope."""
-        steepest = self.cells.steepest
-        high = low + way / np.minimum(1.0, 1.0 + omega * steepest)
-        x = np.clip(guess, low, high)
-        before = np.full(x.size, np.inf)
-        for _ in range(_MOST):
-            places = np.maximum(state, x[:, None] - self.thresholds)
-            m, _, steep, _ = self.cells.magnetisation(places)
-            off = x + omega * m - wanted
-            if float(np.max(np.abs(off))) <= _SOLVED * self.reach:
-                return x
-            active = x[:, None] - self.thresholds >= state
-            slope = np.sum(self.cells.each_cell(steep) * active, axis=1)
-            low, high = np.where(off < 0.0, x, low), np.where(off > 0.0, x, high)
-            trial = x - off / (1.0 + omega * slope)
-            # From one flat end to the other and back Newton's method can go for ever.
-            nearer = (trial >= low) & (trial <= high) & (np.abs(off) <= 0.5 * before)
-            x, before = np.where(nearer, trial, 0.5 * (low + high)), np.abs(off)
-        raise NoResponseError("the equation of the cells has no solution that was found")
+        places = np.array(list(spans))
+        fields = [self.solved[place][0][span] for place, span in spans.items()]
+        last = np.array([field[-1] for field in fields])
+        side = np.where(last < self.state[places, 0], -1.0, 1.0)
+        x = np.concatenate(fields) * np.repeat(side, sizes)
+        state = (self.state[places] * side[:, None]).repeat(sizes, axis=0)
+        moved = x[:, None] - self.thresholds
+        value, steep, z = self.cells.at(np.maximum(state, moved))
+        weights_t, widths_t, thresholds_t = self.cells.by_pair
+        each = self.cells.each_cell(steep)
+        on = moved >= state
+        active = each * on
+        direct = value @ weights_t - (steep * z) @ widths_t - active @ thresholds_t
+        slope, resting = active.sum(axis=1), each - active
+        first = 0
+        for place, span, size, way in zip(places, spans.values(), sizes, side, strict=True):
+            part = slice(first, first + size)
+            first += size
+            self._take(place, span, way, direct[part], slope[part, None], resting[part])
+            after = np.broadcast_to(
+                way * self.tangents[place][0][span][-1], self.state_t[place].shape
+            )
+            after = after.copy()
+            after[:, : thresholds_t.shape[1]] -= thresholds_t
+            end = first - 1
+            self.state_t[place] = np.where(on[end, :, None], way * after, self.state_t[place])
+            self.state[place] = way * np.maximum(state[end], moved[end])
 
     def _take(
         self,
-        spans: dict[int, slice],
-        ends: NDArray[np.intp],
-        side: FloatArray,
-        state: FloatArray,
-        omega: FloatArray,
-        x: FloatArray,
+        place: int,
+        span: slice,
+        way: float,
+        direct: FloatArray,
+        slope: FloatArray,
+        resting: FloatArray,
     ) -> None:
-        """Keep what a run gave, its tangents, and the states at its end."""
-        cells = self.cells
-        moved = x[:, None] - self.thresholds
-        places = np.maximum(state, moved)
-        m, value, steep, z = cells.magnetisation(places)
-        first = ends + 1 - np.diff(np.concatenate([[-1], ends]))
-        if cells.tangents is not None:
-            weights_t, widths_t, thresholds_t = cells.by_pair
-            numbers = weights_t.shape[1]
-            each = cells.each_cell(steep)
-            active = each * (moved >= state)
-            slope = active.sum(axis=1)
-            direct = value @ weights_t - (steep * z) @ widths_t - active @ thresholds_t
-            resting = each - active
-        for place, (one, span) in enumerate(spans.items()):
-            part, found = slice(first[place], ends[place] + 1), self.found[one]
-            way = side[ends[place]]
-            found.x[span], found.m[span] = way * x[part], way * m[part]
-            if cells.tangents is not None:
-                drive, before = self.drives[one], self.state_t[one]
-                m_t = resting[part] @ (way * before)
-                m_t[:, :numbers] += direct[part]
-                x_t = way * drive.r_t[span] - m[part, None] * drive.omega_t - drive.omega * m_t
-                x_t /= (1.0 + drive.omega * slope[part])[:, None]
-                m_t += slope[part, None] * x_t
-                found.x_t[span], found.m_t[span] = way * x_t, way * m_t
-                on = moved[ends[place]] >= state[ends[place]]
-                after = np.broadcast_to(x_t[-1], before.shape).copy()
-                after[:, :numbers] -= thresholds_t
-                self.state_t[one] = np.where(on[:, None], way * after, before)
-            self.state[one] = way * places[ends[place]]
+        """Keep the tangents of a run: those of cells at rest stay what they were."""
+        drive = self.drives[place]
+        m = way * self.solved[place][1][span]
+        m_t = resting @ (way * self.state_t[place])
+        m_t[:, : direct.shape[1]] += direct
+        x_t = way * drive.r_t[span] - m[:, None] * drive.omega_t - drive.omega * m_t
+        x_t /= 1.0 + drive.omega * slope
+        self.tangents[place][0][span] = way * x_t
+        self.tangents[place][1][span] = way * (m_t + slope * x_t)

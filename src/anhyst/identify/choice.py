@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from anhyst.data import LoopSet
+from anhyst.data.noise import noise
 from anhyst.data.output_map import is_electromagnet
 from anhyst.identify.bare import model_of, valid_range
 from anhyst.identify.candidates import (
@@ -39,12 +40,20 @@ from anhyst.identify.default import (
     search_each_gap,
     search_one_gap,
 )
+from anhyst.identify.fitting import Evaluation
+from anhyst.identify.objective import Objective
 from anhyst.identify.offsets import only_demanded
 from anhyst.identify.response import Local
 from anhyst.identify.run import SEARCHED, SearchRun
 from anhyst.identify.screening import starts
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CandidateFit, CrossValidation
+
+_NOTHING_MORE = 1.05
+"""Deviation over the noise of the sensors below which there is nothing to gain."""
+
+_EXACT = 1e-4
+"""Deviation, in parts of the largest output, that no sensor sees."""
 
 CARRIED = 24
 """Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
@@ -120,7 +129,7 @@ def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
             f"{', '.join(dict.fromkeys(unable))}"
         )
     candidates: tuple[CandidateFit, ...] = ()
-    if run.cells:
+    if run.cells and (run.only_cells or _leaves_something(contest.fits[best].found, loopset)):
         maps = contest.errors_of_maps(best)
         best = _compare_cells(run, loopset, contest, best)
         candidates = _listed(run, contest, best)
@@ -180,6 +189,18 @@ def _compare_cells(
         one for one in new if run.only_cells or _is_usable(contest.fits[one].found, loopset)
     ]
     return _accepted(contest, loopset)
+
+
+def _leaves_something(found: FoundModel, loopset: LoopSet) -> bool:
+    """Whether a fit leaves more than the noise of the sensors, so that another law could gain."""
+    deviation = Evaluation(Objective(found.space)).at(found.theta).deviation
+    ordered = [loop for group in loopset.by_schedule().values() for loop in group]
+    noises = [
+        record.weight**2 * record.input.size * noise(loop.output) ** 2
+        for record, loop in zip(found.space.records.loops, ordered, strict=True)
+    ]
+    left = float(deviation @ deviation)
+    return left > max(_NOTHING_MORE**2 * sum(noises), _EXACT**2)
 
 
 def _is_usable(found: FoundModel, loopset: LoopSet) -> bool:

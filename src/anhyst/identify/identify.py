@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.data import History, LoopSet
+from anhyst.data.output_map import is_electromagnet
 from anhyst.data.plausibility import check_plausible
 from anhyst.identify.any_law import fit_any
 from anhyst.identify.bare import model_of, valid_range
 from anhyst.identify.candidates import require_gaps
+from anhyst.identify.cell_kernel import LAW_OF
 from anhyst.identify.choice import ModelChoice, search_models
 from anhyst.identify.default import FoundModel
 from anhyst.identify.fit_records import records_of
@@ -27,10 +29,12 @@ from anhyst.identify.result import IdentifyResult
 from anhyst.identify.run import SEARCHED, SearchRun
 from anhyst.identify.space import IN_SERIES
 from anhyst.identify.uncertainty import assess
+from anhyst.laws.cells import Shape
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import (
+    CandidateFit,
     CrossValidation,
     Provenance,
     ReductionStep,
@@ -45,6 +49,9 @@ from anhyst.support.version import running_version
 
 SEARCHES = ("default", "paper")
 
+AUTO = "auto"
+"""Of laws and gap maps: which one, is found out."""
+
 FEWEST = 5
 """With fewer samples than this for each quantity that is fitted, a user is warned."""
 
@@ -52,7 +59,7 @@ FEWEST = 5
 def identify(
     loopset: LoopSet,
     *,
-    law: str = DEFAULT_LAW,
+    law: str = AUTO,
     gap_map: str = "auto",
     search: str = "default",
     seed: int = 1,
@@ -69,7 +76,8 @@ def identify(
     loopset : LoopSet
         Loops at constant scheduling values; all are fitted together.
     law : str
-        One of :data:`anhyst.laws.registry.LAWS`.
+        One of :data:`anhyst.laws.registry.LAWS`, or ``auto``: the law of Jiles and Atherton, and
+        play cells where they are certain to predict better.
     gap_map : str
         ``scaling``, ``reluctance``, ``circuit``, ``free`` or ``auto``, which tries those that a
         controller can use.
@@ -108,12 +116,15 @@ def identify(
     began = time.perf_counter()
     check_wanted(law, gap_map, search)
     odd = check_plausible(loopset)
-    if LAWS[law].kernel is None:
-        outcome = _any_law(loopset, law, gap_map, seed, weights, offsets=offsets)
+    own, cells = _compared(loopset, law, search)
+    if LAWS[own].kernel is None:
+        outcome = _any_law(loopset, own, gap_map, seed, weights, offsets=offsets)
     else:
         rest = rest_of(loopset) if offsets and search == "default" else None
         run = SearchRun(
-            form=form_of(loopset.input, loopset.output, law),
+            form=form_of(loopset.input, loopset.output, own),
+            cells=cells,
+            only_cells=law != AUTO,
             records=records_of(loopset, weights, rest),
             seed=seed,
             held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
@@ -127,6 +138,7 @@ def identify(
         "search": search,
         "weights": weights,
         "offsets": offsets,
+        "law_wanted": law,
         "gap_map_wanted": gap_map,
         "gap_map_reason": outcome.why,
         "dead_band": outcome.dead_band,
@@ -143,7 +155,14 @@ def identify(
     fitted = outcome.fitted
     model = replace(
         model,
-        fit=fit_figures(loopset, fitted, outcome.left_out, acceptance.passed, outcome.promised),
+        fit=fit_figures(
+            loopset,
+            fitted,
+            outcome.left_out,
+            acceptance.passed,
+            outcome.promised,
+            outcome.candidates,
+        ),
         uncertainty=outcome.uncertainty,
     )
     warnings += [reason] if (reason := obstacle(model)) is not None else []
@@ -170,12 +189,14 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
         As :func:`identify`.
     """
     for what, value, known in (
-        ("law", law, LAWS),
+        ("law", law, (*LAWS, AUTO)),
         ("gap map", gap_map, (*GAP_MAPS[1:], "auto")),
         ("search", search, SEARCHES),
     ):
         if value not in known:
             raise InputError(f"{what} '{value}' is unknown; use one of {', '.join(known)}")
+    if law == AUTO:
+        law = DEFAULT_LAW
     kernel = LAWS[law].kernel
     if kernel is not None and kernel.coupled and gap_map in IN_SERIES:
         # There alpha acts on the irreversible part alone, which a reluctance does not: one number
@@ -192,6 +213,18 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
         )
 
 
+def _compared(loopset: LoopSet, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
+    """Name the law of the search, and the play cells that are fitted from it."""
+    shapes = {name: shape for shape, name in LAW_OF.items()}
+    if law in shapes:
+        return DEFAULT_LAW, (shapes[law],)
+    if law != AUTO:
+        return law, ()
+    # What pulls is to be compensated, so a law that cannot be compiled is not even tried.
+    able = (name for name in shapes if not is_electromagnet(loopset) or LAWS[name].least_slope)
+    return DEFAULT_LAW, tuple(shapes[name] for name in able) if search == "default" else ()
+
+
 @dataclass(frozen=True, eq=False)
 class _Outcome:
     """What a search has come to; the model is bare yet."""
@@ -206,6 +239,7 @@ class _Outcome:
     dead_band: str = "none"
     left_out: dict[str, float] = field(default_factory=dict)
     promised: CrossValidation | None = None
+    candidates: tuple[CandidateFit, ...] = ()
     steps: tuple[ReductionStep, ...] = ()
     per_gap: ActuatorModel | None = None
     resumed: int = 0
@@ -274,6 +308,7 @@ def _search(run: SearchRun, loopset: LoopSet, gap_map: str, search: str) -> _Out
         choice.dead_band,
         choice.left_out,
         choice.promised,
+        choice.candidates,
     )
 
 

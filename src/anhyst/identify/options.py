@@ -9,7 +9,6 @@ from pydantic import AfterValidator, Field
 
 from anhyst.data.clean import STEPS
 from anhyst.data.history import History
-from anhyst.laws.registry import DEFAULT_LAW
 from anhyst.model.schema import LawName
 from anhyst.model.sources import ReadOptions
 from anhyst.support.errors import InputError
@@ -44,7 +43,7 @@ class IdentifyTable(Table):
     What is left out is as on the command line, but for the gap map: whoever identifies says which.
     """
 
-    law: LawName = DEFAULT_LAW
+    law: LawName | Literal["auto"] = "auto"
     gap_map: GapMap | None = None
     search: Search = "default"
     seed: Annotated[int, Field(ge=0)] = 1
