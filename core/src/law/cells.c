@@ -305,6 +305,12 @@ static double clip(double value, double low, double high)
   return above < high ? above : high;
 }
 
+/* What cell i > 0 adds at x - r_i, from the row with it and the row without. */
+static double added(const anhyst_cells_f64 *cells, int i, double x)
+{
+  return cell_look(cells, i, x).value - cell_look(cells, i - 1, x).value;
+}
+
 void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers,
                             anhyst_cells_state_f64 *state)
 {
@@ -318,13 +324,13 @@ void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers
   state->bend = level;
   state->active = 0;
   for (int i = 1; i < cells->cells; i++) {
+    /* From both sides, so that a mirrored state has the mirrored magnetisation to the last bit. */
     const double r = cells->threshold[i];
     const double room = r - cells->threshold[i - 1];
     const double near = state->place[i - 1];
     const double place = isnan(numbers[i]) ? near : numbers[i];
     state->place[i] = clip(place, near - room, near + room);
-    const double x = state->place[i] + r;
-    state->m += cell_look(cells, i, x).value - cell_look(cells, i - 1, x).value;
+    state->m += 0.5 * (added(cells, i, state->place[i] + r) - added(cells, i, r - state->place[i]));
   }
 }
 

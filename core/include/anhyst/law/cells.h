@@ -90,7 +90,9 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
 
 /* Fills the rows; storage holds what anhyst_cells_lay_f64 asked for, and must outlive the law.
    Error of m against the sums: 1e-12 of the saturation for curves down to 1/30 of the largest
-   threshold, growing with the sixth power of their number to 1e-6. */
+   threshold, growing with the sixth power of that ratio to 1e-6. A cell's curve is interpolated
+   between other nodes on the way up than down: of that error up to a fifth adds up with every minor
+   loop that is run through, till all cells move or the state is entered anew. */
 void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                anhyst_cell_piece_f64 *storage);
 
