@@ -10,18 +10,21 @@ import numpy as np
 from anhyst import _core
 from anhyst.laws.cells import CellWeights, Population, Shape, populations
 from anhyst.laws.oracle.effective_field import StepKind
+from anhyst.laws.oracle.iron import LawName
 from anhyst.laws.play_cells import iron_of
 from anhyst.support.arrays import FloatArray
 
 from . import core
 from .sets import log_uniform, random_cases
 
-JILES_ATHERTON: dict[str, tuple[str, StepKind, float]] = {
-    "effective-field": ("effective-field", "exact", 1.0),
-    "effective-field, linear step": ("effective-field", "linear", 1.0),
-    "jiles-atherton-1986": ("jiles-atherton-1986", "exact", 0.01),
+JILES_ATHERTON: dict[str, tuple[LawName, StepKind, bool, float]] = {
+    "effective-field": ("effective-field", "exact", False, 1.0),
+    "effective-field, dead band": ("effective-field", "exact", True, 1.0),
+    "effective-field, linear step": ("effective-field", "linear", False, 1.0),
+    "jiles-atherton-1986": ("jiles-atherton-1986", "exact", False, 0.01),
 }
-"""Name of the law, its step, and how many sets of a hundred there is time for, over a hundred."""
+"""Name of the law, its step, whether with a dead band, and for which part of the sets there is
+time."""
 
 PLAY_CELLS: dict[str, Shape] = {"play-cells": "tanh", "play-cells-langevin": "langevin"}
 
@@ -123,9 +126,9 @@ def _cells(rng: np.random.Generator, shape: Shape, *, jumping: bool) -> Sample |
 def samples(law: str, count: int, seed: int, *, jumping: bool = False) -> list[Sample]:
     """Return irons of every kind of a law; jumping ones have ``alpha*A`` above 1."""
     if law in JILES_ATHERTON:
-        name, step, part = JILES_ATHERTON[law]
-        cases = random_cases(max(4, int(part * count)), seed, law=name, step=step,  # type: ignore[arg-type]
-                             jumping=jumping)  # fmt: skip
+        name, step, play, part = JILES_ATHERTON[law]
+        many = max(4, int(part * count))
+        cases = random_cases(many, seed, law=name, step=step, jumping=jumping, play=play)
         return [
             Sample(core.core_of(one), one.m_s, one.alpha,
                    one.operator.largest_slope * one.m_s / one.a, 3, amplitude)
