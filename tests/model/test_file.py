@@ -192,7 +192,7 @@ def line_of(path: Path, beginning: str) -> int:
         ("^unit = .A.", 'unit = "mA"', "unit", "input.unit: is 'mA'; model files are in SI"),
         ('^unit = "A"\n', "", "[input]", "input.unit: is missing; add it"),
         ("^quantity = .gap.", "quantity = 3", "quantity = 3", "schedule.quantity: must be a valid"),
-        ("^law.*", 'law = "preisach"', "law", "law: must be 'effective-field' or"),
+        ("^law.*", 'law = "preisach"', "law", "law: must be 'effective-field', 'jil"),
         ("^gap_map.*", 'gap_map = "x"', "gap_map", "gap_map: must be 'none', 'scaling'"),
         ("^history.*", 'history = "warm"', "history", "history: history 'warm' is not known"),
         ("^I_A = .*", "I_A = [2, 0]", "I_A", "valid.I_A: the first must not exceed the second"),

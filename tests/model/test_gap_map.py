@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anhyst.laws.law import Coordinate
-from anhyst.laws.registry import DEFAULT_LAW
+from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.gap_map import Curve
 from anhyst.model.parameters import specs_of
 from anhyst.support.arrays import FloatArray
@@ -17,7 +17,7 @@ from anhyst.support.errors import InputError
 GAPS = np.array([0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3])
 COORDINATES: dict[str, Coordinate] = {
     name: spec.coordinate
-    for name, spec in specs_of(DEFAULT_LAW).items()
+    for name, spec in specs_of(LAWS[DEFAULT_LAW]).items()
     if name in {"c_H", "M_s", "k", "c_out", "rho", "alpha"}
 }
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -129,6 +130,13 @@ class CellWeights:
         """Hash by value."""
         arrays = (self.thresholds, self.widths, self.weights)
         return hash((self.shape, *(array.tobytes() for array in arrays)))
+
+    def __str__(self) -> str:
+        """Say what there is, and a few digits that differ where anything does."""
+        content = b"".join(a.tobytes() for a in (self.thresholds, self.widths, self.weights))
+        digest = sha256(self.shape.encode() + content).hexdigest()[:8]
+        count = int(np.count_nonzero(self.weights))
+        return f"{self.thresholds.size} cells, {count} weights above 0 ({digest})"
 
     @property
     def saturation(self) -> float:

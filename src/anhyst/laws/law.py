@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
     from anhyst._core import Operator
+    from anhyst.laws.cells import CellWeights
     from anhyst.support.arrays import FloatArray
 
 Coordinate = Literal["reciprocal", "log", "plain"]
@@ -195,6 +196,9 @@ class Law:
         drive over the field, in that without iron. Without it there is no compensator.
     obstacle
         Why there is none, to complete the sentence "cannot be compiled: ...".
+    of_cells
+        The same law with its cells given, in place of the parameters that describe them; None for
+        a law without cells. ValueError where they are none of its own.
     """
 
     name: str
@@ -205,6 +209,7 @@ class Law:
     kernel: Kernel | None = None
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
     obstacle: str = "there is no compensator for it"
+    of_cells: Callable[[CellWeights], Law] | None = None
 
     def with_role(self, role: Role) -> tuple[ParameterSpec, ...]:
         """Return the parameters that play a role."""

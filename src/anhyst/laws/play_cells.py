@@ -6,6 +6,7 @@ out. What computes is imported where it is run: the command line shows the laws 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -49,6 +50,8 @@ def _population(number: int) -> tuple[ParameterSpec, ...]:
     )
 
 
+ALPHA = ParameterSpec("alpha", "interaction, below 1", high=1.0, default=0.0)
+
 PARAMETERS = (
     ParameterSpec(
         "M_0",
@@ -69,7 +72,7 @@ PARAMETERS = (
         search=(0.02, 5.0),
     ),
     *(spec for number in range(1, POPULATIONS + 1) for spec in _population(number)),
-    ParameterSpec("alpha", "interaction, below 1", high=1.0, default=0.0),
+    ALPHA,
 )
 
 
@@ -94,17 +97,33 @@ def _iron(shape: Shape, *numbers: float) -> CellIron:
     return iron_of(weights_of(shape, *cells), alpha)
 
 
-def _law(name: str, title: str, shape: Shape) -> Law:
+def _of_cells(name: str, cells: CellWeights) -> Law:
+    law = _LAWS[name]
+    shape = _SHAPES[name]
+    if cells.shape != shape:
+        other = next(known for known, curve in _SHAPES.items() if curve == cells.shape)
+        raise ValueError(f"shape is {cells.shape!r}, that of law {other!r}; {name!r} has {shape!r}")
+    return replace(
+        law, parameters=(ALPHA,), iron=partial(iron_of, cells), states=cells.thresholds.size
+    )
+
+
+def _law(name: str, title: str) -> Law:
     return Law(
         name=name,
         title=title,
         parameters=PARAMETERS,
-        iron=partial(_iron, shape),
+        iron=partial(_iron, _SHAPES[name]),
         states=STATES,
+        of_cells=partial(_of_cells, name),
     )
 
 
-PLAY_CELLS = _law("play-cells", "play cells in the effective field", "tanh")
+_SHAPES: dict[str, Shape] = {"play-cells": "tanh", "play-cells-langevin": "langevin"}
+
+PLAY_CELLS = _law("play-cells", "play cells in the effective field")
 PLAY_CELLS_LANGEVIN = _law(
-    "play-cells-langevin", "play cells in the effective field, on Langevin curves", "langevin"
+    "play-cells-langevin", "play cells in the effective field, on Langevin curves"
 )
+
+_LAWS = {law.name: law for law in (PLAY_CELLS, PLAY_CELLS_LANGEVIN)}

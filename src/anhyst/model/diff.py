@@ -135,6 +135,7 @@ def _settings(
         schedule, valid = model.schedule, model.valid
         return {
             "law": model.law,
+            "cells": str(model.cells) if model.cells else None,
             "gap_map": model.gap_map,
             "history": str(model.history),
             "schedule": schedule.column if schedule else None,

@@ -8,13 +8,17 @@ file. What is wrong with a file is reported with its line and key, all of it at 
 from __future__ import annotations
 
 import difflib
+from copy import deepcopy
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from anhyst.data.history import History
 from anhyst.data.loop_set import Source
-from anhyst.laws.registry import LAWS
+from anhyst.laws.cells import CellWeights
+from anhyst.laws.law import Law
+from anhyst.laws.registry import LAWS, law_of
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import (
     CrossValidation,
@@ -28,6 +32,7 @@ from anhyst.model.fit_record import (
 from anhyst.model.keys import FORMAT, VERSION, Names, meant, section_names
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.schema import (
+    CellsTable,
     FitTable,
     ModelTable,
     QuantityTable,
@@ -81,19 +86,23 @@ class _Reader:
         self._stop_if_wrong()
         assert given is not None
         assert answer is not None
-        law = content.get("law")
-        known = LAWS.get(law) if isinstance(law, str) else None
-        self.names = section_names(known, given, answer, schedule)
+        name = content.get("law")
+        law = LAWS.get(name) if isinstance(name, str) else None
+        self.names = section_names(None, given, answer, schedule)
+        cells = self._cells(content)
+        if law is not None and cells is not None:
+            law = self._with_cells(law, cells)
+        self.names = section_names(law, given, answer, schedule)
         self._strip_units(content, ())
         try:
             table = model_table(law).model_validate(content)
         except ValidationError as error:
             self._collect(error)
             table = None
-        self._check_ranges(content)
+        self._check_ranges(content, law)
         self._stop_if_wrong()
         assert table is not None
-        return self._build(table, given, answer, schedule)
+        return self._build(table, given, answer, schedule, cells)
 
     def _check_version(self, content: dict[str, Any]) -> None:
         if content.get("format") != FORMAT:
@@ -107,6 +116,47 @@ class _Reader:
                 else f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst",
             )
         self._stop_if_wrong()
+
+    def _cells(self, content: dict[str, Any]) -> CellWeights | None:
+        """Read the table of cells ahead of the rest: it says which parameters are left."""
+        written = deepcopy(content.get("cells"))
+        if written is None:
+            return None
+        self._strip_units(written, ("cells",))
+        self._stop_if_wrong()
+        try:
+            table = CellsTable.model_validate(written)
+        except ValidationError as error:
+            self._collect(error, ("cells",))
+            self._stop_if_wrong()
+            raise
+        rows = {len(row) for row in table.weights}
+        if rows != {len(table.widths)} or len(table.weights) != len(table.thresholds):
+            text = (
+                f"must be {len(table.thresholds)} rows of {len(table.widths)}, one row for each "
+                "threshold and one column for each width"
+            )
+            self.file.add(self._file_path(("cells", "weights")), text)
+            self._stop_if_wrong()
+        try:
+            return CellWeights(
+                np.array(table.thresholds),
+                np.array(table.widths),
+                np.array(table.weights),
+                table.shape,
+            )
+        except ValueError as error:
+            self.file.add(("cells",), str(error))
+            self._stop_if_wrong()
+            raise
+
+    def _with_cells(self, law: Law, cells: CellWeights) -> Law:
+        try:
+            return law_of(law.name, cells)
+        except ValueError as error:
+            self.file.add(("cells",), str(error))
+            self._stop_if_wrong()
+            raise
 
     def _quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
         written = content.get(key)
@@ -177,17 +227,17 @@ class _Reader:
         names = self._names_in(tuple(table))
         return (*table, names[last][1] if last in names else last)
 
-    def _check_ranges(self, content: dict[str, Any]) -> None:
+    def _check_ranges(self, content: dict[str, Any], law: Law | None) -> None:
         """Check what types cannot say; only where the types were right."""
         parameters = content.get("parameters")
-        if self.file.problems or not isinstance(parameters, dict):
+        if self.file.problems or law is None or not isinstance(parameters, dict):
             return
         values: dict[str, Parameter] = {
             name: tuple(float(v) for v in value) if isinstance(value, list) else float(value)
             for name, value in parameters.items()
         }
         nodes = content.get("schedule", {}).get("nodes", [])
-        for problem in find_problems(content["law"], values, nodes, content["gap_map"]):
+        for problem in find_problems(law, values, nodes, content["gap_map"]):
             self.file.add(self._file_path(_place_of(problem.key)), problem.text)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
@@ -214,7 +264,12 @@ class _Reader:
                 )
 
     def _build(
-        self, table: ModelTable, given: Quantity, answer: Quantity, schedule: Quantity | None
+        self,
+        table: ModelTable,
+        given: Quantity,
+        answer: Quantity,
+        schedule: Quantity | None,
+        cells: CellWeights | None,
     ) -> ActuatorModel:
         try:
             history = History.parse(table.history)
@@ -239,6 +294,7 @@ class _Reader:
             uncertainty=_uncertainty(table.uncertainty) if table.uncertainty else None,
             reduction=tuple(ReductionStep(**dict(step)) for step in table.reduction),
             provenance=_provenance(table),
+            cells=cells,
         )
         try:
             for node in model.nodes if model.fixed_gap_only else (None,):

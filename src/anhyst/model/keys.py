@@ -57,6 +57,9 @@ def section_names(
     return {
         ("schedule",): nodes,
         ("parameters",): parameter_names(law, given, answer),
+        ("cells",): {
+            name: (name, column(name, "A/m")) for name in ("thresholds", "widths", "weights")
+        },
         ("valid",): ranges,
         ("fit",): deviations,
         ("fit", "loop"): deviations | at,

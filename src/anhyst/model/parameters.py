@@ -9,8 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst.laws.law import ParameterSpec
-from anhyst.laws.registry import LAWS
+from anhyst.laws.law import Law, ParameterSpec
 
 Parameter = float | tuple[float, ...]
 GapMap = Literal["none", "scaling", "reluctance", "circuit", "free"]
@@ -51,9 +50,9 @@ MAY_VARY: Mapping[GapMap, frozenset[str]] = MappingProxyType(
 """What each gap map but ``free`` allows to run over the scheduling variable; ``free`` allows all."""
 
 
-def specs_of(law: str) -> dict[str, ParameterSpec]:
+def specs_of(law: Law) -> dict[str, ParameterSpec]:
     """Return every parameter of a model with this law by name, in the order of the file."""
-    return {spec.name: spec for spec in (*LAWS[law].parameters, *CIRCUIT)}
+    return {spec.name: spec for spec in (*law.parameters, *CIRCUIT)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +64,14 @@ class Problem:
 
 
 def find_problems(
-    law: str, parameters: Mapping[str, Parameter], nodes: Sequence[float], gap_map: GapMap
+    law: Law, parameters: Mapping[str, Parameter], nodes: Sequence[float], gap_map: GapMap
 ) -> list[Problem]:
     """Find everything that is wrong with a set of parameters.
 
     Parameters
     ----------
-    law : str
-        Name of the law.
+    law : Law
+        The law.
     parameters : mapping of str to float or tuple of float
         As in :class:`anhyst.model.record.ActuatorRecord`.
     nodes : sequence of float

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from anhyst._core import status_text
 from anhyst.data.history import History
 from anhyst.laws.law import IronOperator
-from anhyst.laws.registry import LAWS
 from anhyst.model.circuit import Circuit
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.valid_range import Given, flag, warn_if_far
@@ -324,7 +323,7 @@ def initial_state(
     ndarray, shape (s,)
         The state.
     """
-    state = np.zeros(LAWS[model.law].states)
+    state = np.zeros(model.operator_law.states)
     if history.kind != "conditioned":
         return state
     # The exact step does not care how a path is cut: turning points say all.

@@ -23,8 +23,9 @@ from numpy.typing import ArrayLike
 
 from anhyst.data.history import History
 from anhyst.data.output_map import output_map
+from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
-from anhyst.laws.registry import DEFAULT_LAW, LAWS
+from anhyst.laws.registry import DEFAULT_LAW, LAWS, law_of
 from anhyst.model.circuit import Circuit
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.gap_map import Curve
@@ -83,6 +84,8 @@ class ActuatorRecord:
         Where the model was seen to hold.
     fit, uncertainty, reduction, provenance
         Records of the identification; see :mod:`anhyst.model.fit_record`.
+    cells : CellWeights or None
+        The cells of a law that has some, in place of the parameters that describe them.
 
     Raises
     ------
@@ -104,6 +107,7 @@ class ActuatorRecord:
     uncertainty: Uncertainty | None = None
     reduction: tuple[ReductionStep, ...] = ()
     provenance: Provenance = field(default_factory=Provenance)
+    cells: CellWeights | None = None
 
     def __post_init__(self) -> None:
         given = {name: _as_parameter(value) for name, value in self.parameters.items()}
@@ -111,7 +115,11 @@ class ActuatorRecord:
         object.__setattr__(self, "nodes", nodes)
         if self.law not in LAWS:
             raise InputError(f"law: is {self.law!r}; use one of {', '.join(LAWS)}")
-        problems = find_problems(self.law, given, nodes, self.gap_map)
+        try:
+            law = self.operator_law
+        except ValueError as error:
+            raise InputError(f"model cells: {error}") from error
+        problems = find_problems(law, given, nodes, self.gap_map)
         if problems:
             raise InputError(f"model parameter {problems[0].key}: {problems[0].text}")
         if nodes and self.schedule is None:
@@ -130,12 +138,17 @@ class ActuatorRecord:
     @property
     def specs(self) -> Mapping[str, ParameterSpec]:
         """Every parameter by name, in the order of the file."""
-        return specs_of(self.law)
+        return specs_of(self.operator_law)
+
+    @cached_property
+    def operator_law(self) -> Law:
+        """The law, with its cells if the model gives them."""
+        return law_of(self.law, self.cells)
 
     @cached_property
     def keys(self) -> Names:
         """Names of the parameters in a file, bare and with their unit."""
-        return parameter_names(LAWS[self.law], self.input, self.output)
+        return parameter_names(self.operator_law, self.input, self.output)
 
     @property
     def power(self) -> int:
@@ -154,7 +167,7 @@ class ActuatorRecord:
     @property
     def fixed_gap_only(self) -> bool:
         """Whether the scheduling variable must hold its value during a run (a ``free`` gap map)."""
-        own = {spec.name for spec in LAWS[self.law].parameters}
+        own = {spec.name for spec in self.operator_law.parameters}
         return not own.isdisjoint(self.varying)
 
     @property
@@ -262,7 +275,7 @@ class ActuatorRecord:
             The core refuses the parameters.
         """
         at = np.array([self.schedule_or_default(schedule) if self.fixed_gap_only else 0.0])
-        law = LAWS[self.law]
+        law = self.operator_law
         values = (float(self.over_schedule(spec.name, at)[0]) for spec in law.parameters)
         return _iron(law, *values)
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, FiniteFloat, PlainValidator, create_model
 from pydantic_core import PydanticCustomError
 
+from anhyst.laws.law import Law
 from anhyst.laws.registry import LAWS
 from anhyst.model.parameters import specs_of
 from anhyst.support.toml_file import Table
@@ -62,6 +63,15 @@ class ScheduleTable(QuantityTable):
     """``[schedule]``: the scheduling variable and its nodes."""
 
     nodes: list[FiniteFloat] = []
+
+
+class CellsTable(Table):
+    """``[cells]``: the cells of a law that has some, a row of weights for each threshold."""
+
+    shape: Literal["tanh", "langevin"]
+    thresholds: list[FiniteFloat]
+    widths: list[FiniteFloat]
+    weights: list[list[FiniteFloat]]
 
 
 class ValidTable(Table):
@@ -154,6 +164,7 @@ class ModelTable(Table):
     output: QuantityTable
     schedule: ScheduleTable | None = None
     parameters: dict[str, Any]
+    cells: CellsTable | None = None
     valid: ValidTable | None = None
     fit: FitTable | None = None
     uncertainty: UncertaintyTable | None = None
@@ -161,9 +172,9 @@ class ModelTable(Table):
     provenance: ProvenanceTable = ProvenanceTable()
 
 
-def model_table(law: object) -> type[ModelTable]:
+def model_table(law: Law | None) -> type[ModelTable]:
     """Return the whole file with the parameters of its law: one number, or one for each node."""
-    if not isinstance(law, str) or law not in LAWS:
+    if law is None:
         return ModelTable  # which then refuses the law
     fields: dict[str, Any] = {
         spec.name: (Number, ... if spec.default is None else spec.default)

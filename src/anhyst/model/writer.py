@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
+from anhyst.laws.cells import CellWeights
 from anhyst.laws.registry import LAWS
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
@@ -32,6 +33,10 @@ PARAMETERS_HEAD = """
 #     output                 = c_out * B^power + offset        (power 2 for a force, otherwise 1)
 # One number, or one for each node; between nodes a curve that cannot overshoot, outside a straight
 # line.
+"""
+CELLS = """
+# The cells of the iron: thresholds ascending from 0, and what each adds to the saturation on the
+# curve (shape) of each width, a row a threshold. They stand for the parameters of the populations.
 """
 FIT = """
 # How far the model is from the measurement it was found from: mean absolute, root mean square and
@@ -91,6 +96,7 @@ def model_text(model: ActuatorModel) -> str:
         "\n[output]\n" + _quantity(model.output),
         _schedule(model),
         "\n[parameters]" + PARAMETERS_HEAD + _parameters(model),
+        _cells(model.cells) if model.cells else "",
         _valid(model),
     ]
     if model.fit:
@@ -148,6 +154,16 @@ def _parameters(model: ActuatorModel) -> str:
         lines.append((f"{names[name][1]} = {written}", spec.meaning))
     width = min(max(len(line) for line, _ in lines), 48)
     return "".join(f"{line:<{width}}  # {meaning}\n" for line, meaning in lines)
+
+
+def _cells(cells: CellWeights) -> str:
+    table = {
+        "shape": cells.shape,
+        column("thresholds", "A/m"): cells.thresholds.tolist(),
+        column("widths", "A/m"): cells.widths.tolist(),
+    }
+    weights = f"{column('weights', 'A/m')} = {_rows(cells.weights.tolist())}\n"
+    return f"{CELLS}[cells]\n{_keys(table)}{weights}"
 
 
 def _valid(model: ActuatorModel) -> str:

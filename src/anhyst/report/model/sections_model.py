@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from markupsafe import Markup
 
+from anhyst.laws.cells import CellWeights
 from anhyst.laws.registry import LAWS
 from anhyst.model.fit_record import CrossValidation, Uncertainty
 from anhyst.model.sources import PREFIX
@@ -275,9 +276,21 @@ def section_parameters(subject: ModelSubject) -> Section:
         Text(equations(subject)),
         table("All parameters", ["", "in the file", "meaning", "value"], rows, "", texts=3),
     ]
+    if model.cells is not None:
+        blocks.append(_cells(model.cells))
     if model.uncertainty is not None and model.uncertainty.names:
         blocks += _uncertainty(subject, model.uncertainty)
     return Section("parameters", "Parameters and what the data say about them", tuple(blocks))
+
+
+def _cells(cells: CellWeights) -> Block:
+    """Show the weights, a row for each threshold."""
+    rows = [
+        [f"{r:.4g}", *(f"{100.0 * w / cells.saturation:.3g}" for w in row)]
+        for r, row in zip(cells.thresholds.tolist(), cells.weights.tolist(), strict=True)
+    ]
+    heads = ["threshold (A/m)", *(f"width {a:.4g} A/m (%)" for a in cells.widths.tolist())]
+    return table(f"Cells: {cells}, in parts of {cells.saturation:.5g} A/m", heads, rows)
 
 
 def equations(subject: ModelSubject) -> Markup:
