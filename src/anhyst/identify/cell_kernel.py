@@ -1,8 +1,8 @@
 """What a fit moves of play cells in populations, in units of their own.
 
 The unit of field is the width ``a_1`` of the first population, that of magnetisation its saturation
-``M_1``. How wide the reversible part is no loop shows beside how much of it there is: its width is
-set (docs/identification.md).
+``M_1``. How wide the reversible part is hardly any loop shows beside how much of it there is: its
+width stays near that of the first population (docs/identification.md).
 """
 
 from __future__ import annotations
@@ -13,17 +13,22 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from anhyst.identify.cell_path import CellPaths, Tangents
-from anhyst.laws.cells import CellWeights, Population, Shape, populations
+from anhyst.identify.cell_path import CellPaths
+from anhyst.laws.cells import (
+    CellWeights,
+    Population,
+    Shape,
+    Tangents,
+    population_tangents,
+    populations,
+    thresholds,
+)
 from anhyst.laws.law import FitNumber
 
-REVERSIBLE_WIDTH = 1.0
-"""``a_0`` over ``a_1``."""
+_DIFFERENCE = 1e-5
 
 LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
 """Law of play cells that follow a curve."""
-
-_DIFFERENCE = 1e-6
 
 POLISHED = (0.6, 1.0, 1.8)
 """Widths of cells by their weights, over that of the first population; further ones have theirs,
@@ -34,6 +39,7 @@ _LOOSE = 0.1
 
 _FIRST = (
     FitNumber("share_0", "M_0/M_1", 1e-4, 1e2, "log", usual=0.2),
+    FitNumber("width_0", "a_0/a_1", 3e-2, 3e1, "log", usual=1.0, spread=0.7),
     FitNumber("pinning_1", "k_1/a_1", 1e-3, 1e2, "log", usual=0.3),
     FitNumber("spread_1", "s_1", 0.3, 12.0, "log", usual=1.5),
 )
@@ -74,19 +80,15 @@ class CellKernel:
 
     def paths(self, law: tuple[float, ...]) -> CellPaths:
         """Return the cells of a set of numbers, ready to be driven."""
-        return _paths(self, law, tangents=False)
-
-    def paths_with_tangents(self, law: tuple[float, ...]) -> CellPaths:
-        """Return them with derivatives by the numbers."""
-        return _paths(self, law, tangents=True)
+        return _paths(self, law)
 
     def iron(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
     ) -> dict[str, float]:
         """Return the parameters of an iron, from its scales and what was fitted."""
-        share_0, *rest = law
+        share_0, width_0, *rest = law
         rest = [1.0, 1.0, *rest]
-        found = {"M_0": share_0 * saturation, "a_0": REVERSIBLE_WIDTH * width}
+        found = {"M_0": share_0 * saturation, "a_0": width_0 * width}
         for place in range(self.populations):
             share, wide, pinning, spread = rest[4 * place : 4 * place + 4]
             found |= {
@@ -111,27 +113,34 @@ class CellKernel:
     def weights(self, law: tuple[float, ...]) -> CellWeights:
         """Return the cells of a set of numbers."""
         iron = self.iron(1.0, 1.0, law, 0.0)
-        pinned = [
-            Population(*(iron[f"{name}_{place}"] for name in "Maks"))
-            for place in range(1, self.populations + 1)
-        ]
+        pinned = _pinned(iron, self.populations)
         return populations((iron["M_0"], iron["a_0"]), pinned, self.shape)
 
 
 @lru_cache(maxsize=64)
-def _paths(kernel: CellKernel, law: tuple[float, ...], *, tangents: bool) -> CellPaths:
-    cells = kernel.weights(law)
-    if not tangents:
-        return CellPaths(cells)
-    ends = []
-    for place, value in enumerate(law):
-        step = _DIFFERENCE * value
-        ends.append((kernel.weights((*law[:place], value + step, *law[place + 1 :])), step))
-    thresholds, widths, weights = (
-        np.array([(getattr(end, name) - getattr(cells, name)) / step for end, step in ends])
-        for name in ("thresholds", "widths", "weights")
-    )
-    return CellPaths(cells, Tangents(thresholds, widths, weights))
+def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
+    """Cells with derivatives by the numbers, and again with thresholds for a little more pinning."""
+    cells, iron = kernel.weights(law), kernel.iron(1.0, 1.0, law, 0.0)
+    pinned = _pinned(iron, kernel.populations)
+    # By M_0, a_0, then M, a, k, s of each population; those of the first are units.
+    moved = [0, 1, *range(4, 2 + 4 * kernel.populations)]
+    by_all = population_tangents(cells.thresholds, pinned)
+    tangents = Tangents(*(np.ascontiguousarray(by[..., moved]) for by in by_all))
+    scales = [one.scale for one in pinned]
+    shifted = []
+    for place, scale in enumerate(scales):
+        if scale in {min(scales), max(scales)}:  # the others do not count in the rule
+            step = _DIFFERENCE * scale
+            places = thresholds([*scales[:place], scale + step, *scales[place + 1 :]])
+            other = populations((iron["M_0"], iron["a_0"]), pinned, kernel.shape, places)
+            shifted.append((2 + 4 * place, step, CellPaths(other, tangents)))
+    return CellPaths(cells, tangents, tuple(shifted))
+
+
+def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
+    return [
+        Population(*(iron[f"{name}_{place}"] for name in "Maks")) for place in range(1, count + 1)
+    ]
 
 
 @dataclass(frozen=True)
@@ -171,17 +180,11 @@ class WeightKernel:
 
     def paths(self, law: tuple[float, ...]) -> CellPaths:
         """Return the cells of a set of weights, ready to be driven."""
-        return CellPaths(self.weights(law))
-
-    def paths_with_tangents(self, law: tuple[float, ...]) -> CellPaths:
-        """Return them with derivatives by the weights."""
         count, cells = len(law), self.populations
-        tangents = Tangents(
-            np.zeros((count, cells.thresholds.size)),
-            np.zeros((count, cells.widths.size)),
-            np.eye(count).reshape(count, *cells.weights.shape),
+        by_weights = np.eye(count).reshape(*cells.weights.shape, count)
+        return CellPaths(
+            self.weights(law), Tangents(by_weights, np.zeros((cells.widths.size, count)))
         )
-        return CellPaths(self.weights(law), tangents)
 
     def iron(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float

@@ -31,6 +31,12 @@ _PINNINGS = (1.0, 0.4)
 _LANGEVIN = {"langevin": 1.0, "tanh": 3.0}
 """Width of each curve that has the slope of Langevin's of width 1 at its middle."""
 
+SLOPES = {"tanh": 1.0, "langevin": 1.0 / 3.0}
+"""Slope of each curve at its middle."""
+
+_BEFORE_JUMPS = 0.8
+"""Interaction to begin with, in parts of that at which the magnetisation would jump."""
+
 _FURTHER = ((0.5, 8.0, 1.0), (0.6, 1.6, 2.0), (0.5, 2.0, 0.5))
 """Share, width and pinning of a further population, in parts of those of the first."""
 
@@ -78,15 +84,37 @@ def first_population(found: FoundModel, form: ResponseForm, records: FitRecords)
     """
     assert form.cells is not None
     wide = _LANGEVIN[form.cells.shape]
+    slope = SLOPES[form.cells.shape]
     begins = [
-        [
-            replace(local, law=(local.c + 0.05, part * local.kappa / wide, 2.0),
-                    omega=local.omega / wide, scale=local.scale * wide)
-            for local in found.sets
-        ]
+        [_begun(local, form.power, wide, slope, part, kept) for local in found.sets]
         for part in _PINNINGS
-    ]  # fmt: skip
+        for kept in (1.0, 0.0)
+        if kept or min(local.omega for local in found.sets) < 0.0
+    ]
     return _best(found, form, records, begins)
+
+
+def _begun(local: Local, power: int, wide: float, slope: float, part: float, kept: float) -> Local:
+    """Make cells of a set of a law of Jiles and Atherton; its initial slope stays as it is.
+
+    Of an interaction that makes a curve steeper a part may be kept; without it the curve is steeper
+    by itself.
+    """
+    reversible = local.c + 0.05
+    omega = local.omega / wide
+    steeper = 1.0
+    if omega < 0.0:
+        omega = max(omega, -_BEFORE_JUMPS / slope)
+        steeper = (1.0 + omega * slope) / (1.0 + kept * omega * slope)
+        omega *= kept * steeper
+    all_of_it = 1.0 + reversible
+    return replace(
+        local,
+        law=(reversible, 1.0, part * local.kappa / (wide * steeper), 2.0),
+        omega=omega / all_of_it,
+        scale=local.scale * wide * steeper,
+        gain=local.gain / all_of_it**power,
+    )
 
 
 def one_more(found: FoundModel, form: ResponseForm, records: FitRecords) -> FoundModel:
@@ -99,12 +127,12 @@ def _split(local: Local, power: int, how: tuple[float, float, float]) -> Local:
     """Add a population; the initial slope stays as it is."""
     share, width, pinning = how
     all_of_it = 1.0 + share / width
-    share_0, pinning_1, spread_1, *others = local.law
+    share_0, width_0, pinning_1, spread_1, *others = local.law
     kept = [value / all_of_it if place % 4 == 0 else value for place, value in enumerate(others)]
     more = (share, width, pinning_1 * pinning, spread_1)
     return replace(
         local,
-        law=(share_0 * all_of_it, pinning_1, spread_1, *kept, *more),
+        law=(share_0 * all_of_it, width_0, pinning_1, spread_1, *kept, *more),
         omega=local.omega / all_of_it,
         gain=local.gain / all_of_it**power,
     )

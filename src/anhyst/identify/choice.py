@@ -181,7 +181,7 @@ def _compare_cells(
             run.step(lambda: search_cells(contest.fits[base].wide, run.searched, of_shape))  # noqa: B023
         )
     for fold in folds(contest.places, nested=True):
-        found = {one: refit(contest.fits[one].wide, loopset, fold, by) for one in new}
+        found = {one: refit(contest.fits[one].found, loopset, fold, by) for one in new}
         contest.refits[fold].update(run.step(lambda: found))  # noqa: B023
     if run.only_cells:
         contest.entrants.clear()
@@ -277,7 +277,7 @@ def _finished(
         dead_band = "none: play cells need none"
     elif run.dead_band:
         found, dead_band = _with_dead_band(run, loopset, found)
-    if _is_thinned(run):  # the search took fewer samples
+    if _is_thinned(run) or found.space.form.cells is not None:  # the search took fewer samples
         start = found
         found = run.step(
             lambda: follow(start.on(run.records).space, start.theta, 1e-8, 50, start.tie)

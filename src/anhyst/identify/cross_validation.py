@@ -80,16 +80,17 @@ def inner(gaps: int) -> range:
 
 
 def inner_loops(records: FitRecords) -> tuple[int, ...]:
-    """Give the places of loops that are not the largest at their gap."""
-    sizes = [float(np.max(np.abs(record.output))) for record in records.loops]
-    largest = {
-        gap: max((size, -place) for place, size in enumerate(sizes)
-                 if records.loops[place].gap == gap)
-        for gap in range(records.gaps)
-    }  # fmt: skip
-    return tuple(
-        place for place, record in enumerate(records.loops) if -largest[record.gap][1] != place
-    )
+    """Give the places of loops that others at their gap surround, by their size.
+
+    Where there are fewer than two, the smallest at each gap count too.
+    """
+    order: list[list[int]] = [[] for _ in range(records.gaps)]
+    for place in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):
+        order[records.loops[place].gap].append(int(place))
+    between = sorted(place for places in order for place in places[1:-1])
+    if len(between) > 1:
+        return tuple(between)
+    return tuple(sorted(place for places in order for place in places[:-1]))
 
 
 def folds(places: Sequence[int], nested: bool) -> list[Fold]:
@@ -105,7 +106,8 @@ def refit(wide: FoundModel, loopset: LoopSet, fold: Fold, by: LeftOut = "gap") -
     Parameters
     ----------
     wide : FoundModel
-        Fit to all gaps with its offsets free, from which this one starts.
+        Fit to all gaps with its offsets free, from which this one starts; of play cells with those
+        that all gaps demand.
     loopset : LoopSet
         All loops.
     fold : frozenset of int
@@ -129,8 +131,9 @@ def refit(wide: FoundModel, loopset: LoopSet, fold: Fold, by: LeftOut = "gap") -
         )
     tolerance, most = (_TOLERANCE, _MOST) if whole.form.cells is None else (_ROUGH, _FEW)
     try:
-        free = follow(space, wide.theta[kept], tolerance, most, wide.tie)
-        found = only_demanded(free, tolerance, most)
+        found = follow(space, wide.theta[kept], tolerance, most, wide.tie)
+        if whole.form.cells is None:
+            found = only_demanded(found, tolerance, most)
         model = model_of(found, loopset)
         missed = {}
         for place in fold:
