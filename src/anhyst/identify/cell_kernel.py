@@ -30,9 +30,8 @@ _DIFFERENCE = 1e-5
 LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
 """Law of play cells that follow a curve."""
 
-POLISHED = (0.6, 1.0, 1.8)
-"""Widths of cells by their weights, over that of the first population; further ones have theirs,
-and twice it."""
+BESIDE, BEYOND = (0.6, 1.8), 2.0
+"""Further widths of cells by their weights: over that of the first population, and of the others."""
 
 _LOOSE = 0.1
 """Spread of a weight around that of the populations, in parts of all of them."""
@@ -204,10 +203,9 @@ class WeightKernel:
 def by_weights(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:
     """Return the kernel that moves each weight, beginning with populations."""
     start = kernel.weights(law)
-    first, *further = start.widths[1:]
-    widths = np.unique([*(part * first for part in POLISHED),
-                        *(part * one for one in further for part in (1.0, 2.0))])  # fmt: skip
+    first, *further = start.widths[1:].tolist()
+    more = [part * first for part in BESIDE] + [BEYOND * one for one in further]
+    widths = np.concatenate([start.widths, more])
     weights = np.zeros((start.thresholds.size, widths.size))
-    for column, width in enumerate(start.widths):
-        weights[:, int(np.argmin(np.abs(widths - width)))] += start.weights[:, column]
+    weights[:, : start.widths.size] = start.weights
     return WeightKernel(replace(start, widths=widths, weights=weights))

@@ -37,7 +37,14 @@ SLOPES = {"tanh": 1.0, "langevin": 1.0 / 3.0}
 _BEFORE_JUMPS = 0.8
 """Interaction to begin with, in parts of that at which the magnetisation would jump."""
 
-_FURTHER = ((0.5, 8.0, 1.0), (0.6, 1.6, 2.0), (0.5, 2.0, 0.5))
+_FURTHER = (
+    (0.5, 8.0, 1.0),
+    (0.6, 1.6, 2.0),
+    (0.5, 2.0, 0.5),
+    (1.0, 0.5, 1.0),
+    (0.3, 1.0, 0.15),
+    (0.3, 0.5, 3.0),
+)
 """Share, width and pinning of a further population, in parts of those of the first."""
 
 
