@@ -21,8 +21,9 @@ int anhyst_closed_is_valid(const int16_t *words)
 }
 
 void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                         anhyst_memory *memory)
+                         anhyst_memory *memory, int32_t *plays)
 {
+  (void)plays;
   (void)before;
   (void)words;
   memory->x = flux;

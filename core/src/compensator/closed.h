@@ -41,7 +41,7 @@ int anhyst_closed_is_valid(const int16_t *words);
 /* Brings a memory to another block of its kind: what the iron has of its width stays; how far it
    came since is found again. */
 void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                         anhyst_memory *memory);
+                         anhyst_memory *memory, int32_t *plays);
 
 /* Where a way in flux leads from the start of a rising path; way >= 0. What of the start is not
    known is filled in, so that it is found once for all ways from there. */

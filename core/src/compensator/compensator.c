@@ -109,6 +109,9 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
   c->kernel = kernel;
   c->words = words;
   c->memory = demagnetised;
+  for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
+    c->plays[i] = 0;
+  }
   c->next = none;
   c->current = 0;
   c->flux = 0;
@@ -127,7 +130,7 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   const place at = gap_place(words, gap);
   c->arms = arms_at(words, at);
   c->flux = flux_of(c, demand, at);
-  const int32_t field = c->kernel->field(words, &c->memory, c->flux, &c->next);
+  const int32_t field = c->kernel->field(words, &c->memory, c->plays, c->flux, &c->next);
   const int32_t inner = c->arms.bias + anhyst_scale(c->flux, c->arms.flux_arm) +
                         anhyst_scale(field, c->arms.field_arm);
   const int32_t wanted = anhyst_shl_q31(inner, (uint16_t)(words[ANHYST_WORD_CURRENT_SHIFT] + 1));
@@ -146,11 +149,20 @@ int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int1
       anhyst_compensator_solve_q31(c, (int32_t)demand * 65536, (int32_t)gap * 65536));
 }
 
+/* Goes on with the memory after a step. */
+static void keep(anhyst_compensator *c, const anhyst_memory *reached)
+{
+  if (c->kernel->keep != 0) {
+    c->kernel->keep(c->words, &c->memory, reached, c->plays);
+  }
+  c->memory = *reached;
+}
+
 static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_solved)
 {
   const int same_gap = c->solved != 0U && gap == c->gap;
   if (as_solved && same_gap && (c->flags & ANHYST_CURRENT_LIMITED) == 0U) {
-    c->memory = c->next.memory;
+    keep(c, &c->next.memory);
     c->flux_applied = c->flux;
   } else {
     const int16_t *words = c->words;
@@ -163,8 +175,9 @@ static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_s
     if (c->solved == 0U) {
       c->next.way = 0;
     }
-    c->flux_applied = c->kernel->flux(words, &c->memory, &c->next, &c->arms, inner, &reached);
-    c->memory = reached;
+    c->flux_applied =
+        c->kernel->flux(words, &c->memory, c->plays, &c->next, &c->arms, inner, &reached);
+    keep(c, &reached);
   }
   c->solved = 0;
 }
@@ -208,7 +221,7 @@ void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words)
     flux = -flux;
   }
   flux = anhyst_clamp(flux, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  c->kernel->carry(c->words, words, flux, &c->memory);
+  c->kernel->carry(c->words, words, flux, &c->memory, c->plays);
   c->flux_applied = flux;
   c->words = words;
   c->solved = 0;

@@ -29,16 +29,18 @@ static void advance(const int16_t *words, anhyst_memory *start, int32_t way, anh
   to->p = 0;
 }
 
-static int32_t euler_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                           anhyst_candidate *to)
+static int32_t euler_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                           int32_t flux, anhyst_candidate *to)
 {
+  (void)plays;
   return anhyst_closed_field(words, from, flux, to, advance);
 }
 
-static int32_t euler_flux(const int16_t *words, const anhyst_memory *from,
+static int32_t euler_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
                           anhyst_memory *to)
 {
+  (void)plays;
   return anhyst_closed_flux(words, from, solved, arms, current, to, advance);
 }
 
@@ -47,5 +49,5 @@ static int euler_is_valid(const int16_t *words)
   return anhyst_closed_is_valid(words) && anhyst_within(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
 }
 
-const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER, euler_field, euler_flux,
-                                           euler_is_valid, anhyst_closed_carry};
+const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER, euler_field,         euler_flux,
+                                           euler_is_valid,    anhyst_closed_carry, 0};

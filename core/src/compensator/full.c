@@ -334,9 +334,10 @@ static void rise_from_start(const path *along, int32_t anhysteretic, int32_t x_r
   at->m_slope = slope_of_m(along, at->y_slope, slope_of(along, x_rise));
 }
 
-static int32_t full_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                          anhyst_candidate *to)
+static int32_t full_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                          int32_t flux, anhyst_candidate *to)
 {
+  (void)plays;
   path along;
   search find = {0, 0, 0, 0, 0, 0};
   int32_t x_rise;
@@ -402,10 +403,11 @@ static int slid(const path *along, search find, answer *at)
   return 1;
 }
 
-static int32_t full_flux(const int16_t *words, const anhyst_memory *from,
+static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                          const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
                          anhyst_memory *to)
 {
+  (void)plays;
   path along;
   search find = {0, 0, 0, 0, 0, 0};
   int32_t x_rise;
@@ -446,5 +448,5 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from,
   return anhyst_add_q31(turned(at.m, falling) * 4, of_air);
 }
 
-const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL, full_field, full_flux,
-                                          anhyst_full_is_valid, anhyst_full_carry};
+const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL,     full_field,        full_flux,
+                                          anhyst_full_is_valid, anhyst_full_carry, 0};

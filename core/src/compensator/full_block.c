@@ -101,8 +101,9 @@ static int32_t in_reach(int32_t x, const int16_t *before, const int16_t *words)
    the same has to be reached over a branch. The play turns here: a path that began under
    another law does not lead here under this one. */
 void anhyst_full_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                       anhyst_memory *memory)
+                       anhyst_memory *memory, int32_t *plays)
 {
+  (void)plays;
   path along;
   carried from;
   int32_t step;

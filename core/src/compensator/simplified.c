@@ -105,16 +105,18 @@ static void advance(const int16_t *words, anhyst_memory *start, int32_t way, anh
   to->p = z;
 }
 
-static int32_t simplified_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                                anhyst_candidate *to)
+static int32_t simplified_field(const int16_t *words, const anhyst_memory *from,
+                                const int32_t *plays, int32_t flux, anhyst_candidate *to)
 {
+  (void)plays;
   return anhyst_closed_field(words, from, flux, to, advance);
 }
 
 static int32_t simplified_flux(const int16_t *words, const anhyst_memory *from,
-                               const anhyst_candidate *solved, const anhyst_arms *arms,
-                               int32_t current, anhyst_memory *to)
+                               const int32_t *plays, const anhyst_candidate *solved,
+                               const anhyst_arms *arms, int32_t current, anhyst_memory *to)
 {
+  (void)plays;
   return anhyst_closed_flux(words, from, solved, arms, current, to, advance);
 }
 
@@ -128,5 +130,5 @@ static int simplified_is_valid(const int16_t *words)
 }
 
 const anhyst_kernel anhyst_kernel_simplified = {ANHYST_KIND_SIMPLIFIED, simplified_field,
-                                                simplified_flux, simplified_is_valid,
-                                                anhyst_closed_carry};
+                                                simplified_flux,        simplified_is_valid,
+                                                anhyst_closed_carry,    0};

@@ -19,6 +19,9 @@ const anhyst_kernel *to_kernel(const std::string &kind)
   if (kind == "euler") {
     return &anhyst_kernel_euler;
   }
+  if (kind == "cells") {
+    return &anhyst_kernel_cells;
+  }
   throw std::invalid_argument("unknown kind of compensator: " + kind);
 }
 
@@ -80,18 +83,30 @@ public:
     anhyst_compensator_swap(&state_, words_.data());
   }
 
+  // With the plays behind it where the law has them.
   OutQ memory() const
   {
     const anhyst_memory &m = state_.memory;
     const int32_t words[5] = {m.x, m.y, m.p, m.turn, m.level};
-    OutQ out = make_words(5);
+    OutQ out = make_words(has_plays() ? 5 + ANHYST_CELLS : 5);
     std::copy(words, words + 5, out.data());
+    if (has_plays()) {
+      std::copy(state_.plays, state_.plays + ANHYST_CELLS, out.data() + 5);
+    }
     return out;
   }
   // Three words: what was before is not known, the play turns here.
   void set_memory(const InQ &words)
   {
     const size_t n = words.shape(0);
+    if (has_plays()) {
+      same_length(5 + ANHYST_CELLS, n, "memory");
+      const int32_t *at = words.data();
+      state_.memory = {at[0], at[1], at[2], at[3], at[4]};
+      std::copy(at + 5, at + n, state_.plays);
+      state_.solved = 0;
+      return;
+    }
     if (n != 3 && n != 5) {
       throw std::invalid_argument("a memory has five words, or three without the last turn");
     }
@@ -128,6 +143,8 @@ public:
   int16_t conditioning_q15(int32_t tick) const { return anhyst_conditioning_q15(&state_, tick); }
 
 private:
+  bool has_plays() const { return state_.kernel->keep != nullptr; }
+
   std::vector<int16_t> words_;
   anhyst_compensator state_{};
 };

@@ -26,7 +26,7 @@ from anhyst.compensate.words import Names, Word, WordUnit
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
-Kind = Literal["full", "simplified", "euler"]
+Kind = Literal["full", "simplified", "euler", "cells"]
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,7 @@ class TableSizes:
     octave_segments: int = 3
     substeps: int = 1
     root_knee: int = 5
+    cells: int = 12
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,7 @@ class Packer:
         self._head[at : at + 2] = single_words(value)
 
     def table(self, name: str, values: FloatArray, one: float, least: int = -32767) -> None:
-        """Put a table of numbers in which `one` counts as 1.0.
+        """Put a table of numbers, or rows of one, in which `one` counts as 1.0.
 
         Raises
         ------
@@ -193,13 +194,13 @@ class Packer:
         """
         words = np.rint(np.asarray(values) * one).astype(np.int64)
         words = np.maximum(words, least)
-        if np.abs(words).max() > 32767 or (words.size > 1 and np.abs(np.diff(words)).max() > 32767):
+        if np.abs(words).max() > 32767 or np.abs(np.diff(words)).max(initial=0) > 32767:
             largest = float(np.abs(values).max())
             raise InputError(
                 f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end at "
                 f"{32767 / one:.3g}; narrow the model's [valid], or correct its parameters"
             )
-        self._tables[name] = words
+        self._tables[name] = words.ravel()
 
     def close(self, scales: Scales, limits: DemandLimits, generation: int = 0) -> Block:
         """Lay everything out.

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from anhyst.compensate.words import Word
 
-KINDS = {"full": 1, "simplified": 2, "euler": 3}
+KINDS = {"full": 1, "simplified": 2, "euler": 3, "cells": 4}
 MAGIC = (0x6E41, 0x7968)
 LAYOUT = 2
 LEAST_WORDS = 64
-MOST_WORDS = 1024
+MOST_WORDS = 2048
 SCALE_WORDS = 11
 UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
 """Units of the signals, by their numbers in ``SCALE_UNITS``."""
@@ -19,8 +19,8 @@ UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", 
 HEAD = (
     Word(0, "MAGIC", "unsigned", "marks the start of a block, two words", 0, 65535, size=2),
     Word(2, "LAYOUT", "integer", "of the words; the code must know it", 2, 2),
-    Word(3, "KIND", "integer", "1 full, 2 simplified, 3 Euler", 1, 3),
-    Word(4, "LENGTH", "integer", "of the whole block, words", 64, 1024),
+    Word(3, "KIND", "integer", "1 full, 2 simplified, 3 Euler, 4 cells", 1, 4),
+    Word(4, "LENGTH", "integer", "of the whole block, words", 64, 2048),
     Word(5, "GENERATION", "unsigned", "chosen by whoever sends the block", 0, 65535),
     Word(6, "CRC", "unsigned", "CRC-32 of all other words, low half, high half", 0, 65535, size=2),
     Word(
@@ -175,6 +175,30 @@ CLOSED = (
 
 EULER = (Word(41, "EULER_SUBSTEPS", "integer", "explicit Euler steps a sample", 1, 16),)
 
+CELLS = (
+    Word(32, "CELLS_AIR", "weight", "flux of a field of 1.0 without iron", 1, 32767, factor=4.0),
+    Word(33, "CELLS_COUNT", "integer", "plays, beside the one without width", 1, 12),
+    Word(34, "CELLS_SEGMENTS", "integer", "a row has 2^this segments", 3, 9),
+    Word(
+        35,
+        "CELLS_THRESHOLDS",
+        "q15",
+        "half-widths of the plays, in fields of 1.0, rising",
+        1,
+        32767,
+        axis="play",
+    ),
+    Word(
+        36,
+        "CELLS_ROWS",
+        "q15",
+        "magnetisation of the plays that move",
+        -32767,
+        32767,
+        axis="field, both signs, of each number of moving plays",
+    ),
+)
+
 SCALE = (
     Word(48, "SCALE_DEMAND", "single", "demand of 1.0", 0, 65535, unit="output", size=2),
     Word(50, "SCALE_CURRENT", "single", "current of 1.0", 0, 65535, unit="input", size=2),
@@ -192,6 +216,7 @@ BODY: dict[str, tuple[Word, ...]] = {
     "full": DEMAND + START + ROOT + FULL + SCALE + MEMORY,
     "simplified": DEMAND + START + ROOT + SIMPLE + CLOSED + SCALE,
     "euler": DEMAND + START + ROOT + SIMPLE + EULER + SCALE,
+    "cells": DEMAND + START + ROOT + CELLS + SCALE + MEMORY,
 }
 """Every word of a kind behind the head, in the order of the block."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from anhyst.compensate.block import Conditioning, DemandLimits, Packer, Scales, TableSizes, as_word
@@ -99,6 +101,42 @@ def pack_common(
     pack.table("GAP_GAIN", gain / 2.0**shift, WEIGHT, least=1)
     offset = model.over_schedule("out_0", at) if offset is None else offset
     pack.table("GAP_OFFSET", offset / scales.demand, 32768.0)
+
+
+@dataclass(frozen=True)
+class Arms:
+    """How a current is made up at places over the gap: ``bias + flux_arm*flux + field_arm*x``.
+
+    Parameters
+    ----------
+    air : float
+        Flux, in parts of that of saturated iron, for an effective field ``x`` of 1 A/m without
+        iron.
+    bias, flux_arm, field_arm : ndarray, shape (n,)
+        In units of the input; for a flux of 1, and for an effective field of 1 A/m.
+    """
+
+    air: float
+    bias: FloatArray
+    flux_arm: FloatArray
+    field_arm: FloatArray
+
+
+def arms_of(model: ActuatorModel, at: FloatArray) -> Arms:
+    """Bring the circuit of a model into the form of a compensator, at places over the gap.
+
+    ``c_H*(I - in_0) = x/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with
+    ``B/mu0 = (1-alpha)*M_s*flux``; a rewriting of section 2 of the theory.
+    """
+    alpha = model.parameters_at(float(at[0]))["alpha"]
+    turns, rho = (model.over_schedule(name, at) for name in ("c_H", "rho"))
+    saturated = flux_unit(model) / MU_0
+    return Arms(
+        air=1.0 / saturated,
+        bias=model.over_schedule("in_0", at),
+        flux_arm=np.asarray(saturated * (rho - alpha / (1.0 - alpha)) / turns),
+        field_arm=np.asarray(1.0 / ((1.0 - alpha) * turns)),
+    )
 
 
 def pack_arms(

@@ -13,6 +13,7 @@ _COMPENSATOR = ("compensator/block.c", "compensator/compensator.c")
 SOURCES: dict[Kind, tuple[str, ...]] = {
     "full": (*_COMPENSATOR, "compensator/full_block.c", "compensator/full.c"),
     "simplified": (*_COMPENSATOR, "compensator/closed.c", "compensator/simplified.c"),
+    "cells": (*_COMPENSATOR, "compensator/cells_block.c", "compensator/cells.c"),
     "euler": (*_COMPENSATOR, "compensator/closed.c", "compensator/euler.c"),
 }
 """Sources of each kind in fixed point."""

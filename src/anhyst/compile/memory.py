@@ -16,6 +16,9 @@ REAL_STATE_BYTES = 64
 COMMON_BYTES = 3 * 4 + 9 * 4 + 4 + 4 * 2
 """Of ``anhyst_parameters_f32``: pointers to the law, numbers, pointer to the rows, counts."""
 
+CELLS = 12
+"""``ANHYST_CELLS``: plays of the law of cells that a compensator has room for."""
+
 LAW_BYTES = {"full": 5 * 4 + 4 * 2 + 3 * 4, "simplified": 4 * 4 + 4 * 2 + 4}
 """Of ``anhyst_full_law_f32`` and ``anhyst_simplified_law_f32``: numbers, counts, pointers."""
 
@@ -43,6 +46,7 @@ def controller_bytes(magnets: int) -> int:
         *(read_core(f"include/anhyst/{name}") for name in headers),
         *(_in_q31(read_core(f"include/anhyst/{name}")) for name in generic),
         MAGNETS=2,
+        CELLS=CELLS,
     )
     return sizes["anhyst_position_q31"] + magnets * sizes["anhyst_force_controller_q31"]
 
@@ -54,7 +58,8 @@ def _in_q31(text: str) -> str:
 
 @cache
 def _fixed_state_bytes() -> int:
-    return _structures(read_core("include/anhyst/compensator/compensator.h"))["anhyst_compensator"]
+    header = read_core("include/anhyst/compensator/compensator.h")
+    return _structures(header, CELLS=CELLS)["anhyst_compensator"]
 
 
 def _structures(*texts: str, **numbers: int) -> dict[str, int]:
@@ -73,6 +78,6 @@ def _structures(*texts: str, **numbers: int) -> dict[str, int]:
 
 def _members(text: str, sizes: dict[str, int], numbers: dict[str, int]) -> Iterator[int]:
     for kind, pointer, count in re.findall(
-        r"(?:const )?(\w+)\s+(\*?)\w+(?:\[ANHYST_POSITION_(\w+)\])?;", text
+        r"(?:const )?(\w+)\s+(\*?)\w+(?:\[ANHYST_(?:POSITION_)?(\w+)\])?;", text
     ):
         yield (4 if pointer else sizes.get(kind, 0)) * (numbers[count] if count else 1)

@@ -28,19 +28,26 @@ extern "C" {
    demagnetised state. From where the play last turned all is computed as long as the direction
    stays, so that steps far below a unit in the last place add up to nothing but themselves. */
 typedef struct {
-  int32_t x;     /* full: field; simplified, euler: flux */
-  int32_t y;     /* full: irreversible magnetisation; simplified, euler: bounded state u */
+  int32_t x;     /* full, cells: field; simplified, euler: flux */
+  int32_t y;     /* full: irreversible magnetisation; simplified, euler: bounded state u; cells:
+                    magnetisation of the plays that rest */
   int32_t p;     /* full: play; simplified: distance z from where u was zero (q27 within -16..16,
-                    signed as the direction; zero: unknown or held) */
-  int32_t turn;  /* full: play where it last turned */
-  int32_t level; /* full: y there */
+                    signed as the direction; zero: unknown or held); cells: how many of them move,
+                    below 0 where the field falls; zero: y is not known */
+  int32_t turn;  /* full: play where it last turned; cells: bit i is set where play i came to rest
+                    while the field rose */
+  int32_t level; /* full: y there; cells: field, in its direction, where the last one joined */
 } anhyst_memory;
+
+/* Plays of the law of cells that have a width. */
+#define ANHYST_CELLS 12
 
 /* A solved step that has not been committed: where it leads, and what a current near it needs. */
 typedef struct {
   anhyst_memory memory;
-  int32_t m;   /* full: magnetisation there, q28; simplified: z at the start, in its direction */
-  int16_t way; /* 1: the field rises, -1: it falls, 0: it stays, or not known */
+  int32_t m;       /* full: magnetisation there, q28; simplified: z at the start, in its direction;
+                      cells: field where the next play joins, in the direction */
+  int16_t way;     /* 1: the field rises, -1: it falls, 0: it stays, or not known */
   int16_t y_slope; /* full: of irreversible part and magnetisation over the field, in 1/1024 */
   int16_t m_slope;
 } anhyst_candidate;
@@ -52,43 +59,50 @@ typedef struct {
   int16_t field_arm; /* weight, > 0 */
 } anhyst_arms;
 
-/* A law in fixed point. The first two functions leave *from alone and fill *to, which may not lie
- * in *from.
- */
+/* A law in fixed point. The first two functions leave *from and the plays alone and fill *to, which
+   may not lie in *from. plays: where the plays of the law of cells rest, q30, ANHYST_CELLS of them;
+   nothing to the other laws. */
 typedef struct {
   uint16_t kind; /* of the blocks it works with */
   /* The field that belongs to a flux, q30. |flux| <= 1. */
-  int32_t (*field)(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                   anhyst_candidate *to);
+  int32_t (*field)(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                   int32_t flux, anhyst_candidate *to);
   /* The flux to which a current leads, q30: bias + flux_arm*flux + field_arm*field = current.
      *solved is what field() found from the same memory, or its way is 0: a current near that of the
      candidate is found in a fraction of the time. */
-  int32_t (*flux)(const int16_t *words, const anhyst_memory *from, const anhyst_candidate *solved,
-                  const anhyst_arms *arms, int32_t current, anhyst_memory *to);
+  int32_t (*flux)(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                  const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
+                  anhyst_memory *to);
   /* Whether a block's words of this kind are valid. */
   int (*valid)(const int16_t *words);
   /* Brings a memory from one valid block to another, under which the iron stands at this flux, q30.
      |flux| <= 1. */
-  void (*carry)(const int16_t *before, const int16_t *words, int32_t flux, anhyst_memory *memory);
+  void (*carry)(const int16_t *before, const int16_t *words, int32_t flux, anhyst_memory *memory,
+                int32_t *plays);
+  /* Takes over into the plays what a step between two memories leaves in them; 0: nothing. */
+  void (*keep)(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
+               int32_t *plays);
 } anhyst_kernel;
 
 extern const anhyst_kernel anhyst_kernel_full;
 extern const anhyst_kernel anhyst_kernel_simplified;
 extern const anhyst_kernel anhyst_kernel_euler;
+extern const anhyst_kernel anhyst_kernel_cells;
 
-/* One compensator: 92 bytes or fewer on targets with 32-bit pointers. */
+/* One compensator: 140 bytes or fewer on targets with 32-bit pointers. */
 typedef struct {
   const anhyst_kernel *kernel;
-  const int16_t *words;  /* the parameter block in use; read only */
-  anhyst_memory memory;  /* of what was applied */
-  anhyst_candidate next; /* where the solved current would lead */
-  anhyst_arms arms;      /* at the gap for which was solved */
-  int32_t current;       /* solved, q31 */
-  int32_t flux;          /* solved, q30 */
-  int32_t flux_applied;  /* after the last commit, q30 */
-  int32_t gap;           /* for which was solved, q31 */
-  uint16_t flags;        /* of the last solve, see flags.h */
-  uint16_t solved;       /* whether next and arms belong to memory, gap and words */
+  const int16_t *words;        /* the parameter block in use; read only */
+  anhyst_memory memory;        /* of what was applied */
+  int32_t plays[ANHYST_CELLS]; /* law of cells: where they rest */
+  anhyst_candidate next;       /* where the solved current would lead */
+  anhyst_arms arms;            /* at the gap for which was solved */
+  int32_t current;             /* solved, q31 */
+  int32_t flux;                /* solved, q30 */
+  int32_t flux_applied;        /* after the last commit, q30 */
+  int32_t gap;                 /* for which was solved, q31 */
+  uint16_t flags;              /* of the last solve, see flags.h */
+  uint16_t solved;             /* whether next and arms belong to memory, gap and words */
 } anhyst_compensator;
 
 /* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the block is not

@@ -14,12 +14,13 @@
 #define ANHYST_BLOCK_MAGIC_LOW 0x6E41
 #define ANHYST_BLOCK_MAGIC_HIGH 0x7968
 #define ANHYST_BLOCK_LAYOUT 2
-#define ANHYST_BLOCK_MOST_WORDS 1024
+#define ANHYST_BLOCK_MOST_WORDS 2048
 
 /* Kinds of compensator. */
 #define ANHYST_KIND_FULL 1
 #define ANHYST_KIND_SIMPLIFIED 2
 #define ANHYST_KIND_EULER 3
+#define ANHYST_KIND_CELLS 4
 
 /* Units of the signals; 0: none. */
 enum {
@@ -44,8 +45,8 @@ enum {
   /* Head, the same in every kind. */
   ANHYST_WORD_MAGIC = 0, /* unsigned: marks the start of a block, two words */
   ANHYST_WORD_LAYOUT = 2, /* integer: of the words; the code must know it */
-  ANHYST_WORD_KIND = 3, /* 1..3: 1 full, 2 simplified, 3 Euler */
-  ANHYST_WORD_LENGTH = 4, /* 64..1024: of the whole block, words */
+  ANHYST_WORD_KIND = 3, /* 1..4: 1 full, 2 simplified, 3 Euler, 4 cells */
+  ANHYST_WORD_LENGTH = 4, /* 64..2048: of the whole block, words */
   ANHYST_WORD_GENERATION = 5, /* unsigned: chosen by whoever sends the block */
   ANHYST_WORD_CRC = 6, /* unsigned: CRC-32 of all other words, low half, high half */
   ANHYST_WORD_MODEL = 8, /* unsigned: first 32 bits of the model's hash, low half, high half */
@@ -66,8 +67,8 @@ enum {
   /* table, q15: output at zero flux (taken off the demand), over the gap */
   ANHYST_WORD_GAP_OFFSET = 20,
   ANHYST_WORD_GAP_BIAS = 21, /* table, weight: current at zero flux and zero field, over the gap */
-  /* table, weight: current for a flux of 1.0 (below 0 in the full law alone, where more field needs
-     more current), over the gap */
+  /* table, weight: current for a flux of 1.0 (below 0 in full and cells alone, where more field
+     needs more current), over the gap */
   ANHYST_WORD_GAP_FLUX_ARM = 22,
   ANHYST_WORD_GAP_FIELD_ARM = 23, /* table, weight: current for a field of 1.0, over the gap */
 
@@ -117,6 +118,17 @@ enum {
   /* Euler only. */
   ANHYST_WORD_EULER_SUBSTEPS = 41, /* 1..16: explicit Euler steps a sample */
 
+  /* Cells: plays in the effective field. The field is in units of the largest one the tables reach,
+     X. */
+  ANHYST_WORD_CELLS_AIR = 32, /* weight: flux of a field of 1.0 without iron (h*X/4) */
+  ANHYST_WORD_CELLS_COUNT = 33, /* 1..12: plays, beside the one without width */
+  ANHYST_WORD_CELLS_SEGMENTS = 34, /* 3..9: a row has 2^this segments */
+  /* table, q15: half-widths of the plays, in fields of 1.0, rising, over the play */
+  ANHYST_WORD_CELLS_THRESHOLDS = 35,
+  /* table, q15: magnetisation of the plays that move (a row for 1, 2, .. count + 1 of them), over
+     the field, both signs, of each number of moving plays */
+  ANHYST_WORD_CELLS_ROWS = 36,
+
   /* What the signals are counted in, the same in every kind. A board states the same words, and
      takes no block in which one of them is another. */
   ANHYST_WORD_SCALE_DEMAND = 48, /* single: demand of 1.0 */
@@ -127,7 +139,8 @@ enum {
   /* 0..32767: units of demand + 16*current + 256*gap (ANHYST_UNIT_...) */
   ANHYST_WORD_SCALE_UNITS = 58,
 
-  /* What the memory is counted in, by which it is brought from one block to another; full only. */
+  /* What the memory is counted in, by which it is brought from one block to another; full and
+     cells. */
   ANHYST_WORD_UNIT_FIELD = 60, /* single: field of a field of 1.0 */
 
   ANHYST_BLOCK_LEAST_WORDS = 64

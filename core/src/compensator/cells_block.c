@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the law of cells asks of a block, where a path of it begins and what it leaves behind, and
+   how a memory goes from one block to another. */
+#include "cells_path.h"
+
+/* Of the interval in which a memory of another block is brought to its flux: leaves 2.4e-7. */
+#define HALVINGS 24
+
+/* How many cells a memory says that move in its direction; 0: it does not say. */
+static int16_t moving_cells(const path *along, const anhyst_memory *from)
+{
+  const int32_t size = from->p < 0 ? ~from->p + 1 : from->p;
+  return size >= 1 && size <= (int32_t)along->cells + 1 ? (int16_t)size : 0;
+}
+
+/* The magnetisation of all cells at rest but cell 0, counted as if they had risen. */
+static int32_t all_alone(const path *along)
+{
+  int32_t sum = 0;
+  for (int16_t cell = 1; cell <= along->cells; cell++) {
+    sum = inside(sum + alone(along, cell, at_rest(along, cell)));
+  }
+  return sum;
+}
+
+void anhyst_cells_begin(path *along, const int16_t *words, const anhyst_memory *from,
+                        const int32_t *plays)
+{
+  anhyst_cells_rows(along, words);
+  along->plays = plays;
+  along->active = moving_cells(along, from);
+  along->falling = along->active > 0 && from->p < 0 ? -1 : 0;
+  along->x = inside(turned(from->x, along->falling));
+  along->moved = 0;
+  along->frozen = from->turn;
+  along->rest = inside(turned(from->y, along->falling));
+  if (along->active == 0) {
+    along->active = 1;
+    along->frozen = -1;
+    along->rest = all_alone(along);
+  }
+}
+
+void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
+                       int32_t *plays)
+{
+  path along;
+  anhyst_cells_rows(&along, words);
+  if ((from->p < 0) != (to->p < 0)) {
+    const int32_t falling = from->p < 0 ? -1 : 0;
+    const int32_t x = inside(turned(from->x, falling));
+    const int16_t moved = moving_cells(&along, from);
+    for (int16_t cell = 1; cell < moved; cell++) {
+      plays[cell - 1] = turned(x - width(&along, cell), falling);
+    }
+  }
+}
+
+/* Whether a number of the rows is a q15 without -1. */
+static int is_part(int32_t a) { return a >= -ANHYST_Q15_MAX && a <= ANHYST_Q15_MAX; }
+
+/* Whether rows never fall, and any of them differs from the first and from the one before by less
+   than 1. */
+static int rows_are_valid(const int16_t *words)
+{
+  const int16_t first = words[ANHYST_WORD_CELLS_ROWS];
+  const int16_t entries = (int16_t)((1 << words[ANHYST_WORD_CELLS_SEGMENTS]) + 1);
+  const int16_t rows = (int16_t)(words[ANHYST_WORD_CELLS_COUNT] + 1);
+  if ((int32_t)rows * entries > ANHYST_BLOCK_MOST_WORDS ||
+      !anhyst_table_inside(words, first, (int16_t)(rows * entries))) {
+    return 0;
+  }
+  for (int16_t row = 0; row < rows; row++) {
+    const int16_t begin = (int16_t)(first + row * entries);
+    if (!anhyst_table_rises(words, begin, entries, -ANHYST_Q15_MAX, ANHYST_Q15_MAX)) {
+      return 0;
+    }
+    const int16_t before = (int16_t)(row > 0 ? begin - entries : begin);
+    for (int16_t i = 0; i < entries; i++) {
+      if (!is_part((int32_t)words[begin + i] - words[first + i]) ||
+          !is_part((int32_t)words[begin + i] - words[before + i])) {
+        return 0;
+      }
+    }
+  }
+  return 1;
+}
+
+/* The most that a row rises in a segment. */
+static int16_t steepest(const int16_t *words)
+{
+  const int16_t *row = words + words[ANHYST_WORD_CELLS_ROWS];
+  const int16_t segments = (int16_t)(1 << words[ANHYST_WORD_CELLS_SEGMENTS]);
+  int16_t most = 0;
+  for (int16_t cell = 0; cell <= words[ANHYST_WORD_CELLS_COUNT]; cell++) {
+    for (int16_t i = 0; i < segments; i++) {
+      const int16_t rise = (int16_t)(row[i + 1] - row[i]);
+      most = rise > most ? rise : most;
+    }
+    row += segments + 1;
+  }
+  return most;
+}
+
+/* Whether more field needs more current on every segment at every gap, by more than what rounding
+   between two entries of the tables over the gap can take away, a unit of either arm. */
+static int current_rises(const int16_t *words)
+{
+  const int16_t *flux_arm = words + words[ANHYST_WORD_GAP_FLUX_ARM];
+  const int16_t *field_arm = words + words[ANHYST_WORD_GAP_FIELD_ARM];
+  const int32_t segment = ANHYST_Q30_ONE >> (words[ANHYST_WORD_CELLS_SEGMENTS] - 1);
+  const int32_t flux =
+      (int32_t)steepest(words) * 8192 + anhyst_scale(segment, words[ANHYST_WORD_CELLS_AIR]);
+  for (int16_t i = 0; i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++) {
+    const int32_t least = anhyst_scale(flux, (int16_t)(flux_arm[i] - 1)) +
+                          (anhyst_scale(segment, (int16_t)(field_arm[i] - 1)) >> 2);
+    if (flux_arm[i] < 0 && least <= 4) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+int anhyst_cells_is_valid(const int16_t *words)
+{
+  return words[ANHYST_WORD_CELLS_AIR] > 0 &&
+         anhyst_within(words[ANHYST_WORD_CELLS_COUNT], 1, ANHYST_CELLS) &&
+         anhyst_within(words[ANHYST_WORD_CELLS_SEGMENTS], 3, 9) &&
+         anhyst_single_is_valid(words, ANHYST_WORD_UNIT_FIELD) &&
+         anhyst_table_rises(words, words[ANHYST_WORD_CELLS_THRESHOLDS],
+                            words[ANHYST_WORD_CELLS_COUNT], 1, ANHYST_Q15_MAX) &&
+         rows_are_valid(words) && current_rises(words);
+}
+
+/* Where the plays stand whose widths begin with 0: field and plays, as they really are. */
+typedef struct {
+  int32_t at[ANHYST_CELLS + 1];
+} stairs;
+
+static stairs stairs_of(const int16_t *words, const anhyst_memory *memory, const int32_t *plays)
+{
+  path along;
+  stairs found;
+  anhyst_cells_begin(&along, words, memory, plays);
+  for (int16_t cell = 0; cell <= ANHYST_CELLS; cell++) {
+    int32_t play = along.x;
+    if (cell > 0 && cell <= along.cells) {
+      play = cell < along.active ? along.x - width(&along, cell) : at_rest(&along, cell);
+    }
+    found.at[cell] = inside(turned(play, along.falling));
+  }
+  return found;
+}
+
+/* Where a play of this half-width stands, in a straight line between those beside it. */
+static int32_t play_between(const path *along, const stairs *from, int32_t half_width)
+{
+  int16_t below = 0;
+  while (below < along->cells && width(along, (int16_t)(below + 1)) <= half_width) {
+    below++;
+  }
+  const int32_t begin = below > 0 ? width(along, below) : 0;
+  if (below == along->cells || half_width == begin) {
+    return from->at[below];
+  }
+  const int32_t part = anhyst_ratio(half_width - begin, width(along, (int16_t)(below + 1)) - begin);
+  return from->at[below] + anhyst_share(inside(from->at[below + 1] - from->at[below]), part);
+}
+
+/* Moves field and plays so far along the field; the residual of h*x + m = flux there, over 4. It
+   rises with the way. */
+static int32_t carried_to(path *along, const stairs *from, int32_t way, int16_t air, int32_t flux,
+                          int32_t *plays)
+{
+  along->x = inside(anhyst_add_q31(from->at[0], way));
+  along->plays = plays;
+  for (int16_t cell = 1; cell <= along->cells; cell++) {
+    plays[cell - 1] = anhyst_add_q31(from->at[cell], way);
+    plays[cell - 1] = at_rest(along, cell);
+  }
+  const int32_t m = moving(along, 1, along->x) + all_alone(along);
+  return (m >> 2) + anhyst_scale(along->x, air) - (flux >> 2);
+}
+
+/* All move along the field, as far from each other as they were, to where they give the flux under
+   this block, so that no demand that stays the same has to be reached over a branch. A play of
+   another width stands between those beside it. */
+void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flux,
+                        anhyst_memory *memory, int32_t *plays)
+{
+  const stairs old = stairs_of(before, memory, plays);
+  const anhyst_memory none = {0, 0, 0, 0, 0};
+  path along;
+  path other;
+  stairs from = old;
+  anhyst_cells_rows(&other, before);
+  anhyst_cells_begin(&along, words, &none, plays);
+  for (int16_t cell = 0; cell <= along.cells; cell++) {
+    int32_t half_width = 0;
+    if (cell > 0) {
+      half_width = anhyst_in_unit(width(&along, cell), words, before, ANHYST_WORD_UNIT_FIELD);
+    }
+    from.at[cell] = inside(anhyst_in_unit(play_between(&other, &old, half_width), before, words,
+                                          ANHYST_WORD_UNIT_FIELD));
+  }
+  int32_t low = -2 * (ONE - 1);
+  int32_t high = 2 * (ONE - 1);
+  for (int16_t i = 0; i < HALVINGS; i++) {
+    const int32_t middle = (low + high) / 2;
+    if (carried_to(&along, &from, middle, words[ANHYST_WORD_CELLS_AIR], flux, plays) < 0) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  *memory = none; /* how many plays move, and what the others give, is found by the next step */
+  memory->x = along.x;
+}

@@ -1,0 +1,138 @@
+"""Rows of the law of cells: what its compensators look up, in fixed and in floating point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from anhyst._core import langevin
+from anhyst.compensate.block import DemandLimits, Packer, TableSizes, as_word
+from anhyst.compensate.scheduled import WEIGHT, Arms
+from anhyst.laws.cells import CellWeights
+from anhyst.support.arrays import FloatArray
+
+MARGIN = 1.02
+"""Rows reach a little further than any current within its limits drives the field."""
+
+
+@dataclass(frozen=True)
+class CellRows:
+    """What a compensator of the law of cells looks up; fields in A/m.
+
+    Parameters
+    ----------
+    reach : float
+        Largest field.
+    thresholds : ndarray, shape (n,)
+        Half-widths of the plays that have one, rising.
+    rows : ndarray, shape (n + 1, 2**k + 1)
+        Magnetisation of the first 1, 2, .. plays while they move, over fields of both signs; in
+        parts of the saturation.
+    """
+
+    reach: float
+    thresholds: FloatArray
+    rows: FloatArray
+
+
+def curves(weights: CellWeights, plays: FloatArray) -> FloatArray:
+    """Return what each cell gives where its play stands, A/m.
+
+    Parameters
+    ----------
+    weights : CellWeights
+        Of the iron.
+    plays : ndarray, shape (n + 1, m)
+        One row a cell, A/m.
+
+    Returns
+    -------
+    ndarray, shape (n + 1, m)
+    """
+    part = plays[:, None, :] / weights.widths[:, None]
+    tanh = weights.shape == "tanh"
+    curve = np.tanh(part) if tanh else langevin(part.ravel())[0].reshape(part.shape)
+    return np.asarray((weights.weights[:, :, None] * curve).sum(axis=1))
+
+
+def risen(weights: CellWeights, field: float) -> float:
+    """Return the magnetisation at the largest field there ever was, A/m: no history matters there."""
+    plays = np.maximum(field - weights.thresholds, 0.0)
+    return float(curves(weights, plays[:, None]).sum())
+
+
+def largest_field(weights: CellWeights, arms: Arms, current: tuple[float, float]) -> float:
+    """Return the largest ``|x|``, A/m, to which currents within their limits drive the iron.
+
+    Parameters
+    ----------
+    weights : CellWeights
+        Of the iron.
+    arms : Arms
+        Current over flux and field at each place over the gap.
+    current : tuple of float
+        Limits, in units of the input.
+    """
+
+    def reach(drive: float, arm: float, field_arm: float) -> float:
+        def missing(x: float) -> float:
+            flux = risen(weights, x) / weights.saturation + arms.air * x
+            return arm * flux + field_arm * x - drive
+
+        top = (drive + abs(arm)) / (field_arm + arm * arms.air)
+        return float(brentq(missing, 0.0, top)) if drive > 0.0 else 0.0
+
+    return max(
+        reach(abs(limit - bias), arm, field_arm)
+        for bias, arm, field_arm in zip(arms.bias, arms.flux_arm, arms.field_arm, strict=True)
+        for limit in current
+    )
+
+
+def fewer(weights: CellWeights, cells: int, reach: float) -> CellWeights:
+    """Return weights with so many thresholds above 0 at most, all below the largest field.
+
+    What is beyond is never moved. Neighbours are put together, in the mean of their weights, where
+    that moves the thresholds least.
+    """
+    sums = weights.weights.sum(axis=1)
+    moved = [i for i in range(1, sums.size) if weights.thresholds[i] < reach and sums[i] > 0.0]
+    kept = [(weights.thresholds[i], weights.weights[i]) for i in moved]
+    while len(kept) > cells:
+        share = np.array([row.sum() for _, row in kept])
+        places = np.array([place for place, _ in kept])
+        cost = share[1:] * share[:-1] / (share[1:] + share[:-1]) * np.diff(places) ** 2
+        at = int(np.argmin(cost))
+        both = slice(at, at + 2)
+        place = float(np.average(places[both], weights=share[both]))
+        kept[both] = [(place, kept[at][1] + kept[at + 1][1])]
+    return CellWeights(
+        np.array([0.0, *(place for place, _ in kept)]),
+        weights.widths,
+        np.vstack([weights.weights[0], *(row for _, row in kept)]),
+        weights.shape,
+    )
+
+
+def cell_rows(
+    weights: CellWeights, arms: Arms, limits: DemandLimits, sizes: TableSizes
+) -> CellRows:
+    """Return the rows of a law, as far as currents within their limits lead."""
+    reach = MARGIN * largest_field(weights, arms, limits.current)
+    few = fewer(weights, sizes.cells, reach / MARGIN)
+    field = np.linspace(-reach, reach, 2**sizes.curve_segments + 1)
+    rows = np.cumsum(curves(few, field - few.thresholds[:, None]), axis=0) / weights.saturation
+    return CellRows(reach, few.thresholds[1:], rows)
+
+
+def pack_rows(pack: Packer, found: CellRows, arms: Arms, sizes: TableSizes) -> None:
+    """Put the words of the law of cells."""
+    reach = found.reach
+    pack.set_single("UNIT_FIELD", reach)
+    pack.table("CELLS_THRESHOLDS", found.thresholds / reach, 32768.0, least=1)
+    pack.table("CELLS_ROWS", found.rows, 32767.0)
+    pack.set("CELLS_AIR", max(as_word(arms.air * reach / 4.0, WEIGHT, "h"), 1))
+    pack.set("CELLS_COUNT", found.thresholds.size)
+    pack.set("CELLS_SEGMENTS", sizes.curve_segments)
