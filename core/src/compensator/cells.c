@@ -19,7 +19,7 @@
 #include "cells_path.h"
 
 /* A residual that is nothing but rounding: the iron stays where it is. */
-#define STILL 4
+#define STILL 8
 
 /* What is solved for, over 4. */
 typedef struct {
@@ -29,19 +29,28 @@ typedef struct {
   int32_t target; /* in the direction of the path */
 } equation;
 
-/* The left side at a place of the law, |x| <= 1. */
-static int32_t left_side(const equation *solve, int32_t x, int32_t m)
+/* h*x + m, over 4. |x| <= 1 */
+static int32_t flux_at(const equation *solve, int32_t x, int32_t m)
 {
-  const int32_t flux = (m >> 2) + anhyst_scale(x, solve->air);
-  return anhyst_scale(flux, solve->flux_arm) + (anhyst_scale(x, solve->field_arm) >> 2);
+  return (m >> 2) + anhyst_scale(x, solve->air);
 }
 
-/* The same at the node of a row, 0 .. 2^bits. */
-static int32_t at_node(const path *along, const equation *solve, int16_t node)
+static int32_t left_side(const equation *solve, int32_t x, int32_t m)
 {
-  const int16_t *row = along->rows + (along->active - 1) * along->stride;
-  const int32_t x = (int32_t)(((uint32_t)node << (31U - along->bits)) - (uint32_t)ONE);
-  return left_side(solve, x, (int32_t)row[node] * 32768 + along->rest);
+  return anhyst_scale(flux_at(solve, x, m), solve->flux_arm) +
+         (anhyst_scale(x, solve->field_arm) >> 2);
+}
+
+/* What is missing of the target at a place of the row. */
+static int32_t missing_at(const path *along, const equation *solve, int32_t x, anhyst_spot spot)
+{
+  return solve->target - left_side(solve, x, anhyst_value_at(spot) + along->rest);
+}
+
+/* The field at the lower end of a segment. */
+static int32_t node(const path *along, int16_t segment)
+{
+  return (int32_t)(((uint32_t)segment << (31U - along->bits)) - (uint32_t)ONE);
 }
 
 /* The segment of a row that holds x. */
@@ -50,7 +59,7 @@ static int16_t segment_of(const path *along, int32_t x)
   return (int16_t)((x + ONE) >> (31U - along->bits));
 }
 
-/* n/d as a q15, rounded down by up to two units; 0 <= n <= d, 0 < d. */
+/* n/d as a q15, rounded down by up to two units; 0 <= n < d. */
 static int32_t part_of(int32_t n, int32_t d)
 {
   const uint16_t up = anhyst_headroom(d);
@@ -59,157 +68,182 @@ static int32_t part_of(int32_t n, int32_t d)
   return top / bottom;
 }
 
-/* The last segment of first..end at the beginning of which the target is not reached, or first. A
-   tick leads a segment or two further, a jump anywhere: steps double, then halve. */
+/* Where the target is met on the segment of a row that holds x; ONE, -ONE - 1: above, below it. */
+static int32_t beside(const path *along, const equation *solve, int32_t x, anhyst_spot spot,
+                      int32_t missing)
+{
+  const uint16_t fine = (uint16_t)(16U - along->bits);
+  const int32_t m_rise = ((int32_t)spot.at[1] - spot.at[0]) * 32768;
+  const int32_t rise = left_side(solve, (int32_t)((uint32_t)0x8000 << fine), m_rise);
+  if (missing >= rise) {
+    return ONE;
+  }
+  if (missing <= -rise) {
+    return -ONE - 1;
+  }
+  const int32_t way = missing >= 0 ? part_of(missing, rise) : ~part_of(-missing, rise);
+  const int32_t part = spot.part + way;
+  if (part < 0 || part > 0x7FFF) {
+    return part < 0 ? -ONE - 1 : ONE;
+  }
+  const uint32_t begin = ((uint32_t)(x + ONE) >> (31U - along->bits)) << 15;
+  return (int32_t)(((begin | (uint32_t)part) << fine) - (uint32_t)ONE);
+}
+
+/* Takes the next cell along, which rested with this play. */
+static void join(path *along, int32_t play)
+{
+  const int16_t cell = along->active;
+  const int32_t direction = (((uint32_t)along->frozen >> (uint16_t)cell) & 1U) != 0U ? 0 : -1;
+  if (direction == along->falling) {
+    along->rest = inside(along->rest - alone(along, cell, play));
+  } else {
+    along->rest = inside(along->rest + alone(along, cell, ~play));
+  }
+  along->active = (int16_t)(cell + 1);
+  along->row += along->stride;
+}
+
+/* Where the next cell joins a path that has come to low, or the end of the rows. */
+static int32_t joins_at(const path *along, int32_t low)
+{
+  if (along->active > along->cells) {
+    return ONE - 1;
+  }
+  const int32_t at = at_rest(along, along->active) + width(along, along->active);
+  return at > low ? at : low;
+}
+
+/* The last segment of first..end at the beginning of which the target is not reached, or first.
+   Steps double, then halve. */
 static int16_t segment_with_target(const path *along, const equation *solve, int16_t first,
                                    int16_t end)
 {
   int16_t step = 1;
-  while (first + step <= end && at_node(along, solve, (int16_t)(first + step)) < solve->target) {
-    first = (int16_t)(first + step);
+  while (first + step <= end) {
+    const int16_t next = (int16_t)(first + step);
+    const anhyst_spot spot = {along->row + next, 0};
+    if (missing_at(along, solve, node(along, next), spot) <= 0) {
+      end = (int16_t)(next - 1);
+      break;
+    }
+    first = next;
     step = (int16_t)(2 * step);
   }
-  end = first + step - 1 < end ? (int16_t)(first + step - 1) : end;
   while (first < end) {
     const int16_t middle = (int16_t)((first + end + 1) / 2);
-    if (at_node(along, solve, middle) < solve->target) {
-      first = middle;
-    } else {
+    const anhyst_spot spot = {along->row + middle, 0};
+    if (missing_at(along, solve, node(along, middle), spot) <= 0) {
       end = (int16_t)(middle - 1);
+    } else {
+      first = middle;
     }
   }
   return first;
 }
 
-/* Where the target is met on the straight line of a segment, between its ends. */
-static int32_t meet(const path *along, const equation *solve, int16_t segment)
-{
-  const int32_t begin = at_node(along, solve, segment);
-  const int32_t rise = at_node(along, solve, (int16_t)(segment + 1)) - begin;
-  const int32_t way = solve->target - begin;
-  const uint16_t fine = (uint16_t)(16U - along->bits);
-  int32_t part = 0;
-  if (way > 0 && rise > 0) {
-    part = way < rise ? part_of(way, rise) : 32767;
-  }
-  const int32_t fraction = (int32_t)(((uint32_t)segment << 15) + (uint32_t)part);
-  return (int32_t)(((uint32_t)fraction << fine) - (uint32_t)ONE);
-}
-
-/* Takes the next cell along: it moves from here on. */
-static void join(path *along, int32_t play)
-{
-  const int16_t cell = along->active;
-  const int32_t risen = ((uint32_t)along->frozen >> (uint16_t)cell) & 1U ? 0 : -1;
-  int32_t counted;
-  if (risen == along->falling) {
-    counted = alone(along, cell, play);
-  } else {
-    counted = -alone(along, cell, ~play);
-  }
-  along->rest = inside(along->rest - counted);
-  along->active = (int16_t)(cell + 1);
-}
-
-/* Lets the cells join that do so before the target is reached; gives where the last one did and
-   where the next one would, between which the solution lies. */
-static int32_t gather(path *along, const equation *solve, int32_t *next)
+/* Goes to the target over any number of segments, and of cells that join; gives where the last of
+   them did, and where the next one would. */
+static int32_t search(path *along, const equation *solve, int32_t *next)
 {
   int32_t low = along->x;
-  *next = ONE - 1;
-  while (along->active <= along->cells) {
-    const int32_t play = at_rest(along, along->active);
-    const int32_t joins = play + width(along, along->active);
-    const int32_t here = joins > low ? joins : low;
-    const int32_t m = moving(along, along->active, here) + along->rest;
-    if (left_side(solve, here, m) >= solve->target) {
-      *next = here;
-      break;
-    }
-    join(along, play);
-    low = here;
+  *next = joins_at(along, low);
+  while (along->active <= along->cells &&
+         missing_at(along, solve, *next, spot_on(along, along->row, *next)) > 0) {
+    join(along, at_rest(along, along->active));
+    low = *next;
+    *next = joins_at(along, low);
   }
   if (along->active > along->cells) {
     along->rest = 0; /* none rests */
   }
+  const int16_t segment =
+      segment_with_target(along, solve, segment_of(along, low), segment_of(along, *next));
+  const int32_t begin = node(along, segment);
+  const anhyst_spot spot = {along->row + segment, 0};
+  const int32_t missing = missing_at(along, solve, begin, spot);
+  along->x = anhyst_clamp(beside(along, solve, begin, spot, missing), low, *next);
   return low;
 }
 
 /* Leaves a path for the opposite one: all but cell 0 rest. */
 static void turn(path *along, equation *solve)
 {
-  const int32_t left = moving(along, along->active, along->x) - moving(along, 1, along->x);
-  const uint32_t moved = (((uint32_t)1 << (uint16_t)along->active) - 1U);
-  const uint32_t frozen = (uint32_t)along->frozen & ~moved;
-  along->frozen = (int32_t)(along->falling == 0 ? frozen | moved : frozen);
+  const int32_t left = anhyst_value_at(spot_on(along, along->row, along->x)) -
+                       anhyst_value_at(spot_on(along, along->rows, along->x));
+  const uint32_t moved = ((uint32_t)1 << (uint16_t)along->active) - 1U;
+  const uint32_t others = (uint32_t)along->frozen & ~moved;
+  along->frozen = (int32_t)(along->falling == 0 ? others | moved : others);
   along->rest = ~inside(along->rest + left);
   along->x = ~along->x;
   along->falling = ~along->falling;
   along->moved = along->active;
   along->active = 1;
+  along->row = along->rows;
   solve->target = ~solve->target;
 }
 
-/* Where a path has led. */
-static void remember(const path *along, int32_t x, int32_t low, anhyst_memory *to)
+/* Solves from a memory on. */
+static void advance(path *along, equation *solve, anhyst_candidate *to)
 {
-  to->x = turned(x, along->falling);
-  to->y = turned(along->rest, along->falling);
-  to->p = along->falling == 0 ? along->active : -along->active;
-  to->turn = along->frozen;
-  to->level = low;
-}
-
-/* Solves from a memory on; gives m at the end, in its direction. */
-static int32_t advance(path *along, equation *solve, anhyst_candidate *to)
-{
-  int32_t low = along->x;
   solve->target = turned(solve->target, along->falling);
-  int32_t m = moving(along, along->active, along->x) + along->rest;
-  const int32_t missing = solve->target - left_side(solve, along->x, m);
+  anhyst_spot spot = spot_on(along, along->row, along->x);
+  int32_t missing = missing_at(along, solve, along->x, spot);
+  int32_t low = along->x;
+  int32_t next = low;
   to->way = 0;
-  to->m = ONE - 1;
   if (missing > STILL || missing < -STILL) {
     if (missing < 0) {
       turn(along, solve);
+      spot = spot_on(along, along->row, along->x);
+      missing = missing_at(along, solve, along->x, spot);
     }
-    low = gather(along, solve, &to->m);
-    const int16_t segment =
-        segment_with_target(along, solve, segment_of(along, low), segment_of(along, to->m));
-    along->x = anhyst_clamp(meet(along, solve, segment), low, to->m);
-    m = moving(along, along->active, along->x) + along->rest;
+    low = along->x;
+    next = joins_at(along, low);
+    const int32_t there = beside(along, solve, low, spot, missing);
+    if (there >= low && there <= next) {
+      along->x = there;
+    } else {
+      low = search(along, solve, &next);
+    }
     to->way = along->falling == 0 ? 1 : -1;
   }
-  remember(along, along->x, low, &to->memory);
-  return m;
+  to->m = next;
+  to->memory.x = turned(along->x, along->falling);
+  to->memory.y = turned(along->rest, along->falling);
+  to->memory.p = along->falling == 0 ? along->active : -along->active;
+  to->memory.turn = along->frozen;
+  to->memory.level = low;
 }
 
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                            int32_t flux, anhyst_candidate *to)
 {
   path along;
-  anhyst_cells_begin(&along, words, from, plays);
   equation solve = {words[ANHYST_WORD_CELLS_AIR], 16384, 0, flux >> 4};
-  (void)advance(&along, &solve, to);
+  anhyst_cells_begin(&along, words, from, plays);
+  advance(&along, &solve, to);
   return to->memory.x;
 }
 
-/* Whether the target is met on the segment where a solved path ends, and no other cell joins or has
-   joined on the way: then goes there. */
+/* Whether the target is met beside the end of a solved path, while the same cells move: then goes
+   there. */
 static int slid(path *along, const equation *solve, const anhyst_candidate *solved)
 {
+  if (solved->way == 0) {
+    return 0;
+  }
   along->falling = solved->way > 0 ? 0 : -1;
-  along->active =
-      (int16_t)anhyst_clamp(anhyst_abs_q31(solved->memory.p), 1, (int32_t)along->cells + 1);
+  const int32_t active = turned(solved->memory.p, along->falling) - along->falling;
+  along->active = (int16_t)anhyst_clamp(active, 1, (int32_t)along->cells + 1);
+  along->row = row_of(along, along->active);
   along->rest = inside(turned(solved->memory.y, along->falling));
-  const int32_t end = inside(turned(solved->memory.x, along->falling));
-  const int16_t segment = segment_of(along, end);
-  equation there = *solve;
-  there.target = turned(solve->target, along->falling);
-  along->x = meet(along, &there, segment);
-  return solved->way != 0 && there.target >= at_node(along, &there, segment) &&
-         there.target <= at_node(along, &there, (int16_t)(segment + 1)) &&
-         along->x > solved->memory.level && along->x < solved->m;
+  const equation there = {solve->air, solve->flux_arm, solve->field_arm,
+                          turned(solve->target, along->falling)};
+  const int32_t x = inside(turned(solved->memory.x, along->falling));
+  const anhyst_spot spot = spot_on(along, along->row, x);
+  along->x = beside(along, &there, x, spot, missing_at(along, &there, x, spot));
+  return along->x >= inside(solved->memory.level) && along->x <= inside(solved->m);
 }
 
 static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
@@ -217,23 +251,20 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
                           anhyst_memory *to)
 {
   path along;
-  int32_t m;
-  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
-                          (current >> 2) - (arms->bias >> 2)};
+  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
+                    (current >> 2) - (arms->bias >> 2)};
   anhyst_cells_rows(&along, words);
   if (slid(&along, &solve, solved)) {
     *to = solved->memory;
     to->x = turned(along.x, along.falling);
-    m = moving(&along, along.active, along.x) + along.rest;
   } else {
     anhyst_candidate found;
-    equation again = solve;
     anhyst_cells_begin(&along, words, from, plays);
-    m = advance(&along, &again, &found);
+    advance(&along, &solve, &found);
     *to = found.memory;
   }
-  const int32_t flux = (m >> 2) + anhyst_scale(along.x, solve.air);
-  return anhyst_shl_q31(turned(flux, along.falling), 2);
+  const int32_t m = anhyst_value_at(spot_on(&along, along.row, along.x)) + along.rest;
+  return anhyst_shl_q31(turned(flux_at(&solve, along.x, m), along.falling), 2);
 }
 
 const anhyst_kernel anhyst_kernel_cells = {ANHYST_KIND_CELLS,  cells_field,

@@ -39,6 +39,7 @@ void anhyst_cells_begin(path *along, const int16_t *words, const anhyst_memory *
     along->frozen = -1;
     along->rest = all_alone(along);
   }
+  along->row = row_of(along, along->active);
 }
 
 void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
@@ -176,9 +177,10 @@ static int32_t carried_to(path *along, const stairs *from, int32_t way, int16_t 
   along->plays = plays;
   for (int16_t cell = 1; cell <= along->cells; cell++) {
     plays[cell - 1] = anhyst_add_q31(from->at[cell], way);
-    plays[cell - 1] = at_rest(along, cell);
+    plays[cell - 1] = anhyst_clamp(at_rest(along, cell), along->x - width(along, cell),
+                                   along->x + width(along, cell));
   }
-  const int32_t m = moving(along, 1, along->x) + all_alone(along);
+  const int32_t m = anhyst_value_at(spot_on(along, along->rows, along->x)) + all_alone(along);
   return (m >> 2) + anhyst_scale(along->x, air) - (flux >> 2);
 }
 

@@ -12,18 +12,19 @@
 
 /* A rising path. Cell 0 has no width, and moves always. */
 typedef struct {
-  const int16_t *thresholds; /* of the cells from 1 on */
+  const int16_t *thresholds; /* half-widths of the cells from 1 on */
   const int16_t *rows;
+  const int16_t *row; /* of the cells that move */
   const int32_t *plays;
   int16_t stride;  /* entries of a row */
   uint16_t bits;   /* it has 2^bits segments */
   int16_t cells;   /* besides cell 0 */
-  int32_t x;       /* where it begins */
-  int32_t falling; /* -1 where all is mirrored, otherwise 0 */
-  int16_t moved;   /* the cells below this one moved here the other way, or have not been left */
   int16_t active;  /* the cells below this one move */
+  int16_t moved;   /* those below this one moved the other way until here */
   int32_t frozen;  /* bit i: what cell i rests with was counted while it rose */
   int32_t rest;    /* magnetisation of the cells that rest */
+  int32_t falling; /* -1 where all is mirrored, otherwise 0 */
+  int32_t x;
 } path;
 
 /* In the direction of a path, falling 0 or -1: -1 - a where it falls; -a could leave the range. */
@@ -41,35 +42,36 @@ static inline int32_t width(const path *along, int16_t cell)
   return (int32_t)along->thresholds[cell - 1] * 32768;
 }
 
-/* The magnetisation of so many moving cells where the field is x, -1 <= x < 1. */
-static inline int32_t moving(const path *along, int16_t cells, int32_t x)
+static inline const int16_t *row_of(const path *along, int16_t cells)
+{
+  return along->rows + (cells - 1) * along->stride;
+}
+
+/* Where x falls on a row, -1 <= x < 1. */
+static inline anhyst_spot spot_on(const path *along, const int16_t *row, int32_t x)
 {
   const int32_t fine = (x + ONE) >> (16U - along->bits); /* segment and 15 bits of its part */
-  const anhyst_spot spot = {along->rows + (cells - 1) * along->stride + (fine >> 15),
-                            fine & 0x7FFF};
-  return anhyst_value_at(spot);
+  const anhyst_spot spot = {row + (fine >> 15), fine & 0x7FFF};
+  return spot;
 }
 
-/* The magnetisation of a cell at rest: what it gave when the field had brought it there. Any value
-   of a play that at_rest gives is within the rows. */
+/* The magnetisation of a cell where the field had brought it to this play, within what at_rest
+   gives. */
 static inline int32_t alone(const path *along, int16_t cell, int32_t play)
 {
-  const int32_t x = play + width(along, cell);
-  return moving(along, (int16_t)(cell + 1), x) - moving(along, cell, x);
+  const int16_t *row = row_of(along, cell);
+  const anhyst_spot without = spot_on(along, row, play + width(along, cell));
+  const anhyst_spot with = {without.at + along->stride, without.part};
+  return anhyst_value_at(with) - anhyst_value_at(without);
 }
 
-/* The play of a cell that rests: within reach of the field, and of what any field within the rows
-   can have made of it. */
+/* The play of a cell that rests, no further out than a field within the rows can have made it. */
 static inline int32_t at_rest(const path *along, int16_t cell)
 {
   const int32_t r = width(along, cell);
-  if (cell < along->moved) {
-    return along->x + r < ONE - r ? along->x + r : ONE - 1 - r;
-  }
-  const int32_t play = turned(along->plays[cell - 1], along->falling);
-  const int32_t low = along->x < 2 * (r - ONE / 2) ? r - ONE : along->x - r;
-  const int32_t high = along->x + r < ONE - r ? along->x + r : ONE - 1 - r;
-  return anhyst_clamp(play, low, high);
+  const int32_t play =
+      cell < along->moved ? along->x + r : turned(along->plays[cell - 1], along->falling);
+  return anhyst_clamp(play, r - ONE, ONE - 1 - r);
 }
 
 /* The rows of a block and the widths of its plays. */
