@@ -30,6 +30,8 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/compensator/compensator.c"
   "${ANHYST_CORE_DIR}/src/compensator/full_f32.c"
   "${ANHYST_CORE_DIR}/src/compensator/full_f64.c"
+  "${ANHYST_CORE_DIR}/src/compensator/cells_f32.c"
+  "${ANHYST_CORE_DIR}/src/compensator/cells_f64.c"
   "${ANHYST_CORE_DIR}/src/compensator/simplified_f32.c"
   "${ANHYST_CORE_DIR}/src/compensator/simplified_f64.c"
   "${ANHYST_CORE_DIR}/src/compensator/compensator_f32.c"

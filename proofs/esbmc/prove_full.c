@@ -419,7 +419,7 @@ static void prove_carry(void)
   assume_valid(before);
   assume_valid(words);
   anhyst_memory memory = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
-  anhyst_full_carry(before, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), &memory);
+  anhyst_full_carry(before, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), &memory, 0);
   SHOW(memory.x > -ANHYST_Q30_ONE && memory.x < ANHYST_Q30_ONE);
   SHOW(memory.y > -ANHYST_Q30_ONE && memory.y < ANHYST_Q30_ONE);
   SHOW(memory.p > -ANHYST_Q30_ONE && memory.p < ANHYST_Q30_ONE);
@@ -433,7 +433,7 @@ static void prove_kernel(void)
 #ifdef FIELD
   anhyst_candidate solved;
   const int32_t flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
-  (void)full_field(words, &from, flux, &solved);
+  (void)full_field(words, &from, 0, flux, &solved);
   const anhyst_memory to = solved.memory;
   SHOW(is_slope(solved.y_slope) && is_slope(solved.m_slope));
 #else
@@ -447,7 +447,7 @@ static void prove_kernel(void)
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
-  (void)full_flux(words, &from, &solved, &arms, nondet_i32(), &to);
+  (void)full_flux(words, &from, 0, &solved, &arms, nondet_i32(), &to);
 #endif
   SHOW(to.x >= -ANHYST_Q30_ONE && to.x < ANHYST_Q30_ONE);
   SHOW(to.y >= -ANHYST_Q30_ONE && to.y < ANHYST_Q30_ONE);

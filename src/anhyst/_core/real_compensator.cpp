@@ -35,20 +35,26 @@ public:
 
   Out memory() const
   {
-    Out out = make_array(5);
+    Out out = make_array(has_plays() ? 5 + ANHYST_CELLS : 5);
     const typename F::Memory &now = state_.memory;
     const Real values[] = {now.x, now.y, now.p, now.turn, now.level};
-    std::copy(std::begin(values), std::end(values), out.data());
+    double *rest = std::copy(std::begin(values), std::end(values), out.data());
+    if (has_plays()) {
+      std::copy(std::begin(state_.plays), std::end(state_.plays), rest);
+    }
     return out;
   }
   void set_memory(const In &values)
   {
-    same_length(5, values.shape(0), "memory");
+    same_length(has_plays() ? 5 + ANHYST_CELLS : 5, values.shape(0), "memory");
     const auto real = [&](size_t i) { return static_cast<Real>(values(i)); };
     if (!(is_level(values(1)) && is_level(values(4)))) {
       throw std::invalid_argument("a level lies within -1..1");
     }
     state_.memory = {real(0), real(1), real(2), real(3), real(4)};
+    for (size_t i = 5; i < values.shape(0); i++) {
+      state_.plays[i - 5] = real(i);
+    }
     state_.solved = 0;
   }
 
@@ -71,6 +77,8 @@ public:
   Real conditioning(int32_t tick) const { return F::conditioning(&state_, tick); }
 
 private:
+  bool has_plays() const { return state_.parameters->kernel->keep != nullptr; }
+
   static bool is_level(double value) { return value >= -1.0 && value <= 1.0; }
 
   typename F::Compensator state_{};

@@ -14,11 +14,13 @@ struct F64 {
   using AtGap = anhyst_at_gap_f64;
   using Full = anhyst_full_law_f64;
   using Simplified = anhyst_simplified_law_f64;
+  using Cells = anhyst_cells_law_f64;
   using Parameters = anhyst_parameters_f64;
   using Memory = anhyst_memory_f64;
   using Compensator = anhyst_compensator_f64;
   static constexpr auto kernel_full = &anhyst_kernel_full_f64;
   static constexpr auto kernel_simplified = &anhyst_kernel_simplified_f64;
+  static constexpr auto kernel_cells = &anhyst_kernel_cells_f64;
   static constexpr auto check = anhyst_parameters_check_f64;
   static constexpr auto init = anhyst_compensator_init_f64;
   static constexpr auto swap = anhyst_compensator_swap_f64;
@@ -34,11 +36,13 @@ struct F32 {
   using AtGap = anhyst_at_gap_f32;
   using Full = anhyst_full_law_f32;
   using Simplified = anhyst_simplified_law_f32;
+  using Cells = anhyst_cells_law_f32;
   using Parameters = anhyst_parameters_f32;
   using Memory = anhyst_memory_f32;
   using Compensator = anhyst_compensator_f32;
   static constexpr auto kernel_full = &anhyst_kernel_full_f32;
   static constexpr auto kernel_simplified = &anhyst_kernel_simplified_f32;
+  static constexpr auto kernel_cells = &anhyst_kernel_cells_f32;
   static constexpr auto check = anhyst_parameters_check_f32;
   static constexpr auto init = anhyst_compensator_init_f32;
   static constexpr auto swap = anhyst_compensator_swap_f32;
@@ -72,6 +76,8 @@ public:
       full(numbers, tables);
     } else if (kind == "simplified") {
       simplified(numbers, tables);
+    } else if (kind == "cells") {
+      cells(numbers, tables);
     } else {
       throw std::invalid_argument("unknown kind of compensator: " + kind);
     }
@@ -158,9 +164,22 @@ private:
     parameters_.simplified = &simplified_;
   }
 
+  void cells(const nb::dict &from, const nb::dict &tables)
+  {
+    cells_.air = real(from, "air");
+    cells_.reach = real(from, "reach");
+    cells_.cells = count(from, "cells");
+    cells_.segments = count(from, "segments");
+    cells_.thresholds = table(tables, "thresholds", cells_.cells);
+    cells_.rows = table(tables, "rows", (cells_.cells + 1U) * (cells_.segments + 1U));
+    parameters_.kernel = F::kernel_cells;
+    parameters_.cells = &cells_;
+  }
+
   typename F::Parameters parameters_{};
   typename F::Full full_{};
   typename F::Simplified simplified_{};
+  typename F::Cells cells_{};
   std::vector<typename F::AtGap> gaps_;
   std::vector<std::vector<Real>> tables_;
 };

@@ -10,17 +10,21 @@ from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.twin import AnyBlock
 from anhyst.compile.core import read_core
 
-REAL_STATE_BYTES = 64
+REAL_STATE_BYTES = 112
 """Of ``anhyst_compensator_f32``."""
 
-COMMON_BYTES = 3 * 4 + 9 * 4 + 4 + 4 * 2
+COMMON_BYTES = 4 * 4 + 9 * 4 + 4 + 4 * 2
 """Of ``anhyst_parameters_f32``: pointers to the law, numbers, pointer to the rows, counts."""
 
 CELLS = 12
 """``ANHYST_CELLS``: plays of the law of cells that a compensator has room for."""
 
-LAW_BYTES = {"full": 5 * 4 + 4 * 2 + 3 * 4, "simplified": 4 * 4 + 4 * 2 + 4}
-"""Of ``anhyst_full_law_f32`` and ``anhyst_simplified_law_f32``: numbers, counts, pointers."""
+LAW_BYTES = {
+    "full": 5 * 4 + 4 * 2 + 3 * 4,
+    "simplified": 4 * 4 + 4 * 2 + 4,
+    "cells": 2 * 4 + 2 * 2 + 2 * 4,
+}
+"""Of ``anhyst_full_law_f32`` and the like: numbers, counts, pointers."""
 
 
 def parameters_bytes(block: AnyBlock) -> int:

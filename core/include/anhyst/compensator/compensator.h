@@ -18,6 +18,7 @@
 #include "anhyst/numeric/fixed.h"
 #include "anhyst/compensator/flags.h"
 #include "anhyst/compensator/layout.h"
+#include "anhyst/compensator/plays.h"
 #include "anhyst/numeric/status.h"
 
 #ifdef __cplusplus
@@ -38,9 +39,6 @@ typedef struct {
                     while the field rose */
   int32_t level; /* full: y there; cells: field, in its direction, where the last one joined */
 } anhyst_memory;
-
-/* Plays of the law of cells that have a width. */
-#define ANHYST_CELLS 12
 
 /* A solved step that has not been committed: where it leads, and what a current near it needs. */
 typedef struct {

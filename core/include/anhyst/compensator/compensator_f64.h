@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "anhyst/compensator/flags.h"
+#include "anhyst/compensator/plays.h"
 #include "anhyst/numeric/status.h"
 
 #ifdef __cplusplus

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* State that changes: at most 128 bytes, in either precision. */
-typedef char ANHYST_NAME(anhyst_state_is_small)[sizeof(ANHYST_NAME(anhyst_compensator)) <= 128U
+/* State that changes: at most 224 bytes, in either precision. */
+typedef char ANHYST_NAME(anhyst_state_is_small)[sizeof(ANHYST_NAME(anhyst_compensator)) <= 224U
                                                     ? 1
                                                     : -1];
 
@@ -136,8 +136,8 @@ anhyst_status ANHYST_NAME(anhyst_compensator_init)(ANHYST_NAME(anhyst_compensato
 void ANHYST_NAME(anhyst_compensator_swap)(ANHYST_NAME(anhyst_compensator) *c,
                                           const ANHYST_NAME(anhyst_parameters) *parameters)
 {
+  parameters->kernel->carry(c->parameters, &c->memory, c->plays);
   c->parameters = parameters;
-  parameters->kernel->carry(&c->memory);
   c->solved = 0;
 }
 
@@ -149,7 +149,8 @@ ANHYST_REAL ANHYST_NAME(anhyst_compensator_solve)(ANHYST_NAME(anhyst_compensator
   c->flags = 0;
   c->gap = gap;
   c->flux = ANHYST_NAME(flux_of)(c, demand, &row);
-  const ANHYST_REAL field = parameters->kernel->field(parameters, &c->memory, c->flux, &c->next);
+  const ANHYST_REAL field =
+      parameters->kernel->field(parameters, &c->memory, c->plays, c->flux, &c->next);
   const ANHYST_REAL wanted = row.bias + row.flux_arm * c->flux + row.field_arm * field;
   c->current =
       ANHYST_NAME(anhyst_limited)(wanted, parameters->current_low, parameters->current_high);
@@ -164,16 +165,19 @@ ANHYST_REAL ANHYST_NAME(anhyst_compensator_solve)(ANHYST_NAME(anhyst_compensator
 void ANHYST_NAME(anhyst_compensator_commit)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL applied,
                                             ANHYST_REAL gap)
 {
+  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
   if (c->solved != 0U && applied == c->current && gap == c->gap) {
-    c->memory = c->next;
     c->flux_applied = c->flux;
   } else {
-    const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
     const ANHYST_NAME(anhyst_at_gap) row = ANHYST_NAME(at_gap)(parameters, gap);
-    c->flux_applied = parameters->kernel->flux(parameters, &c->memory, &row, applied, &c->next);
-    c->memory = c->next;
+    c->flux_applied =
+        parameters->kernel->flux(parameters, &c->memory, c->plays, &row, applied, &c->next);
     c->gap = gap;
   }
+  if (parameters->kernel->keep != 0) {
+    parameters->kernel->keep(parameters, &c->memory, &c->next, c->plays);
+  }
+  c->memory = c->next;
   c->solved = 0;
 }
 

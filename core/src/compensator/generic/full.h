@@ -359,9 +359,11 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_full_law) *law,
 }
 
 static ANHYST_REAL ANHYST_NAME(full_field)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                           const ANHYST_NAME(anhyst_memory) *from, ANHYST_REAL flux,
+                                           const ANHYST_NAME(anhyst_memory) *from,
+                                           const ANHYST_REAL *plays, ANHYST_REAL flux,
                                            ANHYST_NAME(anhyst_memory) *to)
 {
+  (void)plays;
   const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
   (void)ANHYST_NAME(meet)(law, from, law->air, R(1.0), flux, to);
   return to->x;
@@ -370,9 +372,11 @@ static ANHYST_REAL ANHYST_NAME(full_field)(const ANHYST_NAME(anhyst_parameters) 
 /* With flux = m + h*x the current is (field_arm + flux_arm*h)*x + flux_arm*m. */
 static ANHYST_REAL ANHYST_NAME(full_flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
                                           const ANHYST_NAME(anhyst_memory) *from,
+                                          const ANHYST_REAL *plays,
                                           const ANHYST_NAME(anhyst_at_gap) *arms,
                                           ANHYST_REAL current, ANHYST_NAME(anhyst_memory) *to)
 {
+  (void)plays;
   const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
   const ANHYST_REAL air = arms->field_arm + arms->flux_arm * law->air;
   const ANHYST_REAL m = ANHYST_NAME(meet)(law, from, air, arms->flux_arm, current - arms->bias, to);
@@ -421,12 +425,15 @@ static int ANHYST_NAME(full_is_valid)(const ANHYST_NAME(anhyst_parameters) *para
          ANHYST_NAME(current_rises)(parameters);
 }
 
-static void ANHYST_NAME(full_carry)(ANHYST_NAME(anhyst_memory) *memory)
+static void ANHYST_NAME(full_carry)(const ANHYST_NAME(anhyst_parameters) *before,
+                                    ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
 {
+  (void)before;
+  (void)plays;
   memory->turn = memory->p;
   memory->level = memory->y;
 }
 
 const ANHYST_NAME(anhyst_kernel)
     ANHYST_NAME(anhyst_kernel_full) = {ANHYST_NAME(full_field), ANHYST_NAME(full_flux),
-                                       ANHYST_NAME(full_is_valid), ANHYST_NAME(full_carry)};
+                                       ANHYST_NAME(full_is_valid), ANHYST_NAME(full_carry), 0};

@@ -114,8 +114,10 @@ static ANHYST_NAME(anhyst_memory) ANHYST_NAME(mirrored)(ANHYST_NAME(anhyst_memor
 
 static ANHYST_REAL ANHYST_NAME(simplified_field)(const ANHYST_NAME(anhyst_parameters) *parameters,
                                                  const ANHYST_NAME(anhyst_memory) *from,
-                                                 ANHYST_REAL flux, ANHYST_NAME(anhyst_memory) *to)
+                                                 const ANHYST_REAL *plays, ANHYST_REAL flux,
+                                                 ANHYST_NAME(anhyst_memory) *to)
 {
+  (void)plays;
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
   if (flux > from->x) {
     const ANHYST_NAME(anhyst_memory) start = ANHYST_NAME(set_out)(law, *from);
@@ -162,9 +164,11 @@ static void ANHYST_NAME(reach)(const ANHYST_NAME(anhyst_simplified_law) *law,
 
 static ANHYST_REAL ANHYST_NAME(simplified_flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
                                                 const ANHYST_NAME(anhyst_memory) *from,
+                                                const ANHYST_REAL *plays,
                                                 const ANHYST_NAME(anhyst_at_gap) *arms,
                                                 ANHYST_REAL current, ANHYST_NAME(anhyst_memory) *to)
 {
+  (void)plays;
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
   const ANHYST_REAL target = current - arms->bias;
   const ANHYST_REAL of_flux = arms->flux_arm * from->x;
@@ -213,12 +217,15 @@ static int ANHYST_NAME(simplified_is_valid)(const ANHYST_NAME(anhyst_parameters)
          ANHYST_NAME(flux_arm_is_valid)(parameters);
 }
 
-static void ANHYST_NAME(simplified_carry)(ANHYST_NAME(anhyst_memory) *memory)
+static void ANHYST_NAME(simplified_carry)(const ANHYST_NAME(anhyst_parameters) *before,
+                                          ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
 {
+  (void)before;
+  (void)plays;
   memory->turn = memory->x;
   memory->level = memory->y;
 }
 
 const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified) = {
     ANHYST_NAME(simplified_field), ANHYST_NAME(simplified_flux), ANHYST_NAME(simplified_is_valid),
-    ANHYST_NAME(simplified_carry)};
+    ANHYST_NAME(simplified_carry), 0};

@@ -56,13 +56,26 @@ typedef struct {
   const ANHYST_REAL *curve; /* p over z, 0..1: (octaves + 1)*segments + 1 entries, rising */
 } ANHYST_NAME(anhyst_simplified_law);
 
+/* Cells: plays in the effective field, which is in A/m here. The rows have equal segments over
+   fields of -reach..reach, one entry more than segments, and never fall. */
+typedef struct {
+  ANHYST_REAL air;               /* h: flux of the air for a unit of field, > 0 */
+  ANHYST_REAL reach;             /* largest field of the rows */
+  uint16_t cells;                /* plays with a width, 1..12 */
+  uint16_t segments;             /* 8..4096 */
+  const ANHYST_REAL *thresholds; /* half-widths of the plays, rising from above 0 to reach */
+  const ANHYST_REAL *rows;       /* magnetisation of the first 1, 2, .. cells + 1 plays, -1..1 */
+} ANHYST_NAME(anhyst_cells_law);
+
 typedef struct ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel);
 
 /* What a compensator knows of its actuator; constant. */
 typedef struct {
-  const ANHYST_NAME(anhyst_kernel) *kernel; /* anhyst_kernel_full_.. or .._simplified_.. */
-  const ANHYST_NAME(anhyst_full_law) *full; /* of the kernel full, otherwise 0 */
+  const ANHYST_NAME(anhyst_kernel)
+      *kernel; /* anhyst_kernel_full_.., .._simplified_.., .._cells_.. */
+  const ANHYST_NAME(anhyst_full_law) *full;             /* of the kernel full, otherwise 0 */
   const ANHYST_NAME(anhyst_simplified_law) *simplified; /* of the kernel simplified */
+  const ANHYST_NAME(anhyst_cells_law) *cells;           /* of the kernel cells */
   ANHYST_REAL demand_low;                               /* limits of the demand */
   ANHYST_REAL demand_high;
   ANHYST_REAL current_low; /* limits of the current */
@@ -83,39 +96,49 @@ typedef struct {
    is, it keeps where the path now followed turned, and a step is computed from there: ticks of any
    number and size add no rounding. */
 typedef struct {
-  ANHYST_REAL x;     /* full: field; simplified: flux */
-  ANHYST_REAL y;     /* full: irreversible magnetisation; simplified: bounded state u */
-  ANHYST_REAL p;     /* full: play; simplified: distance z where the path turned */
+  ANHYST_REAL x;     /* full, cells: field; simplified: flux */
+  ANHYST_REAL y;     /* full: irreversible magnetisation; simplified: bounded state u; cells:
+                        magnetisation of the plays that rest */
+  ANHYST_REAL p;     /* full: play; simplified: distance z where the path turned; cells: how many of
+                        the plays move, below 0 where the field falls; 0: y is not known */
   ANHYST_REAL turn;  /* full: play where y departed, which the fixed-point memory finds again from
                         where the play turned; simplified: flux where the path turned. Where it is
                         now: not known, it turns now */
   ANHYST_REAL level; /* y there */
 } ANHYST_NAME(anhyst_memory);
 
-/* A law. The first two functions leave *from alone and fill *to, which may not be *from. */
+/* A law. The first two functions leave *from and the plays alone and fill *to, which may not be
+ *from. plays: where the plays of the law of cells rest; nothing to the other laws. */
 struct ANHYST_NAME(anhyst_kernel) {
   /* The field that belongs to a flux. */
   ANHYST_REAL (*field)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                       const ANHYST_NAME(anhyst_memory) *from, ANHYST_REAL flux,
-                       ANHYST_NAME(anhyst_memory) *to);
+                       const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
+                       ANHYST_REAL flux, ANHYST_NAME(anhyst_memory) *to);
   /* The flux to which a current leads: bias + flux_arm*flux + field_arm*field = current. */
   ANHYST_REAL (*flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                      const ANHYST_NAME(anhyst_memory) *from,
+                      const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
                       const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
                       ANHYST_NAME(anhyst_memory) *to);
   /* Whether the law's own parameters are valid. */
   int (*valid)(const ANHYST_NAME(anhyst_parameters) *parameters);
-  /* Brings a memory to other parameters of the same law: it turns where it is. */
-  void (*carry)(ANHYST_NAME(anhyst_memory) *memory);
+  /* Brings a memory from these to other parameters of the same law: it turns where it is. */
+  void (*carry)(const ANHYST_NAME(anhyst_parameters) *before, ANHYST_NAME(anhyst_memory) *memory,
+                ANHYST_REAL *plays);
+  /* Takes over into the plays what a step between two memories leaves in them; 0: nothing. */
+  void (*keep)(const ANHYST_NAME(anhyst_parameters) *parameters,
+               const ANHYST_NAME(anhyst_memory) *from, const ANHYST_NAME(anhyst_memory) *to,
+               ANHYST_REAL *plays);
 };
 
 extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_full);
 extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified);
+extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_cells);
 
-/* One compensator: 64 bytes in single precision on targets with 32-bit pointers. */
+/* One compensator: 112 bytes in single precision on targets with 32-bit pointers. */
 typedef struct {
   const ANHYST_NAME(anhyst_parameters) *parameters;
   ANHYST_NAME(anhyst_memory) memory; /* of what was applied */
+  ANHYST_REAL plays[ANHYST_CELLS];   /* law of cells: where they rest */
   ANHYST_NAME(anhyst_memory) next;   /* where the solved current would lead */
   ANHYST_REAL current;               /* solved */
   ANHYST_REAL flux;                  /* solved */

@@ -1,0 +1,292 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The law of cells in floating point: plays in the effective field, each with a curve of its own.
+
+   Cell i keeps its play p within r of the field x and gives f(p); m is the sum. Along a rising path
+   those that move are the first ones, all with p = x - r, and their sum is a row of a table over x;
+   the others rest. The next cell joins where x reaches p + r. Everything happens on a path that
+   rises: a falling one is mirrored. Rows are straight between their entries, so that what is
+   solved for, flux_arm*(h*x + m) + field_arm*x = target, is solved in closed form on its segment.
+   What rests is summed up anew at every turn, so that no rounding adds up. */
+
+/* A rising path. Cell 0 has no width, and moves always. */
+typedef struct {
+  const ANHYST_NAME(anhyst_cells_law) *law;
+  const ANHYST_REAL *plays;
+  ANHYST_REAL x;
+  ANHYST_REAL rest; /* magnetisation of the cells that rest */
+  uint16_t active;  /* the cells below this one move */
+  uint16_t moved;   /* those below this one moved the other way until here */
+  int falling;      /* all is mirrored */
+} ANHYST_NAME(path);
+
+/* What is solved for, in the direction of the path. */
+typedef struct {
+  ANHYST_REAL flux_arm;
+  ANHYST_REAL field_arm;
+  ANHYST_REAL target;
+} ANHYST_NAME(equation);
+
+static ANHYST_REAL ANHYST_NAME(facing)(ANHYST_REAL a, int falling) { return falling ? -a : a; }
+
+/* Half-width of the play of a cell. */
+static ANHYST_REAL ANHYST_NAME(width)(const ANHYST_NAME(path) *along, uint16_t cell)
+{
+  return along->law->thresholds[cell - 1U];
+}
+
+/* The magnetisation of so many moving cells. */
+static ANHYST_REAL ANHYST_NAME(moving)(const ANHYST_NAME(path) *along, uint16_t cells,
+                                       ANHYST_REAL x)
+{
+  const ANHYST_NAME(anhyst_cells_law) *law = along->law;
+  const ANHYST_REAL *row = law->rows + (uint32_t)(cells - 1U) * (law->segments + 1U);
+  const ANHYST_REAL place = (x + law->reach) * (ANHYST_REAL)law->segments;
+  return ANHYST_NAME(anhyst_value_at)(
+      row, ANHYST_NAME(anhyst_spot_of)(law->segments, place / (R(2.0) * law->reach)));
+}
+
+/* The play of a cell that rests, as the field has left it at most. */
+static ANHYST_REAL ANHYST_NAME(at_rest)(const ANHYST_NAME(path) *along, uint16_t cell)
+{
+  const ANHYST_REAL r = ANHYST_NAME(width)(along, cell);
+  if (cell < along->moved) {
+    return along->x + r;
+  }
+  return ANHYST_NAME(anhyst_limited)(ANHYST_NAME(facing)(along->plays[cell - 1U], along->falling),
+                                     along->x - r, along->x + r);
+}
+
+/* What a cell gives where the field had brought it. */
+static ANHYST_REAL ANHYST_NAME(alone)(const ANHYST_NAME(path) *along, uint16_t cell)
+{
+  const ANHYST_REAL x = ANHYST_NAME(at_rest)(along, cell) + ANHYST_NAME(width)(along, cell);
+  return ANHYST_NAME(moving)(along, (uint16_t)(cell + 1U), x) - ANHYST_NAME(moving)(along, cell, x);
+}
+
+/* Lets all cells rest but cell 0. */
+static void ANHYST_NAME(rest_all)(ANHYST_NAME(path) *along)
+{
+  along->active = 1;
+  along->rest = R(0.0);
+  for (uint16_t cell = 1; cell <= along->law->cells; cell++) {
+    along->rest += ANHYST_NAME(alone)(along, cell);
+  }
+}
+
+/* A path that goes on from a memory, in the direction which that had. */
+static ANHYST_NAME(path)
+    ANHYST_NAME(begin)(const ANHYST_NAME(anhyst_cells_law) *law,
+                       const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays)
+{
+  ANHYST_NAME(path) along;
+  const ANHYST_REAL count = ANHYST_NAME(anhyst_size)(from->p);
+  along.law = law;
+  along.plays = plays;
+  along.moved = 0;
+  along.falling = from->p < R(0.0);
+  along.x = ANHYST_NAME(facing)(ANHYST_NAME(anhyst_limited)(from->x, -law->reach, law->reach),
+                                along.falling);
+  if (count >= R(1.0) && count <= (ANHYST_REAL)law->cells + R(1.0)) {
+    along.active = (uint16_t)count;
+    along.rest = ANHYST_NAME(facing)(from->y, along.falling);
+  } else { /* not known */
+    ANHYST_NAME(rest_all)(&along);
+  }
+  return along;
+}
+
+/* What is missing of the target where the field is x. */
+static ANHYST_REAL ANHYST_NAME(missing)(const ANHYST_NAME(path) *along,
+                                        const ANHYST_NAME(equation) *solve, ANHYST_REAL x)
+{
+  const ANHYST_REAL m = ANHYST_NAME(moving)(along, along->active, x) + along->rest;
+  return solve->target - (solve->flux_arm * (m + along->law->air * x) + solve->field_arm * x);
+}
+
+/* The field at the lower end of a segment. */
+static ANHYST_REAL ANHYST_NAME(node)(const ANHYST_NAME(path) *along, uint16_t segment)
+{
+  const ANHYST_REAL part = (ANHYST_REAL)segment / (ANHYST_REAL)along->law->segments;
+  return (R(2.0) * part - R(1.0)) * along->law->reach;
+}
+
+static uint16_t ANHYST_NAME(segment_of)(const ANHYST_NAME(path) *along, ANHYST_REAL x)
+{
+  const ANHYST_NAME(anhyst_cells_law) *law = along->law;
+  const ANHYST_REAL place = (x + law->reach) * (ANHYST_REAL)law->segments;
+  return ANHYST_NAME(anhyst_spot_of)(law->segments, place / (R(2.0) * law->reach)).index;
+}
+
+/* Goes to the target between two places, on the row of the cells that move. */
+static void ANHYST_NAME(go)(ANHYST_NAME(path) *along, const ANHYST_NAME(equation) *solve,
+                            ANHYST_REAL low, ANHYST_REAL high)
+{
+  uint16_t first = ANHYST_NAME(segment_of)(along, low);
+  uint16_t end = ANHYST_NAME(segment_of)(along, high);
+  while (first < end) {
+    const uint16_t middle = (uint16_t)((first + end + 1U) / 2U);
+    if (ANHYST_NAME(missing)(along, solve, ANHYST_NAME(node)(along, middle)) > R(0.0)) {
+      first = middle;
+    } else {
+      end = (uint16_t)(middle - 1U);
+    }
+  }
+  const ANHYST_REAL begin = ANHYST_NAME(node)(along, first);
+  const ANHYST_REAL beyond = ANHYST_NAME(node)(along, (uint16_t)(first + 1U));
+  const ANHYST_REAL missing = ANHYST_NAME(missing)(along, solve, begin);
+  const ANHYST_REAL rise = missing - ANHYST_NAME(missing)(along, solve, beyond);
+  const ANHYST_REAL part = rise > R(0.0) ? missing / rise : R(0.0);
+  along->x = ANHYST_NAME(anhyst_limited)(begin + part * (beyond - begin), low, high);
+}
+
+/* Lets cells join till the target is met. */
+static void ANHYST_NAME(advance)(ANHYST_NAME(path) *along, const ANHYST_NAME(equation) *solve)
+{
+  const ANHYST_NAME(anhyst_cells_law) *law = along->law;
+  ANHYST_REAL low = along->x;
+  ANHYST_REAL high = law->reach;
+  while (along->active <= law->cells) {
+    const uint16_t cell = along->active;
+    const ANHYST_REAL joins = ANHYST_NAME(anhyst_limited)(
+        ANHYST_NAME(at_rest)(along, cell) + ANHYST_NAME(width)(along, cell), low, law->reach);
+    if (!(ANHYST_NAME(missing)(along, solve, joins) > R(0.0))) {
+      high = joins;
+      break;
+    }
+    along->rest -= ANHYST_NAME(alone)(along, cell);
+    along->active = (uint16_t)(cell + 1U);
+    low = joins;
+  }
+  if (along->active > law->cells) {
+    along->rest = R(0.0); /* none rests */
+  }
+  ANHYST_NAME(go)(along, solve, low, high);
+}
+
+/* Solves from a memory on; returns m. */
+static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_cells_law) *law,
+                                     const ANHYST_NAME(anhyst_memory) *from,
+                                     const ANHYST_REAL *plays, ANHYST_NAME(equation) solve,
+                                     ANHYST_NAME(anhyst_memory) *to)
+{
+  ANHYST_NAME(path) along = ANHYST_NAME(begin)(law, from, plays);
+  solve.target = ANHYST_NAME(facing)(solve.target, along.falling);
+  const ANHYST_REAL missing = ANHYST_NAME(missing)(&along, &solve, along.x);
+  const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(solve.target) +
+                           ANHYST_NAME(anhyst_size)(solve.flux_arm) +
+                           ANHYST_NAME(anhyst_size)(solve.field_arm * along.x);
+  /* Unless it is there already, or the target is no number. */
+  if (ANHYST_NAME(anhyst_size)(missing) > ANHYST_NAME(anhyst_noise)(size)) {
+    if (missing < R(0.0)) {
+      along.falling = !along.falling;
+      along.x = -along.x;
+      along.moved = along.active;
+      solve.target = -solve.target;
+      ANHYST_NAME(rest_all)(&along);
+    }
+    ANHYST_NAME(advance)(&along, &solve);
+  }
+  const ANHYST_REAL active = (ANHYST_REAL)along.active;
+  to->x = ANHYST_NAME(facing)(along.x, along.falling);
+  to->y = ANHYST_NAME(facing)(along.rest, along.falling);
+  to->p = ANHYST_NAME(facing)(active, along.falling);
+  to->turn = R(0.0);
+  to->level = R(0.0);
+  const ANHYST_REAL m = ANHYST_NAME(moving)(&along, along.active, along.x) + along.rest;
+  return ANHYST_NAME(facing)(m, along.falling);
+}
+
+static ANHYST_REAL ANHYST_NAME(cells_field)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                            const ANHYST_NAME(anhyst_memory) *from,
+                                            const ANHYST_REAL *plays, ANHYST_REAL flux,
+                                            ANHYST_NAME(anhyst_memory) *to)
+{
+  const ANHYST_NAME(equation) solve = {R(1.0), R(0.0), flux};
+  (void)ANHYST_NAME(meet)(parameters->cells, from, plays, solve, to);
+  return to->x;
+}
+
+static ANHYST_REAL ANHYST_NAME(cells_flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                           const ANHYST_NAME(anhyst_memory) *from,
+                                           const ANHYST_REAL *plays,
+                                           const ANHYST_NAME(anhyst_at_gap) *arms,
+                                           ANHYST_REAL current, ANHYST_NAME(anhyst_memory) *to)
+{
+  const ANHYST_NAME(equation) solve = {arms->flux_arm, arms->field_arm, current - arms->bias};
+  const ANHYST_REAL m = ANHYST_NAME(meet)(parameters->cells, from, plays, solve, to);
+  return m + parameters->cells->air * to->x;
+}
+
+/* Whether more field needs more current at every gap, on the steepest segment of any row. */
+static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
+  const ANHYST_REAL scale = (ANHYST_REAL)law->segments / (R(2.0) * law->reach);
+  ANHYST_REAL steepest = R(0.0);
+  for (uint16_t cell = 0; cell <= law->cells; cell++) {
+    const ANHYST_REAL *row = law->rows + (uint32_t)cell * (law->segments + 1U);
+    for (uint16_t i = 0; i < law->segments; i++) {
+      const ANHYST_REAL slope = scale * (row[i + 1U] - row[i]);
+      steepest = slope > steepest ? slope : steepest;
+    }
+  }
+  for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
+    const ANHYST_NAME(anhyst_at_gap) *row = parameters->gaps + i;
+    if (!(row->field_arm + row->flux_arm * (law->air + steepest) > R(0.0))) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+static int ANHYST_NAME(rows_rise)(const ANHYST_NAME(anhyst_cells_law) *law)
+{
+  for (uint16_t cell = 0; cell <= law->cells; cell++) {
+    const ANHYST_REAL *row = law->rows + (uint32_t)cell * (law->segments + 1U);
+    if (!ANHYST_NAME(anhyst_rises)(row, law->segments, R(-1.0), R(1.0))) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+static int ANHYST_NAME(cells_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
+  const ANHYST_REAL largest = R(1e12);
+  return law != 0 && law->thresholds != 0 && law->rows != 0 && law->reach > R(0.0) &&
+         law->reach <= largest && law->air > R(0.0) && law->air <= largest && law->cells >= 1U &&
+         law->cells <= ANHYST_CELLS && law->segments >= 8U && law->segments <= 4096U &&
+         law->thresholds[0] > R(0.0) &&
+         ANHYST_NAME(anhyst_rises)(law->thresholds, (uint16_t)(law->cells - 1U), R(0.0),
+                                   law->reach) &&
+         ANHYST_NAME(rows_rise)(law) && ANHYST_NAME(current_rises)(parameters);
+}
+
+static void ANHYST_NAME(cells_keep)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                    const ANHYST_NAME(anhyst_memory) *from,
+                                    const ANHYST_NAME(anhyst_memory) *to, ANHYST_REAL *plays)
+{
+  const ANHYST_NAME(path) along = ANHYST_NAME(begin)(parameters->cells, from, plays);
+  if (from->p * to->p < R(0.0)) {
+    for (uint16_t cell = 1; cell < along.active; cell++) {
+      plays[cell - 1U] =
+          ANHYST_NAME(facing)(along.x - ANHYST_NAME(width)(&along, cell), along.falling);
+    }
+  }
+}
+
+/* All cells come to rest where they are; under the other parameters they are clipped to widths of
+   those, and what they give is summed up by the next step. */
+static void ANHYST_NAME(cells_carry)(const ANHYST_NAME(anhyst_parameters) *before,
+                                     ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
+{
+  const ANHYST_NAME(anhyst_memory) back = {R(0.0), R(0.0), -memory->p, R(0.0), R(0.0)};
+  ANHYST_NAME(cells_keep)(before, memory, &back, plays);
+  memory->p = R(0.0);
+  memory->y = R(0.0);
+}
+
+const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_cells) = {
+    ANHYST_NAME(cells_field), ANHYST_NAME(cells_flux), ANHYST_NAME(cells_is_valid),
+    ANHYST_NAME(cells_carry), ANHYST_NAME(cells_keep)};
