@@ -181,7 +181,7 @@ def _model_fit(plan: Plan) -> BudgetPart:
 
 
 def _law(plan: Plan, ways: list[Path]) -> list[BudgetPart]:
-    if plan.block.kind == "full":
+    if plan.request.kind == "full":
         return []
     off, runs = against_demand(plan.model, plan.builder.exact(FINE), "f64", ways)
     part = _part("law", "straight anhysteretic", off, runs)
@@ -191,7 +191,7 @@ def _law(plan: Plan, ways: list[Path]) -> list[BudgetPart]:
 def _tables(plan: Plan, ways: list[Path]) -> BudgetPart:
     builder, sizes = plan.builder, plan.sizes
     at, block = snapped(ways, plan.model, plan.block.scales, sizes), builder.exact(sizes)
-    if plan.block.kind == "full":
+    if plan.request.kind == "full":
         off, runs = against_demand(plan.model, block, "f64", at)
         part = _part("tables", "tables", off, runs)
         note = f"in double precision, at gaps that stand in the tables; {part.note}"
@@ -209,7 +209,7 @@ def _quantisation(plan: Plan, ways: list[Path]) -> BudgetPart:
         f"{plan.request.io} and {plan.sizes.iterations} iterations against double precision, many "
         "iterations and the same tables"
     )
-    if plan.block.kind == "euler":
+    if plan.request.kind == "euler":
         note = "Euler's steps and rounding against the closed form in double precision"
     return BudgetPart("quantisation", "quantisation", off.worst, off.rms, note)
 
@@ -218,7 +218,7 @@ def _gap(plan: Plan, ways: list[Path]) -> list[BudgetPart]:
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
     if not model.needs_schedule:
         return []
-    if plan.block.kind == "full":
+    if plan.request.kind == "full":
         lifted = paths(model, scales, limits, lifted=True, seed=SEED, length=LENGTH)
         off = interpolation(model, scales, limits, plan.sizes, lifted)
         note = "straight lines between the entries over the gap, everything else exact"
@@ -257,7 +257,7 @@ def _late(model: ActuatorModel, demand: FloatArray, gap: FloatArray) -> FloatArr
     that rests and then leaps; iron comes back from such ripples, but the law of the model drifts
     along them a little, at any rate, and this is not to be reported as an error of sampling.
     """
-    iron, state = model.iron_at(float(gap[0])), np.zeros(3)
+    iron, state = model.iron_at(float(gap[0])), np.zeros(model.operator_law.states)
     circuit = model.circuit(gap, np.zeros(gap.size))
     flux, _ = circuit.flux_density(demand)
     error = np.zeros(gap.size)
@@ -287,7 +287,7 @@ def keeps_allowance(plan: Plan, budget: Budget) -> bool:
     """Whether formats and tables cost no more than they may, on the paths of the budget."""
     tables = budget.part("tables")
     assert tables is not None
-    judged = budget.compiled if plan.block.kind == "full" else tables
+    judged = budget.compiled if plan.request.kind == "full" else tables
     return judged.worst is not None and judged.worst <= plan.allowance
 
 
@@ -310,9 +310,12 @@ def why_drifting(plan: Plan, budget: Budget) -> str:
 
 
 def _against_drift(plan: Plan) -> str:
-    if plan.block.kind != "full":
+    if plan.request.kind != "full":
         return "this law has no dead band that would hold it; compile with --kind full"
-    if not np.any(plan.model.parameters["r_d"]):
+    bands = plan.model.operator_law.with_role("dead band")
+    if not bands:
+        return "the tables are too coarse for it; ask for a smaller --accuracy"
+    if not any(np.any(plan.model.parameters[spec.name]) for spec in bands):
         return (
             "the model has no dead band (r_d = 0); identify it again from its loops, or set r_d in "
             "the model file"

@@ -1,4 +1,4 @@
-"""Rows of the law of cells: what its compensators look up, in fixed and in floating point."""
+"""The parameter block of a law of play cells: rows over the effective field."""
 
 from __future__ import annotations
 
@@ -7,10 +7,29 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst._core import langevin
-from anhyst.compensate.block import DemandLimits, Packer, TableSizes, as_word
-from anhyst.compensate.scheduled import WEIGHT, Arms
+from anhyst._core import FixedCompensator, langevin
+from anhyst.compensate.block import (
+    Block,
+    Conditioning,
+    DemandLimits,
+    Packer,
+    Scales,
+    TableSizes,
+    as_word,
+)
+from anhyst.compensate.irons import cell_weights
+from anhyst.compensate.scheduled import (
+    WEIGHT,
+    Arms,
+    arms_of,
+    nearly_jumps,
+    nodes,
+    pack_arms,
+    pack_common,
+    refuse_uncompilable,
+)
 from anhyst.laws.cells import CellWeights
+from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
 
 MARGIN = 1.02
@@ -127,12 +146,39 @@ def cell_rows(
     return CellRows(reach, few.thresholds[1:], rows)
 
 
-def pack_rows(pack: Packer, found: CellRows, arms: Arms, sizes: TableSizes) -> None:
-    """Put the words of the law of cells."""
+def build_cells(
+    model: ActuatorModel,
+    scales: Scales,
+    limits: DemandLimits,
+    sizes: TableSizes | None = None,
+    conditioning: Conditioning | None = None,
+    model_hash: int = 0,
+) -> Block:
+    """Make the parameter block of a law of play cells; as :func:`anhyst.compensate.full.build_full`.
+
+    Raises
+    ------
+    InputError
+        The model cannot be compiled, or a number does not fit.
+    """
+    refuse_uncompilable(model)
+    sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
+    at = nodes(model, scales, sizes)
+    arms = arms_of(model, at)
+    found = cell_rows(cell_weights(model), arms, limits, sizes)
     reach = found.reach
+    pack = Packer("cells", model_hash)
+    pack_common(pack, model, scales, limits, sizes, conditioning)
+    pack_arms(pack, scales, arms.bias, arms.flux_arm, arms.field_arm * reach)
     pack.set_single("UNIT_FIELD", reach)
     pack.table("CELLS_THRESHOLDS", found.thresholds / reach, 32768.0, least=1)
     pack.table("CELLS_ROWS", found.rows, 32767.0)
     pack.set("CELLS_AIR", max(as_word(arms.air * reach / 4.0, WEIGHT, "h"), 1))
     pack.set("CELLS_COUNT", found.thresholds.size)
     pack.set("CELLS_SEGMENTS", sizes.curve_segments)
+    block = pack.close(scales, limits)
+    try:
+        FixedCompensator("cells", block.words)
+    except ValueError as error:
+        raise nearly_jumps(model, at) from error
+    return block

@@ -23,6 +23,8 @@ def explain(plan: Plan) -> list[Decision]:
         *_signals(plan),
         _axis(plan, "gap_segments", "tables over the gap", "straight lines between the gaps"),
     ]
+    if plan.block.kind == "cells":
+        return [*choices, *_rows(plan), _knee(plan), _start(plan)]
     if plan.block.kind == "full":
         choices += [
             _axis(plan, "curve_segments", "anhysteretic curve and branch", "these tables"),
@@ -31,6 +33,17 @@ def explain(plan: Plan) -> list[Decision]:
     else:
         choices += _closed_form(plan)
     return [*choices, _iterations(plan), _knee(plan), _start(plan)]
+
+
+def _rows(plan: Plan) -> list[Decision]:
+    tried, cells = dict(plan.found.tried["cells"]), plan.sizes.cells
+    reason = f"so many thresholds cost {_percent(plan, tried[cells])}"
+    if cells - 1 in tried:
+        reason += f"; {cells - 1} would cost {_percent(plan, tried[cells - 1])}"
+    return [
+        Decision("play cells with a threshold", f"{cells}", reason),
+        _axis(plan, "curve_segments", "row for each number of moving cells", "these tables"),
+    ]
 
 
 def _signals(plan: Plan) -> list[Decision]:

@@ -7,6 +7,7 @@ cost, and its distance from the fixed-point one what fixed point costs.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -15,8 +16,11 @@ import numpy as np
 
 from anhyst._core import Parameters, ParametersF32
 from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
+from anhyst.compensate.cells import cell_rows
 from anhyst.compensate.full import full_tables, normal
+from anhyst.compensate.irons import cell_weights
 from anhyst.compensate.scheduled import (
+    arms_of,
     flux_gain,
     flux_unit,
     nodes,
@@ -26,7 +30,7 @@ from anhyst.compensate.simplified import ClosedForm, curve, distances, fit_close
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
 
-RealKind = Literal["full", "simplified"]
+RealKind = Literal["full", "simplified", "cells"]
 RealIo = Literal["f32", "f64"]
 
 COLUMNS = ("gain", "offset", "bias", "flux_arm", "field_arm")
@@ -40,7 +44,7 @@ class RealBlock:
     Parameters
     ----------
     kind : str
-        ``"full"`` or ``"simplified"``.
+        ``"full"``, ``"cells"`` or ``"simplified"``.
     scales : Scales
         Full-scale output (counts as 1 under the root) and the range of the gap; the current needs
         no scale.
@@ -93,7 +97,7 @@ def build_real(
     model : ActuatorModel
         Of the effective-field law, without eddy currents; every gap map but 'free'.
     kind : str
-        ``"full"`` or ``"simplified"``.
+        ``"full"``, ``"cells"`` or ``"simplified"``.
     scales : Scales
         Full-scale output and range of the gap.
     limits : DemandLimits
@@ -118,8 +122,8 @@ def build_real(
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
     offset = None
-    if kind == "full":
-        numbers, arms, tables = _full(model, limits, at, sizes)
+    if kind in FULL:
+        numbers, arms, tables = FULL[kind](model, limits, at, sizes)
         numbers["flux_limit"] = _largest_flux(model, limits, at)
     else:
         law = law or fit_closed_form(model, limits, at, sizes)
@@ -182,6 +186,26 @@ def _full(model: ActuatorModel, limits: DemandLimits, at: FloatArray, sizes: Tab
     }
     tables = {"curve": found.curve, "branch": found.branch, "inverse": found.inverse}
     return numbers, (law.bias, law.flux_arm, law.field_arm), tables
+
+
+def _cells(model: ActuatorModel, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
+    arms = arms_of(model, at)
+    found = cell_rows(cell_weights(model), arms, limits, sizes)
+    numbers = {
+        "air": arms.air,
+        "reach": found.reach,
+        "cells": found.thresholds.size,
+        "segments": 2**sizes.curve_segments,
+    }
+    tables = {"thresholds": found.thresholds, "rows": found.rows.ravel()}
+    return numbers, (arms.bias, arms.flux_arm, arms.field_arm), tables
+
+
+FULL: dict[str, Callable[[ActuatorModel, DemandLimits, FloatArray, TableSizes], Law]] = {
+    "full": _full,
+    "cells": _cells,
+}
+"""Numbers and tables of the kinds that follow the law itself."""
 
 
 def _simplified(law: ClosedForm, at: FloatArray, sizes: TableSizes) -> Law:

@@ -18,8 +18,11 @@ from anhyst.compensate.block import (
     as_word,
     mantissa,
 )
+from anhyst.compensate.irons import iron_of
 from anhyst.compensate.scheduled import (
     WEIGHT,
+    arms_of,
+    nearly_jumps,
     nodes,
     pack_arms,
     pack_common,
@@ -27,7 +30,6 @@ from anhyst.compensate.scheduled import (
 )
 from anhyst.laws.ascending_branch import ascending_branch
 from anhyst.model.actuator import ActuatorModel
-from anhyst.model.compilable import least_slope
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -66,23 +68,17 @@ class Normal:
 
 
 def normal(model: ActuatorModel, at: FloatArray) -> Normal:
-    """Bring a model into the form of the compensator, at places over the gap.
-
-    ``c_H*(I - in_0) = x*a/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with
-    ``B/mu0 = (1-alpha)*M_s*flux`` and ``flux = m + h*x``; a rewriting of section 2 of the theory.
-    """
-    iron = model.parameters_at(float(at[0]))
-    m_s, a, alpha = iron["M_s"], iron["a"], iron["alpha"]
-    turns, rho = (model.over_schedule(name, at) for name in ("c_H", "rho"))
-    flux_arm = (1.0 - alpha) * m_s * (rho - alpha / (1.0 - alpha)) / turns
+    """Bring a model into the form of the compensator, at places over the gap."""
+    iron, arms = iron_of(model), arms_of(model, at)
+    a = iron["a"]
     return Normal(
         kappa=iron["k"] / a,
         c=iron["c"],
         play=iron["r_d"] / a,
-        air=a / ((1.0 - alpha) * m_s),
-        bias=model.over_schedule("in_0", at),
-        flux_arm=np.asarray(flux_arm),
-        field_arm=a / ((1.0 - alpha) * turns),
+        air=arms.air * a,
+        bias=arms.bias,
+        flux_arm=arms.flux_arm,
+        field_arm=arms.field_arm * a,
     )
 
 
@@ -200,7 +196,7 @@ def build_full(
     pack = Packer("full", model_hash)
     pack_common(pack, model, scales, limits, sizes, conditioning)
     pack_arms(pack, scales, law.bias, law.flux_arm, law.field_arm * reach)
-    pack.set_single("UNIT_FIELD", reach * model.parameters_at(float(at[0]))["a"])
+    pack.set_single("UNIT_FIELD", reach * iron_of(model)["a"])
 
     pack.table("FULL_CURVE", tables.curve, 32768.0)
     pack.table("FULL_BRANCH", tables.branch, 32768.0)
@@ -220,9 +216,5 @@ def build_full(
     try:
         FixedCompensator("full", block.words)
     except ValueError as error:
-        raise InputError(
-            f"alpha: the output all but jumps at some currents (least slope of the drive "
-            f"{least_slope(model, at).min():.2g} of that without iron), nearer than 16-bit tables "
-            "can follow; compile with --io f32"
-        ) from error
+        raise nearly_jumps(model, at) from error
     return block

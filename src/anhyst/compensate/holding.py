@@ -182,7 +182,7 @@ class _Pair:
         self.model: ActuatorModel = plan.model
         self.twin = twin_of(plan.block, plan.request.io)
         self.iron = plan.model.iron_at(home if plan.model.needs_schedule else None)
-        self.state = np.zeros(3)
+        self.state = np.zeros(plan.model.operator_law.states)
 
     def run(self, demand: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the outputs of the model."""

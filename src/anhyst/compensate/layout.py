@@ -195,7 +195,7 @@ CELLS = (
         "magnetisation of the plays that move",
         -32767,
         32767,
-        axis="field, both signs, of each number of moving plays",
+        axis="moving plays",
     ),
 )
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import DemandLimits, Scales, TableSizes
-from anhyst.compensate.full import normal
+from anhyst.compensate.irons import iron_of
 from anhyst.compensate.paths import Path
-from anhyst.compensate.scheduled import flux_unit, nodes
+from anhyst.compensate.scheduled import arms_of, flux_unit, nodes
 from anhyst.compensate.twin import AnyBlock, FixedTwin, Io, RealTwin, twin_of
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
@@ -247,10 +247,10 @@ def interpolation(
     if not model.needs_schedule:
         return OutputDeviation(0.0, 0.0, "")
     at = nodes(model, scales, sizes)
-    law = normal(model, at)
+    arms = arms_of(model, at)
     unit, power = flux_unit(model), model.power
     circuit = model.circuit(at, np.zeros(at.size))
-    iron = model.parameters_at(float(at[0]))
+    alpha = iron_of(model)["alpha"]
 
     def error(path: Path) -> FloatArray:
         gap = path.gap
@@ -264,10 +264,8 @@ def interpolation(
         flux = gain * (np.sqrt(np.maximum(part, 0.0)) if power == 2 else part)
         exact = model.circuit(gap, np.zeros(gap.size))
         reached = model.invert(exact.output(flux * unit), gap, history="demagnetised")
-        x = (
-            (1.0 - iron["alpha"]) * reached.field + iron["alpha"] * reached.flux_density / MU_0
-        ) / (iron["a"])
-        current = over(law.bias) + over(law.flux_arm) * flux + over(law.field_arm) * x
+        x = (1.0 - alpha) * reached.field + alpha * reached.flux_density / MU_0
+        current = over(arms.bias) + over(arms.flux_arm) * flux + over(arms.field_arm) * x
         current = np.clip(current, *limits.current)
         run = PathRun(
             path, current, exact_output(model, current, path), np.ones(x.size, dtype=bool)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.compensate.block import Conditioning, DemandLimits, Packer, Scales, TableSizes, as_word
+from anhyst.compensate.irons import iron_of, saturation
 from anhyst.compensate.layout import UNITS
 from anhyst.model.actuator import ActuatorModel
-from anhyst.model.compilable import obstacle
+from anhyst.model.compilable import least_slope, obstacle
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
@@ -25,6 +26,15 @@ def refuse_uncompilable(model: ActuatorModel) -> None:
         raise InputError(reason)
 
 
+def nearly_jumps(model: ActuatorModel, at: FloatArray) -> InputError:
+    """Return the error of a model whose current does not rise far enough with its field."""
+    return InputError(
+        f"alpha: the output all but jumps at some currents (least slope of the drive "
+        f"{least_slope(model, at).min():.2g} of that without iron), nearer than 16-bit tables "
+        "can follow; compile with --io f32"
+    )
+
+
 def nodes(model: ActuatorModel, scales: Scales, sizes: TableSizes) -> FloatArray:
     """Places over the gap at which a table has its entries, SI."""
     if not model.needs_schedule:
@@ -34,8 +44,7 @@ def nodes(model: ActuatorModel, scales: Scales, sizes: TableSizes) -> FloatArray
 
 def flux_unit(model: ActuatorModel) -> float:
     """Flux density of saturated iron without the air around it, T: the unit of the inner flux."""
-    first = model.parameters_at(model.nodes[0] if model.nodes else None)
-    return MU_0 * first["M_s"] * (1.0 - first["alpha"])
+    return MU_0 * saturation(model) * (1.0 - iron_of(model)["alpha"])
 
 
 def unit_codes(model: ActuatorModel) -> int:
@@ -128,7 +137,7 @@ def arms_of(model: ActuatorModel, at: FloatArray) -> Arms:
     ``c_H*(I - in_0) = x/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with
     ``B/mu0 = (1-alpha)*M_s*flux``; a rewriting of section 2 of the theory.
     """
-    alpha = model.parameters_at(float(at[0]))["alpha"]
+    alpha = iron_of(model)["alpha"]
     turns, rho = (model.over_schedule(name, at) for name in ("c_H", "rho"))
     saturated = flux_unit(model) / MU_0
     return Arms(

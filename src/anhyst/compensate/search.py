@@ -10,8 +10,10 @@ from itertools import product
 import numpy as np
 
 from anhyst.compensate.block import Conditioning, DemandLimits, Kind, Scales, TableSizes
+from anhyst.compensate.cells import build_cells
 from anhyst.compensate.floating import RealBlock, RealKind, build_real
 from anhyst.compensate.full import build_full
+from anhyst.compensate.irons import full_kind
 from anhyst.compensate.layout import LEAST_WORDS, MOST_WORDS
 from anhyst.compensate.measure import against_demand, between, interpolation, snapped
 from anhyst.compensate.paths import paths
@@ -55,10 +57,18 @@ LAW_SEGMENTS = 4
 """The arms of the simplified law are fitted at 2^this + 1 gaps, and straight between them."""
 
 GAP_RANGE = range(7)
-CURVE_RANGE = range(3, 9)
-INVERSE_RANGE = range(3, 8)
-OCTAVE_RANGE = range(6, 15)
-SEGMENT_RANGE = range(2, 6)
+CLOSED_FORM = {"octaves": range(6, 15), "octave_segments": range(2, 6)}
+TABLES: dict[Kind, dict[str, range]] = {
+    "full": {"curve_segments": range(3, 9), "inverse_segments": range(3, 8)},
+    "cells": {"curve_segments": range(4, 10), "cells": range(2, 13)},
+    "simplified": CLOSED_FORM,
+    "euler": CLOSED_FORM,
+}
+"""Sizes of the tables of each kind that are tried."""
+
+MOST: dict[Kind, int] = {"full": 1024, "cells": MOST_WORDS, "simplified": 1024, "euler": 1024}
+"""Words of a block."""
+
 ITERATION_RANGE = range(2, 12)
 
 
@@ -74,6 +84,11 @@ class Builder:
     conditioning: Conditioning = field(default_factory=Conditioning)
     model_hash: int = 0
 
+    @property
+    def block_kind(self) -> Kind:
+        """Of the blocks: the full compensator of a model is that of its law."""
+        return full_kind(self.model) if self.kind == "full" else self.kind
+
     @cached_property
     def law(self) -> ClosedForm:
         """The five numbers of the simplified law, fitted once."""
@@ -87,9 +102,13 @@ class Builder:
         if self.io == "f32":
             return self._real(sizes)
         given = (self.model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
-        if self.kind == "full":
-            return build_full(*given)
-        return build_simplified(*given, self.law, self.kind)
+        match self.block_kind:
+            case "full":
+                return build_full(*given)
+            case "cells":
+                return build_cells(*given)
+            case kind:
+                return build_simplified(*given, self.law, kind)
 
     def exact(self, sizes: TableSizes) -> RealBlock:
         """Return the same tables for double precision, with as many iterations as can matter.
@@ -99,8 +118,8 @@ class Builder:
         return self._real(replace(sizes, iterations=FINE.iterations))
 
     def _real(self, sizes: TableSizes) -> RealBlock:
-        kind: RealKind = "full" if self.kind == "full" else "simplified"
-        law = None if kind == "full" else self.law
+        kind: RealKind = full_kind(self.model) if self.kind == "full" else "simplified"
+        law = None if self.kind == "full" else self.law
         given = self.model, kind, self.scales, self.limits, sizes, self.conditioning
         return build_real(*given, law)
 
@@ -167,7 +186,9 @@ class BlockSearch:
                 break
         assert best is not None
         reached, sizes = best
-        return FoundBlock(replace(sizes, iterations=self._iterations(sizes)), reached, axes)
+        if self.builder.block_kind != "cells":  # solved in closed form
+            sizes = replace(sizes, iterations=self._iterations(sizes))
+        return FoundBlock(sizes, reached, axes)
 
     def _iterations(self, sizes: TableSizes) -> int:
         """Return one more than the fewest iterations that are as good as many."""
@@ -205,12 +226,8 @@ class BlockSearch:
 
     def _axes(self) -> dict[str, list[tuple[int, float]]]:
         """Measure each axis alone, everything else fine."""
-        if self.builder.kind == "full":
-            tables = {"curve_segments": CURVE_RANGE, "inverse_segments": INVERSE_RANGE}
-        else:
-            tables = {"octaves": OCTAVE_RANGE, "octave_segments": SEGMENT_RANGE}
         axes = {"gap_segments": self._over_gap()}
-        for name, values in tables.items():
+        for name, values in TABLES[self.builder.block_kind].items():
             axes[name] = [(value, self._alone(replace(FINE, **{name: value}))) for value in values]
         return axes
 
@@ -250,8 +267,9 @@ class BlockSearch:
         for choice in product(*axes.values()):
             sizes = replace(fine, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
             over_gap, *tables = (cost for _, cost in choice)
-            words = words_of(self.builder.kind, sizes) * (2 if self.builder.io == "f32" else 1)
-            if words <= MOST_WORDS:
+            kind = self.builder.block_kind
+            words = words_of(kind, sizes) * (2 if self.builder.io == "f32" else 1)
+            if words <= MOST[kind]:
                 rows.append((words, over_gap + max(tables), sizes))
         promising = [row for row in rows if row[1] <= self.wanted]
         if promising:
@@ -265,6 +283,8 @@ def words_of(kind: Kind, sizes: TableSizes) -> int:
     if kind == "full":
         n = sizes.curve_segments
         tables = 2**n + 1 + 2 ** (n + 1) + 1 + 2**sizes.inverse_segments + 1
+    elif kind == "cells":
+        tables = sizes.cells + (sizes.cells + 1) * (2**sizes.curve_segments + 1)
     elif kind == "simplified":
         tables = (sizes.octaves + 1) * 2**sizes.octave_segments + 1
     else:

@@ -20,6 +20,7 @@ SOURCES: dict[Kind, tuple[str, ...]] = {
 
 SINGLE: dict[Kind, tuple[str, ...]] = {
     "full": ("compensator/full_f32.c", "compensator/compensator_f32.c"),
+    "cells": ("compensator/cells_f32.c", "compensator/compensator_f32.c"),
     "simplified": ("compensator/simplified_f32.c", "compensator/compensator_f32.c"),
 }
 """The same for single precision."""

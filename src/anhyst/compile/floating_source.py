@@ -40,6 +40,12 @@ LAWS = {
         "curve_segments": "",
         "inverse_segments": "",
     },
+    "cells": {
+        "air": "flux of the air for a unit of field",
+        "reach": "A/m, largest field",
+        "cells": "plays with a width",
+        "segments": "of a row",
+    },
     "simplified": {
         "rate": "distance of a unit of flux",
         "hold": "change of u of a unit of flux while held",
@@ -54,6 +60,11 @@ TABLES = {
     ("full", "curve"): "Anhysteretic curve over fields of 0 to {reach:.6g}",
     ("full", "branch"): "Ascending branch over fields of -{reach:.6g} to {reach:.6g}",
     ("full", "inverse"): "Field over the anhysteretic of 0 to 1",
+    ("cells", "thresholds"): "Half-widths of the plays, A/m",
+    (
+        "cells",
+        "rows",
+    ): "A row for 1, 2, .. moving plays over fields of -{reach:.6g} to {reach:.6g} A/m",
     ("simplified", "curve"): "State over distances of 0 to 16, finer towards 0",
 }
 
@@ -108,7 +119,7 @@ def _listed(values: Iterable[float]) -> str:
 
 
 def _gaps(block: RealBlock, names: Names, schedule: Quantity | None) -> Iterator[str]:
-    arm = "field" if block.kind == "full" else "the bounded state"
+    arm = "the bounded state" if block.kind == "simplified" else "field"
     text = (
         f"/* Over the gap: flux for a full-scale output; output at zero flux, {names.output}; "
         f"current at zero flux and field, for a unit of flux, for a unit of {arm}, "
@@ -130,7 +141,8 @@ def _place(value: float, schedule: Quantity) -> str:
 
 
 def _law(block: RealBlock) -> Iterator[str]:
-    yield "/* Fields in units of the law's own scale, flux in units of that of saturated iron. */"
+    unit = "A/m" if block.kind == "cells" else "units of the law's own scale"
+    yield f"/* Fields in {unit}, flux in units of that of saturated iron. */"
     yield f"static const anhyst_{block.kind}_law_f32 law = {{"
     fields = [(name, _number(block, name), doc) for name, doc in LAWS[block.kind].items()]
     yield from _fields(fields + [(name, name, "") for name in block.tables])

@@ -108,25 +108,29 @@ def _table(
 def _axis(word: Word, block: Block, schedule: Quantity | None) -> str:
     """Say what a table runs over."""
     count = block.tables[word.name][1] - 1
-    match word.axis:
-        case "gap":
-            if schedule is None or block.scales.gap_high <= block.scales.gap_low:
-                return "the same everywhere"
-            scale, unit = (1e3, "mm") if schedule.unit == "m" else (1.0, schedule.unit)
-            low, high = block.scales.gap_low * scale, block.scales.gap_high * scale
-            return f"{count} steps of {schedule.name} from {low:.6g} to {high:.6g} {unit}"
-        case "field":
-            return f"{count} steps of field from 0 to 1"
-        case "field, both signs":
-            return f"{count} steps of field from -1 to 1"
-        case "magnetisation":
-            return f"{count} steps of magnetisation from 0 to 1"
-        case _:
-            octaves, segments = block.word("SIMPLE_OCTAVES"), 2 ** block.word("SIMPLE_SEGMENTS")
-            return (
-                f"{segments} steps of distance from 0 to 2^{4 - octaves}, then {segments} in each "
-                "octave up to 16"
-            )
+    if word.axis == "gap":
+        return _over_gap(count, block, schedule)
+    if word.axis == "distance":
+        octaves, segments = block.word("SIMPLE_OCTAVES"), 2 ** block.word("SIMPLE_SEGMENTS")
+        return (
+            f"{segments} steps of distance from 0 to 2^{4 - octaves}, then {segments} in each "
+            "octave up to 16"
+        )
+    if word.axis == "moving plays":
+        segments = 2 ** block.word("CELLS_SEGMENTS")
+        return f"a row for each number of them, {segments} steps of field from -1 to 1"
+    return {
+        "play": "one a play",
+        "field, both signs": f"{count} steps of field from -1 to 1",
+    }.get(word.axis, f"{count} steps of {word.axis} from 0 to 1")
+
+
+def _over_gap(count: int, block: Block, schedule: Quantity | None) -> str:
+    if schedule is None or block.scales.gap_high <= block.scales.gap_low:
+        return "the same everywhere"
+    scale, unit = (1e3, "mm") if schedule.unit == "m" else (1.0, schedule.unit)
+    low, high = block.scales.gap_low * scale, block.scales.gap_high * scale
+    return f"{count} steps of {schedule.name} from {low:.6g} to {high:.6g} {unit}"
 
 
 def _comment(text: str) -> list[str]:

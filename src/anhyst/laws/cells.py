@@ -285,3 +285,25 @@ def population_tangents(places: FloatArray, pinned: Sequence[Population]) -> Tan
             change = -np.diff(np.concatenate([[0.0], by, [0.0]]))
             weights[1:, column, place] = one.magnetisation * change
     return Tangents(weights, widths)
+
+
+PLACES = 2001
+"""Fields at which the steepest path is looked for."""
+
+
+def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
+    """Return the slope of the curve ``phi``."""
+    if shape == "tanh":
+        return np.asarray(1.0 / np.cosh(np.minimum(np.abs(part), 300.0)) ** 2)
+    from anhyst._core import langevin
+
+    return np.asarray(langevin(part.ravel())[1].reshape(part.shape))
+
+
+def steepest_slope(cells: CellWeights) -> float:
+    """Return the largest slope of the magnetisation over the effective field, of any path."""
+    end = cells.thresholds[-1] + 3.0 * cells.widths.max()
+    field = np.linspace(-3.0 * cells.widths.max(), end, PLACES)
+    plays = field - cells.thresholds[:, None]
+    slope = curve_slope(cells.shape, plays[:, None, :] / cells.widths[:, None])
+    return float(np.einsum("ij,ijm->m", cells.weights / cells.widths, slope).max())

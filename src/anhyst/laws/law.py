@@ -199,6 +199,8 @@ class Law:
     of_cells
         The same law with its cells given, in place of the parameters that describe them; None for
         a law without cells. ValueError where they are none of its own.
+    cells
+        The cells of an iron by its parameters; None for a law without cells.
     """
 
     name: str
@@ -210,6 +212,7 @@ class Law:
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
     obstacle: str = "there is no compensator for it"
     of_cells: Callable[[CellWeights], Law] | None = None
+    cells: Callable[[Mapping[str, float]], CellWeights] | None = None
 
     def with_role(self, role: Role) -> tuple[ParameterSpec, ...]:
         """Return the parameters that play a role."""

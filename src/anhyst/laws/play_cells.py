@@ -10,16 +10,22 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from anhyst.laws.law import Law, ParameterSpec
+from anhyst.laws.law import Law, ParameterSpec, Role
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from anhyst._core import CellIron
     from anhyst.laws.cells import CellWeights, Shape
+    from anhyst.support.arrays import FloatArray
 
 POPULATIONS = 3
 
 STATES = 13
 """Numbers of the state: the effective field and the places of the pinned cells, A/m."""
+
+
+_ROLES: dict[str, Role] = {"M": "saturation", "k": "pinning"}
 
 
 def _population(number: int) -> tuple[ParameterSpec, ...]:
@@ -40,6 +46,7 @@ def _population(number: int) -> tuple[ParameterSpec, ...]:
             coordinate="plain" if may_vanish else "log",
             default=None if first else default,
             search=search if first else None,
+            role=_ROLES.get(symbol, ""),
         )
 
     return (
@@ -61,6 +68,7 @@ PARAMETERS = (
         closed=True,
         default=0.0,
         search=(1.0, 1e5),
+        role="reversible",
     ),
     ParameterSpec(
         "a_0",
@@ -92,6 +100,19 @@ def iron_of(cells: CellWeights, alpha: float) -> CellIron:
     return CellIron(cells.thresholds, cells.widths, cells.weights, cells.shape, alpha)
 
 
+def _cells(shape: Shape, iron: Mapping[str, float]) -> CellWeights:
+    return weights_of(shape, *(iron[spec.name] for spec in PARAMETERS if spec is not ALPHA))
+
+
+def _least_slope(
+    cells: Callable[[Mapping[str, float]], CellWeights], iron: Mapping[str, float], rho: FloatArray
+) -> FloatArray:
+    """Return ``1 + w*S``; no path is steeper than the one on which all cells move."""
+    from anhyst.laws.cells import steepest_slope
+
+    return 1.0 + (rho / (1.0 + rho) - iron["alpha"]) * steepest_slope(cells(iron))
+
+
 def _iron(shape: Shape, *numbers: float) -> CellIron:
     *cells, alpha = numbers
     return iron_of(weights_of(shape, *cells), alpha)
@@ -103,19 +124,31 @@ def _of_cells(name: str, cells: CellWeights) -> Law:
     if cells.shape != shape:
         other = next(known for known, curve in _SHAPES.items() if curve == cells.shape)
         raise ValueError(f"shape is {cells.shape!r}, that of law {other!r}; {name!r} has {shape!r}")
+
+    def given(_: Mapping[str, float]) -> CellWeights:
+        return cells
+
     return replace(
-        law, parameters=(ALPHA,), iron=partial(iron_of, cells), states=cells.thresholds.size
+        law,
+        parameters=(ALPHA,),
+        iron=partial(iron_of, cells),
+        states=cells.thresholds.size,
+        least_slope=partial(_least_slope, given),
+        cells=given,
     )
 
 
 def _law(name: str, title: str) -> Law:
+    cells = partial(_cells, _SHAPES[name])
     return Law(
         name=name,
         title=title,
         parameters=PARAMETERS,
         iron=partial(_iron, _SHAPES[name]),
         states=STATES,
+        least_slope=partial(_least_slope, cells),
         of_cells=partial(_of_cells, name),
+        cells=cells,
     )
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anhyst.laws.registry import LAWS, laws_with_compensator
+from anhyst.laws.registry import laws_with_compensator
 from anhyst.support.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def obstacle(model: ActuatorModel) -> str | None:
     str or None
         One sentence; None for a model that can be compiled.
     """
-    law = LAWS[model.law]
+    law = model.operator_law
     if law.least_slope is None:
         return (
             f"law {model.law!r} cannot be compiled: {law.obstacle}; "
@@ -70,7 +70,7 @@ def least_slope(model: ActuatorModel, at: FloatArray) -> FloatArray:
     ndarray, shape (n,)
         At 0 and below the law jumps there; above 1 where the gap outweighs the coupling.
     """
-    least = LAWS[model.law].least_slope
+    least = model.operator_law.least_slope
     assert least is not None
     return least(model.parameters_at(float(at[0])), model.over_schedule("rho", at))
 

@@ -125,8 +125,8 @@ enum {
   ANHYST_WORD_CELLS_SEGMENTS = 34, /* 3..9: a row has 2^this segments */
   /* table, q15: half-widths of the plays, in fields of 1.0, rising, over the play */
   ANHYST_WORD_CELLS_THRESHOLDS = 35,
-  /* table, q15: magnetisation of the plays that move (a row for 1, 2, .. count + 1 of them), over
-     the field, both signs, of each number of moving plays */
+  /* table, q15: magnetisation of the plays that move (a row for 1, 2, .. count + 1 of them over
+     fields of both signs), over the moving plays */
   ANHYST_WORD_CELLS_ROWS = 36,
 
   /* What the signals are counted in, the same in every kind. A board states the same words, and

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from anhyst.data import LoopSet
-from anhyst.laws.registry import LAWS
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.parameters import Parameter
 from anhyst.rig.force.file import Rig
@@ -89,7 +88,7 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
 def _spanning(model: ActuatorModel, least: float) -> ActuatorModel:
     """Return a model whose dead band, if its law has one, is at least so wide, A/m."""
     wide: dict[str, Parameter] = {}
-    for spec in LAWS[model.law].with_role("dead band"):
+    for spec in model.operator_law.with_role("dead band"):
         given = model.parameters[spec.name]
         wide[spec.name] = (
             tuple(max(one, least) for one in given)

@@ -8,7 +8,6 @@ import numpy as np
 
 from anhyst._core import Bearing
 from anhyst.laws.law import Role
-from anhyst.laws.registry import LAWS
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
@@ -113,7 +112,7 @@ def drifted_law(model: ActuatorModel, drift: Drift) -> ActuatorModel:
     }
     changed: dict[str, Parameter] = {}
     for role, factor in factors.items():
-        for spec in LAWS[model.law].with_role(role):
+        for spec in model.operator_law.with_role(role):
             value = model.parameters[spec.name]
             changed[spec.name] = (
                 tuple(min(factor * one, spec.high) for one in value)
