@@ -50,13 +50,26 @@ static int32_t missing_at(const path *along, const equation *solve, int32_t x, a
 /* The field at the lower end of a segment. */
 static int32_t node(const path *along, int16_t segment)
 {
-  return (int32_t)(((uint32_t)segment << (31U - along->bits)) - (uint32_t)ONE);
+  int16_t first = 0;
+  int32_t begin = -ONE;
+  uint16_t fine = along->wide;
+  if (segment >= along->stride - 1 - along->outer) {
+    first = (int16_t)(along->stride - 1 - along->outer);
+    begin = along->inner;
+  } else if (segment >= along->outer) {
+    first = along->outer;
+    begin = -along->inner;
+    fine = along->narrow;
+  }
+  const uint32_t way = (uint32_t)(segment - first) << 15 << fine;
+  return (int32_t)((uint32_t)begin + way);
 }
 
 /* The segment of a row that holds x. */
 static int16_t segment_of(const path *along, int32_t x)
 {
-  return (int16_t)((x + ONE) >> (31U - along->bits));
+  const zone in = zone_of(along, x);
+  return (int16_t)(in.first + (((x - in.begin) >> in.fine) >> 15));
 }
 
 /* n/d as a q15, rounded down by up to two units; 0 <= n < d. */
@@ -72,9 +85,9 @@ static int32_t part_of(int32_t n, int32_t d)
 static int32_t beside(const path *along, const equation *solve, int32_t x, anhyst_spot spot,
                       int32_t missing)
 {
-  const uint16_t fine = (uint16_t)(16U - along->bits);
+  const zone in = zone_of(along, x);
   const int32_t m_rise = ((int32_t)spot.at[1] - spot.at[0]) * 32768;
-  const int32_t rise = left_side(solve, (int32_t)((uint32_t)0x8000 << fine), m_rise);
+  const int32_t rise = left_side(solve, (int32_t)((uint32_t)0x8000 << in.fine), m_rise);
   if (missing >= rise) {
     return ONE;
   }
@@ -86,8 +99,8 @@ static int32_t beside(const path *along, const equation *solve, int32_t x, anhys
   if (part < 0 || part > 0x7FFF) {
     return part < 0 ? -ONE - 1 : ONE;
   }
-  const uint32_t begin = ((uint32_t)(x + ONE) >> (31U - along->bits)) << 15;
-  return (int32_t)(((begin | (uint32_t)part) << fine) - (uint32_t)ONE);
+  const int32_t segment = ((x - in.begin) >> in.fine) & ~0x7FFF;
+  return in.begin + (int32_t)((uint32_t)(segment + part) << in.fine);
 }
 
 /* Takes the next cell along, which rested with this play. */

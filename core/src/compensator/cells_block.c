@@ -64,20 +64,21 @@ static int is_part(int32_t a) { return a >= -ANHYST_Q15_MAX && a <= ANHYST_Q15_M
    than 1. */
 static int rows_are_valid(const int16_t *words)
 {
+  path along;
+  anhyst_cells_rows(&along, words);
   const int16_t first = words[ANHYST_WORD_CELLS_ROWS];
-  const int16_t entries = (int16_t)((1 << words[ANHYST_WORD_CELLS_SEGMENTS]) + 1);
-  const int16_t rows = (int16_t)(words[ANHYST_WORD_CELLS_COUNT] + 1);
-  if ((int32_t)rows * entries > ANHYST_BLOCK_MOST_WORDS ||
-      !anhyst_table_inside(words, first, (int16_t)(rows * entries))) {
+  const int16_t rows = (int16_t)(along.cells + 1);
+  if ((int32_t)rows * along.stride > ANHYST_BLOCK_MOST_WORDS ||
+      !anhyst_table_inside(words, first, (int16_t)(rows * along.stride))) {
     return 0;
   }
   for (int16_t row = 0; row < rows; row++) {
-    const int16_t begin = (int16_t)(first + row * entries);
-    if (!anhyst_table_rises(words, begin, entries, -ANHYST_Q15_MAX, ANHYST_Q15_MAX)) {
+    const int16_t begin = (int16_t)(first + row * along.stride);
+    if (!anhyst_table_rises(words, begin, along.stride, -ANHYST_Q15_MAX, ANHYST_Q15_MAX)) {
       return 0;
     }
-    const int16_t before = (int16_t)(row > 0 ? begin - entries : begin);
-    for (int16_t i = 0; i < entries; i++) {
+    const int16_t before = (int16_t)(row > 0 ? begin - along.stride : begin);
+    for (int16_t i = 0; i < along.stride; i++) {
       if (!is_part((int32_t)words[begin + i] - words[first + i]) ||
           !is_part((int32_t)words[begin + i] - words[before + i])) {
         return 0;
@@ -87,18 +88,17 @@ static int rows_are_valid(const int16_t *words)
   return 1;
 }
 
-/* The most that a row rises in a segment. */
-static int16_t steepest(const int16_t *words)
+/* The most that a row rises in a segment, narrow or wide. */
+static int16_t steepest(const path *along, int narrow)
 {
-  const int16_t *row = words + words[ANHYST_WORD_CELLS_ROWS];
-  const int16_t segments = (int16_t)(1 << words[ANHYST_WORD_CELLS_SEGMENTS]);
   int16_t most = 0;
-  for (int16_t cell = 0; cell <= words[ANHYST_WORD_CELLS_COUNT]; cell++) {
-    for (int16_t i = 0; i < segments; i++) {
+  for (int16_t cells = 1; cells <= along->cells + 1; cells++) {
+    const int16_t *row = row_of(along, cells);
+    for (int16_t i = 0; i < along->stride - 1; i++) {
+      const int within = i >= along->outer && i < along->stride - 1 - along->outer;
       const int16_t rise = (int16_t)(row[i + 1] - row[i]);
-      most = rise > most ? rise : most;
+      most = within == narrow && rise > most ? rise : most;
     }
-    row += segments + 1;
   }
   return most;
 }
@@ -107,16 +107,20 @@ static int16_t steepest(const int16_t *words)
    between two entries of the tables over the gap can take away, a unit of either arm. */
 static int current_rises(const int16_t *words)
 {
+  path along;
+  anhyst_cells_rows(&along, words);
   const int16_t *flux_arm = words + words[ANHYST_WORD_GAP_FLUX_ARM];
   const int16_t *field_arm = words + words[ANHYST_WORD_GAP_FIELD_ARM];
-  const int32_t segment = ANHYST_Q30_ONE >> (words[ANHYST_WORD_CELLS_SEGMENTS] - 1);
-  const int32_t flux =
-      (int32_t)steepest(words) * 8192 + anhyst_scale(segment, words[ANHYST_WORD_CELLS_AIR]);
-  for (int16_t i = 0; i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++) {
-    const int32_t least = anhyst_scale(flux, (int16_t)(flux_arm[i] - 1)) +
-                          (anhyst_scale(segment, (int16_t)(field_arm[i] - 1)) >> 2);
-    if (flux_arm[i] < 0 && least <= 4) {
-      return 0;
+  for (int narrow = 0; narrow < 2; narrow++) {
+    const int32_t x = (int32_t)((uint32_t)0x8000 << (narrow != 0 ? along.narrow : along.wide));
+    const int32_t flux =
+        (int32_t)steepest(&along, narrow) * 8192 + anhyst_scale(x, words[ANHYST_WORD_CELLS_AIR]);
+    for (int16_t i = 0; i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++) {
+      const int32_t least = anhyst_scale(flux, (int16_t)(flux_arm[i] - 1)) +
+                            (anhyst_scale(x, (int16_t)(field_arm[i] - 1)) >> 2);
+      if (flux_arm[i] < 0 && least <= 4) {
+        return 0;
+      }
     }
   }
   return 1;
@@ -126,7 +130,9 @@ int anhyst_cells_is_valid(const int16_t *words)
 {
   return words[ANHYST_WORD_CELLS_AIR] > 0 &&
          anhyst_within(words[ANHYST_WORD_CELLS_COUNT], 1, ANHYST_CELLS) &&
-         anhyst_within(words[ANHYST_WORD_CELLS_SEGMENTS], 3, 9) &&
+         anhyst_within(words[ANHYST_WORD_CELLS_SEGMENTS], 2, 8) &&
+         anhyst_within(words[ANHYST_WORD_CELLS_ZONE], 0, 5) &&
+         words[ANHYST_WORD_CELLS_ZONE] <= words[ANHYST_WORD_CELLS_SEGMENTS] &&
          anhyst_single_is_valid(words, ANHYST_WORD_UNIT_FIELD) &&
          anhyst_table_rises(words, words[ANHYST_WORD_CELLS_THRESHOLDS],
                             words[ANHYST_WORD_CELLS_COUNT], 1, ANHYST_Q15_MAX) &&

@@ -16,8 +16,11 @@ typedef struct {
   const int16_t *rows;
   const int16_t *row; /* of the cells that move */
   const int32_t *plays;
+  int32_t inner;   /* half-width of the zone around 0 where segments are narrow */
   int16_t stride;  /* entries of a row */
-  uint16_t bits;   /* it has 2^bits segments */
+  int16_t outer;   /* wide segments on each side */
+  uint16_t narrow; /* a part of 2^-15 of a segment: 2^this */
+  uint16_t wide;
   int16_t cells;   /* besides cell 0 */
   int16_t active;  /* the cells below this one move */
   int16_t moved;   /* those below this one moved the other way until here */
@@ -47,11 +50,35 @@ static inline const int16_t *row_of(const path *along, int16_t cells)
   return along->rows + (cells - 1) * along->stride;
 }
 
+/* Segments of one width. */
+typedef struct {
+  int32_t begin; /* field where they begin */
+  int16_t first; /* of them */
+  uint16_t fine; /* a part of 2^-15 of a segment: 2^this */
+} zone;
+
+/* The zone of x, -1 <= x < 1. */
+static inline zone zone_of(const path *along, int32_t x)
+{
+  zone found = {-along->inner, along->outer, along->narrow};
+  if (x < -along->inner) {
+    found.begin = -ONE;
+    found.first = 0;
+    found.fine = along->wide;
+  } else if (x >= along->inner) {
+    found.begin = along->inner;
+    found.first = (int16_t)(along->stride - 1 - along->outer);
+    found.fine = along->wide;
+  }
+  return found;
+}
+
 /* Where x falls on a row, -1 <= x < 1. */
 static inline anhyst_spot spot_on(const path *along, const int16_t *row, int32_t x)
 {
-  const int32_t fine = (x + ONE) >> (16U - along->bits); /* segment and 15 bits of its part */
-  const anhyst_spot spot = {row + (fine >> 15), fine & 0x7FFF};
+  const zone in = zone_of(along, x);
+  const int32_t fine = (x - in.begin) >> in.fine; /* segment and 15 bits of its part */
+  const anhyst_spot spot = {row + in.first + (fine >> 15), fine & 0x7FFF};
   return spot;
 }
 
@@ -80,8 +107,13 @@ static inline void anhyst_cells_rows(path *along, const int16_t *words)
   along->thresholds = words + words[ANHYST_WORD_CELLS_THRESHOLDS];
   along->rows = words + words[ANHYST_WORD_CELLS_ROWS];
   along->cells = words[ANHYST_WORD_CELLS_COUNT];
-  along->bits = (uint16_t)words[ANHYST_WORD_CELLS_SEGMENTS];
-  along->stride = (int16_t)((1 << along->bits) + 1);
+  const uint16_t bits = (uint16_t)words[ANHYST_WORD_CELLS_SEGMENTS];
+  const uint16_t halvings = (uint16_t)words[ANHYST_WORD_CELLS_ZONE];
+  along->inner = ONE >> halvings;
+  along->wide = (uint16_t)(15U - bits);
+  along->narrow = (uint16_t)(along->wide - halvings);
+  along->outer = (int16_t)((1 << bits) - (1 << (bits - halvings)));
+  along->stride = (int16_t)((2 << bits) + 2 * along->outer + 1);
 }
 
 /* A path that goes on from a memory, in the direction which that had; what rests is summed up where

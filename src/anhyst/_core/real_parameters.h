@@ -169,9 +169,12 @@ private:
     cells_.air = real(from, "air");
     cells_.reach = real(from, "reach");
     cells_.cells = count(from, "cells");
-    cells_.segments = count(from, "segments");
+    cells_.inner = real(from, "inner");
+    cells_.narrow = count(from, "narrow");
+    cells_.wide = count(from, "wide");
     cells_.thresholds = table(tables, "thresholds", cells_.cells);
-    cells_.rows = table(tables, "rows", (cells_.cells + 1U) * (cells_.segments + 1U));
+    cells_.rows =
+        table(tables, "rows", (cells_.cells + 1U) * (2U * (cells_.narrow + cells_.wide) + 1U));
     parameters_.kernel = F::kernel_cells;
     parameters_.cells = &cells_;
   }

@@ -36,6 +36,48 @@ MARGIN = 1.02
 """Rows reach a little further than any current within its limits drives the field."""
 
 
+ZONES = range(6)
+"""Halvings of the largest field where narrow segments may end."""
+
+
+@dataclass(frozen=True)
+class RowGrid:
+    """Where a row has its entries: narrow segments around zero, wide ones beyond.
+
+    Parameters
+    ----------
+    segments : int
+        2 to this are on each side of zero up to the zone.
+    zone : int
+        It ends at 2**-this of the largest field; segments are 2**this times as wide beyond.
+    """
+
+    segments: int
+    zone: int
+
+    @property
+    def inner(self) -> float:
+        """Where the zone ends, in parts of the largest field."""
+        return 2.0**-self.zone
+
+    @property
+    def narrow(self) -> int:
+        """Narrow segments on each side."""
+        return int(2**self.segments)
+
+    @property
+    def wide(self) -> int:
+        """Wide segments on each side."""
+        return self.narrow - self.narrow // 2**self.zone
+
+    @property
+    def fields(self) -> FloatArray:
+        """Fields of the entries, in parts of the largest one."""
+        beyond = np.linspace(self.inner, 1.0, self.wide + 1)[1:]
+        side = np.concatenate([np.linspace(0.0, self.inner, self.narrow + 1)[1:], beyond])
+        return np.concatenate([-side[::-1], [0.0], side])
+
+
 @dataclass(frozen=True)
 class CellRows:
     """What a compensator of the law of cells looks up; fields in A/m.
@@ -46,13 +88,16 @@ class CellRows:
         Largest field.
     thresholds : ndarray, shape (n,)
         Half-widths of the plays that have one, rising.
-    rows : ndarray, shape (n + 1, 2**k + 1)
+    grid : RowGrid
+        Where the entries of a row are.
+    rows : ndarray, shape (n + 1, m)
         Magnetisation of the first 1, 2, .. plays while they move, over fields of both signs; in
         parts of the saturation.
     """
 
     reach: float
     thresholds: FloatArray
+    grid: RowGrid
     rows: FloatArray
 
 
@@ -141,9 +186,24 @@ def cell_rows(
     """Return the rows of a law, as far as currents within their limits lead."""
     reach = MARGIN * largest_field(weights, arms, limits.current)
     few = fewer(weights, sizes.cells, reach / MARGIN)
-    field = np.linspace(-reach, reach, 2**sizes.curve_segments + 1)
-    rows = np.cumsum(curves(few, field - few.thresholds[:, None]), axis=0) / weights.saturation
-    return CellRows(reach, few.thresholds[1:], rows)
+
+    def rows(field: FloatArray) -> FloatArray:
+        moving = curves(few, field - few.thresholds[:, None])
+        return np.asarray(np.cumsum(moving, axis=0) / weights.saturation)
+
+    def laid(grid: RowGrid) -> tuple[FloatArray, float]:
+        """Entries of the rows, and how far straight lines between them bend away at most."""
+        field = reach * grid.fields
+        ends, middles = rows(field), rows(0.5 * (field[1:] + field[:-1]))
+        above = 0.5 * (ends[:, 1:] + ends[:, :-1]) - middles
+        around = np.pad(above, ((0, 0), (1, 1)), mode="edge")
+        # Chords lie on one side of a curve; half as far off when they are moved half of the way.
+        return ends - 0.25 * (around[:, 1:] + around[:, :-1]), float(np.abs(above).max())
+
+    segments = sizes.curve_segments
+    grids = [RowGrid(segments, zone) for zone in ZONES if zone <= segments]
+    grid = min(grids, key=lambda one: laid(one)[1])
+    return CellRows(reach, few.thresholds[1:], grid, laid(grid)[0])
 
 
 def build_cells(
@@ -175,7 +235,8 @@ def build_cells(
     pack.table("CELLS_ROWS", found.rows, 32767.0)
     pack.set("CELLS_AIR", max(as_word(arms.air * reach / 4.0, WEIGHT, "h"), 1))
     pack.set("CELLS_COUNT", found.thresholds.size)
-    pack.set("CELLS_SEGMENTS", sizes.curve_segments)
+    pack.set("CELLS_SEGMENTS", found.grid.segments)
+    pack.set("CELLS_ZONE", found.grid.zone)
     block = pack.close(scales, limits)
     try:
         FixedCompensator("cells", block.words)

@@ -194,8 +194,10 @@ def _cells(model: ActuatorModel, limits: DemandLimits, at: FloatArray, sizes: Ta
     numbers = {
         "air": arms.air,
         "reach": found.reach,
+        "inner": found.grid.inner * found.reach,
         "cells": found.thresholds.size,
-        "segments": 2**sizes.curve_segments,
+        "narrow": found.grid.narrow,
+        "wide": found.grid.wide,
     }
     tables = {"thresholds": found.thresholds, "rows": found.rows.ravel()}
     return numbers, (arms.bias, arms.flux_arm, arms.field_arm), tables

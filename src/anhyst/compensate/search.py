@@ -60,7 +60,7 @@ GAP_RANGE = range(7)
 CLOSED_FORM = {"octaves": range(6, 15), "octave_segments": range(2, 6)}
 TABLES: dict[Kind, dict[str, range]] = {
     "full": {"curve_segments": range(3, 9), "inverse_segments": range(3, 8)},
-    "cells": {"curve_segments": range(4, 10), "cells": range(2, 13)},
+    "cells": {"curve_segments": range(2, 9), "cells": range(2, 13)},
     "simplified": CLOSED_FORM,
     "euler": CLOSED_FORM,
 }
@@ -284,7 +284,7 @@ def words_of(kind: Kind, sizes: TableSizes) -> int:
         n = sizes.curve_segments
         tables = 2**n + 1 + 2 ** (n + 1) + 1 + 2**sizes.inverse_segments + 1
     elif kind == "cells":
-        tables = sizes.cells + (sizes.cells + 1) * (2**sizes.curve_segments + 1)
+        tables = sizes.cells + (sizes.cells + 1) * (2 ** (sizes.curve_segments + 2) + 1)
     elif kind == "simplified":
         tables = (sizes.octaves + 1) * 2**sizes.octave_segments + 1
     else:

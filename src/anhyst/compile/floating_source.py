@@ -43,8 +43,10 @@ LAWS = {
     "cells": {
         "air": "flux of the air for a unit of field",
         "reach": "A/m, largest field",
+        "inner": "A/m, up to which segments are narrow",
         "cells": "plays with a width",
-        "segments": "of a row",
+        "narrow": "segments on each side of zero",
+        "wide": "and beyond",
     },
     "simplified": {
         "rate": "distance of a unit of flux",

@@ -22,7 +22,7 @@ CELLS = 12
 LAW_BYTES = {
     "full": 5 * 4 + 4 * 2 + 3 * 4,
     "simplified": 4 * 4 + 4 * 2 + 4,
-    "cells": 2 * 4 + 2 * 2 + 2 * 4,
+    "cells": 3 * 4 + 4 * 2 + 2 * 4,
 }
 """Of ``anhyst_full_law_f32`` and the like: numbers, counts, pointers."""
 

@@ -117,8 +117,11 @@ def _axis(word: Word, block: Block, schedule: Quantity | None) -> str:
             "octave up to 16"
         )
     if word.axis == "moving plays":
-        segments = 2 ** block.word("CELLS_SEGMENTS")
-        return f"a row for each number of them, {segments} steps of field from -1 to 1"
+        narrow, zone = 2 ** block.word("CELLS_SEGMENTS"), 2.0 ** -block.word("CELLS_ZONE")
+        return (
+            f"a row for each number of them: {2 * narrow} steps of field from -{zone:g} to "
+            f"{zone:g}, {narrow - round(narrow * zone)} on each side from there to 1"
+        )
     return {
         "play": "one a play",
         "field, both signs": f"{count} steps of field from -1 to 1",

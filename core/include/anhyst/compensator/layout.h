@@ -122,12 +122,15 @@ enum {
      X. */
   ANHYST_WORD_CELLS_AIR = 32, /* weight: flux of a field of 1.0 without iron (h*X/4) */
   ANHYST_WORD_CELLS_COUNT = 33, /* 1..12: plays, beside the one without width */
-  ANHYST_WORD_CELLS_SEGMENTS = 34, /* 3..9: a row has 2^this segments */
+  /* 2..8: a row has 2^this segments on each side of zero up to the zone */
+  ANHYST_WORD_CELLS_SEGMENTS = 34,
+  /* 0..5: the zone ends at a field of 2^-this; beyond, segments are 2^this times as wide */
+  ANHYST_WORD_CELLS_ZONE = 35,
   /* table, q15: half-widths of the plays, in fields of 1.0, rising, over the play */
-  ANHYST_WORD_CELLS_THRESHOLDS = 35,
+  ANHYST_WORD_CELLS_THRESHOLDS = 36,
   /* table, q15: magnetisation of the plays that move (a row for 1, 2, .. count + 1 of them over
      fields of both signs), over the moving plays */
-  ANHYST_WORD_CELLS_ROWS = 36,
+  ANHYST_WORD_CELLS_ROWS = 37,
 
   /* What the signals are counted in, the same in every kind. A board states the same words, and
      takes no block in which one of them is another. */

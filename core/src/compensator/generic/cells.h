@@ -34,15 +34,38 @@ static ANHYST_REAL ANHYST_NAME(width)(const ANHYST_NAME(path) *along, uint16_t c
   return along->law->thresholds[cell - 1U];
 }
 
+/* A field counted in segments: of a row, narrow ones around zero and wide ones beyond. */
+static ANHYST_REAL ANHYST_NAME(place_of)(const ANHYST_NAME(anhyst_cells_law) *law, ANHYST_REAL x)
+{
+  const ANHYST_REAL beyond = ANHYST_NAME(anhyst_size)(x) - law->inner;
+  ANHYST_REAL place = x * (ANHYST_REAL)law->narrow / law->inner;
+  if (beyond > R(0.0)) {
+    place = (ANHYST_REAL)law->narrow + beyond * (ANHYST_REAL)law->wide / (law->reach - law->inner);
+    place = x < R(0.0) ? -place : place;
+  }
+  return place + (ANHYST_REAL)(law->narrow + law->wide);
+}
+
+/* How many segments a row has. */
+static uint16_t ANHYST_NAME(segments_of)(const ANHYST_NAME(anhyst_cells_law) *law)
+{
+  return (uint16_t)(2U * (law->narrow + law->wide));
+}
+
+static const ANHYST_REAL *ANHYST_NAME(row_of)(const ANHYST_NAME(anhyst_cells_law) *law,
+                                              uint16_t cells)
+{
+  return law->rows + (uint32_t)(cells - 1U) * (ANHYST_NAME(segments_of)(law) + 1U);
+}
+
 /* The magnetisation of so many moving cells. */
 static ANHYST_REAL ANHYST_NAME(moving)(const ANHYST_NAME(path) *along, uint16_t cells,
                                        ANHYST_REAL x)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
-  const ANHYST_REAL *row = law->rows + (uint32_t)(cells - 1U) * (law->segments + 1U);
-  const ANHYST_REAL place = (x + law->reach) * (ANHYST_REAL)law->segments;
   return ANHYST_NAME(anhyst_value_at)(
-      row, ANHYST_NAME(anhyst_spot_of)(law->segments, place / (R(2.0) * law->reach)));
+      ANHYST_NAME(row_of)(law, cells),
+      ANHYST_NAME(anhyst_spot_of)(ANHYST_NAME(segments_of)(law), ANHYST_NAME(place_of)(law, x)));
 }
 
 /* The play of a cell that rests, as the field has left it at most. */
@@ -106,15 +129,21 @@ static ANHYST_REAL ANHYST_NAME(missing)(const ANHYST_NAME(path) *along,
 /* The field at the lower end of a segment. */
 static ANHYST_REAL ANHYST_NAME(node)(const ANHYST_NAME(path) *along, uint16_t segment)
 {
-  const ANHYST_REAL part = (ANHYST_REAL)segment / (ANHYST_REAL)along->law->segments;
-  return (R(2.0) * part - R(1.0)) * along->law->reach;
+  const ANHYST_NAME(anhyst_cells_law) *law = along->law;
+  const ANHYST_REAL from_middle = (ANHYST_REAL)segment - (ANHYST_REAL)(law->narrow + law->wide);
+  const ANHYST_REAL beyond = ANHYST_NAME(anhyst_size)(from_middle) - (ANHYST_REAL)law->narrow;
+  if (beyond <= R(0.0)) {
+    return from_middle * law->inner / (ANHYST_REAL)law->narrow;
+  }
+  const ANHYST_REAL x = law->inner + beyond * (law->reach - law->inner) / (ANHYST_REAL)law->wide;
+  return from_middle < R(0.0) ? -x : x;
 }
 
 static uint16_t ANHYST_NAME(segment_of)(const ANHYST_NAME(path) *along, ANHYST_REAL x)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
-  const ANHYST_REAL place = (x + law->reach) * (ANHYST_REAL)law->segments;
-  return ANHYST_NAME(anhyst_spot_of)(law->segments, place / (R(2.0) * law->reach)).index;
+  return ANHYST_NAME(anhyst_spot_of)(ANHYST_NAME(segments_of)(law), ANHYST_NAME(place_of)(law, x))
+      .index;
 }
 
 /* Goes to the target between two places, on the row of the cells that move. */
@@ -221,12 +250,15 @@ static ANHYST_REAL ANHYST_NAME(cells_flux)(const ANHYST_NAME(anhyst_parameters) 
 static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
-  const ANHYST_REAL scale = (ANHYST_REAL)law->segments / (R(2.0) * law->reach);
+  ANHYST_NAME(path) along;
   ANHYST_REAL steepest = R(0.0);
-  for (uint16_t cell = 0; cell <= law->cells; cell++) {
-    const ANHYST_REAL *row = law->rows + (uint32_t)cell * (law->segments + 1U);
-    for (uint16_t i = 0; i < law->segments; i++) {
-      const ANHYST_REAL slope = scale * (row[i + 1U] - row[i]);
+  along.law = law;
+  for (uint16_t cells = 1; cells <= law->cells + 1U; cells++) {
+    const ANHYST_REAL *row = ANHYST_NAME(row_of)(law, cells);
+    for (uint16_t i = 0; i < ANHYST_NAME(segments_of)(law); i++) {
+      const ANHYST_REAL x =
+          ANHYST_NAME(node)(&along, (uint16_t)(i + 1U)) - ANHYST_NAME(node)(&along, i);
+      const ANHYST_REAL slope = (row[i + 1U] - row[i]) / x;
       steepest = slope > steepest ? slope : steepest;
     }
   }
@@ -241,9 +273,9 @@ static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *para
 
 static int ANHYST_NAME(rows_rise)(const ANHYST_NAME(anhyst_cells_law) *law)
 {
-  for (uint16_t cell = 0; cell <= law->cells; cell++) {
-    const ANHYST_REAL *row = law->rows + (uint32_t)cell * (law->segments + 1U);
-    if (!ANHYST_NAME(anhyst_rises)(row, law->segments, R(-1.0), R(1.0))) {
+  for (uint16_t cells = 1; cells <= law->cells + 1U; cells++) {
+    if (!ANHYST_NAME(anhyst_rises)(ANHYST_NAME(row_of)(law, cells), ANHYST_NAME(segments_of)(law),
+                                   R(-1.0), R(1.0))) {
       return 0;
     }
   }
@@ -256,7 +288,8 @@ static int ANHYST_NAME(cells_is_valid)(const ANHYST_NAME(anhyst_parameters) *par
   const ANHYST_REAL largest = R(1e12);
   return law != 0 && law->thresholds != 0 && law->rows != 0 && law->reach > R(0.0) &&
          law->reach <= largest && law->air > R(0.0) && law->air <= largest && law->cells >= 1U &&
-         law->cells <= ANHYST_CELLS && law->segments >= 8U && law->segments <= 4096U &&
+         law->cells <= ANHYST_CELLS && law->inner > R(0.0) && law->inner <= law->reach &&
+         law->narrow >= 4U && law->narrow <= 1024U && law->wide <= 1024U &&
          law->thresholds[0] > R(0.0) &&
          ANHYST_NAME(anhyst_rises)(law->thresholds, (uint16_t)(law->cells - 1U), R(0.0),
                                    law->reach) &&

@@ -56,13 +56,15 @@ typedef struct {
   const ANHYST_REAL *curve; /* p over z, 0..1: (octaves + 1)*segments + 1 entries, rising */
 } ANHYST_NAME(anhyst_simplified_law);
 
-/* Cells: plays in the effective field, which is in A/m here. The rows have equal segments over
-   fields of -reach..reach, one entry more than segments, and never fall. */
+/* Cells: plays in the effective field, which is in A/m here. The rows reach over fields of
+   -reach..reach, have one entry more than segments, and never fall. */
 typedef struct {
   ANHYST_REAL air;               /* h: flux of the air for a unit of field, > 0 */
   ANHYST_REAL reach;             /* largest field of the rows */
+  ANHYST_REAL inner;             /* field up to which segments are narrow; reach if wide is 0 */
   uint16_t cells;                /* plays with a width, 1..12 */
-  uint16_t segments;             /* 8..4096 */
+  uint16_t narrow;               /* equal segments on each side of zero up to inner, 4..1024 */
+  uint16_t wide;                 /* and from there to reach, 0..1024 */
   const ANHYST_REAL *thresholds; /* half-widths of the plays, rising from above 0 to reach */
   const ANHYST_REAL *rows;       /* magnetisation of the first 1, 2, .. cells + 1 plays, -1..1 */
 } ANHYST_NAME(anhyst_cells_law);
