@@ -103,20 +103,6 @@ static int32_t beside(const path *along, const equation *solve, int32_t x, anhys
   return in.begin + (int32_t)((uint32_t)(segment + part) << in.fine);
 }
 
-/* Takes the next cell along, which rested with this play. */
-static void join(path *along, int32_t play)
-{
-  const int16_t cell = along->active;
-  const int32_t direction = (((uint32_t)along->frozen >> (uint16_t)cell) & 1U) != 0U ? 0 : -1;
-  if (direction == along->falling) {
-    along->rest = inside(along->rest - alone(along, cell, play));
-  } else {
-    along->rest = inside(along->rest + alone(along, cell, ~play));
-  }
-  along->active = (int16_t)(cell + 1);
-  along->row += along->stride;
-}
-
 /* Where the next cell joins a path that has come to low, or the end of the rows. */
 static int32_t joins_at(const path *along, int32_t low)
 {
@@ -125,6 +111,21 @@ static int32_t joins_at(const path *along, int32_t low)
   }
   const int32_t at = at_rest(along, along->active) + width(along, along->active);
   return at > low ? at : low;
+}
+
+/* What the next cell rests with, as it was counted; it joins at this place of the row. */
+static int32_t counted(const path *along, anhyst_spot here)
+{
+  const int16_t cell = along->active;
+  if (cell < along->moved) { /* it moved the other way just now */
+    const anhyst_spot there = {along->left.at + (cell - 1) * along->stride, along->left.part};
+    return -beyond(along, there);
+  }
+  const int32_t direction = (((uint32_t)along->frozen >> (uint16_t)cell) & 1U) != 0U ? 0 : -1;
+  if (direction == along->falling) {
+    return beyond(along, here);
+  }
+  return -alone(along, cell, ~at_rest(along, cell));
 }
 
 /* The last segment of first..end at the beginning of which the target is not reached, or first.
@@ -155,35 +156,43 @@ static int16_t segment_with_target(const path *along, const equation *solve, int
   return first;
 }
 
-/* Goes to the target over any number of segments, and of cells that join; gives where the last of
-   them did, and where the next one would. */
-static int32_t search(path *along, const equation *solve, int32_t *next)
+/* Goes to the target on the row of the cells that move, between low and high. */
+static void go(path *along, const equation *solve, int32_t low, int32_t high)
 {
-  int32_t low = along->x;
-  *next = joins_at(along, low);
-  while (along->active <= along->cells &&
-         missing_at(along, solve, *next, spot_on(along, along->row, *next)) > 0) {
-    join(along, at_rest(along, along->active));
+  const int16_t segment =
+      segment_with_target(along, solve, segment_of(along, low), segment_of(along, high));
+  const int32_t begin = node(along, segment);
+  const anhyst_spot spot = {along->row + segment, 0};
+  const int32_t missing = missing_at(along, solve, begin, spot);
+  along->x = anhyst_clamp(beside(along, solve, begin, spot, missing), low, high);
+}
+
+/* Lets the cells join that do so before the target is reached, the next one at *next; gives where
+   the last of them did, or low. */
+static int32_t gather(path *along, const equation *solve, int32_t low, int32_t *next)
+{
+  while (along->active <= along->cells) {
+    const anhyst_spot here = spot_on(along, along->row, *next);
+    if (missing_at(along, solve, *next, here) <= 0) {
+      break;
+    }
+    along->rest = inside(along->rest - counted(along, here));
+    along->active = (int16_t)(along->active + 1);
+    along->row += along->stride;
     low = *next;
     *next = joins_at(along, low);
   }
   if (along->active > along->cells) {
     along->rest = 0; /* none rests */
   }
-  const int16_t segment =
-      segment_with_target(along, solve, segment_of(along, low), segment_of(along, *next));
-  const int32_t begin = node(along, segment);
-  const anhyst_spot spot = {along->row + segment, 0};
-  const int32_t missing = missing_at(along, solve, begin, spot);
-  along->x = anhyst_clamp(beside(along, solve, begin, spot, missing), low, *next);
   return low;
 }
 
 /* Leaves a path for the opposite one: all but cell 0 rest. */
-static void turn(path *along, equation *solve)
+static void turn(path *along, equation *solve, anhyst_spot here)
 {
-  const int32_t left = anhyst_value_at(spot_on(along, along->row, along->x)) -
-                       anhyst_value_at(spot_on(along, along->rows, along->x));
+  const anhyst_spot first = {here.at - (along->active - 1) * along->stride, here.part};
+  const int32_t left = anhyst_value_at(here) - anhyst_value_at(first);
   const uint32_t moved = ((uint32_t)1 << (uint16_t)along->active) - 1U;
   const uint32_t others = (uint32_t)along->frozen & ~moved;
   along->frozen = (int32_t)(along->falling == 0 ? others | moved : others);
@@ -191,6 +200,7 @@ static void turn(path *along, equation *solve)
   along->x = ~along->x;
   along->falling = ~along->falling;
   along->moved = along->active;
+  along->left = first;
   along->active = 1;
   along->row = along->rows;
   solve->target = ~solve->target;
@@ -207,7 +217,7 @@ static void advance(path *along, equation *solve, anhyst_candidate *to)
   to->way = 0;
   if (missing > STILL || missing < -STILL) {
     if (missing < 0) {
-      turn(along, solve);
+      turn(along, solve, spot);
       spot = spot_on(along, along->row, along->x);
       missing = missing_at(along, solve, along->x, spot);
     }
@@ -217,7 +227,8 @@ static void advance(path *along, equation *solve, anhyst_candidate *to)
     if (there >= low && there <= next) {
       along->x = there;
     } else {
-      low = search(along, solve, &next);
+      low = gather(along, solve, low, &next);
+      go(along, solve, low, next);
     }
     to->way = along->falling == 0 ? 1 : -1;
   }
@@ -239,7 +250,7 @@ static int32_t cells_field(const int16_t *words, const anhyst_memory *from, cons
   return to->memory.x;
 }
 
-/* Whether the target is met beside the end of a solved path, while the same cells move: then goes
+/* Whether the target is met at the end of a solved path, while the same cells move: then goes
    there. */
 static int slid(path *along, const equation *solve, const anhyst_candidate *solved)
 {
@@ -254,9 +265,19 @@ static int slid(path *along, const equation *solve, const anhyst_candidate *solv
   const equation there = {solve->air, solve->flux_arm, solve->field_arm,
                           turned(solve->target, along->falling)};
   const int32_t x = inside(turned(solved->memory.x, along->falling));
+  const int32_t low = inside(solved->memory.level);
+  const int32_t high = inside(solved->m);
   const anhyst_spot spot = spot_on(along, along->row, x);
   along->x = beside(along, &there, x, spot, missing_at(along, &there, x, spot));
-  return along->x >= inside(solved->memory.level) && along->x <= inside(solved->m);
+  if (along->x >= low && along->x <= high) {
+    return 1;
+  }
+  if (low > high || missing_at(along, &there, low, spot_on(along, along->row, low)) < 0 ||
+      missing_at(along, &there, high, spot_on(along, along->row, high)) > 0) {
+    return 0;
+  }
+  go(along, &there, low, high);
+  return 1;
 }
 
 static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,

@@ -32,6 +32,8 @@ void anhyst_cells_begin(path *along, const int16_t *words, const anhyst_memory *
   along->falling = along->active > 0 && from->p < 0 ? -1 : 0;
   along->x = inside(turned(from->x, along->falling));
   along->moved = 0;
+  along->left.at = along->rows;
+  along->left.part = 0;
   along->frozen = from->turn;
   along->rest = inside(turned(from->y, along->falling));
   if (along->active == 0) {

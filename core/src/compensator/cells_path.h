@@ -21,12 +21,13 @@ typedef struct {
   int16_t outer;   /* wide segments on each side */
   uint16_t narrow; /* a part of 2^-15 of a segment: 2^this */
   uint16_t wide;
-  int16_t cells;   /* besides cell 0 */
-  int16_t active;  /* the cells below this one move */
-  int16_t moved;   /* those below this one moved the other way until here */
-  int32_t frozen;  /* bit i: what cell i rests with was counted while it rose */
-  int32_t rest;    /* magnetisation of the cells that rest */
-  int32_t falling; /* -1 where all is mirrored, otherwise 0 */
+  int16_t cells;    /* besides cell 0 */
+  int16_t active;   /* the cells below this one move */
+  int16_t moved;    /* those below this one moved the other way until here, ... */
+  anhyst_spot left; /* ... which is this place of the first row */
+  int32_t frozen;   /* bit i: what cell i rests with was counted while it rose */
+  int32_t rest;     /* magnetisation of the cells that rest */
+  int32_t falling;  /* -1 where all is mirrored, otherwise 0 */
   int32_t x;
 } path;
 
@@ -82,14 +83,18 @@ static inline anhyst_spot spot_on(const path *along, const int16_t *row, int32_t
   return spot;
 }
 
-/* The magnetisation of a cell where the field had brought it to this play, within what at_rest
-   gives. */
-static inline int32_t alone(const path *along, int16_t cell, int32_t play)
+/* The magnetisation of a cell where the field had brought it: what its row has beyond the one
+   before, of which this is the place. */
+static inline int32_t beyond(const path *along, anhyst_spot without)
 {
-  const int16_t *row = row_of(along, cell);
-  const anhyst_spot without = spot_on(along, row, play + width(along, cell));
   const anhyst_spot with = {without.at + along->stride, without.part};
   return anhyst_value_at(with) - anhyst_value_at(without);
+}
+
+/* The same from its play, within what at_rest gives. */
+static inline int32_t alone(const path *along, int16_t cell, int32_t play)
+{
+  return beyond(along, spot_on(along, row_of(along, cell), play + width(along, cell)));
 }
 
 /* The play of a cell that rests, no further out than a field within the rows can have made it. */
