@@ -108,7 +108,7 @@ def refusal(bearing: Path, name: str, old: str, new: str) -> str:
 @pytest.mark.parametrize(
     ("name", "old", "new", "said"),
     [
-        ("duhem-usual", '"duhem"', '"dühem"', "magnet.iron"),
+        ("duhem-usual", '"duhem"', '"dühem"', 'must be "cells", "preisach" or'),
         ("duhem-usual", "turning_T = 0.18", "turning_mT = 180.0", "turning_mT"),
         ("duhem-usual", "turning_T = 0.18", "turning_T = 1.8", "lets small loops give energy"),
         (
@@ -121,6 +121,7 @@ def refusal(bearing: Path, name: str, old: str, new: str) -> str:
         ("preisach-usual", "pinning_spread = 0.5", "pinning_spread = 0.0", "pinning_spread"),
         ("preisach-usual", 'family = "preisach"', 'family = "duhem"', "saturation_T: is unknown"),
         ("preisach-usual", 'family = "preisach"', "", "saturation_T: is unknown"),
+        ("preisach-usual", "pinning_A_per_m ", "pinning_A_per_mm ", "mean pinning_A_per_m?"),
     ],
 )
 def test_numbers_that_make_no_iron_are_refused_in_one_line_at_their_place(

@@ -68,7 +68,7 @@ class RowGrid:
     @property
     def wide(self) -> int:
         """Wide segments on each side."""
-        return self.narrow - self.narrow // 2**self.zone
+        return self.narrow - (self.narrow >> self.zone)
 
     @property
     def fields(self) -> FloatArray:

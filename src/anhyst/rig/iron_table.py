@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Discriminator, Field, field_validator, model_validator
 
 from anhyst.rig.parts.duhem import DuhemSteel
 from anhyst.rig.parts.iron import MOST_CELLS, CellSteel
@@ -169,8 +169,18 @@ class DuhemTable(CurveTable):
         return ["Duhem iron", f"coercivity {self.coercivity_A_per_m:.3g} A/m"]
 
 
-def family_of(value: Any) -> str:
-    """Return the tag of the family of a table, or of what stands in a file as one."""
+def _family_of(value: Any) -> str:
+    """Return the tag of the family of a table, of what stands in a file as one, or of a word."""
+    if isinstance(value, str):
+        return f"{BRANCH}word"
     named = value.get("family") if isinstance(value, dict) else getattr(value, "family", None)
     family = "cells" if named is None else named
     return f"{BRANCH}{family}"
+
+
+BY_FAMILY = Discriminator(
+    _family_of,
+    custom_error_type="family",
+    custom_error_message='family must be "cells", "preisach" or "duhem"; correct it',
+)
+"""By it a file's iron is read: as the table of its family, or as a word that stands for one."""

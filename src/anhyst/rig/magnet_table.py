@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
-from anhyst.rig.iron_table import DuhemTable, MagnetSteelTable, PreisachTable, family_of
+from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, MagnetSteelTable, PreisachTable
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles
 from anhyst.support.toml_file import BRANCH, NotNegative, Positive, Table
@@ -30,10 +30,6 @@ def steel_table(steel: CellSteel) -> MagnetSteelTable:
     )
 
 
-def _branch(value: Any) -> str:
-    return f"{BRANCH}word" if isinstance(value, str) else family_of(value)
-
-
 HandTyped = MagnetSteelTable | PreisachTable | DuhemTable
 """An iron typed by hand, or found by a fit."""
 
@@ -42,7 +38,7 @@ IronEntry = Annotated[
     | Annotated[PreisachTable, Tag(f"{BRANCH}preisach")]
     | Annotated[DuhemTable, Tag(f"{BRANCH}duhem")]
     | Annotated[Literal["from loops"], Tag(f"{BRANCH}word")],
-    Discriminator(_branch),
+    BY_FAMILY,
 ]
 """A steel typed by hand, or the word that has it fitted."""
 

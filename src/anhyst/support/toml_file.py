@@ -282,7 +282,7 @@ def _advice(schema: type[Table], path: KeyPath, finding: Any) -> str:
     if finding["type"] == "value_error":
         return str(finding["ctx"]["error"])
     if finding["type"] == "extra_forbidden":
-        key, known = str(path[-1]), _known(schema, path[:-1])
+        key, known = str(path[-1]), _known(schema, finding["loc"][:-1])
         with_unit = [name for name in known if name.startswith(f"{key}_")]
         near = with_unit or difflib.get_close_matches(key, known, n=1)
         if len(with_unit) == 1:
@@ -293,15 +293,22 @@ def _advice(schema: type[Table], path: KeyPath, finding: Any) -> str:
 
 
 def _known(schema: type[Table], path: KeyPath) -> list[str]:
-    """Keys of the table that a path leads to."""
-    here: type[BaseModel] = schema
+    """Keys of the table that a path through the schema leads to, its tags included."""
+    here: list[type[BaseModel]] = [schema]
     for part in path:
-        if isinstance(part, str):
-            tables = _tables(here.model_fields[part].annotation)
-            if not tables:
+        if isinstance(part, str) and part.startswith(BRANCH):
+            here = [table for table in here if _answers_to(table, part)] or here
+        elif isinstance(part, str):
+            here = _tables(here[0].model_fields[part].annotation)
+            if not here:
                 return []
-            here = tables[0]
-    return list(here.model_fields)
+    return list(here[0].model_fields)
+
+
+def _answers_to(table: type[BaseModel], tag: str) -> bool:
+    """Whether one of its keys can only be this word."""
+    word = (tag.removeprefix(BRANCH),)
+    return any(get_args(field.annotation) == word for field in table.model_fields.values())
 
 
 def _tables(annotation: Any) -> list[type[BaseModel]]:

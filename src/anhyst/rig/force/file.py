@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
 from anhyst.data import LoopSet
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.distance import Follow, PlantCheck, along, distance, model_distance
 from anhyst.rig.from_loops import FittedPlant
-from anhyst.rig.iron_table import DuhemTable, PreisachTable, SteelTable, family_of
+from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, PreisachTable, SteelTable
 from anhyst.rig.loop_files import FileList, Measured, identify_faults
 from anhyst.rig.magnet_table import ElectromagnetTable
 from anhyst.rig.parts.amplifier import Amplifier
@@ -64,7 +64,7 @@ IronEntry = Annotated[
     Annotated[CellPathTable, Tag(f"{BRANCH}cells")]
     | Annotated[PreisachPathTable, Tag(f"{BRANCH}preisach")]
     | Annotated[DuhemPathTable, Tag(f"{BRANCH}duhem")],
-    Discriminator(family_of),
+    BY_FAMILY,
 ]
 
 
