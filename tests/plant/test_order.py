@@ -15,6 +15,7 @@ from anhyst.rig.parts.magnet import flux_table_of, iron_magnet, law_magnet
 from anhyst.support.arrays import FloatArray
 from tests.actuators import GAPS
 from tests.actuators import magnet as model
+from tests.plant.irons import STEELS
 from tests.plant.oracle import OracleMagnet, Shape
 from tests.plant.rigs import GAP, OPEN_LOOP, example_poles, example_steel, rig
 
@@ -118,6 +119,8 @@ CASES = {
         }
     ),
     "law": Case({}, current=1.5, magnet=law(0.0)),
+    "preisach": Case({}, magnet=iron_magnet(example_poles(), STEELS["preisach-usual"])),
+    "duhem": Case({}, magnet=iron_magnet(example_poles(), STEELS["duhem-usual"])),
 }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.parts.solenoid import Solenoid
@@ -95,6 +96,16 @@ def test_a_solenoid_follows_the_same_path_cut_finely(solenoid: Path) -> None:
             for current in np.linspace(start, end, 40)[1:].tolist():
                 fine.step(current, 1.6e-3)
             assert fine.force == pytest.approx(coarse.force, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["preisach-usual", "duhem-usual"])
+def test_loops_of_a_bearing_can_be_measured_whatever_its_iron(bearing: Path, name: str) -> None:
+    rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of(name)))
+    loop = next(iter(measure_loops(rig).loops))
+    rising, falling = (
+        loop.output[np.abs(loop.input - 2.0) < 0.03][side] for side in (slice(2), slice(-2, None))
+    )
+    assert float(np.min(falling)) > float(np.max(rising)) + 2.0
 
 
 def refusal(bearing: Path, name: str, old: str, new: str) -> str:
