@@ -76,6 +76,32 @@ static double piece_error(const anhyst_cell_weights_f64 *w, double low, double h
   return sum / quintic;
 }
 
+/* Cuts the next octave, from begin to twice that, into as many pieces as it needs; 0 where there is
+   no room, or the limit cannot be kept. */
+static int lay_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights, double begin)
+{
+  const double low = (begin - 1.0) / cells->per_unit;
+  const double high = (2.0 * begin - 1.0) / cells->per_unit;
+  const int octave = cells->octaves;
+  double error = piece_error(weights, low, high) / cells->saturation;
+  int count = 1;
+  int halvings = 0;
+  while (error > aim && count < most_pieces) {
+    count *= 2;
+    halvings++;
+    error /= 64.0;
+  }
+  if (octave == ANHYST_CELLS_OCTAVES || !(error <= limit)) {
+    return 0;
+  }
+  cells->shift[octave] = 52 - halvings;
+  cells->per_piece[octave] = (double)count / begin;
+  cells->first[octave] = (int64_t)(cell_bits(begin) >> cells->shift[octave]) - cells->pieces;
+  cells->pieces += count;
+  cells->octaves++;
+  return 1;
+}
+
 anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                    size_t *pieces)
 {
@@ -100,31 +126,14 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
   cells->tangent = 5e-5 * narrowest;
   cells->pieces = 0;
   cells->octaves = 0;
-  /* The last octave ends beyond the reach. */
-  for (double begin = 1.0; begin < 1.0 + cells->reach * cells->per_unit; begin *= 2.0) {
-    if (cells->octaves == ANHYST_CELLS_OCTAVES) {
+  double begin = 1.0;
+  while (begin < 1.0 + cells->reach * cells->per_unit) {
+    if (!lay_octave(cells, weights, begin)) {
       return ANHYST_BAD_PARAMETER;
     }
-    const double low = (begin - 1.0) / cells->per_unit;
-    const double high = (2.0 * begin - 1.0) / cells->per_unit;
-    double error = piece_error(weights, low, high) / cells->saturation;
-    int count = 1;
-    int halvings = 0;
-    while (error > aim && count < most_pieces) {
-      count *= 2;
-      halvings++;
-      error /= 64.0;
-    }
-    if (!(error <= limit)) {
-      return ANHYST_BAD_PARAMETER;
-    }
-    const int octave = cells->octaves++;
-    cells->shift[octave] = 52 - halvings;
-    cells->per_piece[octave] = (double)count / begin;
-    cells->first[octave] = (int64_t)(cell_bits(begin) >> cells->shift[octave]) - cells->pieces;
-    cells->pieces += count;
-    cells->top = 2.0 * begin * (1.0 - 1e-15);
+    begin *= 2.0;
   }
+  cells->top = begin * (1.0 - 1e-15);
   *pieces = (size_t)cells->pieces * 2U * (size_t)cells->cells;
   return ANHYST_OK;
 }
@@ -178,8 +187,8 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
       const double to = (begin * (1.0 + (double)i / (double)count) - 1.0) / cells->per_unit;
       rows_at(weights, turn * to, ends[1]);
       for (int row = 0; row < cells->cells; row++) {
-        fill(storage[piece + 2 * row * cells->pieces].c, &ends[0][row], &ends[1][row], to - from,
-             turn);
+        fill(storage[piece + 2 * (int64_t)row * cells->pieces].c, &ends[0][row], &ends[1][row],
+             to - from, turn);
       }
       const cell_jet *last = &ends[1][cells->cells - 1];
       *steep = last->f1 > *steep ? last->f1 : *steep;
@@ -194,7 +203,7 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
 void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                anhyst_cell_piece_f64 *storage)
 {
-  cell_jet origin[ANHYST_CELLS_MAX];
+  cell_jet origin[ANHYST_CELLS_MAX] = {{0.0, 0.0, 0.0}};
   rows_at(weights, 0.0, origin);
   cells->reversible = origin[0].f1;
   cells->steepest = origin[cells->cells - 1].f1;

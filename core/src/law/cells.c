@@ -240,7 +240,7 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
                                      anhyst_cells_candidate_f64 *candidate)
 {
   const double missing = r - state->x - omega * state->m;
-  if (!(fabs(missing) <= 4.0 * (cells->reach + fabs(omega) * cells->saturation))) {
+  if (!(fabs(missing) < 4.0 * (cells->reach + fabs(omega) * cells->saturation))) {
     return ANHYST_OUT_OF_RANGE;
   }
   if (!(1.0 + omega * cells->reversible > flattest)) {
