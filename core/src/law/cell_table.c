@@ -186,11 +186,11 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
     for (int i = 1; i <= count; i++) {
       const double to = (begin * (1.0 + (double)i / (double)count) - 1.0) / cells->per_unit;
       rows_at(weights, turn * to, ends[1]);
-      for (int row = 0; row < cells->cells; row++) {
+      for (int row = 0; row < weights->cells; row++) {
         fill(storage[piece + 2 * (int64_t)row * cells->pieces].c, &ends[0][row], &ends[1][row],
              to - from, turn);
       }
-      const cell_jet *last = &ends[1][cells->cells - 1];
+      const cell_jet *last = &ends[0][weights->cells - 1];
       *steep = last->f1 > *steep ? last->f1 : *steep;
       memcpy(ends[0], ends[1], sizeof ends[0]);
       from = to;
@@ -203,10 +203,12 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
 void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                anhyst_cell_piece_f64 *storage)
 {
-  cell_jet origin[ANHYST_CELLS_MAX] = {{0.0, 0.0, 0.0}};
-  rows_at(weights, 0.0, origin);
-  cells->reversible = origin[0].f1;
-  cells->steepest = origin[cells->cells - 1].f1;
+  cells->reversible = 0.0;
+  for (int j = 0; j < weights->widths; j++) {
+    cells->reversible +=
+        weights->weight[j] / weights->width[j] * anhyst_cell_shape(weights->shape, 0.0).f1;
+  }
+  cells->steepest = 0.0;
   fill_side(cells, weights, storage, 1.0, &cells->steepest);
   fill_side(cells, weights, storage, -1.0, &cells->steepest);
   /* Between nodes a curve can be a little steeper than at both. */

@@ -112,7 +112,7 @@ static anhyst_status polish(const path *p, double x, double beyond,
     } else {
       high = x;
     }
-    const int inside = next > low && next < high;
+    const int inside = next >= low && next <= high;
     if (inside && fabs(step) <= p->cells->tangent) {
       answer(p, x, &at, step, candidate);
       return ANHYST_OK;
@@ -139,10 +139,10 @@ static anhyst_status climb(path *p, double steepest, anhyst_cells_candidate_f64 
   for (;;) {
     const double edge = next_start(p);
     const double guess = p->here + way_to(p->missing, p->omega, &p->bend);
-    /* Rounding could put the solution just beyond. */
+    /* Rounding, of what was missing where the path starts too, could put the solution beyond. */
     const double least = 1.0 + p->omega * steepest;
     const double far = p->here + (p->omega > 0.0 ? p->missing : p->missing / least);
-    double beyond = far + rounding(p, far);
+    double beyond = far + rounding(p, far) + 4.0 * DBL_EPSILON * fabs(p->here);
     if (guess < edge) {
       const anhyst_status status = polish(p, guess < beyond ? guess : beyond, beyond, candidate);
       if (status != ANHYST_OK || p->sign * candidate->x <= edge) {

@@ -81,7 +81,9 @@ class PlayCells:
         least = 1.0 + w * self.steepest
         if least > 0.0:
             end = start - off / min(1.0, least)
-            end -= np.copysign(1e-12 * (abs(end) + abs(r) + self.cells.saturation * abs(w)), off)
+            end -= np.copysign(
+                1e-12 * (abs(start) + abs(end) + abs(r) + self.cells.saturation * abs(w)), off
+            )
         else:
             way = abs(off) + 2.0 * abs(w) * self.cells.saturation
             far = start - np.copysign(way, off)
