@@ -189,9 +189,8 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
       for (int row = 0; row < weights->cells; row++) {
         fill(storage[piece + 2 * (int64_t)row * cells->pieces].c, &ends[0][row], &ends[1][row],
              to - from, turn);
+        *steep = ends[0][row].f1 > *steep ? ends[0][row].f1 : *steep;
       }
-      const cell_jet *last = &ends[0][weights->cells - 1];
-      *steep = last->f1 > *steep ? last->f1 : *steep;
       memcpy(ends[0], ends[1], sizeof ends[0]);
       from = to;
       piece++;
