@@ -254,3 +254,20 @@ def test_over_a_cycle_of_current_and_gap_a_magnet_takes_what_its_iron_costs(
     mechanical = -work(force[last], gap[last])
     assert loss > 0.0
     assert electrical - mechanical == pytest.approx(loss, rel=2e-3)
+
+
+@every
+def test_without_its_pinning_a_steel_has_a_curve_in_the_middle_of_its_loop(
+    steel: AnySteel,
+) -> None:
+    half = 8.0 * width(steel)
+    path = fields([half, -half, half], 400)
+    bare, pinned = (
+        Piece(one).run(np.concatenate(([-half], path)))[1:, 1]
+        for one in (steel.unpinned(), steel.plant())
+    )
+    top = path.size // 2
+    assert bare[: top + 1][::-1] == pytest.approx(bare[top:], abs=1e-9)
+    inside = slice(top + 50, -50)
+    assert np.all(pinned[top:][50:-50] < bare[inside] + 2e-2)
+    assert np.all(pinned[: top + 1][::-1][50:-50] > bare[inside] - 2e-2)

@@ -68,9 +68,9 @@ class DuhemSteel:
             }
         )
 
-    def unpinned(self) -> DuhemSteel:
-        """Return a steel that follows the same curve without a loop."""
-        return replace(self, coercivity=0.0)
+    def unpinned(self) -> Steel:
+        """Return, as the plant computes it, a steel that follows the same curve without a loop."""
+        return replace(self, coercivity=0.0).plant()
 
     def curve(self, field: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return polarisation, T, of the curve at fields, A/m, and its slope."""

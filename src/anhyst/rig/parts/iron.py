@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from typing import Protocol
 
 import numpy as np
 
@@ -34,8 +34,8 @@ class AnySteel(Protocol):
         """
         ...
 
-    def unpinned(self) -> Self:
-        """Return the same steel without what makes its loops wide."""
+    def unpinned(self) -> Steel:
+        """Return, as the plant computes it, the same steel without what makes its loops wide."""
         ...
 
 
@@ -102,9 +102,9 @@ class CellSteel:
         }
         return Steel(curve, self.thresholds, self.weights)
 
-    def unpinned(self) -> CellSteel:
-        """Return a steel that follows the same curve without a loop."""
-        return replace(self, cells=1, reversible_fraction=1.0)
+    def unpinned(self) -> Steel:
+        """Return, as the plant computes it, a steel that follows the same curve without a loop."""
+        return replace(self, cells=1, reversible_fraction=1.0).plant()
 
 
 class CellIron:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from anhyst._core import AnyIron, Coil, Magnet
+from anhyst._core import AnyIron, Coil, Magnet, Steel
 from anhyst.laws.law import IronOperator
 from anhyst.rig.parts.iron import AnySteel
 from anhyst.support.arrays import FloatArray
@@ -83,6 +83,10 @@ def iron_magnet(poles: Poles, steel: AnySteel, eddy_time: float = 0.0, gap: floa
     InputError
         Numbers that make no iron.
     """
+    return _in_circuit(poles, steel.plant(), eddy_time, gap)
+
+
+def _in_circuit(poles: Poles, steel: Steel, eddy_time: float, gap: float) -> Magnet:
     numbers = {
         "iron_length": poles.iron_length,
         "iron_area": poles.area,
@@ -94,7 +98,7 @@ def iron_magnet(poles: Poles, steel: AnySteel, eddy_time: float = 0.0, gap: floa
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-    return Magnet(numbers, steel.plant())
+    return Magnet(numbers, steel)
 
 
 class Electromagnet:
@@ -151,7 +155,7 @@ def flux_table_of(
     """
     current = np.linspace(0.0, current_high, _CURRENTS)
     gap = np.linspace(*gaps, _GAPS)
-    magnet = iron_magnet(poles, steel.unpinned(), 0.0, float(gap[0]))
+    magnet = _in_circuit(poles, steel.unpinned(), 0.0, float(gap[0]))
     psi = [Coil(magnet).run(current, np.full(current.size, place))[:, 1] for place in gap]
     return FluxTable(current, gap, np.array(psi))
 

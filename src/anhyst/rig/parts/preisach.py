@@ -5,7 +5,7 @@ Its equations stand in ``plant/include/anhyst_plant/preisach.h``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -86,13 +86,11 @@ class PreisachSteel:
         InputError
             So much feedback that the polarisation would jump.
         """
-        return _plant(self)
+        return _plant(self, True)
 
-    def unpinned(self) -> PreisachSteel:
-        """Return a steel with the same biases whose relays turn almost without pinning."""
-        bias = self.bias + self.bias_by_pinning * self.pinning
-        least = 1e-3 * self.pinning
-        return replace(self, pinning=least, pinning_spread=0.1, bias=bias, bias_by_pinning=0.0)
+    def unpinned(self) -> Steel:
+        """Return, as the plant computes it, a steel of relays with the same biases, unpinned."""
+        return _plant(self, False)
 
 
 def nodes(steel: PreisachSteel) -> FloatArray:
@@ -102,13 +100,23 @@ def nodes(steel: PreisachSteel) -> FloatArray:
     return np.asarray(steel.knee * place / (1.0 - np.abs(place)))
 
 
-def everett(steel: PreisachSteel) -> FloatArray:
-    """Return by how much the relays change from node to node, T, shape (NODES, NODES).
+def everett(steel: PreisachSteel, pinned: bool) -> FloatArray:
+    """Return by how much the relays change from node to node, T, shape (NODES, NODES)."""
+    at = nodes(steel)
+    inside = _relays(steel, at) if pinned else np.diag(_biased(steel, at))
+    rising = np.zeros((NODES, NODES))
+    from_below = np.cumsum(inside[::-1], axis=0)[::-1]
+    rising[:-1, 1:] = np.triu(np.cumsum(from_below, axis=1))
+    rising *= 2.0 * steel.saturation / rising[0, -1]
+    return rising - rising.T
+
+
+def _relays(steel: PreisachSteel, at: FloatArray) -> FloatArray:
+    """Return the relays in each cell between nodes, from the lower to the higher field.
 
     The density is looked at in the middles of the four quarters of a cell; on the diagonal, where
     only half a cell is above it, at its centroid.
     """
-    at = nodes(steel)
     quarter = 0.25 * np.diff(at)
     middle = at[:-1] + 2.0 * quarter
     down, up = np.triu_indices(middle.size, 1)
@@ -121,16 +129,21 @@ def everett(steel: PreisachSteel) -> FloatArray:
     inside[down, up] *= 4.0 * quarter[down] * quarter[up]
     alone = steel.density(quarter * (2.0 / 3.0), middle)
     np.fill_diagonal(inside, 8.0 * quarter * quarter * alone)
-    rising = np.zeros((NODES, NODES))
-    from_below = np.cumsum(inside[::-1], axis=0)[::-1]
-    rising[:-1, 1:] = np.triu(np.cumsum(from_below, axis=1))
-    rising *= 2.0 * steel.saturation / rising[0, -1]
-    return rising - rising.T
+    return inside
+
+
+def _biased(steel: PreisachSteel, at: FloatArray) -> FloatArray:
+    """Return the relays whose bias lies between two nodes, whatever their pinning."""
+    middle, found = 0.5 * (at[1:] + at[:-1]), np.zeros(at.size - 1)
+    for spread in np.linspace(-3.0, 3.0, 61).tolist():
+        pinning = steel.pinning * exp(np.full(middle.size, spread * steel.pinning_spread))
+        found += pinning * steel.density(pinning, middle)
+    return found * np.diff(at)
 
 
 @lru_cache(maxsize=32)
-def _plant(steel: PreisachSteel) -> Steel:
-    table, knee = everett(steel), steel.knee
+def _plant(steel: PreisachSteel, pinned: bool) -> Steel:
+    table, knee = everett(steel, pinned), steel.knee
     # The steepest way comes from far below, past the middle of the reversible part.
     relays = float(np.max(np.diff(table[0]) / np.diff(nodes(steel))))
     slope = steel.saturation_sharp / steel.knee_sharp + relays
