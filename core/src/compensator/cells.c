@@ -18,7 +18,8 @@
    segment, so that a target that stays the same never turns the path. */
 #include "cells_path.h"
 
-/* A residual that is nothing but rounding: the iron stays where it is. */
+/* A residual that is nothing but rounding: the iron stays where it is, as it does while the target
+   lies between what rows of either direction give. */
 #define STILL 8
 
 /* What is solved for, over 4. */
@@ -42,13 +43,14 @@ static int32_t left_side(const equation *solve, int32_t x, int32_t m)
 }
 
 /* What is missing of the target at a place of the row. */
-static int32_t missing_at(const path *along, const equation *solve, int32_t x, anhyst_spot spot)
+static int32_t missing_at(const cell_path *along, const equation *solve, int32_t x,
+                          anhyst_spot spot)
 {
   return solve->target - left_side(solve, x, anhyst_value_at(spot) + along->rest);
 }
 
 /* The field at the lower end of a segment. */
-static int32_t node(const path *along, int16_t segment)
+static int32_t node(const cell_path *along, int16_t segment)
 {
   int16_t first = 0;
   int32_t begin = -ONE;
@@ -66,7 +68,7 @@ static int32_t node(const path *along, int16_t segment)
 }
 
 /* The segment of a row that holds x. */
-static int16_t segment_of(const path *along, int32_t x)
+static int16_t segment_of(const cell_path *along, int32_t x)
 {
   const zone in = zone_of(along, x);
   return (int16_t)(in.first + (((x - in.begin) >> in.fine) >> 15));
@@ -82,7 +84,7 @@ static int32_t part_of(int32_t n, int32_t d)
 }
 
 /* Where the target is met on the segment of a row that holds x; ONE, -ONE - 1: above, below it. */
-static int32_t beside(const path *along, const equation *solve, int32_t x, anhyst_spot spot,
+static int32_t beside(const cell_path *along, const equation *solve, int32_t x, anhyst_spot spot,
                       int32_t missing)
 {
   const zone in = zone_of(along, x);
@@ -104,7 +106,7 @@ static int32_t beside(const path *along, const equation *solve, int32_t x, anhys
 }
 
 /* Where the next cell joins a path that has come to low, or the end of the rows. */
-static int32_t joins_at(const path *along, int32_t low)
+static int32_t joins_at(const cell_path *along, int32_t low)
 {
   if (along->active > along->cells) {
     return ONE - 1;
@@ -114,7 +116,7 @@ static int32_t joins_at(const path *along, int32_t low)
 }
 
 /* What the next cell rests with, as it was counted; it joins at this place of the row. */
-static int32_t counted(const path *along, anhyst_spot here)
+static int32_t counted(const cell_path *along, anhyst_spot here)
 {
   const int16_t cell = along->active;
   if (cell < along->moved) { /* it moved the other way just now */
@@ -130,7 +132,7 @@ static int32_t counted(const path *along, anhyst_spot here)
 
 /* The last segment of first..end at the beginning of which the target is not reached, or first.
    Steps double, then halve. */
-static int16_t segment_with_target(const path *along, const equation *solve, int16_t first,
+static int16_t segment_with_target(const cell_path *along, const equation *solve, int16_t first,
                                    int16_t end)
 {
   int16_t step = 1;
@@ -157,7 +159,7 @@ static int16_t segment_with_target(const path *along, const equation *solve, int
 }
 
 /* Goes to the target on the row of the cells that move, between low and high. */
-static void go(path *along, const equation *solve, int32_t low, int32_t high)
+static void go(cell_path *along, const equation *solve, int32_t low, int32_t high)
 {
   const int16_t segment =
       segment_with_target(along, solve, segment_of(along, low), segment_of(along, high));
@@ -169,7 +171,7 @@ static void go(path *along, const equation *solve, int32_t low, int32_t high)
 
 /* Lets the cells join that do so before the target is reached, the next one at *next; gives where
    the last of them did, or low. */
-static int32_t gather(path *along, const equation *solve, int32_t low, int32_t *next)
+static int32_t gather(cell_path *along, const equation *solve, int32_t low, int32_t *next)
 {
   while (along->active <= along->cells) {
     const anhyst_spot here = spot_on(along, along->row, *next);
@@ -189,7 +191,7 @@ static int32_t gather(path *along, const equation *solve, int32_t low, int32_t *
 }
 
 /* Leaves a path for the opposite one: all but cell 0 rest. */
-static void turn(path *along, equation *solve, anhyst_spot here)
+static void turn(cell_path *along, equation *solve, anhyst_spot here)
 {
   const anhyst_spot first = {here.at - (along->active - 1) * along->stride, here.part};
   const int32_t left = anhyst_value_at(here) - anhyst_value_at(first);
@@ -207,7 +209,7 @@ static void turn(path *along, equation *solve, anhyst_spot here)
 }
 
 /* Solves from a memory on. */
-static void advance(path *along, equation *solve, anhyst_candidate *to)
+static void advance(cell_path *along, equation *solve, anhyst_candidate *to)
 {
   solve->target = turned(solve->target, along->falling);
   anhyst_spot spot = spot_on(along, along->row, along->x);
@@ -215,12 +217,17 @@ static void advance(path *along, equation *solve, anhyst_candidate *to)
   int32_t low = along->x;
   int32_t next = low;
   to->way = 0;
-  if (missing > STILL || missing < -STILL) {
-    if (missing < 0) {
-      turn(along, solve, spot);
-      spot = spot_on(along, along->row, along->x);
-      missing = missing_at(along, solve, along->x, spot);
+  if (missing < -STILL) {
+    const cell_path before = *along;
+    turn(along, solve, spot);
+    spot = spot_on(along, along->row, along->x);
+    missing = missing_at(along, solve, along->x, spot);
+    if (missing <= 0) { /* between the two directions, where rows are not quite odd: it stays */
+      *along = before;
+      missing = 0;
     }
+  }
+  if (missing > STILL) {
     low = along->x;
     next = joins_at(along, low);
     const int32_t there = beside(along, solve, low, spot, missing);
@@ -243,7 +250,7 @@ static void advance(path *along, equation *solve, anhyst_candidate *to)
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                            int32_t flux, anhyst_candidate *to)
 {
-  path along;
+  cell_path along;
   equation solve = {words[ANHYST_WORD_CELLS_AIR], 16384, 0, flux >> 4};
   anhyst_cells_begin(&along, words, from, plays);
   advance(&along, &solve, to);
@@ -252,7 +259,7 @@ static int32_t cells_field(const int16_t *words, const anhyst_memory *from, cons
 
 /* Whether the target is met at the end of a solved path, while the same cells move: then goes
    there. */
-static int slid(path *along, const equation *solve, const anhyst_candidate *solved)
+static int slid(cell_path *along, const equation *solve, const anhyst_candidate *solved)
 {
   if (solved->way == 0) {
     return 0;
@@ -284,7 +291,7 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
                           const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
                           anhyst_memory *to)
 {
-  path along;
+  cell_path along;
   equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
                     (current >> 2) - (arms->bias >> 2)};
   anhyst_cells_rows(&along, words);

@@ -7,14 +7,14 @@
 #define HALVINGS 24
 
 /* How many cells a memory says that move in its direction; 0: it does not say. */
-static int16_t moving_cells(const path *along, const anhyst_memory *from)
+static int16_t moving_cells(const cell_path *along, const anhyst_memory *from)
 {
   const int32_t size = from->p < 0 ? ~from->p + 1 : from->p;
   return size >= 1 && size <= (int32_t)along->cells + 1 ? (int16_t)size : 0;
 }
 
 /* The magnetisation of all cells at rest but cell 0, counted as if they had risen. */
-static int32_t all_alone(const path *along)
+static int32_t all_alone(const cell_path *along)
 {
   int32_t sum = 0;
   for (int16_t cell = 1; cell <= along->cells; cell++) {
@@ -23,7 +23,7 @@ static int32_t all_alone(const path *along)
   return sum;
 }
 
-void anhyst_cells_begin(path *along, const int16_t *words, const anhyst_memory *from,
+void anhyst_cells_begin(cell_path *along, const int16_t *words, const anhyst_memory *from,
                         const int32_t *plays)
 {
   anhyst_cells_rows(along, words);
@@ -47,7 +47,7 @@ void anhyst_cells_begin(path *along, const int16_t *words, const anhyst_memory *
 void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
                        int32_t *plays)
 {
-  path along;
+  cell_path along;
   anhyst_cells_rows(&along, words);
   if ((from->p < 0) != (to->p < 0)) {
     const int32_t falling = from->p < 0 ? -1 : 0;
@@ -66,7 +66,7 @@ static int is_part(int32_t a) { return a >= -ANHYST_Q15_MAX && a <= ANHYST_Q15_M
    than 1. */
 static int rows_are_valid(const int16_t *words)
 {
-  path along;
+  cell_path along;
   anhyst_cells_rows(&along, words);
   const int16_t first = words[ANHYST_WORD_CELLS_ROWS];
   const int16_t rows = (int16_t)(along.cells + 1);
@@ -91,7 +91,7 @@ static int rows_are_valid(const int16_t *words)
 }
 
 /* The most that a row rises in a segment, narrow or wide. */
-static int16_t steepest(const path *along, int narrow)
+static int16_t steepest(const cell_path *along, int narrow)
 {
   int16_t most = 0;
   for (int16_t cells = 1; cells <= along->cells + 1; cells++) {
@@ -109,7 +109,7 @@ static int16_t steepest(const path *along, int narrow)
    between two entries of the tables over the gap can take away, a unit of either arm. */
 static int current_rises(const int16_t *words)
 {
-  path along;
+  cell_path along;
   anhyst_cells_rows(&along, words);
   const int16_t *flux_arm = words + words[ANHYST_WORD_GAP_FLUX_ARM];
   const int16_t *field_arm = words + words[ANHYST_WORD_GAP_FIELD_ARM];
@@ -141,28 +141,23 @@ int anhyst_cells_is_valid(const int16_t *words)
          rows_are_valid(words) && current_rises(words);
 }
 
-/* Where the plays stand whose widths begin with 0: field and plays, as they really are. */
-typedef struct {
-  int32_t at[ANHYST_CELLS + 1];
-} stairs;
-
-static stairs stairs_of(const int16_t *words, const anhyst_memory *memory, const int32_t *plays)
+/* Where the plays of all cells stand, the field for cell 0 and those that there are not. */
+static void stand(const int16_t *words, const anhyst_memory *memory, const int32_t *plays,
+                  int32_t *stairs)
 {
-  path along;
-  stairs found;
+  cell_path along;
   anhyst_cells_begin(&along, words, memory, plays);
   for (int16_t cell = 0; cell <= ANHYST_CELLS; cell++) {
     int32_t play = along.x;
     if (cell > 0 && cell <= along.cells) {
       play = cell < along.active ? along.x - width(&along, cell) : at_rest(&along, cell);
     }
-    found.at[cell] = inside(turned(play, along.falling));
+    stairs[cell] = inside(turned(play, along.falling));
   }
-  return found;
 }
 
 /* Where a play of this half-width stands, in a straight line between those beside it. */
-static int32_t play_between(const path *along, const stairs *from, int32_t half_width)
+static int32_t play_between(const cell_path *along, const int32_t *stairs, int32_t half_width)
 {
   int16_t below = 0;
   while (below < along->cells && width(along, (int16_t)(below + 1)) <= half_width) {
@@ -170,21 +165,21 @@ static int32_t play_between(const path *along, const stairs *from, int32_t half_
   }
   const int32_t begin = below > 0 ? width(along, below) : 0;
   if (below == along->cells || half_width == begin) {
-    return from->at[below];
+    return stairs[below];
   }
   const int32_t part = anhyst_ratio(half_width - begin, width(along, (int16_t)(below + 1)) - begin);
-  return from->at[below] + anhyst_share(inside(from->at[below + 1] - from->at[below]), part);
+  return stairs[below] + anhyst_share(inside(stairs[below + 1] - stairs[below]), part);
 }
 
 /* Moves field and plays so far along the field; the residual of h*x + m = flux there, over 4. It
    rises with the way. */
-static int32_t carried_to(path *along, const stairs *from, int32_t way, int16_t air, int32_t flux,
-                          int32_t *plays)
+static int32_t carried_to(cell_path *along, const int32_t *stairs, int32_t way, int16_t air,
+                          int32_t flux, int32_t *plays)
 {
-  along->x = inside(anhyst_add_q31(from->at[0], way));
+  along->x = inside(anhyst_add_q31(stairs[0], way));
   along->plays = plays;
   for (int16_t cell = 1; cell <= along->cells; cell++) {
-    plays[cell - 1] = anhyst_add_q31(from->at[cell], way);
+    plays[cell - 1] = anhyst_add_q31(stairs[cell], way);
     plays[cell - 1] = anhyst_clamp(at_rest(along, cell), along->x - width(along, cell),
                                    along->x + width(along, cell));
   }
@@ -198,11 +193,12 @@ static int32_t carried_to(path *along, const stairs *from, int32_t way, int16_t 
 void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flux,
                         anhyst_memory *memory, int32_t *plays)
 {
-  const stairs old = stairs_of(before, memory, plays);
+  int32_t old[ANHYST_CELLS + 1];
+  int32_t stairs[ANHYST_CELLS + 1];
   const anhyst_memory none = {0, 0, 0, 0, 0};
-  path along;
-  path other;
-  stairs from = old;
+  cell_path along;
+  cell_path other;
+  stand(before, memory, plays, old);
   anhyst_cells_rows(&other, before);
   anhyst_cells_begin(&along, words, &none, plays);
   for (int16_t cell = 0; cell <= along.cells; cell++) {
@@ -210,14 +206,14 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
     if (cell > 0) {
       half_width = anhyst_in_unit(width(&along, cell), words, before, ANHYST_WORD_UNIT_FIELD);
     }
-    from.at[cell] = inside(anhyst_in_unit(play_between(&other, &old, half_width), before, words,
-                                          ANHYST_WORD_UNIT_FIELD));
+    stairs[cell] = inside(anhyst_in_unit(play_between(&other, old, half_width), before, words,
+                                         ANHYST_WORD_UNIT_FIELD));
   }
   int32_t low = -2 * (ONE - 1);
   int32_t high = 2 * (ONE - 1);
   for (int16_t i = 0; i < HALVINGS; i++) {
     const int32_t middle = (low + high) / 2;
-    if (carried_to(&along, &from, middle, words[ANHYST_WORD_CELLS_AIR], flux, plays) < 0) {
+    if (carried_to(&along, stairs, middle, words[ANHYST_WORD_CELLS_AIR], flux, plays) < 0) {
       low = middle;
     } else {
       high = middle;

@@ -29,7 +29,7 @@ typedef struct {
   int32_t rest;     /* magnetisation of the cells that rest */
   int32_t falling;  /* -1 where all is mirrored, otherwise 0 */
   int32_t x;
-} path;
+} cell_path;
 
 /* In the direction of a path, falling 0 or -1: -1 - a where it falls; -a could leave the range. */
 static inline int32_t turned(int32_t a, int32_t falling)
@@ -41,12 +41,12 @@ static inline int32_t turned(int32_t a, int32_t falling)
 static inline int32_t inside(int32_t a) { return anhyst_clamp(a, -ONE, ONE - 1); }
 
 /* Half-width of the play of a cell. */
-static inline int32_t width(const path *along, int16_t cell)
+static inline int32_t width(const cell_path *along, int16_t cell)
 {
   return (int32_t)along->thresholds[cell - 1] * 32768;
 }
 
-static inline const int16_t *row_of(const path *along, int16_t cells)
+static inline const int16_t *row_of(const cell_path *along, int16_t cells)
 {
   return along->rows + (cells - 1) * along->stride;
 }
@@ -59,7 +59,7 @@ typedef struct {
 } zone;
 
 /* The zone of x, -1 <= x < 1. */
-static inline zone zone_of(const path *along, int32_t x)
+static inline zone zone_of(const cell_path *along, int32_t x)
 {
   zone found = {-along->inner, along->outer, along->narrow};
   if (x < -along->inner) {
@@ -75,7 +75,7 @@ static inline zone zone_of(const path *along, int32_t x)
 }
 
 /* Where x falls on a row, -1 <= x < 1. */
-static inline anhyst_spot spot_on(const path *along, const int16_t *row, int32_t x)
+static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, int32_t x)
 {
   const zone in = zone_of(along, x);
   const int32_t fine = (x - in.begin) >> in.fine; /* segment and 15 bits of its part */
@@ -85,20 +85,20 @@ static inline anhyst_spot spot_on(const path *along, const int16_t *row, int32_t
 
 /* The magnetisation of a cell where the field had brought it: what its row has beyond the one
    before, of which this is the place. */
-static inline int32_t beyond(const path *along, anhyst_spot without)
+static inline int32_t beyond(const cell_path *along, anhyst_spot without)
 {
   const anhyst_spot with = {without.at + along->stride, without.part};
   return anhyst_value_at(with) - anhyst_value_at(without);
 }
 
 /* The same from its play, within what at_rest gives. */
-static inline int32_t alone(const path *along, int16_t cell, int32_t play)
+static inline int32_t alone(const cell_path *along, int16_t cell, int32_t play)
 {
   return beyond(along, spot_on(along, row_of(along, cell), play + width(along, cell)));
 }
 
 /* The play of a cell that rests, no further out than a field within the rows can have made it. */
-static inline int32_t at_rest(const path *along, int16_t cell)
+static inline int32_t at_rest(const cell_path *along, int16_t cell)
 {
   const int32_t r = width(along, cell);
   const int32_t play =
@@ -107,7 +107,7 @@ static inline int32_t at_rest(const path *along, int16_t cell)
 }
 
 /* The rows of a block and the widths of its plays. */
-static inline void anhyst_cells_rows(path *along, const int16_t *words)
+static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
 {
   along->thresholds = words + words[ANHYST_WORD_CELLS_THRESHOLDS];
   along->rows = words + words[ANHYST_WORD_CELLS_ROWS];
@@ -123,7 +123,7 @@ static inline void anhyst_cells_rows(path *along, const int16_t *words)
 
 /* A path that goes on from a memory, in the direction which that had; what rests is summed up where
    the memory does not say which cells move. */
-void anhyst_cells_begin(path *along, const int16_t *words, const anhyst_memory *from,
+void anhyst_cells_begin(cell_path *along, const int16_t *words, const anhyst_memory *from,
                         const int32_t *plays);
 
 /* As anhyst_kernel says of them. */

@@ -17,7 +17,7 @@ typedef struct {
   uint16_t active;  /* the cells below this one move */
   uint16_t moved;   /* those below this one moved the other way until here */
   int falling;      /* all is mirrored */
-} ANHYST_NAME(path);
+} ANHYST_NAME(cell_path);
 
 /* What is solved for, in the direction of the path. */
 typedef struct {
@@ -29,7 +29,7 @@ typedef struct {
 static ANHYST_REAL ANHYST_NAME(facing)(ANHYST_REAL a, int falling) { return falling ? -a : a; }
 
 /* Half-width of the play of a cell. */
-static ANHYST_REAL ANHYST_NAME(width)(const ANHYST_NAME(path) *along, uint16_t cell)
+static ANHYST_REAL ANHYST_NAME(width)(const ANHYST_NAME(cell_path) *along, uint16_t cell)
 {
   return along->law->thresholds[cell - 1U];
 }
@@ -59,7 +59,7 @@ static const ANHYST_REAL *ANHYST_NAME(row_of)(const ANHYST_NAME(anhyst_cells_law
 }
 
 /* The magnetisation of so many moving cells. */
-static ANHYST_REAL ANHYST_NAME(moving)(const ANHYST_NAME(path) *along, uint16_t cells,
+static ANHYST_REAL ANHYST_NAME(moving)(const ANHYST_NAME(cell_path) *along, uint16_t cells,
                                        ANHYST_REAL x)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
@@ -69,7 +69,7 @@ static ANHYST_REAL ANHYST_NAME(moving)(const ANHYST_NAME(path) *along, uint16_t 
 }
 
 /* The play of a cell that rests, as the field has left it at most. */
-static ANHYST_REAL ANHYST_NAME(at_rest)(const ANHYST_NAME(path) *along, uint16_t cell)
+static ANHYST_REAL ANHYST_NAME(at_rest)(const ANHYST_NAME(cell_path) *along, uint16_t cell)
 {
   const ANHYST_REAL r = ANHYST_NAME(width)(along, cell);
   if (cell < along->moved) {
@@ -80,14 +80,14 @@ static ANHYST_REAL ANHYST_NAME(at_rest)(const ANHYST_NAME(path) *along, uint16_t
 }
 
 /* What a cell gives where the field had brought it. */
-static ANHYST_REAL ANHYST_NAME(alone)(const ANHYST_NAME(path) *along, uint16_t cell)
+static ANHYST_REAL ANHYST_NAME(alone)(const ANHYST_NAME(cell_path) *along, uint16_t cell)
 {
   const ANHYST_REAL x = ANHYST_NAME(at_rest)(along, cell) + ANHYST_NAME(width)(along, cell);
   return ANHYST_NAME(moving)(along, (uint16_t)(cell + 1U), x) - ANHYST_NAME(moving)(along, cell, x);
 }
 
 /* Lets all cells rest but cell 0. */
-static void ANHYST_NAME(rest_all)(ANHYST_NAME(path) *along)
+static void ANHYST_NAME(rest_all)(ANHYST_NAME(cell_path) *along)
 {
   along->active = 1;
   along->rest = R(0.0);
@@ -97,11 +97,11 @@ static void ANHYST_NAME(rest_all)(ANHYST_NAME(path) *along)
 }
 
 /* A path that goes on from a memory, in the direction which that had. */
-static ANHYST_NAME(path)
+static ANHYST_NAME(cell_path)
     ANHYST_NAME(begin)(const ANHYST_NAME(anhyst_cells_law) *law,
                        const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays)
 {
-  ANHYST_NAME(path) along;
+  ANHYST_NAME(cell_path) along;
   const ANHYST_REAL count = ANHYST_NAME(anhyst_size)(from->p);
   along.law = law;
   along.plays = plays;
@@ -119,7 +119,7 @@ static ANHYST_NAME(path)
 }
 
 /* What is missing of the target where the field is x. */
-static ANHYST_REAL ANHYST_NAME(missing)(const ANHYST_NAME(path) *along,
+static ANHYST_REAL ANHYST_NAME(missing)(const ANHYST_NAME(cell_path) *along,
                                         const ANHYST_NAME(equation) *solve, ANHYST_REAL x)
 {
   const ANHYST_REAL m = ANHYST_NAME(moving)(along, along->active, x) + along->rest;
@@ -127,7 +127,7 @@ static ANHYST_REAL ANHYST_NAME(missing)(const ANHYST_NAME(path) *along,
 }
 
 /* The field at the lower end of a segment. */
-static ANHYST_REAL ANHYST_NAME(node)(const ANHYST_NAME(path) *along, uint16_t segment)
+static ANHYST_REAL ANHYST_NAME(node)(const ANHYST_NAME(cell_path) *along, uint16_t segment)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
   const ANHYST_REAL from_middle = (ANHYST_REAL)segment - (ANHYST_REAL)(law->narrow + law->wide);
@@ -139,7 +139,7 @@ static ANHYST_REAL ANHYST_NAME(node)(const ANHYST_NAME(path) *along, uint16_t se
   return from_middle < R(0.0) ? -x : x;
 }
 
-static uint16_t ANHYST_NAME(segment_of)(const ANHYST_NAME(path) *along, ANHYST_REAL x)
+static uint16_t ANHYST_NAME(segment_of)(const ANHYST_NAME(cell_path) *along, ANHYST_REAL x)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
   return ANHYST_NAME(anhyst_spot_of)(ANHYST_NAME(segments_of)(law), ANHYST_NAME(place_of)(law, x))
@@ -147,7 +147,7 @@ static uint16_t ANHYST_NAME(segment_of)(const ANHYST_NAME(path) *along, ANHYST_R
 }
 
 /* Goes to the target between two places, on the row of the cells that move. */
-static void ANHYST_NAME(go)(ANHYST_NAME(path) *along, const ANHYST_NAME(equation) *solve,
+static void ANHYST_NAME(go)(ANHYST_NAME(cell_path) *along, const ANHYST_NAME(equation) *solve,
                             ANHYST_REAL low, ANHYST_REAL high)
 {
   uint16_t first = ANHYST_NAME(segment_of)(along, low);
@@ -169,7 +169,7 @@ static void ANHYST_NAME(go)(ANHYST_NAME(path) *along, const ANHYST_NAME(equation
 }
 
 /* Lets cells join till the target is met. */
-static void ANHYST_NAME(advance)(ANHYST_NAME(path) *along, const ANHYST_NAME(equation) *solve)
+static void ANHYST_NAME(advance)(ANHYST_NAME(cell_path) *along, const ANHYST_NAME(equation) *solve)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
   ANHYST_REAL low = along->x;
@@ -198,7 +198,7 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_cells_law) *law,
                                      const ANHYST_REAL *plays, ANHYST_NAME(equation) solve,
                                      ANHYST_NAME(anhyst_memory) *to)
 {
-  ANHYST_NAME(path) along = ANHYST_NAME(begin)(law, from, plays);
+  ANHYST_NAME(cell_path) along = ANHYST_NAME(begin)(law, from, plays);
   solve.target = ANHYST_NAME(facing)(solve.target, along.falling);
   const ANHYST_REAL missing = ANHYST_NAME(missing)(&along, &solve, along.x);
   const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(solve.target) +
@@ -250,7 +250,7 @@ static ANHYST_REAL ANHYST_NAME(cells_flux)(const ANHYST_NAME(anhyst_parameters) 
 static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
-  ANHYST_NAME(path) along;
+  ANHYST_NAME(cell_path) along;
   ANHYST_REAL steepest = R(0.0);
   along.law = law;
   for (uint16_t cells = 1; cells <= law->cells + 1U; cells++) {
@@ -300,7 +300,7 @@ static void ANHYST_NAME(cells_keep)(const ANHYST_NAME(anhyst_parameters) *parame
                                     const ANHYST_NAME(anhyst_memory) *from,
                                     const ANHYST_NAME(anhyst_memory) *to, ANHYST_REAL *plays)
 {
-  const ANHYST_NAME(path) along = ANHYST_NAME(begin)(parameters->cells, from, plays);
+  const ANHYST_NAME(cell_path) along = ANHYST_NAME(begin)(parameters->cells, from, plays);
   if (from->p * to->p < R(0.0)) {
     for (uint16_t cell = 1; cell < along.active; cell++) {
       plays[cell - 1U] =

@@ -1,0 +1,296 @@
+"""The law of play cells in fixed and floating point, against direct sums of its curves.
+
+The oracle here shares nothing with the compensators: no rows, no table over the gap, bisection
+instead of a closed form. What the two may differ by is stated once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from anhyst._core import FixedCompensator
+from anhyst.compensate.block import Block, DemandLimits, Scales, TableSizes
+from anhyst.compensate.cells import build_cells, fewer
+from anhyst.compensate.floating import build_real
+from anhyst.compensate.irons import cell_weights
+from anhyst.compensate.scheduled import flux_unit
+from anhyst.compensate.twin import FixedTwin, RealTwin
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import GapMap
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
+from tests.actuators import GAPS, magnet
+
+IRON = {
+    "M_0": 1.5e5,
+    "a_0": 4000.0,
+    "M_1": 8e5,
+    "a_1": 500.0,
+    "k_1": 250.0,
+    "s_1": 1.6,
+    "M_2": 3.5e5,
+    "a_2": 1500.0,
+    "k_2": 600.0,
+    "s_2": 1.2,
+}
+SIZES = TableSizes(gap_segments=4, curve_segments=5)
+BOUND = 1.2e-3
+"""Of the largest force: what 61 segments on each side of zero and 16 bits cost, and more than that
+nowhere, however long one goes on and wherever one starts."""
+
+ONE = 2**30
+HOLD, RANDOM = 4000, 1500
+
+
+@cache
+def cells(gap_map: GapMap = "reluctance", law: str = "play-cells") -> ActuatorModel:
+    """Return the magnet of the other tests with an iron of play cells."""
+    around = magnet(gap_map, residual=0.0)
+    kept = {name: around.parameters[name] for name in ("c_H", "rho", "c_out", "in_0")}
+    alpha = {"alpha": 0.0016 if gap_map == "circuit" else 0.0}
+    return replace(around, law=law, parameters=IRON | alpha | kept)
+
+
+@cache
+def block(gap_map: GapMap = "reluctance", law: str = "play-cells", segments: int = 5) -> Block:
+    sizes = replace(SIZES, curve_segments=segments)
+    return build_cells(cells(gap_map, law), *ranges(gap_map, law), sizes)
+
+
+@cache
+def largest(gap_map: GapMap = "reluctance", law: str = "play-cells") -> float:
+    """Force at the widest gap and the largest current, N: reached at any gap."""
+    drive, gap = np.array([0.0, 2.0]), np.full(2, GAPS[-1])
+    found = cells(gap_map, law).predict(drive, gap, history="demagnetised")
+    return float(found.output[-1])
+
+
+def ranges(gap_map: GapMap, law: str) -> tuple[Scales, DemandLimits]:
+    top = largest(gap_map, law)
+    return Scales(1.25 * top, 2.5, GAPS[0], GAPS[-1]), DemandLimits((0.0, top), (-0.4, 2.0))
+
+
+class DirectSums:
+    """The iron and its magnet by sums of its curves, in double precision."""
+
+    def __init__(self, model: ActuatorModel, cells_kept: FloatArray | None = None) -> None:
+        self.model, self.weights = model, cell_weights(model)
+        self.plays = np.zeros(self.weights.thresholds.size) if cells_kept is None else cells_kept
+        self.alpha = float(np.atleast_1d(model.parameters["alpha"])[0])
+
+    def at(self, x: float) -> tuple[FloatArray, float]:
+        r = self.weights.thresholds
+        plays = np.clip(self.plays, x - r, x + r)
+        part = plays[:, None] / self.weights.widths
+        shape = np.tanh(part)
+        if self.weights.shape == "langevin":
+            far = np.where(np.abs(part) < 1e-3, 1e-3, part)
+            near = part / 3.0 - part**3 / 45.0
+            shape = np.where(np.abs(part) < 1e-3, near, 1.0 / np.tanh(far) - 1.0 / far)
+        return plays, float((self.weights.weights * shape).sum())
+
+    def force(self, current: float, gap: float) -> float:
+        """Advance by a current; return the force."""
+        over = {
+            name: float(self.model.over_schedule(name, np.array([gap]))[0])
+            for name in ("c_H", "in_0", "rho", "c_out", "out_0")
+        }
+        wanted = over["c_H"] * (current - over["in_0"])
+        low, high = -1e5, 1e5
+        for _ in range(60):
+            x = 0.5 * (low + high)
+            _, m = self.at(x)
+            b = x + (1.0 - self.alpha) * m
+            if x - self.alpha * m + over["rho"] * b < wanted:
+                low = x
+            else:
+                high = x
+        self.plays, m = self.at(0.5 * (low + high))
+        flux = MU_0 * (0.5 * (low + high) + (1.0 - self.alpha) * m)
+        return float(over["c_out"] * flux**2 + over["out_0"])
+
+
+def walk(random: np.random.Generator, size: int) -> FloatArray:
+    return np.abs((random.random() + np.cumsum(random.normal(0.0, 0.01, size)) + 1.0) % 2.0 - 1.0)
+
+
+def demands(name: str, top: float) -> tuple[FloatArray, FloatArray]:
+    """Demand and gap of a claim, N and m."""
+    random = np.random.default_rng(7)
+    middle, span = 0.5 * (GAPS[0] + GAPS[-1]), GAPS[-1] - GAPS[0]
+    if name == "hold":
+        noise = random.normal(0.0, 5e-4, (2, HOLD))
+        return top * (0.4 + noise[0]), middle + span * noise[1]
+    if name == "jumps":
+        part, gap = random.random((2, RANDOM))
+        return top * (0.15 + 0.8 * part), GAPS[0] + span * gap
+    if name == "small cycles":
+        corners = 0.4 + 0.04 * random.standard_normal(60)
+        part = np.interp(np.arange(1800) / 30.0, np.arange(60), corners)
+        return top * part, np.full(part.size, middle)
+    part, gap = walk(random, RANDOM), walk(random, RANDOM)
+    return top * (0.15 + 0.8 * part), GAPS[0] + span * gap
+
+
+def worst(twin: FixedTwin | RealTwin, oracle: DirectSums, demand: FloatArray, gap: FloatArray):
+    current = twin.run(demand, gap)
+    free = (current > -0.4 + 1e-3) & (current < 2.0 - 1e-3)
+    force = np.array(
+        [oracle.force(*one) for one in zip(current.tolist(), gap.tolist(), strict=True)]
+    )
+    assert free.mean() > 0.8
+    return float(np.abs(force - demand)[free].max())
+
+
+@pytest.mark.parametrize("io", ["q15", "q31"])
+@pytest.mark.parametrize("name", ["hold", "jumps", "small cycles", "walk"])
+def test_the_force_is_what_was_demanded(name: str, io: str) -> None:
+    """Direct sums, given the compensator's currents, come out at the demand within the bound."""
+    demand, gap = demands(name, largest())
+    found = worst(FixedTwin(block(), io), DirectSums(cells()), demand, gap)
+    assert found < BOUND * largest()
+
+
+@pytest.mark.parametrize(
+    ("gap_map", "law"), [("circuit", "play-cells"), ("reluctance", "play-cells-langevin")]
+)
+def test_the_same_where_iron_counts_against_the_air_and_on_langevin_curves(
+    gap_map: GapMap, law: str
+) -> None:
+    demand, gap = demands("walk", largest(gap_map, law))
+    twin = FixedTwin(block(gap_map, law), "q31")
+    found = worst(twin, DirectSums(cells(gap_map, law)), demand, gap)
+    assert found < BOUND * largest(gap_map, law)
+
+
+@pytest.mark.parametrize("io", ["f32", "f64"])
+def test_floating_point_keeps_the_same_bound(io: str) -> None:
+    demand, gap = demands("walk", largest())
+    real = build_real(cells(), "cells", *ranges("reluctance", "play-cells"), SIZES)
+    assert worst(RealTwin(real, io), DirectSums(cells()), demand, gap) < BOUND * largest()
+
+
+def test_finer_rows_come_nearer() -> None:
+    """Four times as many segments with the five widest cells' thresholds alone: no floor of its own."""
+    demand, gap = demands("walk", largest())
+    oracle = DirectSums(cells())
+    coarse, fine = (
+        worst(FixedTwin(block(segments=n), "q31"), DirectSums(cells()), demand, gap) for n in (4, 5)
+    )
+    assert fine < 0.4 * coarse
+    assert oracle.plays.any() == np.False_
+
+
+def test_nothing_creeps_in_a_minute_of_noise() -> None:
+    """At home again, the current is what it was the first time, but for what rows of the two
+    directions differ: 4e-4 of its range."""
+    twin = FixedTwin(block(), "q31")
+    random = np.random.default_rng(3)
+    home = 0.5 * (GAPS[0] + GAPS[-1])
+    twin.run(np.linspace(0.0, 0.9, 50) * largest(), np.full(50, home))
+    currents = []
+    for _ in range(60):
+        noise = random.normal(0.0, 5e-4, (2, 400))
+        noise[:, -1] = 0.0
+        demand, gap = largest() * (0.4 + noise[0]), home + (GAPS[-1] - GAPS[0]) * noise[1]
+        currents.append(float(twin.run(demand, gap)[-1]))
+    assert np.ptp(currents[1:]) < 4e-4 * 2.5
+
+
+def test_a_standing_demand_stands() -> None:
+    """A second tick takes up what the first was rounded by; then nothing of the memory changes."""
+    core = FixedCompensator("cells", block().words)
+    for code in (700_000_000, 300_000_000, 650_000_000, 640_000_000):
+        for _ in range(2):
+            core.commit_q31(core.solve_q31(code, 0), 0)
+        for _ in range(3):
+            before = core.memory.tolist()
+            core.commit_q31(core.solve_q31(code, 0), 0)
+            assert core.memory.tolist() == before
+
+
+def test_rest_is_never_more_than_what_the_cells_at_rest_give() -> None:
+    """Summed up anew from the plays alone, it is the number that was kept: not a bit has drifted."""
+    words = block().words
+    core, random = FixedCompensator("cells", words), np.random.default_rng(11)
+    for code in random.integers(0, 2**31 - 1, 3000).tolist():
+        core.commit_q31(core.solve_q31(code, code), code)
+    demand, gap = (a.astype(int).tolist() for a in random.uniform(3e8, 1.6e9, (2, 300)))
+    fresh = FixedCompensator("cells", words)
+    memory = core.memory
+    assert abs(memory[1]) < ONE
+    memory[2] = 0  # how many cells move is not known: all that rests is summed up
+    moving = abs(int(core.memory[2]))
+    sign, r = (
+        (1 if core.memory[2] > 0 else -1),
+        block().table("CELLS_THRESHOLDS").astype(int) * 2**15,
+    )
+    for cell in range(1, moving):
+        memory[4 + cell] = int(memory[0]) - sign * int(r[cell - 1])
+    fresh.set_memory(memory)
+    for one, place in zip(demand, gap, strict=True):
+        a, b = core.solve_q31(one, place), fresh.solve_q31(one, place)
+        assert abs(a - b) < 2**31 * 4e-4
+        core.commit_q31(a, place)
+        fresh.commit_q31(b, place)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_memory_leads_back_into_bounds_and_to_the_demand(seed: int) -> None:
+    """Any 32-bit patterns: a full cycle later the force is what was demanded again."""
+    random = np.random.default_rng(seed)
+    twin = FixedTwin(block(), "q31")
+    for _ in range(40):
+        twin.start_from(random.integers(-(2**31), 2**31, 17))
+        for code in random.integers(0, 2**31 - 1, 6).tolist():
+            twin._core.commit_q31(twin._core.solve_q31(code, code // 2), code // 3)
+            memory = twin.memory
+            assert abs(int(memory[0])) <= ONE
+            assert abs(int(memory[1])) <= ONE
+            assert 1 <= abs(int(memory[2])) <= 13
+        home = np.full(1, GAPS[0])
+        for current in (2.0, -0.4):
+            twin.commit(current, float(home[0]))
+        oracle = DirectSums(cells())
+        for current in (2.0, -0.4):
+            oracle.force(current, float(home[0]))
+        for part in (0.6, 0.3, 0.5):
+            current = twin.solve(part * largest(), GAPS[0])
+            twin.commit(current, GAPS[0])
+            assert abs(oracle.force(current, GAPS[0]) - part * largest()) < BOUND * largest()
+
+
+def test_fewer_cells_keep_their_weight() -> None:
+    """What neighbours are put together loses nothing, and what no field moves is left out."""
+    full = cell_weights(cells())
+    few = fewer(full, 6, 1e6)
+    assert few.thresholds.size == 7
+    assert few.saturation == pytest.approx(full.saturation)
+    assert few.weights.sum(axis=0) == pytest.approx(full.weights.sum(axis=0))
+    assert all(a < b for a, b in pairwise(few.thresholds.tolist()))
+    assert fewer(full, 12, 300.0).thresholds.max() < 300.0
+
+
+def test_the_units_of_the_flux_are_those_of_the_saturated_iron() -> None:
+    assert flux_unit(cells()) == pytest.approx(MU_0 * 1.3e6)
+
+
+@pytest.mark.parametrize("segments", [4, 5])
+def test_a_swap_keeps_the_output(segments: int) -> None:
+    """Also where the other block has other rows: the force stays, and so does the memory nearly."""
+    here, there = block(), block(segments=segments)
+    twin = FixedTwin(here, "q31")
+    demand, gap = demands("walk", largest())
+    twin.run(demand[:300], gap[:300])
+    before, memory = twin.output, twin.memory
+    twin._core.swap(there.words)
+    assert abs(twin.output - before) < 2e-4 * largest()
+    assert abs(int(twin.memory[0]) - int(memory[0])) < ONE * 4e-3
+    current = twin.solve(float(demand[299]), float(gap[299]))
+    twin.commit(current, float(gap[299]))
+    assert abs(twin.output - before) < 2e-4 * largest()
