@@ -30,6 +30,7 @@ from anhyst.support.errors import Interrupted, NegativeResult
 if TYPE_CHECKING:
     from anhyst.identify import IdentifyResult
     from anhyst.model.actuator import ActuatorModel
+    from anhyst.model.fit_record import CandidateFit
 
 
 class GapMapChoice(StrEnum):
@@ -246,6 +247,7 @@ def _show(result: IdentifyResult, out: Path) -> None:
             f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
             for name, error in fit.left_out.items()
         ]
+        lines += [_candidate(one) for one in fit.candidates]
         if expected := fit.cross_validation:
             lines.append(
                 "expected between the measured values, choice of the map and all: "
@@ -258,11 +260,22 @@ def _show(result: IdentifyResult, out: Path) -> None:
         for step in model.reduction
     ]
     lines += _offsets(model)
+    if reason := model.provenance.settings.get("law_reason"):
+        lines.append(str(reason))
     if chosen := model.provenance.settings.get("dead_band"):
         lines.append(f"dead band: {chosen}")
     if model.uncertainty is not None:
         lines += [f"note: {text}" for text in model.uncertainty.statements]
     show(*lines)
+
+
+def _candidate(one: CandidateFit) -> str:
+    """Show a law that was compared."""
+    note = f" ({one.note})" if one.note else ""
+    error = "" if one.left_out is None else f", left out {100.0 * one.left_out:.3g} %"
+    return (
+        f"{one.law}, {one.gap_map}: {one.numbers} numbers, rms {100.0 * one.rms:.3g} %{error}{note}"
+    )
 
 
 def _offsets(model: ActuatorModel) -> list[str]:

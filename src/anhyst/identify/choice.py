@@ -78,6 +78,8 @@ class ModelChoice:
         What the whole choice misses at gaps it has not seen; None below three gaps.
     candidates
         All that were compared, where laws were.
+    why_law
+        Why this law; empty where none was compared.
     """
 
     found: FoundModel
@@ -86,6 +88,7 @@ class ModelChoice:
     left_out: dict[str, float] = field(default_factory=dict)
     promised: CrossValidation | None = None
     candidates: tuple[CandidateFit, ...] = ()
+    why_law: str = ""
 
 
 def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
@@ -129,11 +132,12 @@ def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
             f"{', '.join(dict.fromkeys(unable))}"
         )
     candidates: tuple[CandidateFit, ...] = ()
+    why_law = ""
     if run.cells and (run.only_cells or _leaves_something(contest.fits[best].found, loopset)):
         maps = contest.errors_of_maps(best)
         best = _compare_cells(run, loopset, contest, best)
         candidates = _listed(run, contest, best)
-        why += f"; {_why_law(run, contest, best)}"
+        why_law = _why_law(run, contest, best)
     else:
         maps = contest.errors_of_maps(best)
     return ModelChoice(
@@ -141,6 +145,7 @@ def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
         {name: error for name, error in maps.items() if np.isfinite(error)},
         promise(contest.nested(), noise_at(loopset)[1:-1]) if gaps > 2 else None,
         candidates,
+        why_law,
     )
 
 

@@ -139,6 +139,7 @@ def identify(
         "weights": weights,
         "offsets": offsets,
         "law_wanted": law,
+        **({"law_reason": outcome.why_law} if outcome.why_law else {}),
         "gap_map_wanted": gap_map,
         "gap_map_reason": outcome.why,
         "dead_band": outcome.dead_band,
@@ -240,6 +241,7 @@ class _Outcome:
     left_out: dict[str, float] = field(default_factory=dict)
     promised: CrossValidation | None = None
     candidates: tuple[CandidateFit, ...] = ()
+    why_law: str = ""
     steps: tuple[ReductionStep, ...] = ()
     per_gap: ActuatorModel | None = None
     resumed: int = 0
@@ -309,6 +311,7 @@ def _search(run: SearchRun, loopset: LoopSet, gap_map: str, search: str) -> _Out
         choice.left_out,
         choice.promised,
         choice.candidates,
+        choice.why_law,
     )
 
 

@@ -21,6 +21,7 @@ from anhyst.laws.law import Law
 from anhyst.laws.registry import LAWS, law_of
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import (
+    CandidateFit,
     CrossValidation,
     FitFigures,
     LoopFit,
@@ -330,11 +331,12 @@ def _valid(table: ModelTable) -> ValidRange | None:
 def _fit(table: FitTable) -> FitFigures:
     plain = dict(table)
     loops = tuple(LoopFit(**dict(loop)) for loop in plain.pop("loop"))
+    candidates = tuple(CandidateFit(**dict(one)) for one in plain.pop("candidate"))
     found = table.cross_validation
     if found is not None:
         low, high = found.interval
         plain["cross_validation"] = CrossValidation(found.error, low, high, tuple(found.folds))
-    return FitFigures(loops=loops, **plain)
+    return FitFigures(loops=loops, candidates=candidates, **plain)
 
 
 def _uncertainty(table: UncertaintyTable) -> Uncertainty:

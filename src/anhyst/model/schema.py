@@ -102,6 +102,17 @@ class CrossValidationTable(Table):
     folds: list[FiniteFloat] = []
 
 
+class CandidateTable(Table):
+    """``[[fit.candidate]]``: a law that was compared."""
+
+    law: str
+    gap_map: str
+    numbers: int
+    rms: FiniteFloat
+    left_out: FiniteFloat | None = None
+    note: str = ""
+
+
 class FitTable(Table):
     """``[fit]``: deviation over all loops."""
 
@@ -112,6 +123,7 @@ class FitTable(Table):
     left_out: dict[str, FiniteFloat] = {}
     monotone: bool | None = None
     cross_validation: CrossValidationTable | None = None
+    candidate: list[CandidateTable] = []
     loop: list[LoopTable] = []
 
 

@@ -192,6 +192,16 @@ def _fit(fit: FitFigures, model: ActuatorModel) -> str:
             "folds": list(map(float, expected.folds)),
         }
         text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_keys(table)}"
+    for one in fit.candidates:
+        table = {
+            "law": one.law,
+            "gap_map": one.gap_map,
+            "numbers": int(one.numbers),
+            "rms": float(one.rms),
+            "left_out": None if one.left_out is None else float(one.left_out),
+            "note": one.note or None,
+        }
+        text += f"\n[[fit.candidate]]\n{_keys(table)}"
     for loop in fit.loops:
         at = None if model.schedule is None or loop.schedule is None else float(loop.schedule)
         table = {

@@ -240,6 +240,42 @@ def section_gap_map(subject: ModelSubject) -> Section | None:
     return Section("gap-map", f"How the {subject.over} enters: maps compared", tuple(blocks))
 
 
+def section_laws(subject: ModelSubject) -> Section | None:
+    """Laws compared by what they predict where it was left out of their fit."""
+    fit = subject.model.fit
+    if fit is None or not fit.candidates:
+        return None
+    reason = str(subject.model.provenance.settings.get("law_reason", ""))
+    errors = [one.left_out for one in fit.candidates if one.left_out is not None]
+    most = max(errors, default=0.0)
+    rows = [
+        [
+            Cell(one.law, strong=one.note == "chosen"),
+            Cell(one.gap_map),
+            Cell(one.note),
+            Cell(str(one.numbers)),
+            Cell(percent(one.rms)),
+            Cell("" if one.left_out is None else percent(one.left_out),
+                 bar=one.left_out / most if one.left_out is not None and most else None),
+        ]
+        for one in fit.candidates
+    ]  # fmt: skip
+    caption = (
+        "Numbers that were fitted; root mean square deviation from all loops; mean deviation on gaps "
+        "or loops that were left out of the fit, in turn. The simpler law is chosen where the other "
+        f"is not better by more than its scatter. In parts of the largest {subject.answer}."
+    )
+    head = ["law", "map", "", "numbers", "rms deviation", "left out"]
+    return Section(
+        "laws",
+        "Which law: candidates side by side",
+        (
+            Text(reason[:1].upper() + reason[1:] + "."),
+            table("Laws compared", head, rows, caption, texts=3),
+        ),
+    )
+
+
 def _expected(subject: ModelSubject, found: CrossValidation) -> str:
     """Say what to expect between the nodes, where the least error of a choice promises too much."""
     each = ", ".join(percent(error) for error in found.folds)
