@@ -33,7 +33,7 @@ LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-lan
 BESIDE, BEYOND = (0.6, 1.8), 2.0
 """Further widths of cells by their weights: over that of the first population, and of the others."""
 
-_LOOSE = 0.1
+_LOOSE = 0.02
 """Spread of a weight around that of the populations, in parts of all of them."""
 
 _FIRST = (

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.identify.cell_kernel import WeightKernel
 from anhyst.identify.no_response import NoResponseError
 from anhyst.identify.objective import Objective
 from anhyst.support.arrays import FloatArray
@@ -104,14 +105,28 @@ def _step(there: Linear, free: NDArray[np.bool_], damping: float) -> FloatArray:
     return step
 
 
+def _step_of_weights(
+    there: Linear, theta: FloatArray, low: FloatArray, damping: float
+) -> FloatArray:
+    """Best damped step above the lower bounds: of many weights most end there, together."""
+    from scipy.optimize import nnls
+
+    diagonal = np.diag(there.normal)
+    normal = there.normal + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max()))
+    root = np.linalg.cholesky(normal).T
+    above, _ = nnls(root, root @ (theta - low) - np.linalg.solve(root.T, there.gradient))
+    return np.asarray(above + low - theta)
+
+
 def descend(
     objective: Objective, theta: FloatArray, tolerance: float = 1e-10, most: int = 200
 ) -> Fit:
     """Least squares from a start, within the bounds of the space.
 
     Levenberg-Marquardt with Nielsen's damping; coordinates at a bound that the gradient presses
-    outward rest. The problem is tall and narrow (thousands of samples, ten coordinates), where the
-    singular value decompositions of a general solver cost several times the law itself.
+    outward rest; the weights of cells take the best step within them (SciPy's ``nnls``). The problem
+    is tall and narrow (thousands of samples, ten coordinates), where the singular value
+    decompositions of a general solver cost several times the law itself.
 
     Parameters
     ----------
@@ -133,12 +148,16 @@ def descend(
     theta = np.clip(theta, low, high)
     here = evaluation.at(theta)
     damping, growth = 1e-3, 2.0
+    by_weights = isinstance(objective.space.form.cells, WeightKernel)
     for _ in range(most - 1):
         inward = here.gradient
         free = ~(((theta <= low) & (inward > 0.0)) | ((theta >= high) & (inward < 0.0)))
         if not free.any() or not np.any(np.diag(here.normal)[free]):
             break
-        trial = np.clip(theta + _step(here, free, damping), low, high)
+        if by_weights:
+            trial = np.clip(theta + _step_of_weights(here, theta, low, damping), low, high)
+        else:
+            trial = np.clip(theta + _step(here, free, damping), low, high)
         step = trial - theta
         foreseen = -float(step @ (2.0 * here.gradient + here.normal @ step))
         new = evaluation.worth(trial, here.cost)
