@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from anhyst.data import LoopSet
+from anhyst.identify.cell_kernel import SCALES, WeightKernel
 from anhyst.identify.default import FoundModel
 from anhyst.identify.gauge import physical
 from anhyst.identify.rest import AT_REST
@@ -37,8 +38,13 @@ def model_of(found: FoundModel, loopset: LoopSet) -> ActuatorModel:
     for name, reading in (("in_0", space.records.rest.input), ("out_0", space.records.rest.output)):
         fitted = np.asarray(parameters[name]) + reading.offset
         parameters[name] = tuple(fitted.tolist()) if fitted.ndim else float(fitted)
+    cells = None
+    if isinstance(space.form.cells, WeightKernel):
+        scales = (float(np.max(parameters.pop(name))) for name in SCALES)
+        cells = space.form.cells.scaled(found.sets[0].law, *scales)
     return ActuatorModel(
         name="model",
+        cells=cells,
         input=loopset.input,
         output=loopset.output,
         parameters=parameters,

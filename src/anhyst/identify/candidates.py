@@ -117,9 +117,12 @@ def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[Mod
     A population more is a step in complexity larger than any between maps.
     """
     return [
-        replace(base, cells=CellKernel(shape, count), polished=polished,
-                rank=base.rank + _STEP * (2 * count + polished - 1))
+        replace(base, cells=CellKernel(shape, count), rank=base.rank + _STEP * (2 * count - 1))
         for count in range(1, POPULATIONS + 1)
         for shape in shapes
-        for polished in (False, True)
-    ]  # fmt: skip
+    ]
+
+
+def polished(one: ModelCandidate) -> ModelCandidate:
+    """Name the same play cells with every weight fitted."""
+    return replace(one, polished=True, rank=one.rank + _STEP)

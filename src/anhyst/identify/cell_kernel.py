@@ -27,6 +27,9 @@ from anhyst.laws.law import FitNumber
 
 _DIFFERENCE = 1e-5
 
+SCALES = ("M_1", "a_1")
+"""Parameters of the first population, which weights and fields are taken in."""
+
 LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
 """Law of play cells that follow a curve."""
 
@@ -188,12 +191,23 @@ class WeightKernel:
     def iron(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
     ) -> dict[str, float]:
-        """Return the parameters of an iron: of the law only the interaction is left."""
-        return {"alpha": alpha}
+        """Return the interaction, and the scales that the weights are taken in (:meth:`scaled`)."""
+        return {**dict(zip(SCALES, (saturation, width), strict=True)), "alpha": alpha}
+
+    def scaled(self, law: tuple[float, ...], saturation: float, width: float) -> CellWeights:
+        """Return the cells of a set of weights, A/m."""
+        cells = self.weights(law)
+        return replace(
+            cells,
+            thresholds=width * cells.thresholds,
+            widths=width * cells.widths,
+            weights=saturation * cells.weights,
+        )
 
     def shrink_field(self, iron: dict[str, float], part: float) -> None:
         """Take the field inside an iron without interaction to a part of itself, by interaction."""
         iron["alpha"] = 1.0 - part
+        iron[SCALES[1]] *= part
 
     def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
         """Return nothing: cells need none."""

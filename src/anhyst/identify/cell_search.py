@@ -60,20 +60,16 @@ def search_cells(
     records : FitRecords
         What is fitted.
     wanted : sequence of ModelCandidate
-        By populations, ascending, each followed by the same with its weights fitted.
+        By populations, ascending.
     """
     fits: dict[ModelCandidate, Fits] = {}
     wide = base
     for one in wanted:
         assert one.cells is not None
         form = replace(base.space.form, law=LAW_OF[one.cells.shape], cells=one.cells, dead_band=0.0)
-        if one.polished:
-            end = polish(wide, records)
-        elif wide is base:
-            end = wide = first_population(base, form, records)
-        else:
-            end = wide = one_more(wide, form, records)
-        fits[one] = Fits(end, only_demanded(end, _CLOSE, _LONG))
+        more = first_population if wide is base else one_more
+        wide = more(wide, form, records)
+        fits[one] = Fits(wide, only_demanded(wide, _CLOSE, _LONG))
     return fits
 
 

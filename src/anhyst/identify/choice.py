@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,9 +15,10 @@ from anhyst.identify.candidates import (
     ModelCandidate,
     cell_candidates,
     map_candidates,
+    polished,
     require_gaps,
 )
-from anhyst.identify.cell_search import search_cells
+from anhyst.identify.cell_search import polish, search_cells
 from anhyst.identify.contest import Contest, Fits
 from anhyst.identify.cross_validation import (
     Fold,
@@ -117,7 +119,7 @@ def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
     tried = map_candidates(run, loopset, wanted) if gaps > 1 else []
     left_out = folds(inner(gaps), nested=len(tried) > 1 or bool(run.cells))
     run.total = 1 + len(tried) + len(left_out) + run.dead_band + _is_thinned(run)
-    run.total += len(run.cells) + len(left_out) if run.cells else 0
+    run.total += len(run.cells) + 3 if run.cells else 0
     alone, known = _known(run)
     if gaps == 1:
         one = ModelCandidate("none", run.held)
@@ -182,18 +184,29 @@ def _compare_cells(
     new = cell_candidates(base, run.cells)
     for shape in run.cells:
         of_shape = [one for one in new if one.cells and one.cells.shape == shape]
-        contest.fits.update(
-            run.step(lambda: search_cells(contest.fits[base].wide, run.searched, of_shape))  # noqa: B023
-        )
-    for fold in folds(contest.places, nested=True):
-        found = {one: refit(contest.fits[one].found, loopset, fold, by) for one in new}
-        contest.refits[fold].update(run.step(lambda: found))  # noqa: B023
+        wide = contest.fits[base].wide
+        contest.fits.update(run.step(partial(search_cells, wide, run.searched, of_shape)))
+    run.step(partial(_leave_out, contest, loopset, new, by))
+    if contest.places and base.gap_map != "free":
+        best = min(new, key=lambda one: contest.error(one) or 0.0)
+        further = polished(best)
+        found = run.step(partial(polish, contest.fits[best].found, run.searched))
+        contest.fits[further] = Fits(found, found)
+        run.step(partial(_leave_out, contest, loopset, [further], by))
+        new.append(further)
     if run.only_cells:
         contest.entrants.clear()
     contest.entrants += [
         one for one in new if run.only_cells or _is_usable(contest.fits[one].found, loopset)
     ]
     return _accepted(contest, loopset)
+
+
+def _leave_out(contest: Contest, loopset: LoopSet, new: list[ModelCandidate], by: LeftOut) -> None:
+    for fold in folds(contest.places, nested=True):
+        contest.refits[fold].update(
+            {one: refit(contest.fits[one].found, loopset, fold, by) for one in new}
+        )
 
 
 def _leaves_something(found: FoundModel, loopset: LoopSet) -> bool:
