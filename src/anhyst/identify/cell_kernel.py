@@ -27,6 +27,9 @@ from anhyst.laws.law import FitNumber
 
 _DIFFERENCE = 1e-5
 
+MOST_WIDTHS = 6
+"""With more, what the weights cost grows faster than what they gain."""
+
 SCALES = ("M_1", "a_1")
 """Parameters of the first population, which weights and fields are taken in."""
 
@@ -219,7 +222,7 @@ def by_weights(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:
     start = kernel.weights(law)
     first, *further = start.widths[1:].tolist()
     more = [part * first for part in BESIDE] + [BEYOND * one for one in further]
-    widths = np.concatenate([start.widths, more])
+    widths = np.concatenate([start.widths, more])[: max(MOST_WIDTHS, start.widths.size)]
     weights = np.zeros((start.thresholds.size, widths.size))
     weights[:, : start.widths.size] = start.weights
     return WeightKernel(replace(start, widths=widths, weights=weights))

@@ -22,7 +22,7 @@ from anhyst.identify.space import CoordinateSpace
 COARSE, FINE = 40, 100
 """Samples of a loop on which ways to begin are tried, and on which the fit runs, at most."""
 
-_SHORT, _LONG, _POLISHED = 8, 40, 10
+_SHORT, _LONG, _POLISHED = 6, 30, 8
 _ROUGH, _CLOSE = 1e-3, 1e-5
 
 _PINNINGS = (1.0, 0.4)

@@ -38,7 +38,7 @@ FOLDED = 160
 
 _TOLERANCE = 1e-6
 _MOST = 40
-_ROUGH, _FEW = 1e-4, 12
+_ROUGH, _FEW = 1e-4, 8
 """The same for play cells: of many numbers, the last digits of some say nothing."""
 
 SCATTER = 0.35
