@@ -16,7 +16,7 @@ import pytest
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, DemandLimits, Scales, TableSizes
 from anhyst.compensate.cells import build_cells, fewer
-from anhyst.compensate.floating import build_real
+from anhyst.compensate.floating import RealIo, build_real
 from anhyst.compensate.irons import cell_weights
 from anhyst.compensate.scheduled import flux_unit
 from anhyst.compensate.twin import FixedTwin, RealTwin
@@ -137,7 +137,9 @@ def demands(name: str, top: float) -> tuple[FloatArray, FloatArray]:
     return top * (0.15 + 0.8 * part), GAPS[0] + span * gap
 
 
-def worst(twin: FixedTwin | RealTwin, oracle: DirectSums, demand: FloatArray, gap: FloatArray):
+def worst(
+    twin: FixedTwin | RealTwin, oracle: DirectSums, demand: FloatArray, gap: FloatArray
+) -> float:
     current = twin.run(demand, gap)
     free = (current > -0.4 + 1e-3) & (current < 2.0 - 1e-3)
     force = np.array(
@@ -169,7 +171,7 @@ def test_the_same_where_iron_counts_against_the_air_and_on_langevin_curves(
 
 
 @pytest.mark.parametrize("io", ["f32", "f64"])
-def test_floating_point_keeps_the_same_bound(io: str) -> None:
+def test_floating_point_keeps_the_same_bound(io: RealIo) -> None:
     demand, gap = demands("walk", largest())
     real = build_real(cells(), "cells", *ranges("reluctance", "play-cells"), SIZES)
     assert worst(RealTwin(real, io), DirectSums(cells()), demand, gap) < BOUND * largest()
