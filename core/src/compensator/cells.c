@@ -169,9 +169,8 @@ static void go(cell_path *along, const equation *solve, int32_t low, int32_t hig
   along->x = anhyst_clamp(beside(along, solve, begin, spot, missing), low, high);
 }
 
-/* Lets the cells join that do so before the target is reached, the next one at *next; gives where
-   the last of them did, or low. */
-static int32_t gather(cell_path *along, const equation *solve, int32_t low, int32_t *next)
+/* Lets the cells join that do so before the target is reached, the next one at *next. */
+static void gather(cell_path *along, const equation *solve, int32_t *next)
 {
   while (along->active <= along->cells) {
     const anhyst_spot here = spot_on(along, along->row, *next);
@@ -181,13 +180,12 @@ static int32_t gather(cell_path *along, const equation *solve, int32_t low, int3
     along->rest = inside(along->rest - counted(along, here));
     along->active = (int16_t)(along->active + 1);
     along->row += along->stride;
-    low = *next;
-    *next = joins_at(along, low);
+    along->low = *next;
+    *next = joins_at(along, along->low);
   }
   if (along->active > along->cells) {
     along->rest = 0; /* none rests */
   }
-  return low;
 }
 
 /* Leaves a path for the opposite one: all but cell 0 rest. */
@@ -214,8 +212,7 @@ static void advance(cell_path *along, equation *solve, anhyst_candidate *to)
   solve->target = turned(solve->target, along->falling);
   anhyst_spot spot = spot_on(along, along->row, along->x);
   int32_t missing = missing_at(along, solve, along->x, spot);
-  int32_t low = along->x;
-  int32_t next = low;
+  int32_t next = along->x;
   to->way = 0;
   if (missing < -STILL) {
     const cell_path before = *along;
@@ -228,14 +225,14 @@ static void advance(cell_path *along, equation *solve, anhyst_candidate *to)
     }
   }
   if (missing > STILL) {
-    low = along->x;
-    next = joins_at(along, low);
-    const int32_t there = beside(along, solve, low, spot, missing);
-    if (there >= low && there <= next) {
+    along->low = along->x;
+    next = joins_at(along, along->low);
+    const int32_t there = beside(along, solve, along->x, spot, missing);
+    if (there >= along->low && there <= next) {
       along->x = there;
     } else {
-      low = gather(along, solve, low, &next);
-      go(along, solve, low, next);
+      gather(along, solve, &next);
+      go(along, solve, along->low, next);
     }
     to->way = along->falling == 0 ? 1 : -1;
   }
@@ -244,7 +241,7 @@ static void advance(cell_path *along, equation *solve, anhyst_candidate *to)
   to->memory.y = turned(along->rest, along->falling);
   to->memory.p = along->falling == 0 ? along->active : -along->active;
   to->memory.turn = along->frozen;
-  to->memory.level = low;
+  to->memory.level = along->low;
 }
 
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,

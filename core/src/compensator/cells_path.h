@@ -28,6 +28,7 @@ typedef struct {
   int32_t frozen;   /* bit i: what cell i rests with was counted while it rose */
   int32_t rest;     /* magnetisation of the cells that rest */
   int32_t falling;  /* -1 where all is mirrored, otherwise 0 */
+  int32_t low;      /* field where the last of them joined, or the step began */
   int32_t x;
 } cell_path;
 
