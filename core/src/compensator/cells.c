@@ -70,8 +70,7 @@ static int32_t node(const cell_path *along, int16_t segment)
 /* The segment of a row that holds x. */
 static int16_t segment_of(const cell_path *along, int32_t x)
 {
-  const zone in = zone_of(along, x);
-  return (int16_t)(in.first + (((x - in.begin) >> in.fine) >> 15));
+  return (int16_t)(spot_on(along, along->row, x).at - along->row);
 }
 
 /* n/d as a q15, rounded down by up to two units; 0 <= n < d. */
@@ -87,9 +86,9 @@ static int32_t part_of(int32_t n, int32_t d)
 static int32_t beside(const cell_path *along, const equation *solve, int32_t x, anhyst_spot spot,
                       int32_t missing)
 {
-  const zone in = zone_of(along, x);
+  const uint16_t fine = fineness(along, x);
   const int32_t m_rise = ((int32_t)spot.at[1] - spot.at[0]) * 32768;
-  const int32_t rise = left_side(solve, (int32_t)((uint32_t)0x8000 << in.fine), m_rise);
+  const int32_t rise = left_side(solve, (int32_t)((uint32_t)0x8000 << fine), m_rise);
   if (missing >= rise) {
     return ONE;
   }
@@ -101,8 +100,8 @@ static int32_t beside(const cell_path *along, const equation *solve, int32_t x, 
   if (part < 0 || part > 0x7FFF) {
     return part < 0 ? -ONE - 1 : ONE;
   }
-  const int32_t segment = ((x - in.begin) >> in.fine) & ~0x7FFF;
-  return in.begin + (int32_t)((uint32_t)(segment + part) << in.fine);
+  const int32_t begin = (int32_t)((uint32_t)((x >> fine) - spot.part) << fine);
+  return begin + (int32_t)((uint32_t)part << fine);
 }
 
 /* Where the next cell joins a path that has come to low, or the end of the rows. */
@@ -111,8 +110,8 @@ static int32_t joins_at(const cell_path *along, int32_t low)
   if (along->active > along->cells) {
     return ONE - 1;
   }
-  const int32_t at = at_rest(along, along->active) + width(along, along->active);
-  return at > low ? at : low;
+  const int32_t at = anhyst_add_q31(play_of(along, along->active), width(along, along->active));
+  return anhyst_clamp(at, low, ONE - 1);
 }
 
 /* What the next cell rests with, as it was counted; it joins at this place of the row. */
@@ -169,23 +168,131 @@ static void go(cell_path *along, const equation *solve, int32_t low, int32_t hig
   along->x = anhyst_clamp(beside(along, solve, begin, spot, missing), low, high);
 }
 
-/* Lets the cells join that do so before the target is reached, the next one at *next. */
-static void gather(cell_path *along, const equation *solve, int32_t *next)
+/* Whether the target lies beyond a place of the row. */
+static int passes(const cell_path *along, const equation *solve, int32_t x)
 {
+  return missing_at(along, solve, x, spot_on(along, along->row, x)) > 0;
+}
+
+/* Lets so many cells move, more or fewer of those that a path the other way has left. */
+static void let_move(cell_path *along, int16_t cells)
+{
+  const anhyst_spot now = {along->left.at + (along->active - 1) * along->stride, along->left.part};
+  const anhyst_spot then = {along->left.at + (cells - 1) * along->stride, along->left.part};
+  along->rest = inside(along->rest + (anhyst_value_at(then) - anhyst_value_at(now)));
+  along->active = cells;
+  along->row = row_of(along, cells);
+}
+
+/* Whether the next cell came to rest on a path of this direction. */
+static int follows(const cell_path *along, int16_t cell)
+{
+  return (((uint32_t)turned(along->frozen, along->falling) >> (uint16_t)cell) & 1U) != 0U;
+}
+
+/* From here on, the cells from the next one on that came to rest where that did, on a path the
+   other way, are those which that has left. */
+static void find_left(cell_path *along)
+{
+  int16_t cell = along->active;
+  const int32_t x = at_rest(along, cell) - width(along, cell);
+  do {
+    cell++;
+  } while (cell <= along->cells && !follows(along, cell) &&
+           at_rest(along, cell) - width(along, cell) == x);
+  along->left = spot_on(along, along->rows, ~x);
+  along->x = x;
+  along->moved = cell;
+}
+
+/* Lets the cells join that a path the other way has left in one place, as far as they do so before
+   the target is reached; the first of them does. They do it one after the other: how many is found
+   by halving. */
+static void gather_left(cell_path *along, const equation *solve, int32_t place)
+{
+  int16_t least = (int16_t)(along->active + 1);
+  int16_t most = along->moved;
+  along->low = place;
+  while (least < most) {
+    const int16_t cell = (int16_t)((least + most) / 2);
+    let_move(along, cell);
+    const int32_t next = joins_at(along, place);
+    if (passes(along, solve, next)) {
+      along->low = next;
+      least = (int16_t)(cell + 1);
+    } else {
+      most = cell;
+    }
+  }
+  let_move(along, least);
+}
+
+/* Lets the cells join that a path of this direction has left in one place, which is here. */
+static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
+{
+  anhyst_spot with = here;
+  do {
+    along->active = (int16_t)(along->active + 1);
+    with.at += along->stride;
+  } while (along->active <= along->cells && follows(along, along->active) &&
+           joins_at(along, place) == place);
+  along->rest = inside(along->rest - (anhyst_value_at(with) - anhyst_value_at(here)));
+  along->row = with.at - (here.at - along->row);
+  along->low = place;
+}
+
+/* Goes on from x, which is below the target: lets the cells join that do so on the way, the next of
+   them at *next. */
+static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *next)
+{
+  int32_t low = x;
   while (along->active <= along->cells) {
     const anhyst_spot here = spot_on(along, along->row, *next);
-    if (missing_at(along, solve, *next, here) <= 0) {
+    if (*next > low && missing_at(along, solve, *next, here) <= 0) {
       break;
     }
-    along->rest = inside(along->rest - counted(along, here));
-    along->active = (int16_t)(along->active + 1);
-    along->row += along->stride;
-    along->low = *next;
-    *next = joins_at(along, along->low);
+    if (along->active >= along->moved && follows(along, along->active)) {
+      gather_here(along, here, *next);
+    } else {
+      if (along->active >= along->moved) {
+        find_left(along);
+      }
+      gather_left(along, solve, *next);
+    }
+    low = along->low;
+    *next = joins_at(along, low);
   }
   if (along->active > along->cells) {
     along->rest = 0; /* none rests */
   }
+  go(along, solve, low, *next);
+}
+
+/* Goes back from where the target was passed, but no further than to where one cell joined, or
+   several at once; 0: it lies before that. */
+static int retreat(cell_path *along, const equation *solve, int16_t least, int32_t begin,
+                   int32_t *next)
+{
+  if (!passes(along, solve, along->low)) {
+    const int32_t place = along->low;
+    while (along->active > least && along->low == place) {
+      along->active = (int16_t)(along->active - 1);
+      along->row -= along->stride;
+      along->rest = inside(along->rest + counted(along, spot_on(along, along->row, place)));
+      along->low = begin;
+      if (along->active > least) {
+        along->active = (int16_t)(along->active - 1);
+        along->low = anhyst_clamp(joins_at(along, begin), begin, place);
+        along->active = (int16_t)(along->active + 1);
+      }
+    }
+    *next = place;
+  }
+  if (!passes(along, solve, along->low)) {
+    return 0;
+  }
+  go(along, solve, along->low, *next);
+  return 1;
 }
 
 /* Leaves a path for the opposite one: all but cell 0 rest. */
@@ -204,6 +311,15 @@ static void turn(cell_path *along, equation *solve, anhyst_spot here)
   along->active = 1;
   along->row = along->rows;
   solve->target = ~solve->target;
+}
+
+static void remember(const cell_path *along, anhyst_memory *to)
+{
+  to->x = turned(along->x, along->falling);
+  to->y = turned(along->rest, along->falling);
+  to->p = along->falling == 0 ? along->active : -along->active;
+  to->turn = along->frozen;
+  to->level = along->low;
 }
 
 /* Solves from a memory on. */
@@ -231,17 +347,12 @@ static void advance(cell_path *along, equation *solve, anhyst_candidate *to)
     if (there >= along->low && there <= next) {
       along->x = there;
     } else {
-      gather(along, solve, &next);
-      go(along, solve, along->low, next);
+      pursue(along, solve, along->x, &next);
     }
     to->way = along->falling == 0 ? 1 : -1;
   }
   to->m = next;
-  to->memory.x = turned(along->x, along->falling);
-  to->memory.y = turned(along->rest, along->falling);
-  to->memory.p = along->falling == 0 ? along->active : -along->active;
-  to->memory.turn = along->frozen;
-  to->memory.level = along->low;
+  remember(along, &to->memory);
 }
 
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
@@ -254,34 +365,34 @@ static int32_t cells_field(const int16_t *words, const anhyst_memory *from, cons
   return to->memory.x;
 }
 
-/* Whether the target is met at the end of a solved path, while the same cells move: then goes
-   there. */
-static int slid(cell_path *along, const equation *solve, const anhyst_candidate *solved)
+/* Goes to the target from where a path of the same memory was solved; 0: it lies too far back. */
+static int resume(cell_path *along, equation *solve, const anhyst_candidate *solved)
 {
-  if (solved->way == 0) {
-    return 0;
+  solve->target = turned(solve->target, along->falling);
+  if ((solved->way < 0) != (along->falling < 0)) {
+    turn(along, solve, spot_on(along, along->row, along->x));
   }
-  along->falling = solved->way > 0 ? 0 : -1;
+  const int32_t begin = along->x;
+  const int16_t least = along->active;
   const int32_t active = turned(solved->memory.p, along->falling) - along->falling;
-  along->active = (int16_t)anhyst_clamp(active, 1, (int32_t)along->cells + 1);
+  along->active = (int16_t)anhyst_clamp(active, least, (int32_t)along->cells + 1);
   along->row = row_of(along, along->active);
   along->rest = inside(turned(solved->memory.y, along->falling));
-  const equation there = {solve->air, solve->flux_arm, solve->field_arm,
-                          turned(solve->target, along->falling)};
-  const int32_t x = inside(turned(solved->memory.x, along->falling));
-  const int32_t low = inside(solved->memory.level);
-  const int32_t high = inside(solved->m);
+  const int32_t x = anhyst_clamp(turned(solved->memory.x, along->falling), begin, ONE - 1);
+  int32_t next = anhyst_clamp(solved->m, x, ONE - 1);
+  along->low = anhyst_clamp(solved->memory.level, begin, x);
   const anhyst_spot spot = spot_on(along, along->row, x);
-  along->x = beside(along, &there, x, spot, missing_at(along, &there, x, spot));
-  if (along->x >= low && along->x <= high) {
+  const int32_t missing = missing_at(along, solve, x, spot);
+  const int32_t there = beside(along, solve, x, spot, missing);
+  if (there >= along->low && there <= next) {
+    along->x = there;
     return 1;
   }
-  if (low > high || missing_at(along, &there, low, spot_on(along, along->row, low)) < 0 ||
-      missing_at(along, &there, high, spot_on(along, along->row, high)) > 0) {
-    return 0;
+  if (missing > 0) {
+    pursue(along, solve, x, &next);
+    return 1;
   }
-  go(along, &there, low, high);
-  return 1;
+  return retreat(along, solve, least, begin, &next);
 }
 
 static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
@@ -289,14 +400,14 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
                           anhyst_memory *to)
 {
   cell_path along;
-  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
-                    (current >> 2) - (arms->bias >> 2)};
-  anhyst_cells_rows(&along, words);
-  if (slid(&along, &solve, solved)) {
-    *to = solved->memory;
-    to->x = turned(along.x, along.falling);
+  const int32_t target = (current >> 2) - (arms->bias >> 2);
+  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm, target};
+  anhyst_cells_begin(&along, words, from, plays);
+  if (solved->way != 0 && resume(&along, &solve, solved)) {
+    remember(&along, to);
   } else {
     anhyst_candidate found;
+    solve.target = target;
     anhyst_cells_begin(&along, words, from, plays);
     advance(&along, &solve, &found);
     *to = found.memory;

@@ -21,14 +21,15 @@ typedef struct {
   int16_t outer;   /* wide segments on each side */
   uint16_t narrow; /* a part of 2^-15 of a segment: 2^this */
   uint16_t wide;
-  int16_t cells;    /* besides cell 0 */
-  int16_t active;   /* the cells below this one move */
-  int16_t moved;    /* those below this one moved the other way until here, ... */
-  anhyst_spot left; /* ... which is this place of the first row */
-  int32_t frozen;   /* bit i: what cell i rests with was counted while it rose */
-  int32_t rest;     /* magnetisation of the cells that rest */
-  int32_t falling;  /* -1 where all is mirrored, otherwise 0 */
-  int32_t low;      /* field where the last of them joined, or the step began */
+  uint16_t halvings; /* wide - narrow */
+  int16_t cells;     /* besides cell 0 */
+  int16_t active;    /* the cells below this one move */
+  int16_t moved;     /* those below this one moved the other way until here, ... */
+  anhyst_spot left;  /* ... which is this place of the first row */
+  int32_t frozen;    /* bit i: what cell i rests with was counted while it rose */
+  int32_t rest;      /* magnetisation of the cells that rest */
+  int32_t falling;   /* -1 where all is mirrored, otherwise 0 */
+  int32_t low;       /* field where the last of them joined, or the step began */
   int32_t x;
 } cell_path;
 
@@ -52,35 +53,20 @@ static inline const int16_t *row_of(const cell_path *along, int16_t cells)
   return along->rows + (cells - 1) * along->stride;
 }
 
-/* Segments of one width. */
-typedef struct {
-  int32_t begin; /* field where they begin */
-  int16_t first; /* of them */
-  uint16_t fine; /* a part of 2^-15 of a segment: 2^this */
-} zone;
-
-/* The zone of x, -1 <= x < 1. */
-static inline zone zone_of(const cell_path *along, int32_t x)
+/* A part of 2^-15 of the segment that holds x is 2^this. */
+static inline uint16_t fineness(const cell_path *along, int32_t x)
 {
-  zone found = {-along->inner, along->outer, along->narrow};
-  if (x < -along->inner) {
-    found.begin = -ONE;
-    found.first = 0;
-    found.fine = along->wide;
-  } else if (x >= along->inner) {
-    found.begin = along->inner;
-    found.first = (int16_t)(along->stride - 1 - along->outer);
-    found.fine = along->wide;
-  }
-  return found;
+  return x >= -along->inner && x < along->inner ? along->narrow : along->wide;
 }
 
-/* Where x falls on a row, -1 <= x < 1. */
+/* Where x falls on a row, -1 <= x < 1: counted in wide segments, of which the zone around 0 has so
+   many more as its own are narrower. */
 static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, int32_t x)
 {
-  const zone in = zone_of(along, x);
-  const int32_t fine = (x - in.begin) >> in.fine; /* segment and 15 bits of its part */
-  const anhyst_spot spot = {row + in.first + (fine >> 15), fine & 0x7FFF};
+  const uint32_t within = (uint32_t)(anhyst_clamp(x, -along->inner, along->inner) + along->inner);
+  const uint32_t way = (uint32_t)(x + ONE) + (within << along->halvings) - within;
+  const uint32_t fine = way >> along->wide; /* segment and 15 bits of its part */
+  const anhyst_spot spot = {row + (fine >> 15), (int32_t)(fine & 0x7FFFU)};
   return spot;
 }
 
@@ -98,13 +84,20 @@ static inline int32_t alone(const cell_path *along, int16_t cell, int32_t play)
   return beyond(along, spot_on(along, row_of(along, cell), play + width(along, cell)));
 }
 
-/* The play of a cell that rests, no further out than a field within the rows can have made it. */
+/* The play of a cell that rests. */
+static inline int32_t play_of(const cell_path *along, int16_t cell)
+{
+  if (cell < along->moved) {
+    return along->x + width(along, cell);
+  }
+  return turned(along->plays[cell - 1], along->falling);
+}
+
+/* The same, no further out than a field within the rows can have made it. */
 static inline int32_t at_rest(const cell_path *along, int16_t cell)
 {
   const int32_t r = width(along, cell);
-  const int32_t play =
-      cell < along->moved ? along->x + r : turned(along->plays[cell - 1], along->falling);
-  return anhyst_clamp(play, r - ONE, ONE - 1 - r);
+  return anhyst_clamp(play_of(along, cell), r - ONE, ONE - 1 - r);
 }
 
 /* The rows of a block and the widths of its plays. */
@@ -116,6 +109,7 @@ static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
   const uint16_t bits = (uint16_t)words[ANHYST_WORD_CELLS_SEGMENTS];
   const uint16_t halvings = (uint16_t)words[ANHYST_WORD_CELLS_ZONE];
   along->inner = ONE >> halvings;
+  along->halvings = halvings;
   along->wide = (uint16_t)(15U - bits);
   along->narrow = (uint16_t)(along->wide - halvings);
   along->outer = (int16_t)((1 << bits) - (1 << (bits - halvings)));
