@@ -104,29 +104,30 @@ static int32_t beside(const cell_path *along, const equation *solve, int32_t x, 
   return begin + (int32_t)((uint32_t)part << fine);
 }
 
-/* Where the next cell joins a path that has come to low, or the end of the rows. */
-static int32_t joins_at(const cell_path *along, int32_t low)
+/* Where a cell joins a path that has come to low; beyond the last cell: the end of the rows. */
+static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
 {
-  if (along->active > along->cells) {
+  if (cell > along->cells) {
     return ONE - 1;
   }
-  const int32_t at = anhyst_add_q31(play_of(along, along->active), width(along, along->active));
+  const int32_t at = anhyst_add_q31(play_of(along, cell), width(along, cell));
   return anhyst_clamp(at, low, ONE - 1);
 }
 
-/* What the next cell rests with, as it was counted; it joins at this place of the row. */
-static int32_t counted(const cell_path *along, anhyst_spot here)
+/* What a cell rests with that a path the other way has left. */
+static int32_t left_with(const cell_path *along, int16_t cell)
 {
-  const int16_t cell = along->active;
-  if (cell < along->moved) { /* it moved the other way just now */
+  if (cell < along->moved) {
     const anhyst_spot there = {along->left.at + (cell - 1) * along->stride, along->left.part};
     return -beyond(along, there);
   }
-  const int32_t direction = (((uint32_t)along->frozen >> (uint16_t)cell) & 1U) != 0U ? 0 : -1;
-  if (direction == along->falling) {
-    return beyond(along, here);
-  }
   return -alone(along, cell, ~at_rest(along, cell));
+}
+
+/* Whether a cell came to rest on a path of this direction. */
+static int follows(const cell_path *along, int16_t cell)
+{
+  return (((uint32_t)turned(along->frozen, along->falling) >> (uint16_t)cell) & 1U) != 0U;
 }
 
 /* The last segment of first..end at the beginning of which the target is not reached, or first.
@@ -184,12 +185,6 @@ static void let_move(cell_path *along, int16_t cells)
   along->row = row_of(along, cells);
 }
 
-/* Whether the next cell came to rest on a path of this direction. */
-static int follows(const cell_path *along, int16_t cell)
-{
-  return (((uint32_t)turned(along->frozen, along->falling) >> (uint16_t)cell) & 1U) != 0U;
-}
-
 /* From here on, the cells from the next one on that came to rest where that did, on a path the
    other way, are those which that has left. */
 static void find_left(cell_path *along)
@@ -216,7 +211,7 @@ static void gather_left(cell_path *along, const equation *solve, int32_t place)
   while (least < most) {
     const int16_t cell = (int16_t)((least + most) / 2);
     let_move(along, cell);
-    const int32_t next = joins_at(along, place);
+    const int32_t next = joins_at(along, along->active, place);
     if (passes(along, solve, next)) {
       along->low = next;
       least = (int16_t)(cell + 1);
@@ -235,7 +230,7 @@ static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
     along->active = (int16_t)(along->active + 1);
     with.at += along->stride;
   } while (along->active <= along->cells && follows(along, along->active) &&
-           joins_at(along, place) == place);
+           joins_at(along, along->active, place) == place);
   along->rest = inside(along->rest - (anhyst_value_at(with) - anhyst_value_at(here)));
   along->row = with.at - (here.at - along->row);
   along->low = place;
@@ -260,7 +255,7 @@ static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *
       gather_left(along, solve, *next);
     }
     low = along->low;
-    *next = joins_at(along, low);
+    *next = joins_at(along, along->active, low);
   }
   if (along->active > along->cells) {
     along->rest = 0; /* none rests */
@@ -268,25 +263,41 @@ static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *
   go(along, solve, low, *next);
 }
 
-/* Goes back from where the target was passed, but no further than to where one cell joined, or
-   several at once; 0: it lies before that. */
+/* Lets the last cell that joined rest again; with those that a path of this direction had left in
+   the same place, where it is one of them. */
+static void part(cell_path *along, int16_t least, int32_t begin)
+{
+  const int32_t place = along->low;
+  int16_t cell = (int16_t)(along->active - 1);
+  if (follows(along, cell)) {
+    const anhyst_spot with = spot_on(along, along->row, place);
+    anhyst_spot without = {with.at - along->stride, with.part};
+    while (cell > least && follows(along, (int16_t)(cell - 1)) &&
+           joins_at(along, (int16_t)(cell - 1), begin) == place) {
+      cell--;
+      without.at -= along->stride;
+    }
+    along->rest += anhyst_value_at(with) - anhyst_value_at(without);
+  } else {
+    along->rest += left_with(along, cell);
+  }
+  along->rest = inside(along->rest);
+  along->active = cell;
+  along->row = row_of(along, cell);
+  along->low = begin;
+  if (cell > least) {
+    along->low = anhyst_clamp(joins_at(along, (int16_t)(cell - 1), begin), begin, place);
+  }
+}
+
+/* Goes back from where the target was passed, but no further than to where a cell joined; 0: it
+   lies before that. */
 static int retreat(cell_path *along, const equation *solve, int16_t least, int32_t begin,
                    int32_t *next)
 {
-  if (!passes(along, solve, along->low)) {
-    const int32_t place = along->low;
-    while (along->active > least && along->low == place) {
-      along->active = (int16_t)(along->active - 1);
-      along->row -= along->stride;
-      along->rest = inside(along->rest + counted(along, spot_on(along, along->row, place)));
-      along->low = begin;
-      if (along->active > least) {
-        along->active = (int16_t)(along->active - 1);
-        along->low = anhyst_clamp(joins_at(along, begin), begin, place);
-        along->active = (int16_t)(along->active + 1);
-      }
-    }
-    *next = place;
+  if (along->active > least && !passes(along, solve, along->low)) {
+    *next = along->low;
+    part(along, least, begin);
   }
   if (!passes(along, solve, along->low)) {
     return 0;
@@ -296,7 +307,7 @@ static int retreat(cell_path *along, const equation *solve, int16_t least, int32
 }
 
 /* Leaves a path for the opposite one: all but cell 0 rest. */
-static void turn(cell_path *along, equation *solve, anhyst_spot here)
+static void turn(cell_path *along, anhyst_spot here)
 {
   const anhyst_spot first = {here.at - (along->active - 1) * along->stride, here.part};
   const int32_t left = anhyst_value_at(here) - anhyst_value_at(first);
@@ -310,7 +321,6 @@ static void turn(cell_path *along, equation *solve, anhyst_spot here)
   along->left = first;
   along->active = 1;
   along->row = along->rows;
-  solve->target = ~solve->target;
 }
 
 static void remember(const cell_path *along, anhyst_memory *to)
@@ -332,7 +342,8 @@ static void advance(cell_path *along, equation *solve, anhyst_candidate *to)
   to->way = 0;
   if (missing < -STILL) {
     const cell_path before = *along;
-    turn(along, solve, spot);
+    turn(along, spot);
+    solve->target = ~solve->target;
     spot = spot_on(along, along->row, along->x);
     missing = missing_at(along, solve, along->x, spot);
     if (missing <= 0) { /* between the two directions, where rows are not quite odd: it stays */
@@ -342,7 +353,7 @@ static void advance(cell_path *along, equation *solve, anhyst_candidate *to)
   }
   if (missing > STILL) {
     along->low = along->x;
-    next = joins_at(along, along->low);
+    next = joins_at(along, along->active, along->low);
     const int32_t there = beside(along, solve, along->x, spot, missing);
     if (there >= along->low && there <= next) {
       along->x = there;
@@ -365,30 +376,44 @@ static int32_t cells_field(const int16_t *words, const anhyst_memory *from, cons
   return to->memory.x;
 }
 
-/* Goes to the target from where a path of the same memory was solved; 0: it lies too far back. */
-static int resume(cell_path *along, equation *solve, const anhyst_candidate *solved)
+/* Stands where a path was solved to; gives where the next cell joins. */
+static int32_t take_up(cell_path *along, const anhyst_candidate *solved)
 {
-  solve->target = turned(solve->target, along->falling);
+  along->falling = solved->way > 0 ? 0 : -1;
+  const int32_t active = turned(solved->memory.p, along->falling) - along->falling;
+  along->active = (int16_t)anhyst_clamp(active, 1, (int32_t)along->cells + 1);
+  along->row = row_of(along, along->active);
+  along->rest = inside(turned(solved->memory.y, along->falling));
+  along->frozen = solved->memory.turn;
+  along->x = inside(turned(solved->memory.x, along->falling));
+  along->low = anhyst_clamp(solved->memory.level, -ONE, along->x);
+  return anhyst_clamp(solved->m, along->x, ONE - 1);
+}
+
+/* Goes to the target from a solved path if it is met on the same segment, before any cell joins or
+   rests. */
+static int slid(cell_path *along, const equation *solve, const anhyst_candidate *solved)
+{
+  const int32_t next = take_up(along, solved);
+  const anhyst_spot spot = spot_on(along, along->row, along->x);
+  const int32_t missing = missing_at(along, solve, along->x, spot);
+  along->x = beside(along, solve, along->x, spot, missing);
+  return along->x >= along->low && along->x <= next;
+}
+
+/* The same further away, from a memory in the direction that it had; 0: the target lies too far
+   back. */
+static int resumed(cell_path *along, const equation *solve, const anhyst_candidate *solved)
+{
   if ((solved->way < 0) != (along->falling < 0)) {
-    turn(along, solve, spot_on(along, along->row, along->x));
+    turn(along, spot_on(along, along->row, along->x));
   }
   const int32_t begin = along->x;
   const int16_t least = along->active;
-  const int32_t active = turned(solved->memory.p, along->falling) - along->falling;
-  along->active = (int16_t)anhyst_clamp(active, least, (int32_t)along->cells + 1);
-  along->row = row_of(along, along->active);
-  along->rest = inside(turned(solved->memory.y, along->falling));
-  const int32_t x = anhyst_clamp(turned(solved->memory.x, along->falling), begin, ONE - 1);
-  int32_t next = anhyst_clamp(solved->m, x, ONE - 1);
-  along->low = anhyst_clamp(solved->memory.level, begin, x);
-  const anhyst_spot spot = spot_on(along, along->row, x);
-  const int32_t missing = missing_at(along, solve, x, spot);
-  const int32_t there = beside(along, solve, x, spot, missing);
-  if (there >= along->low && there <= next) {
-    along->x = there;
-    return 1;
-  }
-  if (missing > 0) {
+  int32_t next = take_up(along, solved);
+  const int32_t x = along->x;
+  along->x = begin;
+  if (passes(along, solve, x)) {
     pursue(along, solve, x, &next);
     return 1;
   }
@@ -401,9 +426,18 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
 {
   cell_path along;
   const int32_t target = (current >> 2) - (arms->bias >> 2);
-  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm, target};
-  anhyst_cells_begin(&along, words, from, plays);
-  if (solved->way != 0 && resume(&along, &solve, solved)) {
+  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
+                    solved->way < 0 ? ~target : target};
+  int done = 0;
+  if (solved->way != 0) {
+    anhyst_cells_rows(&along, words);
+    done = slid(&along, &solve, solved);
+    if (!done) {
+      anhyst_cells_begin(&along, words, from, plays);
+      done = resumed(&along, &solve, solved);
+    }
+  }
+  if (done) {
     remember(&along, to);
   } else {
     anhyst_candidate found;
