@@ -32,12 +32,8 @@ class Program:
         ``"full"`` or ``"simplified"``.
     model : ActuatorModel
         What it was compiled from.
-    words : ndarray
-        Parameter block.
-    scales : Scales
-        What 1.0 of each signal means.
-    current : tuple of float
-        Limits of the current, A, between which the start-up sequence goes too.
+    block : Block
+        Its parameters, of the kind that the model's law has.
     cycles : int
         Of the start-up sequence.
     firmware : Path
@@ -46,16 +42,19 @@ class Program:
 
     kind: Kind
     model: ActuatorModel
-    words: NDArray[np.int16]
-    scales: Scales
-    current: tuple[float, float]
+    block: Block
     cycles: int
     firmware: Path
 
     @property
+    def scales(self) -> Scales:
+        """What 1.0 of each signal means."""
+        return self.block.scales
+
+    @property
     def conditioning(self) -> list[float]:
-        """Turning points of the start-up sequence, A."""
-        low, high = self.current
+        """Turning points of the start-up sequence, A: between the limits of the current."""
+        low, high = self.block.limits.current
         return [high, low] * self.cycles
 
     def demand_codes(self, force: FloatArray) -> Codes:
@@ -120,9 +119,7 @@ def prepare(kind: Kind, model: ActuatorModel, rate: float, board: str, folder: P
     return Program(
         kind=kind,
         model=model,
-        words=block.words,
-        scales=block.scales,
-        current=block.limits.current,
+        block=block,
         cycles=compiled.plan.builder.conditioning.cycles,
         firmware=build(board, folder / "controller", folder / "firmware"),
     )
@@ -146,7 +143,7 @@ def ticks_that_differ(program: Program, session: Session) -> int:
     int
         Ticks of the run with another current; 0 if all is well.
     """
-    core = FixedCompensator(program.kind, program.words)
+    core = FixedCompensator(program.block.kind, program.block.words)
     gaps, drives = session.gap.tolist(), session.drive.tolist()
     if not session.demagnetised:
         for gap, drive in zip(gaps[: session.first], drives[: session.first], strict=True):
