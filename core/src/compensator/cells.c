@@ -178,9 +178,9 @@ static int passes(const cell_path *along, const equation *solve, int32_t x)
 /* Lets so many cells move, more or fewer of those that a path the other way has left. */
 static void let_move(cell_path *along, int16_t cells)
 {
-  const anhyst_spot now = {along->left.at + (along->active - 1) * along->stride, along->left.part};
-  const anhyst_spot then = {along->left.at + (cells - 1) * along->stride, along->left.part};
-  along->rest = inside(along->rest + (anhyst_value_at(then) - anhyst_value_at(now)));
+  const int16_t *left = along->left.at;
+  const anhyst_spot now = {left + (along->active - 1) * along->stride, along->left.part};
+  along->rest = inside(along->rest + between(now, left + (cells - 1) * along->stride));
   along->active = cells;
   along->row = row_of(along, cells);
 }
@@ -225,14 +225,14 @@ static void gather_left(cell_path *along, const equation *solve, int32_t place)
 /* Lets the cells join that a path of this direction has left in one place, which is here. */
 static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
 {
-  anhyst_spot with = here;
+  const int16_t before = along->active;
   do {
     along->active = (int16_t)(along->active + 1);
-    with.at += along->stride;
   } while (along->active <= along->cells && follows(along, along->active) &&
            joins_at(along, along->active, place) == place);
-  along->rest = inside(along->rest - (anhyst_value_at(with) - anhyst_value_at(here)));
-  along->row = with.at - (here.at - along->row);
+  const int32_t step = (along->active - before) * along->stride;
+  along->rest = inside(along->rest - between(here, here.at + step));
+  along->row += step;
   along->low = place;
 }
 
@@ -269,19 +269,18 @@ static void part(cell_path *along, int16_t least, int32_t begin)
 {
   const int32_t place = along->low;
   int16_t cell = (int16_t)(along->active - 1);
+  int32_t rest = 0;
   if (follows(along, cell)) {
-    const anhyst_spot with = spot_on(along, along->row, place);
-    anhyst_spot without = {with.at - along->stride, with.part};
     while (cell > least && follows(along, (int16_t)(cell - 1)) &&
            joins_at(along, (int16_t)(cell - 1), begin) == place) {
       cell--;
-      without.at -= along->stride;
     }
-    along->rest += anhyst_value_at(with) - anhyst_value_at(without);
+    const anhyst_spot here = spot_on(along, row_of(along, cell), place);
+    rest = between(here, here.at + (along->active - cell) * along->stride);
   } else {
-    along->rest += left_with(along, cell);
+    rest = left_with(along, cell);
   }
-  along->rest = inside(along->rest);
+  along->rest = inside(along->rest + rest);
   along->active = cell;
   along->row = row_of(along, cell);
   along->low = begin;
@@ -310,7 +309,7 @@ static int retreat(cell_path *along, const equation *solve, int16_t least, int32
 static void turn(cell_path *along, anhyst_spot here)
 {
   const anhyst_spot first = {here.at - (along->active - 1) * along->stride, here.part};
-  const int32_t left = anhyst_value_at(here) - anhyst_value_at(first);
+  const int32_t left = between(first, here.at);
   const uint32_t moved = ((uint32_t)1 << (uint16_t)along->active) - 1U;
   const uint32_t others = (uint32_t)along->frozen & ~moved;
   along->frozen = (int32_t)(along->falling == 0 ? others | moved : others);

@@ -9,7 +9,7 @@
 /* How many cells a memory says that move in its direction; 0: it does not say. */
 static int16_t moving_cells(const cell_path *along, const anhyst_memory *from)
 {
-  const int32_t size = from->p < 0 ? ~from->p + 1 : from->p;
+  const int32_t size = anhyst_abs_q31(from->p);
   return size >= 1 && size <= (int32_t)along->cells + 1 ? (int16_t)size : 0;
 }
 
@@ -60,11 +60,20 @@ void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const an
   }
 }
 
-/* Whether a number of the rows is a q15 without -1. */
-static int is_part(int32_t a) { return a >= -ANHYST_Q15_MAX && a <= ANHYST_Q15_MAX; }
+/* Whether all rows of a column lie within less than 1. */
+static int rows_are_near(const cell_path *along, int16_t column)
+{
+  int32_t low = ANHYST_Q15_MAX;
+  int32_t high = -ANHYST_Q15_MAX;
+  for (int16_t row = 0; row <= along->cells; row++) {
+    const int32_t entry = along->rows[row * along->stride + column];
+    low = entry < low ? entry : low;
+    high = entry > high ? entry : high;
+  }
+  return high - low <= ANHYST_Q15_MAX;
+}
 
-/* Whether rows never fall, and any of them differs from the first and from the one before by less
-   than 1. */
+/* Whether rows never fall, and no two of them differ by 1 anywhere. */
 static int rows_are_valid(const int16_t *words)
 {
   cell_path along;
@@ -80,12 +89,10 @@ static int rows_are_valid(const int16_t *words)
     if (!anhyst_table_rises(words, begin, along.stride, -ANHYST_Q15_MAX, ANHYST_Q15_MAX)) {
       return 0;
     }
-    const int16_t before = (int16_t)(row > 0 ? begin - along.stride : begin);
-    for (int16_t i = 0; i < along.stride; i++) {
-      if (!is_part((int32_t)words[begin + i] - words[first + i]) ||
-          !is_part((int32_t)words[begin + i] - words[before + i])) {
-        return 0;
-      }
+  }
+  for (int16_t column = 0; column < along.stride; column++) {
+    if (!rows_are_near(&along, column)) {
+      return 0;
     }
   }
   return 1;

@@ -70,12 +70,19 @@ static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, in
   return spot;
 }
 
+/* What one row has beyond another at the same place; they differ by less than 1. */
+static inline int32_t between(anhyst_spot of, const int16_t *other)
+{
+  const int32_t low = (int32_t)other[0] - of.at[0];
+  const int32_t high = (int32_t)other[1] - of.at[1];
+  return low * 32768 + (high - low) * of.part;
+}
+
 /* The magnetisation of a cell where the field had brought it: what its row has beyond the one
    before, of which this is the place. */
 static inline int32_t beyond(const cell_path *along, anhyst_spot without)
 {
-  const anhyst_spot with = {without.at + along->stride, without.part};
-  return anhyst_value_at(with) - anhyst_value_at(without);
+  return between(without, without.at + along->stride);
 }
 
 /* The same from its play, within what at_rest gives. */
