@@ -182,12 +182,13 @@ int main(void)
 {
   static anhyst_plant_circuit circuits[KINDS];
   anhyst_plant_law law;
+  anhyst_operator_f64 operator;
   anhyst_iron_f64 iron;
   int failed = 0;
   int choice;
   memset(&law, 0, sizeof law);
-  if (anhyst_iron_init_f64(&iron, ANHYST_STEP_LINEAR, 1.3e6, 400.0, 300.0, 0.15, 0.0, 0.0, 0) !=
-      ANHYST_OK) {
+  if (anhyst_iron_init_f64(&iron, &operator, ANHYST_STEP_LINEAR, 1.3e6, 400.0, 300.0, 0.15, 0.0,
+                           0.0, 0) != ANHYST_OK) {
     return 1;
   }
   law.iron = &iron;
