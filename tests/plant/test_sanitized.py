@@ -11,6 +11,7 @@ from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
 
 CORE = (
     *("law/circuit", "law/operator", "law/lag_exact", "law/lag_linear", "law/lag_1986"),
+    *("law/law_lag", "law/law_cells", "law/cells", "law/cell_table", "law/cell_shape"),
     *("law/solver", "law/branch", "law/langevin", "numeric/elementary"),
 )
 """What of the core the plant stands on."""
