@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.data.verdict import judge
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_bearing
@@ -155,9 +156,24 @@ def test_a_drifted_iron_of_any_family_is_another_one(bearing: Path) -> None:
         shutil.copy(EXAMPLES / "bearing" / "rig.toml", bearing)
 
 
-def test_a_sweep_over_irons_of_cells_asks_for_one_of_cells(bearing: Path) -> None:
+def test_an_iron_of_any_family_gets_wider_loops(bearing: Path) -> None:
+    for name, key in (
+        ("duhem-usual", "coercivity_A_per_m"),
+        ("preisach-usual", "pinning_A_per_m"),
+    ):
+        rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of(name)))
+        narrow, wide = (judge(measure_loops(with_iron(rig, None, width))) for width in (1.0, 2.0))
+        assert wide.width_relative > 1.5 * narrow.width_relative
+        other = with_iron(rig, None, 2.0).settings.magnet.steel
+        assert other.model_dump() == rig.settings.magnet.steel.model_dump() | {
+            key: 2.0 * getattr(rig.settings.magnet.steel, key)
+        }
+        shutil.copy(EXAMPLES / "bearing" / "rig.toml", bearing)
+
+
+def test_a_reversible_fraction_is_refused_where_the_family_has_none(bearing: Path) -> None:
     rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of("duhem-usual")))
-    with pytest.raises(InputError, match=r"magnet\.iron\.family: .*describe one of cells"):
+    with pytest.raises(InputError, match=r"magnet\.iron\.family: cells alone have a reversible"):
         with_iron(rig, 0.1)
 
 

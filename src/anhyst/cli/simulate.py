@@ -255,8 +255,9 @@ def _map_against(
             for cell, one in zip(found.cells, comparisons, strict=True)
             if cell.iron == iron
         ]
+        share = "" if iron.reversible_fraction is None else f", {iron.reversible_fraction:g}"
         rows.add_row(
-            f"{100.0 * iron.loop_width:.1f} %, {iron.reversible_fraction:g}",
+            f"{100.0 * iron.loop_width:.1f} %{share}",
             *(
                 "lost" if one.quotient is None else f"{one.quotient.value:.2f} {one.outcome}"
                 for one in mine

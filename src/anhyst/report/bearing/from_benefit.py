@@ -101,7 +101,9 @@ def _irons(found: Benefit) -> PageTable:
     rows = [
         [
             number(iron.scale, short=True),
-            number(iron.reversible_fraction, short=True),
+            NOT_KNOWN
+            if iron.reversible_fraction is None
+            else number(iron.reversible_fraction, short=True),
             f"{number(100.0 * iron.loop_width)}{NBSP}%",
             NOT_KNOWN if iron.after_reversal is None else number(iron.after_reversal, 2),
             number(iron.after_reversal_true, 2),

@@ -41,8 +41,8 @@ class BenefitCell:
         MethodName that this is here; empty if none kept the armature in the air.
     loop_width : float
         Of the iron, as a share of the largest current; one number for a row of the map.
-    reversible : float
-        Reversible fraction of the iron.
+    reversible : float or None
+        Reversible fraction of the iron; None where its family has no such number, for all cells.
     pathological : bool
         Whether the iron hardly answers just after a reversal.
     height : float
@@ -57,7 +57,7 @@ class BenefitCell:
     against: str
     baseline: str
     loop_width: float
-    reversible: float
+    reversible: float | None
     pathological: bool
     height: float
     ratio: float
@@ -109,7 +109,7 @@ _HATCHES: Mapping[str, dict[str, Any]] = {
 
 def _map(ax: Axes, cells: Sequence[BenefitCell], chosen: Sequence[BenefitCell]) -> QuadMesh:
     widths = sorted({cell.loop_width for cell in cells})
-    shares = sorted({cell.reversible for cell in cells})
+    shares = list(dict.fromkeys(cell.reversible for cell in cells))
     ratios = np.full((len(widths), len(shares)), np.nan)
     for cell in chosen:
         y, x = widths.index(cell.loop_width), shares.index(cell.reversible)
@@ -125,7 +125,9 @@ def _map(ax: Axes, cells: Sequence[BenefitCell], chosen: Sequence[BenefitCell]) 
         zorder=0.5,  # below the hatching
     )
     ax.grid(visible=False)
-    ax.set_xticks(range(len(shares)), [f"{share:g}" for share in shares])
+    ax.set_xticks(
+        range(len(shares)), ["as it is" if share is None else f"{share:g}" for share in shares]
+    )
     ax.set_yticks(range(len(widths)), [f"{100.0 * width:.2g}" for width in widths])
     return mesh
 

@@ -430,10 +430,10 @@ def _gains(cells: Sequence[BenefitCell]) -> str:
     )
     if gained:
         best = min(gained, key=lambda cell: cell.ratio)
+        share = "" if best.reversible is None else f"reversible fraction {best.reversible:g}, "
         text += (
             f"; at best {100.0 * (1.0 - best.ratio):.0f}{NBSP}% less than {best.baseline} (step of "
-            f"{1e6 * best.height:g}{NBSP}µm, reversible fraction {best.reversible:g}, loop width "
-            f"{100.0 * best.loop_width:.2g}{NBSP}%)"
+            f"{1e6 * best.height:g}{NBSP}µm, {share}loop width {100.0 * best.loop_width:.2g}{NBSP}%)"
         )
     return f"{text}."
 

@@ -19,6 +19,7 @@ from anhyst.rig.bearing.controller_check import check_controller
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.iron_table import MagnetSteelTable
 from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.ratio import Quotient, quotient
@@ -30,10 +31,10 @@ from anhyst.support.progress import Progress
 from anhyst.support.version import running_version
 
 WIDTHS = (0.5, 1.0, 2.0)
-"""Factors on the pinning thresholds of the rig's iron."""
+"""Factors on the pinning of the rig's iron."""
 
 FRACTIONS = (0.05, 0.15, 0.3, 0.5)
-"""Reversible fractions."""
+"""Reversible fractions of irons of cells; another family has none, and keeps its own shape."""
 
 BASELINES = tuple(name for name in methods.BASELINES if name != "secant")
 """Ways from force to current that know no hysteresis and measure nothing; ``linearised`` is the
@@ -57,9 +58,9 @@ class IronFigures:
     Parameters
     ----------
     scale : float
-        Factor on the pinning thresholds.
-    reversible_fraction : float
-        Weight of what nothing pins.
+        Factor on the pinning.
+    reversible_fraction : float or None
+        Weight of what nothing pins; None where the family has no such number.
     loop_width : float
         Largest of the measured loops, in parts of the largest current.
     after_reversal : float or None
@@ -72,7 +73,7 @@ class IronFigures:
     """
 
     scale: float
-    reversible_fraction: float
+    reversible_fraction: float | None
     loop_width: float
     after_reversal: float | None
     after_reversal_true: float
@@ -196,7 +197,7 @@ class _Work:
     rig: BearingRig
     controller: ControllerFile
     scale: float
-    fraction: float
+    fraction: float | None
     heights: tuple[float, ...]
     seeds: tuple[int, ...]
 
@@ -205,7 +206,7 @@ def benefit(
     rig: BearingRig,
     controller: ControllerFile,
     scales: Sequence[float] = WIDTHS,
-    fractions: Sequence[float] = FRACTIONS,
+    fractions: Sequence[float | None] | None = None,
     heights: Sequence[float] | None = None,
     seeds: int | None = None,
     progress: Progress | None = None,
@@ -219,11 +220,13 @@ def benefit(
     Parameters
     ----------
     rig : BearingRig
-        With an iron of cells.
+        With an iron of any family.
     controller : ControllerFile
         A model that it names is not used.
-    scales, fractions : sequence of float, optional
-        Factors on the pinning thresholds, and reversible fractions.
+    scales : sequence of float, optional
+        Factors on the pinning.
+    fractions : sequence of float, optional
+        Reversible fractions, of cells alone; :data:`FRACTIONS` of these if left out.
     heights : sequence of float, optional
         Of steps, m; those of the rig file if left out.
     seeds : int, optional
@@ -234,12 +237,15 @@ def benefit(
     Raises
     ------
     InputError
-        The magnet is none of cells, or a file does not fit.
+        An identified law makes the force, or a file does not fit.
     """
     check_controller(controller, rig)
     tried = rig.settings.simulate
     steps = tuple(tried.steps_m if heights is None else heights)
     count = tried.noise_seeds if seeds is None else seeds
+    if fractions is None:
+        of_cells = isinstance(rig.settings.magnet.iron, MagnetSteelTable)
+        fractions = FRACTIONS if of_cells else (None,)
     work = [
         _Work(with_iron(rig, fraction, scale), controller, scale, fraction, steps, (*range(count),))
         for scale, fraction in product(scales, fractions)
@@ -258,7 +264,7 @@ def benefit(
 def _map_iron(work: _Work) -> list[MapCell]:
     """Measure a magnet, fit everything to its loops, and step it."""
     rig, table = work.rig, work.controller.settings
-    knowledge = identify_magnet(measure_loops(rig))
+    knowledge = identify_magnet(measure_loops(rig), rig.settings.identify)
     slopes = find_operating_point(rig).slopes
     iron = IronFigures(
         scale=work.scale,

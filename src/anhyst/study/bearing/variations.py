@@ -32,39 +32,38 @@ def changed(rig: BearingRig, changes: dict[str, Any]) -> BearingRig:
     return replace(rig, settings=settings)
 
 
-def with_iron(rig: BearingRig, reversible_fraction: float, width: float = 1.0) -> BearingRig:
-    """Return a rig with another iron of cells.
+def with_iron(
+    rig: BearingRig, reversible_fraction: float | None = None, width: float = 1.0
+) -> BearingRig:
+    """Return a rig with another iron of the same family.
 
     Parameters
     ----------
     rig : BearingRig
-    reversible_fraction : float
-        Weight of the iron that nothing pins.
+    reversible_fraction : float, optional
+        Weight of the iron that nothing pins; that of the file if left out. Of cells alone.
     width : float, optional
-        Factor on the pinning thresholds, and so on the width of the loops.
+        Factor on the pinning, and so on the width of the loops.
 
     Raises
     ------
     InputError
-        The force is made by an identified law, or by an iron of another family.
+        The force is made by an identified law, or the family has no reversible fraction.
     """
     magnet = rig.settings.magnet
     if magnet.force != "cells":
         raise InputError(
             f'{rig.path}: magnet.force: other irons are tried with force "cells"; set it so'
         )
-    if not isinstance(magnet.steel, MagnetSteelTable):
-        raise InputError(
-            f"{rig.path}: magnet.iron.family: other irons are tried of cells alone; "
-            "describe one of cells"
-        )
-    return changed(
-        rig,
-        {
-            "magnet.iron.reversible_fraction": reversible_fraction,
-            "magnet.iron.pinning_scale_A_per_m": width * magnet.steel.pinning_scale_A_per_m,
-        },
-    )
+    keys = magnet.steel.drifted(width - 1.0, 0.0, 0.0)
+    if reversible_fraction is not None:
+        if not isinstance(magnet.steel, MagnetSteelTable):
+            raise InputError(
+                f"{rig.path}: magnet.iron.family: cells alone have a reversible fraction; describe "
+                "an iron of cells, or leave the fraction out"
+            )
+        keys["reversible_fraction"] = reversible_fraction
+    return changed(rig, {f"magnet.iron.{key}": value for key, value in keys.items()})
 
 
 def _set(table: Any, path: list[str], value: Any) -> Any:

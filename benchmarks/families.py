@@ -1,0 +1,299 @@
+"""The bearing with irons of all families: both laws and the strongest baseline in the same loops.
+
+The irons are those of ``examples/bearing`` and ``examples/irons``. What a controller knows of each is
+what the rig's own sensors measured of it. ``python benchmarks/families.py`` prints every step.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst._core import Coil
+from anhyst.compensate import holding
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.paths import find_reach
+from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.compensate.twin import twin_of
+from anhyst.control.controller_file import ControllerFile
+from anhyst.data import LoopSet
+from anhyst.identify.options import IdentifyTable
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.plant import make_magnet
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.tables import TrajectoryTable
+from anhyst.study.bearing import experiments
+from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
+from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.study.bearing.variations import changed
+from anhyst.support.errors import InputError
+from bearing import HEIGHTS, quiet, read
+from rows import Row, Stopwatch
+from virtual import irons
+
+BUNDLED = "cells"
+CELLS, PAPER = "play-cells", "effective-field"
+
+WORSE = 0.05
+"""Points of overshoot by which `full` may be worse than the strongest baseline."""
+
+HALF = 0.5
+"""Force error on the slow triangle over that of the best single-valued curve."""
+
+DRIFT = 0.05
+"""Of a force that is held for :data:`SECONDS`, % of the largest."""
+
+SECONDS = 60
+RATE = 20e3
+LEVELS = (0.2, 0.5, 0.8)
+"""Held forces, in parts of the largest that all gaps reach."""
+
+SLOW = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One iron behind the gains of the example.
+
+    Parameters
+    ----------
+    name : str
+    steps : mapping of str to sequence of StepCell
+        By variant, one for each height. ``paper`` is `full` with the law of the paper.
+    triangle : mapping of str to float
+        Force error on the slow triangle, rms, N; not a number where the armature was lost.
+    first : mapping of str to float
+        The same where first magnetisation was measured too.
+    drift : mapping of str to tuple of float
+        Of a held force over a minute, % of the largest: of the iron, and of the model instead.
+    refused : str
+        Why the law of the paper could not be compiled; empty where it was.
+    """
+
+    name: str
+    steps: Mapping[str, Sequence[StepCell]]
+    triangle: Mapping[str, float]
+    first: Mapping[str, float]
+    drift: tuple[float, float]
+    refused: str = ""
+
+
+def rigs() -> dict[str, BearingRig]:
+    """Return the bearing with every iron; the first has its own."""
+    rig, _ = read()
+    others = {name: changed(rig, {"magnet.iron": table}) for name, table in irons().items()}
+    return {BUNDLED: rig, **others}
+
+
+def with_first(rig: BearingRig, loops: LoopSet) -> LoopSet:
+    """Return loops with a record more at every gap, which begins demagnetised."""
+    fresh = measure_loops(changed(rig, {"measurement.conditioning_cycles": 0}))
+    record = rig.settings.measurement.records[0].name
+    more = [replace(loop, label=f"{loop.label}-first") for loop in fresh.loops]
+    return loops.with_loops([*loops.loops, *(one for one in more if record in one.label)])
+
+
+def _setups(
+    rig: BearingRig, controller: ControllerFile, loops: LoopSet
+) -> tuple[dict[MethodName, Setup], IdentifiedMagnet]:
+    """Fit the baselines, and `full` with play cells."""
+    table = controller.settings
+    knowledge = identify_magnet(loops, IdentifyTable(law=CELLS))
+    setups: dict[MethodName, Setup] = {
+        name: make_setup(rig, table, knowledge, name, "fixed") for name in (*BASELINES, "full")
+    }
+    return setups, knowledge
+
+
+def _by_paper(rig: BearingRig, controller: ControllerFile, loops: LoopSet) -> Setup | str:
+    """Fit `full` with the law of the paper, or report why it cannot be."""
+    knowledge = identify_magnet(loops, IdentifyTable(law=PAPER))
+    try:
+        return make_setup(rig, controller.settings, knowledge, "full", "fixed")
+    except InputError as error:
+        return str(error)
+
+
+def _triangle(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, float]:
+    still = quiet(rig)
+    quieter = {name: Setup(still, s.controller, s.compensator) for name, s in setups.items()}
+    tried = experiments.of_all(experiments.follow, quieter, default_seeds(rig), SLOW)
+    return {
+        name: float("nan") if one["lost"] else one["force_error_rms_N"]["mean"]
+        for name, one in tried.items()
+    }
+
+
+def _steps(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, list[StepCell]]:
+    gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+    return {
+        variant: compare([setup], [gap], HEIGHTS, [load], default_seeds(rig))
+        for variant, setup in setups.items()
+    }
+
+
+def held_drift(rig: BearingRig, knowledge: IdentifiedMagnet) -> tuple[float, float]:
+    """Hold forces under noise of demand and gap; return how far iron and model drift, % of F_max.
+
+    Noise is that of the compiler's own check. Compared are the means of the first second of noise
+    and of the last one.
+    """
+    plan = make_plan(knowledge.model, CompileRequest("full", "q31", RATE), 0)
+    scales = plan.block.scales
+    low, span = scales.gap_low, scales.gap_high - scales.gap_low
+    reach = find_reach(plan.model, scales, plan.block.limits)
+    top = float(reach.demand(np.ones(2), np.array([low, low + span])).min())
+    ticks = round(SECONDS * RATE)
+    worst = [0.0, 0.0]
+    for level in LEVELS:
+        random = np.random.default_rng(5)
+        rise = np.concatenate([np.linspace(0.05, 0.95, 2000), np.linspace(0.95, level, 2000)])
+        noisy = level + holding.DEMAND_NOISE * random.standard_normal(ticks)
+        demand = top * np.concatenate([rise, noisy])
+        gap = np.full(demand.size, low + 0.5 * span)
+        gap[rise.size :] += holding.GAP_NOISE * span * random.standard_normal(ticks)
+        current = twin_of(plan.block, "q31").run(demand, gap)
+        forces = (
+            Coil(make_magnet(rig)).run(current, gap)[rise.size :, 0],
+            plan.model.predict(current, gap, history="demagnetised").output[rise.size :],
+        )
+        second = round(RATE)
+        for place, force in enumerate(forces):
+            drift = abs(float(np.mean(force[-second:]) - np.mean(force[:second])))
+            worst[place] = max(worst[place], 100.0 * drift / plan.largest)
+    return worst[0], worst[1]
+
+
+def measure(name: str, rig: BearingRig, controller: ControllerFile) -> Tried:
+    """Measure everything of one iron."""
+    loops = measure_loops(rig)
+    setups, knowledge = _setups(rig, controller, loops)
+    steps = _steps(rig, setups)
+    triangle = _triangle(rig, setups)
+    paper = _by_paper(rig, controller, loops)
+    if isinstance(paper, Setup):
+        steps["paper"] = _steps(rig, {"full": paper})["full"]
+        triangle["paper"] = _triangle(rig, {"full": paper})["full"]
+    more = identify_magnet(with_first(rig, loops), IdentifyTable(law=CELLS))
+    names: tuple[MethodName, ...] = ("single-valued", "full")
+    first = {one: make_setup(rig, controller.settings, more, one, "fixed") for one in names}
+    return Tried(
+        name,
+        steps,
+        triangle,
+        _triangle(rig, first),
+        held_drift(rig, knowledge),
+        paper if isinstance(paper, str) else "",
+    )
+
+
+def _worse(one: Tried, variant: str) -> list[float]:
+    """Points by which a variant certainly overshoots more than the strongest baseline, by height.
+
+    Zero where both overshoot by less than three times the rms of their standstill.
+    """
+    found = []
+    for place, height in enumerate(HEIGHTS):
+        cells = {name: steps[place] for name, steps in one.steps.items()}
+        own = cells[variant]
+        held = [cells[name] for name in BASELINES if not cells[name].lost]
+        best = min(held, key=lambda cell: cell.of("overshoot_percent").mean)
+        if own.lost:
+            found.append(float("inf"))
+            continue
+        still = max(cell.of("standstill_rms_m").mean for cell in (own, best))
+        floor = 100.0 * STANDSTILLS * still / height
+        a, b = (cell.of("overshoot_percent") for cell in (own, best))
+        certain = a.mean - b.mean - float(np.hypot(a.half_width, b.half_width))
+        small = max(a.mean, b.mean) < floor
+        found.append(0.0 if small else max(certain, 0.0))
+    return found
+
+
+def _steps_row(one: Tried) -> Row:
+    shown = {
+        name: "/".join(
+            "lost" if cell.lost else f"{cell.of('overshoot_percent').mean:.2f}" for cell in cells
+        )
+        for name, cells in one.steps.items()
+    }
+    worse = _worse(one, "full")
+    return Row(
+        f"bearing, iron {one.name}: overshoot, steps of 10/20/50/100 um, same gains",
+        f"full certainly worse than the strongest baseline by <= {WORSE:g} points",
+        f"worse by {max(worse):.2f} at most; "
+        + ", ".join(f"{name} {text} %" for name, text in shown.items())
+        + (f"; paper: {one.refused}" if one.refused else ""),
+        max(worse) <= WORSE,
+    )
+
+
+def _triangle_row(one: Tried) -> Row:
+    own, other = one.triangle["full"], one.triangle["single-valued"]
+    return Row(
+        f"bearing, iron {one.name}: force error on the slow triangle",
+        f"<= {HALF:g} of that of the best single-valued curve",
+        f"{own / other:.2f} of it; "
+        + ", ".join(f"{name} {error:.2f} N" for name, error in one.triangle.items())
+        + f"; first magnetisation measured too: full {one.first['full']:.2f} N, single-valued "
+        f"{one.first['single-valued']:.2f} N",
+        own <= HALF * other,
+    )
+
+
+def _drift_row(one: Tried) -> Row:
+    iron, model = one.drift
+    return Row(
+        f"bearing, iron {one.name}: force held for {SECONDS} s, noise of demand and gap: drift",
+        f"<= {DRIFT:g} % of F_max without a dead band",
+        f"{iron:.3f} %; of the model in place of the iron {model:.4f} %",
+        iron <= DRIFT,
+    )
+
+
+def map_row(found: Benefit) -> Row:
+    """Sum up the map of what compensation gains over 12 irons of cells."""
+    worse = [0.0]
+    marks = []
+    for cell in found.cells:
+        one = cell.strongest["overshoot_percent"]
+        marks.append(one.outcome)
+        if one.outcome == "loss":
+            assert one.difference is not None
+            worse.append(-one.difference.mean - one.difference.half_width)
+    counts = ", ".join(f"{mark} in {marks.count(mark)}" for mark in dict.fromkeys(marks))
+    return Row(
+        f"bearing, map of {len(found.cells)} cells, 12 irons of cells: overshoot of full",
+        f"nowhere certainly worse than the strongest baseline by more than {WORSE:g} points",
+        f"{max(worse):.2f} at most, more than that in {sum(one > WORSE for one in worse)}; {counts}",
+        max(worse) <= WORSE,
+    )
+
+
+def rows() -> list[Row]:
+    """All lines: seven irons of three families, and the map of cells."""
+    watch = Stopwatch()
+    rig, controller = read()
+    tried = [measure(name, one, controller) for name, one in rigs().items()]
+    lines = [line(one) for line in (_steps_row, _triangle_row, _drift_row) for one in tried]
+    lines.append(map_row(benefit(rig, controller)))
+    return [*lines, Row("the same: time", "minutes", str(watch), None, watch.processor)]
+
+
+def main(names: Sequence[str]) -> None:
+    """Print the lines of some irons, or of all."""
+    _, controller = read()
+    for name, rig in rigs().items():
+        if not names or name in names:
+            one = measure(name, rig, controller)
+            for row in (_steps_row(one), _triangle_row(one), _drift_row(one)):
+                print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

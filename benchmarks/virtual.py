@@ -1,0 +1,17 @@
+"""The irons of ``examples/irons``, for the lines that try other families than the examples have."""
+
+from __future__ import annotations
+
+import tomllib
+
+from anhyst.rig.iron_table import DuhemTable, PreisachTable
+from rows import ROOT
+
+FILE = ROOT / "examples" / "irons" / "irons.toml"
+
+
+def irons() -> dict[str, PreisachTable | DuhemTable]:
+    """Return them by name, as a rig file holds them."""
+    families = {"preisach": PreisachTable, "duhem": DuhemTable}
+    tables = tomllib.loads(FILE.read_text(encoding="utf-8"))
+    return {name: families[table["family"]](**table) for name, table in tables.items()}
