@@ -30,7 +30,7 @@ from anhyst.rig.bearing.tables import TrajectoryTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
-from anhyst.study.bearing.variations import changed
+from anhyst.study.bearing.variations import changed, with_iron
 from anhyst.support.errors import InputError
 from bearing import HEIGHTS, quiet, read
 from rows import Row, Stopwatch
@@ -53,6 +53,9 @@ RATE = 20e3
 LEVELS = (0.2, 0.5, 0.8)
 """Held forces, in parts of the largest that all gaps reach."""
 
+NARROW = 0.02
+"""Of the pinning, where hardly any hysteresis is left."""
+
 SLOW = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
 
 
@@ -64,7 +67,8 @@ class Tried:
     ----------
     name : str
     steps : mapping of str to sequence of StepCell
-        By variant, one for each height. ``paper`` is `full` with the law of the paper.
+        By variant, one for each height. ``paper`` is `full` with the law of the paper; ``without
+        hysteresis`` the best single-valued curve where the iron has hardly any.
     triangle : mapping of str to float
         Force error on the slow triangle, rms, N; not a number where the armature was lost.
     first : mapping of str to float
@@ -117,6 +121,13 @@ def _by_paper(rig: BearingRig, controller: ControllerFile, loops: LoopSet) -> Se
         return make_setup(rig, controller.settings, knowledge, "full", "fixed")
     except InputError as error:
         return str(error)
+
+
+def _unpinned(rig: BearingRig, controller: ControllerFile) -> Setup:
+    """Fit the best single-valued curve to hardly any hysteresis: what the loop itself overshoots."""
+    soft = with_iron(rig, None, NARROW)
+    knowledge = identify_magnet(measure_loops(soft), IdentifyTable(law=PAPER))
+    return make_setup(soft, controller.settings, knowledge, "single-valued", "fixed")
 
 
 def _triangle(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, float]:
@@ -176,6 +187,9 @@ def measure(name: str, rig: BearingRig, controller: ControllerFile) -> Tried:
     steps = _steps(rig, setups)
     triangle = _triangle(rig, setups)
     paper = _by_paper(rig, controller, loops)
+    steps["without hysteresis"] = _steps(rig, {"single-valued": _unpinned(rig, controller)})[
+        "single-valued"
+    ]
     if isinstance(paper, Setup):
         steps["paper"] = _steps(rig, {"full": paper})["full"]
         triangle["paper"] = _triangle(rig, {"full": paper})["full"]

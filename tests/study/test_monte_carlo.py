@@ -14,11 +14,14 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.interface import MethodName
+from anhyst.compensate.irons import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.identify.options import IdentifyTable
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
+from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.bearing.tables import DriftTable
@@ -334,14 +337,30 @@ def test_the_sensor_turns_around_the_operating_gap(
     assert share == pytest.approx(1.01, abs=1e-3)
 
 
-def test_a_drifted_law_keeps_its_bounds(rig: BearingRig, controller: ControllerFile) -> None:
-    model = make_ready(rig, controller).knowledge().model
+def test_a_drifted_law_keeps_its_bounds(rig: BearingRig) -> None:
+    model = identify_magnet(measure_loops(rig), IdentifyTable(law="effective-field")).model
     other = drifted_law(model, Drift(pinning=0.1, reversible=1e6, saturation=-0.02))
     for name, factor in (("k", 1.1), ("M_s", 0.98)):
         ratio = np.asarray(other.parameters[name]) / np.asarray(model.parameters[name])
         np.testing.assert_allclose(ratio, factor)
     assert np.max(np.asarray(other.parameters["c"])) == 1.0
     assert other.parameters["a"] == model.parameters["a"]
+
+
+def test_drifted_cells_are_pinned_otherwise_and_saturate_otherwise(
+    rig: BearingRig, controller: ControllerFile
+) -> None:
+    model = make_ready(rig, controller).knowledge().model
+    drift = Drift(pinning=0.1, reversible=0.5, saturation=-0.02)
+    own, other = cell_weights(model), cell_weights(drifted_law(model, drift))
+    np.testing.assert_allclose(other.thresholds, 1.1 * own.thresholds)
+    np.testing.assert_allclose(other.saturation, 0.98 * own.saturation)
+    free, freer = (one.weights[0].sum() / one.saturation for one in (own, other))
+    assert freer == pytest.approx(min(1.5 * free, 1.0))
+    assert not cell_weights(drifted_law(model, Drift(reversible=1e6))).weights[1:].any()
+    same = drifted_law(model, Drift())
+    there, back = (one.predict([0.0, 3.0, 1.0], 0.45e-3).output for one in (same, model))
+    np.testing.assert_allclose(there, back)
 
 
 def test_a_magnet_of_a_law_drifts_in_its_law(

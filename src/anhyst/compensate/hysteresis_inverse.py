@@ -11,6 +11,7 @@ from anhyst.compensate.block import Block, Scales
 from anhyst.compensate.floating import RealBlock, build_real
 from anhyst.compensate.force_controller import Native
 from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.irons import full_kind
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Sources
 from anhyst.support.errors import InputError
@@ -75,6 +76,7 @@ def _compile(
     block = plan.block
     if number_format != "fixed":
         law = plan.builder.law if kind == "simplified" else None
-        given = plan.model, kind, block.scales, block.limits, plan.sizes
+        made = full_kind(plan.model) if kind == "full" else kind
+        given = plan.model, made, block.scales, block.limits, plan.sizes
         block = build_real(*given, plan.start.conditioning, law)
     return HysteresisInverse(block, plan.sizes.iterations)

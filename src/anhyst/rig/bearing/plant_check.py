@@ -37,4 +37,5 @@ def _same(law: ActuatorModel, model: ActuatorModel) -> bool:
         return False
     sources = {source.sha256 for source in law.provenance.sources}
     common = sources & {source.sha256 for source in model.provenance.sources}
-    return dict(law.parameters) == dict(model.parameters) or bool(common)
+    alike = dict(law.parameters) == dict(model.parameters) and law.cells == model.cells
+    return alike or bool(common)

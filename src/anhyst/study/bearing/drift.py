@@ -7,7 +7,9 @@ from dataclasses import asdict, dataclass, fields, replace
 import numpy as np
 
 from anhyst._core import Bearing
+from anhyst.compensate.irons import cell_weights
 from anhyst.laws.law import Role
+from anhyst.laws.registry import law_of
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
@@ -105,6 +107,8 @@ def drifted_rig(rig: BearingRig, drift: Drift) -> BearingRig:
 
 def drifted_law(model: ActuatorModel, drift: Drift) -> ActuatorModel:
     """Return the law of a magnet that has drifted: its pinning, reversible part and saturation."""
+    if model.operator_law.cells is not None:
+        return _drifted_cells(model, drift)
     factors: dict[Role, float] = {
         "pinning": 1.0 + drift.pinning,
         "reversible": 1.0 + drift.reversible,
@@ -120,6 +124,24 @@ def drifted_law(model: ActuatorModel, drift: Drift) -> ActuatorModel:
                 else min(factor * value, spec.high)
             )
     return replace(model, parameters={**model.parameters, **changed})
+
+
+def _drifted_cells(model: ActuatorModel, drift: Drift) -> ActuatorModel:
+    """Return the same of a law of cells, as weights: of cell 0, which nothing pins, and of the rest."""
+    cells = cell_weights(model)
+    shares = cells.weights.sum(axis=1) / cells.saturation
+    free = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
+    factors = np.full(shares.size, (1.0 - free) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0)
+    factors[0] = free / shares[0] if shares[0] > 0.0 else 1.0
+    other = replace(
+        cells,
+        thresholds=(1.0 + drift.pinning) * cells.thresholds,
+        weights=(1.0 + drift.saturation) * factors[:, None] * cells.weights,
+    )
+    gone = {spec.name for spec in model.operator_law.parameters}
+    gone -= {spec.name for spec in law_of(model.law, other).parameters}
+    kept = {name: value for name, value in model.parameters.items() if name not in gone}
+    return replace(model, cells=other, parameters=kept)
 
 
 def drifted_bearing(rig: BearingRig, drift: Drift, seed: int) -> Bearing:

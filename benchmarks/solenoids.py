@@ -1,0 +1,154 @@
+"""Force control over the serial link with solenoids whose iron is of other families than the example's.
+
+Winding, poles and instruments are those of ``examples/solenoid``; the irons stand in
+``examples/irons``. Loops are measured anew for each. Of the positions two are kept, neither of them
+measured. ``python benchmarks/solenoids.py NAME`` prints the lines of one.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shutil
+import sys
+import tempfile
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from anhyst.data.reading import read_loops
+from anhyst.study.force.force_control import force_control
+from rows import ROOT, Row, Stopwatch
+from virtual import FILE
+
+FOLDER = ROOT / "examples" / "solenoid"
+POSITIONS = (1.25e-3, 2.6e-3)
+
+CELLS, PAPER = "play-cells", "effective-field"
+REST, MOVING, PART = 0.6, 1.5, 0.25
+"""To reach: % of F_max at rest and with the armature moving, and of the best single-valued curve."""
+
+REACHED = 0.85
+"""Of the force that every position reaches: the largest demand, if that is below the example's."""
+
+
+def _loops_module() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("solenoid_loops", FOLDER / "make_loops.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def write_rig(folder: Path, name: str, law: str) -> Path:
+    """Write the rig of the example with another iron and its loops; return the rig file."""
+    rig, solenoid = (
+        (FOLDER / file).read_text(encoding="utf-8") for file in ("rig.toml", "solenoid.toml")
+    )
+    path = tomllib.loads(solenoid)["iron"]
+    iron = tomllib.loads(FILE.read_text(encoding="utf-8"))[name]
+    iron |= {key: path[key] for key in ("length_m", "area_m2")}
+    lines = "".join(f"{key} = {json.dumps(value)}\n" for key, value in iron.items())
+    circuit = solenoid[solenoid.index("[circuit]") :]
+    (folder / "solenoid.toml").write_text(f"[iron]\n{lines}\n{circuit}", encoding="utf-8")
+    rig = re.sub(r"positions_m = .*", f"positions_m = {list(POSITIONS)}", rig)
+    place = folder / "rig.toml"
+    place.write_text(f'{rig}\n[identify]\nlaw = "{law}"\n', encoding="utf-8")
+    for file, text in _loops_module().files(place).items():
+        (folder / file).write_text(text, encoding="utf-8")
+    gaps = read_loops(folder / "loops.csv").by_schedule().values()
+    least = min(max(float(loop.output.max()) for loop in loops) for loops in gaps)
+    largest = min(40.0, 5.0 * (REACHED * least // 5.0))
+    text = place.read_text(encoding="utf-8")
+    place.write_text(re.sub(r"force_max_N = [\d.]+", f"force_max_N = {largest}", text), "utf-8")
+    return place
+
+
+def run(rig: Path) -> dict[str, Any]:
+    """Run everything of a rig and return its figures."""
+    with tempfile.TemporaryDirectory() as place:
+        return force_control(rig, Path(place) / "run").figures
+
+
+def by_law(summaries: dict[str, dict[str, Any]], stage: str) -> str:
+    """Report what each law and each curve without memory leaves at a stage."""
+    parts = [
+        f"{law} {summary[stage]['full']['worst_percent']:.2f} %"
+        for law, summary in summaries.items()
+    ]
+    plain = summaries[CELLS][stage]
+    parts += [f"{name} {plain[name]['worst_percent']:.2f} %" for name in ("single", "ratio")]
+    return ", ".join(parts)
+
+
+def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
+    """Return the lines of one solenoid, by law: at rest and moving."""
+    own = summaries[CELLS]
+    found = []
+    for title, stages, most in (
+        ("at rest", ("end", "end_demagnetised", "positions"), REST),
+        ("armature moving", ("moving",), MOVING),
+    ):
+        worst = max(own[stage]["full"]["worst_percent"] for stage in stages)
+        part = max(own[stage]["full"]["of_single"] for stage in stages)
+        told = "; ".join(f"{stage}: {by_law(summaries, stage)}" for stage in stages)
+        found.append(
+            Row(
+                f"force control, {what}, {title}: worst force error of full",
+                f"<= {most:g} % of F_max and {PART:g} of the best single-valued",
+                f"{worst:.2f} %, {part:.2f} of it; {told}",
+                worst <= most and part <= PART,
+            )
+        )
+    return found
+
+
+def measure(name: str) -> list[Row]:
+    """Measure one iron with both laws."""
+    summaries = {}
+    for law in (CELLS, PAPER):
+        with tempfile.TemporaryDirectory() as place:
+            summaries[law] = run(write_rig(Path(place), name, law))["summary"]
+    return lines_of(f"iron {name}", summaries)
+
+
+def bundled() -> list[Row]:
+    """Measure the solenoid of the example with both laws, at all its positions."""
+    summaries = {}
+    for law in (CELLS, PAPER):
+        with tempfile.TemporaryDirectory() as place:
+            shutil.copytree(FOLDER, place, dirs_exist_ok=True)
+            rig = Path(place) / "rig.toml"
+            with rig.open("a", encoding="utf-8") as stream:
+                stream.write(f'\n[identify]\nlaw = "{law}"\n')
+            summaries[law] = run(rig)["summary"]
+    return lines_of("iron of cells", summaries)
+
+
+def names() -> list[str]:
+    """Return the irons of other families."""
+    return list(tomllib.loads(FILE.read_text(encoding="utf-8")))
+
+
+def rows() -> list[Row]:
+    """All lines: the example and six other irons."""
+    watch = Stopwatch()
+    found = bundled()
+    for name in names():
+        found += measure(name)
+    return [*found, Row("the same: time", "minutes", str(watch), None, watch.processor)]
+
+
+def main(chosen: Sequence[str]) -> None:
+    """Print the lines of some irons, or of all."""
+    for name in chosen or ["cells", *names()]:
+        for row in bundled() if name == "cells" else measure(name):
+            print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
