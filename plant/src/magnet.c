@@ -112,6 +112,7 @@ static anhyst_plant_row row_at(const anhyst_plant_law *law, double gap)
   found.gain = a->gain + share * (b->gain - a->gain);
   found.offset = a->offset + share * (b->offset - a->offset);
   found.zero = a->zero + share * (b->zero - a->zero);
+  found.density = a->density + share * (b->density - a->density);
   return found;
 }
 
@@ -131,7 +132,7 @@ static void law_moves(const anhyst_plant_law *law, anhyst_plant_coil *coil, doub
                           row.drive * (coil->current - row.zero) + 0.5 * opposing * coil->stride);
   flux = anhyst_flux_of_f64(law->iron, &coil->law);
   coil->stride = flux - before;
-  coil->density = flux;
+  coil->density = row.density * flux;
   coil->force = row.gain * flux * flux + row.offset;
 }
 

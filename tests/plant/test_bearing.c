@@ -17,8 +17,8 @@ enum { OF_CELLS, OF_LAW, OF_PREISACH, OF_DUHEM, KINDS };
 static const char *const kinds[KINDS] = {"cells", "law", "preisach", "duhem"};
 
 static const double psi[2 * POINTS] = {0.0, 0.04, 0.07, 0.09, 0.1, 0.0, 0.02, 0.04, 0.055, 0.065};
-static const anhyst_plant_row rows[2] = {{8e3, 4e-3, 60.0, 0.1, 0.02},
-                                         {6e3, 6e-3, 60.0, 0.1, 0.02}};
+static const anhyst_plant_row rows[2] = {{8e3, 4e-3, 60.0, 0.1, 0.02, 1.0},
+                                         {6e3, 6e-3, 60.0, 0.1, 0.02, 1.0}};
 
 static const anhyst_plant_curve curve = {1.3, 120.0, 0.75, 3000.0};
 

@@ -141,3 +141,13 @@ def test_flux_rows_hold_at_the_gaps_of_the_table_beyond_its_ends() -> None:
     for beyond, end in ((0.1e-3, 0.3e-3), (0.9e-3, 0.6e-3)):
         outside = Coil(as_law(TABLE)).run(one, np.array([beyond]))
         assert outside == pytest.approx(Coil(as_law(TABLE)).run(one, np.array([end])))
+
+
+def test_a_law_shows_the_flux_density_that_pulls_whatever_its_gauge() -> None:
+    """A Hall probe sees that of the gap; that of a law is a choice of units."""
+    poles = example_poles()
+    current = np.linspace(0.0, 2.0, 50)
+    force, _, density = Coil(as_law(TABLE)).run(current, np.full(50, GAP)).T
+    area = (poles.width + GAP) * (poles.depth + GAP)
+    pulls = force[1:] - float(model().over_schedule("out_0", np.array([GAP]))[0])
+    assert density[1:] ** 2 * area / MU_0 == pytest.approx(pulls, rel=1e-9)

@@ -42,6 +42,7 @@ typedef struct {
   double gain;      /* c_out, N/T^2 */
   double offset;    /* output at no flux, N */
   double zero;      /* current at no drive, A */
+  double density;   /* flux density in the gap for that of the law, which is a choice of gauge */
 } anhyst_plant_row;
 
 /* Flux linkage over current (0..current_high, equal steps) and gap (equal steps), rising along the

@@ -33,11 +33,11 @@ public:
   Magnet(const nb::dict &numbers, const AnyIron &iron, const InTable &rows, const InTable &psi)
   {
     Settings given(numbers);
-    if (rows.shape(0) < 2 || rows.shape(1) != 5 || psi.shape(0) < 2 || psi.shape(1) < 2) {
-      throw std::invalid_argument("a law has two rows of five numbers, its table two by two");
+    if (rows.shape(0) < 2 || rows.shape(1) != 6 || psi.shape(0) < 2 || psi.shape(1) < 2) {
+      throw std::invalid_argument("a law has two rows of six numbers, its table two by two");
     }
     for (size_t i = 0; i < rows.shape(0); i++) {
-      rows_.push_back({rows(i, 0), rows(i, 1), rows(i, 2), rows(i, 3), rows(i, 4)});
+      rows_.push_back({rows(i, 0), rows(i, 1), rows(i, 2), rows(i, 3), rows(i, 4), rows(i, 5)});
     }
     psi_.assign(psi.data(), psi.data() + psi.size());
     law_.iron = iron.get();

@@ -48,6 +48,10 @@ class Poles:
     iron_length: float
     joints: float = 0.0
 
+    def density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
+        """Return the flux density in the gap, T, that pulls with a force of `gain`, N."""
+        return np.sqrt(MU_0 * gain / ((self.width + gap) * (self.depth + gap)))
+
     @property
     def area(self) -> float:
         """Cross-section of the core, m^2."""
@@ -168,7 +172,7 @@ def law_magnet(
     Parameters
     ----------
     poles : Poles
-        Turns and resistance count.
+        Turns, resistance, and the faces under which the flux density in the gap is that which pulls.
     iron : IronOperator
         The law; one of the core.
     rows : ndarray, shape (n, 5)
@@ -193,7 +197,9 @@ def law_magnet(
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-    return Magnet(numbers, iron, np.ascontiguousarray(rows), _even(table))
+    gap = np.linspace(float(table.gap[0]), float(table.gap[-1]), len(rows))
+    rows = np.column_stack([rows, poles.density(rows[:, 2], gap)])
+    return Magnet(numbers, iron, rows, _even(table))
 
 
 def _even(table: FluxTable) -> FloatArray:
