@@ -222,7 +222,8 @@ def of_1986(model: ActuatorModel) -> ActuatorModel:
         pytest.param(with_eddy_currents, "gamma: eddy currents cannot be compiled; identify with "
                      "gamma = 0", id="eddy currents"),
         pytest.param(of_1986, "law 'jiles-atherton-1986' cannot be compiled: its step has no "
-                     "closed form; identify with --law effective-field", id="law of 1986"),
+                     "closed form; identify with --law effective-field or --law play-cells or "
+                     "--law play-cells-langevin", id="law of 1986"),
     ],
 )  # fmt: skip
 def test_a_model_that_cannot_be_compiled(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.compensate.layout import MOST_WORDS
 from anhyst.control.states import Command, Fault, State
 from anhyst.link import frames
 from anhyst.link.blocks import regenerate
@@ -235,7 +236,7 @@ def kept_set(position: tuple[int, ...], source: int) -> bytes:
     """Return a flash with a set: calibrations, where the position comes from, no block."""
     live_zero = (410, 327760, 0, 80, 4015)
     numbers = [1, *live_zero * 3, *position, source, 0]
-    payload = struct.pack(f"<{len(numbers)}i", *numbers) + bytes(2048)
+    payload = struct.pack(f"<{len(numbers)}i", *numbers) + bytes(2 * MOST_WORDS)
     copy = struct.pack("<III", 0x53594E41, 5, len(payload) // 4) + payload
     copy += struct.pack("<I", zlib.crc32(copy))
     return copy.ljust(2 * nucleo.SECTOR_BYTES, b"\xff")

@@ -26,8 +26,8 @@ from tests.study import bearings
 from tests.study.bearings import GAP
 
 OTHERS = {
-    "more pinning, a fifth less current": {"k": 1.5, "c_H": 0.8},
-    "less pinning, a tenth more current": {"k": 0.6, "c_H": 1.1},
+    "more pinning, a fifth less current": {"thresholds": 1.5, "c_H": 0.8},
+    "less pinning, a tenth more current": {"thresholds": 0.6, "c_H": 1.1},
 }
 AWAY = 6e-6
 """Farthest from where it hovers, m; without a limit 10.6 um and 7.9 um were seen of these."""
@@ -50,12 +50,16 @@ class Built:
     def block(self, factors: dict[str, float]) -> Block:
         """Return the block of the same magnet with other parameters, for the same signals."""
         known = bearings.knowledge()
-        values = dict(known.model.parameters)
+        values, cells = dict(known.model.parameters), known.model.cells
+        assert cells is not None
         for name, factor in factors.items():
+            if name == "thresholds":
+                cells = replace(cells, thresholds=factor * cells.thresholds)
+                continue
             before = values[name]
             assert isinstance(before, float)
             values[name] = before * factor
-        model = replace(known.model, parameters=MappingProxyType(values))
+        model = replace(known.model, parameters=MappingProxyType(values), cells=cells)
         other = IdentifiedMagnet(known.loops, model)
         rig, table = self.setup.rig, self.setup.controller
         law = make_setup(rig, table, other, self.variant, "fixed").compensator.parameters
