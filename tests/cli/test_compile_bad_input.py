@@ -131,7 +131,7 @@ def test_a_model_without_limits(folder: Path) -> None:
             "straight anhysteretic",
             "compile with --kind full",
         ),
-        (("--accuracy", "0.001", "--io", "q31"), "tables", "2 KiB of tables hold no more"),
+        (("--accuracy", "0.001", "--io", "q31"), "tables", "the tables of a block hold no more"),
     ],
 )
 def test_an_accuracy_out_of_reach_names_its_cause(

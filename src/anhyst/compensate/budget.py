@@ -276,7 +276,7 @@ def _late(model: ActuatorModel, demand: FloatArray, gap: FloatArray) -> FloatArr
 
 REASON = {
     "law": "a straight anhysteretic curve comes no nearer",
-    "tables": "2 KiB of tables hold no more",
+    "tables": "the tables of a block hold no more",
     "quantisation": "its words hold no more",
     "gap_interpolation": "narrow the range of the gap in the model's [valid]",
 }

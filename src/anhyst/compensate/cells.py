@@ -198,10 +198,9 @@ def cell_rows(
         above = 0.5 * (ends[:, 1:] + ends[:, :-1]) - middles
         around = np.pad(above, ((0, 0), (1, 1)), mode="edge")
         # Chords lie on one side of a curve; half as far off when they are moved half of the way.
-        moved = ends - 0.25 * (around[:, 1:] + around[:, :-1])
-        # Where a segment is as wide as the knee, that alone may make a row fall or leave its range.
-        rising = np.clip(np.maximum.accumulate(moved, axis=1), -1.0, 1.0)
-        return rising, float(np.abs(above).max())
+        # Moved entries of few segments may pass saturation, or one the other.
+        moved = np.clip(ends - 0.25 * (around[:, 1:] + around[:, :-1]), -1.0, 1.0)
+        return np.maximum.accumulate(moved, axis=1), float(np.abs(above).max())
 
     segments = sizes.curve_segments
     grids = [RowGrid(segments, zone) for zone in ZONES if zone <= segments]
