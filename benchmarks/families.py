@@ -187,9 +187,9 @@ def measure(name: str, rig: BearingRig, controller: ControllerFile) -> Tried:
     steps = _steps(rig, setups)
     triangle = _triangle(rig, setups)
     paper = _by_paper(rig, controller, loops)
-    steps["without hysteresis"] = _steps(rig, {"single-valued": _unpinned(rig, controller)})[
-        "single-valued"
-    ]
+    alone: dict[MethodName, Setup] = {"single-valued": _unpinned(rig, controller)}
+    steps["without hysteresis"] = _steps(rig, alone)["single-valued"]
+    triangle["without hysteresis"] = _triangle(alone["single-valued"].rig, alone)["single-valued"]
     if isinstance(paper, Setup):
         steps["paper"] = _steps(rig, {"full": paper})["full"]
         triangle["paper"] = _triangle(rig, {"full": paper})["full"]
@@ -229,6 +229,12 @@ def _worse(one: Tried, variant: str) -> list[float]:
     return found
 
 
+def _still(one: Tried, variant: str) -> float:
+    """Rms of the gap at rest, nm, in the mean over heights."""
+    cells = [cell for cell in one.steps[variant] if not cell.lost]
+    return 1e9 * float(np.mean([cell.of("standstill_rms_m").mean for cell in cells]))
+
+
 def _steps_row(one: Tried) -> Row:
     shown = {
         name: "/".join(
@@ -242,6 +248,8 @@ def _steps_row(one: Tried) -> Row:
         f"full certainly worse than the strongest baseline by <= {WORSE:g} points",
         f"worse by {max(worse):.2f} at most; "
         + ", ".join(f"{name} {text} %" for name, text in shown.items())
+        + f"; at rest full {_still(one, 'full'):.0f} nm rms, single-valued "
+        f"{_still(one, 'single-valued'):.0f} nm"
         + (f"; paper: {one.refused}" if one.refused else ""),
         max(worse) <= WORSE,
     )

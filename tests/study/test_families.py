@@ -1,0 +1,121 @@
+"""What play cells must reach in the bearing with irons that are no law of the package.
+
+The whole table is benchmarks/families.py.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from anhyst._core import Coil
+from anhyst.compensate import holding
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.paths import find_reach
+from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.compensate.twin import twin_of
+from anhyst.identify.options import IdentifyTable
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.plant import make_magnet
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.tables import TrajectoryTable
+from anhyst.study.bearing import experiments
+from anhyst.study.bearing.benefit import benefit
+from anhyst.study.bearing.responses import compare
+from anhyst.study.bearing.variations import changed, with_iron
+from tests.plant.irons import generator
+from tests.study import bearings
+from tests.study.bearings import GAP
+from tests.study.test_claims import quiet
+
+SEEDS = range(3)
+RATE = 20e3
+
+
+@cache
+def rig_of(name: str) -> BearingRig:
+    """Return the bearing with an iron; its loops are measured in coarser steps, to be quick."""
+    rig = changed(bearings.example(), {"measurement.sample_s": 0.025})
+    return rig if name == "cells" else changed(rig, {"magnet.iron": generator().tables()[name]})
+
+
+@cache
+def knowledge(name: str) -> IdentifiedMagnet:
+    return identify_magnet(measure_loops(rig_of(name)), IdentifyTable(law="play-cells"))
+
+
+@cache
+def setup_of(name: str, variant: MethodName) -> Setup:
+    settings = bearings.controller().settings
+    return make_setup(rig_of(name), settings, knowledge(name), variant, "fixed")
+
+
+def triangle_error(name: str, variant: MethodName) -> float:
+    """Rms of the force error on a triangle of 20 um at 1 Hz, N."""
+    slow = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+    setups = {variant: quiet(setup_of(name, variant))}
+    found = experiments.of_all(experiments.follow, setups, range(2), slow)[variant]
+    assert found["lost"] == 0
+    return float(found["force_error_rms_N"]["mean"])
+
+
+def overshoot(setup: Setup, height: float) -> float:
+    (cell,) = compare([setup], [GAP], [height], [150.0], SEEDS, jobs=1)
+    return cell.of("overshoot_percent").mean
+
+
+@pytest.mark.slow
+def test_an_iron_of_relays_leaves_less_than_half_of_what_the_best_curve_leaves() -> None:
+    """A fifth, 0.4 N of 1.9 N; the law of the paper cannot be compiled for it."""
+    full, curve = (triangle_error("preisach-usual", one) for one in ("full", "single-valued"))
+    assert full < 0.4 * curve
+
+
+@pytest.mark.slow
+def test_what_is_left_of_an_overshoot_is_that_of_the_loop_without_hysteresis() -> None:
+    """Where hysteresis damps, a drive that knows none overshoots less than its own loop would."""
+    soft = with_iron(rig_of("cells"), None, 0.02)
+    known = identify_magnet(measure_loops(soft), IdentifyTable(law="effective-field"))
+    alone = make_setup(soft, bearings.controller().settings, known, "single-valued", "fixed")
+    for height in (50e-6, 100e-6):
+        full = overshoot(setup_of("cells", "full"), height)
+        assert abs(full - overshoot(alone, height)) < 0.03
+    assert overshoot(setup_of("cells", "single-valued"), 100e-6) < full - 0.03
+
+
+@pytest.mark.parametrize("name", ["cells", pytest.param("preisach-usual", marks=pytest.mark.slow)])
+def test_noise_of_demand_and_gap_does_not_move_a_force_held_for_a_minute(name: str) -> None:
+    """The force of the iron itself, without a dead band: 0.002 and 0.004 % of the largest."""
+    plan = make_plan(knowledge(name).model, CompileRequest("full", "q31", RATE), 0)
+    assert plan.block.kind == "cells"
+    scales = plan.block.scales
+    span = scales.gap_high - scales.gap_low
+    reach = find_reach(plan.model, scales, plan.block.limits)
+    random = np.random.default_rng(3)
+    ticks = round(60.0 * RATE)
+    rise = np.concatenate([np.linspace(0.05, 0.95, 2000), np.linspace(0.95, 0.5, 2000)])
+    demand, gap = random.standard_normal((2, rise.size + ticks))
+    demand = 0.5 + holding.DEMAND_NOISE * demand
+    demand[: rise.size] = rise
+    gap = scales.gap_low + span * (0.5 + holding.GAP_NOISE * gap)
+    demand *= float(reach.demand(np.ones(1), np.array([scales.gap_high]))[0])
+    current = twin_of(plan.block, "q31").run(demand, gap)
+    force = Coil(make_magnet(rig_of(name))).run(current, gap)[rise.size :, 0]
+    second = round(RATE)
+    assert abs(force[-second:].mean() - force[:second].mean()) < 2e-4 * plan.largest
+
+
+@pytest.mark.slow
+def test_the_map_of_another_family_goes_over_its_loop_widths_alone() -> None:
+    rig = changed(rig_of("preisach-usual"), {"identify.law": "play-cells"})
+    found = benefit(rig, bearings.controller(), (1.0, 2.0), heights=(50e-6,), seeds=2)
+    assert [cell.iron.reversible_fraction for cell in found.cells] == [None, None]
+    narrow, wide = (cell.iron.loop_width for cell in found.cells)
+    assert wide > 1.5 * narrow
+    assert found.as_dict()["cells"][0]["reversible_fraction"] is None
+    for cell in found.cells:
+        assert cell.ratio["overshoot_percent"].outcome == "gain"
