@@ -270,7 +270,8 @@ def test_any_memory_leads_back_into_bounds_and_to_the_demand(seed: int) -> None:
 @pytest.mark.parametrize("segments", [2, 3])
 def test_few_segments_rise_and_stay_within_saturation(segments: int) -> None:
     """Entries moved towards the curve of iron driven far beyond its knee: valid all the same."""
-    hard = replace(cells(), parameters=cells().parameters | {"a_1": 60.0, "a_2": 90.0})
+    knee = {"a_1": 60.0, "a_2": 90.0}
+    hard = replace(cells(), parameters={**cells().parameters, **knee})
     sizes = replace(SIZES, curve_segments=segments)
     real = build_real(hard, "cells", *ranges("reluctance", "play-cells"), sizes)
     assert RealTwin(real, "f64").solve(0.5 * largest(), GAPS[0]) > 0.0

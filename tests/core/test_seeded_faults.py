@@ -172,6 +172,62 @@ FAULTS = [
         "rise < -100 ||",
         "test_fixed_map",
     ),
+    Fault(
+        "a turn that forgets what moved",
+        "src/compensator/cells.c",
+        "along->rest = ~inside(along->rest + left);",
+        "along->rest = ~inside(along->rest - left);",
+        "test_fixed_cells",
+    ),
+    Fault(
+        "cells left at the wrong side",
+        "src/compensator/cells.c",
+        "along->left = spot_on(along, along->rows, ~x);",
+        "along->left = spot_on(along, along->rows, x);",
+        "test_fixed_cells",
+    ),
+    Fault(
+        "cells that join taken off twice",
+        "src/compensator/cells.c",
+        "inside(along->rest - between(here, here.at + step));",
+        "inside(along->rest + between(here, here.at + step));",
+        "test_fixed_cells",
+    ),
+    Fault(
+        "the last play not kept",
+        "src/compensator/cells_block.c",
+        "for (int16_t cell = 1; cell < moved; cell++) {",
+        "for (int16_t cell = 1; cell + 1 < moved; cell++) {",
+        "test_fixed_cells",
+    ),
+    Fault(
+        "rest counted in the other direction",
+        "src/compensator/cells.c",
+        "along->falling == 0 ? others | moved : others",
+        "along->falling != 0 ? others | moved : others",
+        "test_fixed_cells",
+    ),
+    Fault(
+        "cells that part and take nothing along",
+        "src/compensator/cells.c",
+        "rest = between(here, here.at + (along->active - cell) * along->stride);",
+        "rest = 0;",
+        "test_fixed_cells",
+    ),
+    Fault(
+        "a cell that parts the wrong way",
+        "src/compensator/cells.c",
+        "    rest = left_with(along, cell);",
+        "    rest = -left_with(along, cell);",
+        "test_fixed_cells",
+    ),
+    Fault(
+        "rows apart without what lies between entries",
+        "src/compensator/cells_path.h",
+        "return low * 32768 + (high - low) * of.part;",
+        "return low * 32768;",
+        "test_fixed_cells",
+    ),
 ]
 
 

@@ -1,0 +1,479 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The kernel of the law of cells, function by function from the leaves to the whole step. PART
+   names the function that is proved; those below it are replaced by what their own proof has shown
+   (contracts in proofs.toml), each of them first showing that it may be called so.
+
+   A loop that turns as often as its data say is proved for one turn: proofs.toml puts BEGIN_TURN
+   and END_TURN into its body, which show an invariant, forget everything but that, and leave the
+   loop.
+
+   A path is any that the invariant `is_path` allows, on rows of any size that anhyst_block_check
+   lets through; where a row is read, what the check says of its entries is assumed. */
+#ifndef RAW_PRODUCTS
+#define ANHYST_PORT_HEADER "contracts.h"
+#endif
+#include "any.h"
+
+#define is_inside(a) ((a) >= -ONE && (a) < ONE)
+
+#define BEGIN_TURN(invariant, forget, condition)                                                   \
+  SHOW(invariant);                                                                                 \
+  forget;                                                                                          \
+  ASSUME((invariant) && (condition));
+#define END_TURN(invariant, forget)                                                                \
+  SHOW(invariant);                                                                                 \
+  forget;                                                                                          \
+  ASSUME(invariant);                                                                               \
+  break;
+
+#define GALLOP (first >= 0 && first <= end && end <= along->stride - 2 && step >= 1 && step <= 2048)
+#define FORGET_GALLOP                                                                              \
+  first = nondet_i16();                                                                            \
+  end = nondet_i16();                                                                              \
+  step = nondet_i16()
+#define HALVING (first >= 0 && first <= end && end <= along->stride - 2)
+#define FORGET_HALVING                                                                             \
+  first = nondet_i16();                                                                            \
+  end = nondet_i16()
+#define GATHERING                                                                                  \
+  (is_path(along) && least > begun && least <= most && most <= along->moved && along->low >= place)
+#define FORGET_GATHERING                                                                           \
+  least = nondet_i16();                                                                            \
+  most = nondet_i16();                                                                             \
+  move_on(along)
+#define PARTING (cell >= least && cell < along->active)
+#define PURSUING (is_path(along) && is_inside(*next) && low >= x && low <= *next)
+#define FORGET_PURSUING                                                                            \
+  along->left = any_spot(along, along->rows);                                                      \
+  along->x = nondet_i32();                                                                         \
+  along->moved = nondet_i16();                                                                     \
+  low = nondet_i32();                                                                              \
+  *next = nondet_i32();                                                                            \
+  move_on(along)
+
+#include "compensator/cells_path.h"
+
+static int16_t begun; /* cells that moved before */
+static int is_path(const cell_path *along);
+static anhyst_spot any_spot(const cell_path *along, const int16_t *row);
+static void move_on(cell_path *along);
+
+#include "compensator/cells.c"
+#include "compensator/cells_block.c"
+
+#define HALF (ONE / 2)
+
+static int16_t block_words[ANHYST_BLOCK_MOST_WORDS]; /* any */
+static int32_t rested[ANHYST_CELLS];                 /* any plays */
+
+/* A block that passed its check. */
+static void any_block(int16_t *words)
+{
+  const int32_t bits = any_within(2, 8);
+  const int32_t count = any_within(1, ANHYST_CELLS);
+  words[ANHYST_WORD_CELLS_AIR] = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  words[ANHYST_WORD_CELLS_COUNT] = (int16_t)count;
+  words[ANHYST_WORD_CELLS_SEGMENTS] = (int16_t)bits;
+  words[ANHYST_WORD_CELLS_ZONE] = (int16_t)any_within(0, bits < 5 ? bits : 5);
+  words[ANHYST_WORD_CELLS_THRESHOLDS] = ANHYST_BLOCK_LEAST_WORDS;
+  words[ANHYST_WORD_CELLS_ROWS] = ANHYST_BLOCK_LEAST_WORDS + ANHYST_CELLS;
+  for (int16_t i = 0; i < ANHYST_CELLS; i++) {
+    words[ANHYST_BLOCK_LEAST_WORDS + i] = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  }
+  cell_path along;
+  anhyst_cells_rows(&along, words);
+  ASSUME(words[ANHYST_WORD_CELLS_ROWS] + (count + 1) * along.stride <= ANHYST_BLOCK_MOST_WORDS);
+  SHOW(along.stride >= 9 && along.outer >= 0 && along.stride > 2 * along.outer);
+  SHOW(along.narrow >= 2 && along.wide <= 13 && along.narrow <= along.wide);
+}
+
+/* The places of rows are numbers here: the first row begins at this one. */
+static int32_t place_of(const cell_path *along, const int16_t *at)
+{
+  return (int32_t)(at - along->rows);
+}
+
+/* A place of a row, before the last of its entries. */
+static int is_on(const cell_path *along, anhyst_spot spot, int32_t row)
+{
+  const int32_t segment = place_of(along, spot.at) - row * along->stride;
+  return segment >= 0 && segment <= along->stride - 2 && spot.part >= 0 && spot.part <= 0x7FFF;
+}
+
+static int is_path(const cell_path *along)
+{
+  return along->active >= 1 && along->active <= along->cells + 1 && along->moved >= 0 &&
+         along->moved <= along->cells + 1 && is_inside(along->x) && is_inside(along->rest) &&
+         is_inside(along->low) && (along->falling == 0 || along->falling == -1) &&
+         place_of(along, along->row) == (along->active - 1) * along->stride &&
+         is_on(along, along->left, 0);
+}
+
+/* A segment of a row, of which the first begins at this place. */
+static anhyst_spot any_spot(const cell_path *along, const int16_t *row)
+{
+  const anhyst_spot spot = {row + any_within(0, along->stride - 2), any_within(0, 0x7FFF)};
+  return spot;
+}
+
+static cell_path any_path(void)
+{
+  cell_path along;
+  any_block(block_words);
+  anhyst_cells_rows(&along, block_words);
+  for (int16_t i = 0; i < ANHYST_CELLS; i++) {
+    rested[i] = nondet_i32();
+  }
+  along.plays = rested;
+  along.active = (int16_t)any_within(1, along.cells + 1);
+  along.moved = (int16_t)any_within(0, along.cells + 1);
+  along.row = row_of(&along, along.active);
+  along.left = any_spot(&along, along.rows);
+  along.frozen = nondet_i32();
+  along.rest = any_within(-ONE, ONE - 1);
+  along.x = any_within(-ONE, ONE - 1);
+  along.low = any_within(-ONE, ONE - 1);
+  along.falling = nondet_i16() != 0 ? -1 : 0;
+  SHOW(is_path(&along));
+  return along;
+}
+
+/* Forgets all that a function may change of a path. */
+static void move_on(cell_path *along)
+{
+  along->active = (int16_t)any_within(1, along->cells + 1);
+  along->row = along->rows + (along->active - 1) * along->stride;
+  along->rest = any_within(-ONE, ONE - 1);
+  along->low = any_within(-ONE, ONE - 1);
+}
+
+/* Targets that a flux or a current can ask for, over 4. */
+#define MOST_TARGET (HALF + HALF / 4)
+
+static equation any_equation(void)
+{
+  const equation solve = {
+      (int16_t)any_within(1, ANHYST_Q15_MAX), (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
+      (int16_t)any_within(0, ANHYST_Q15_MAX), any_within(-MOST_TARGET, MOST_TARGET)};
+  return solve;
+}
+
+static int is_target(int32_t target) { return target >= -MOST_TARGET && target <= MOST_TARGET; }
+
+/* ---- contracts ---- */
+
+#ifdef VALUE_BY_CONTRACT
+static inline int32_t anhyst_value_at(anhyst_spot spot)
+{
+  SHOW(spot.part >= 0 && spot.part <= 0x7FFF);
+  return any_within(-ANHYST_Q15_MAX * 32768, ANHYST_Q15_MAX * 32768);
+}
+
+static inline int32_t between(anhyst_spot of, const int16_t *other)
+{
+  SHOW(of.part >= 0 && of.part <= 0x7FFF);
+  return any_within(-ANHYST_Q15_MAX * 32768, ANHYST_Q15_MAX * 32768);
+}
+#endif
+
+#ifdef SPOT_BY_CONTRACT
+static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, int32_t x)
+{
+  SHOW(is_inside(x));
+  SHOW(place_of(along, row) >= 0 && place_of(along, row) <= along->cells * along->stride);
+  return any_spot(along, row);
+}
+#endif
+
+#ifdef RESIDUAL_BY_CONTRACT
+static int32_t missing_at(const cell_path *along, const equation *solve, int32_t x,
+                          anhyst_spot spot)
+{
+  SHOW(is_inside(x) && is_inside(along->rest) && is_target(solve->target));
+  SHOW(is_on(along, spot, along->active - 1));
+  return any_within(-3 * HALF, 3 * HALF);
+}
+
+static int32_t beside(const cell_path *along, const equation *solve, int32_t x, anhyst_spot spot,
+                      int32_t missing)
+{
+  SHOW(is_inside(x) && missing >= -3 * HALF && missing <= 3 * HALF);
+  SHOW(is_on(along, spot, along->active - 1));
+  return nondet_i32();
+}
+#endif
+
+#ifdef PART_BY_CONTRACT
+static int32_t part_of(int32_t n, int32_t d)
+{
+  SHOW(n >= 0 && n < d);
+  return any_within(0, 65535);
+}
+#endif
+
+#ifdef STEPS_BY_CONTRACT
+static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
+{
+  SHOW(cell >= 1 && is_inside(along->x) && is_inside(low));
+  return any_within(low, ONE - 1);
+}
+
+static void find_left(cell_path *along)
+{
+  SHOW(is_path(along) && along->active <= along->cells);
+  along->left = any_spot(along, along->rows);
+  along->x = any_within(-ONE, ONE - 1);
+  along->moved = (int16_t)any_within(along->active + 1, along->cells + 1);
+}
+
+static void let_move(cell_path *along, int16_t cells)
+{
+  SHOW(is_path(along) && cells >= 1 && cells <= along->cells + 1);
+  along->rest = any_within(-ONE, ONE - 1);
+  along->active = cells;
+  along->row = along->rows + (cells - 1) * along->stride;
+}
+
+static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
+{
+  SHOW(is_path(along) && along->active <= along->cells && is_inside(place));
+  SHOW(is_on(along, here, along->active - 1));
+  const int32_t least = along->active + 1;
+  move_on(along);
+  along->low = place;
+  ASSUME(along->active >= least);
+}
+
+static void part(cell_path *along, int16_t least, int32_t begin)
+{
+  SHOW(is_path(along) && least >= 1 && along->active > least && is_inside(begin));
+  SHOW(begin <= along->low);
+  const int32_t place = along->low;
+  move_on(along);
+  ASSUME(along->active >= least && along->low >= begin && along->low <= place);
+}
+
+static void turn(cell_path *along, anhyst_spot here)
+{
+  SHOW(is_path(along) && is_on(along, here, along->active - 1));
+  along->left = any_spot(along, along->rows);
+  along->moved = along->active;
+  along->frozen = nondet_i32();
+  along->x = ~along->x;
+  along->falling = ~along->falling;
+  move_on(along);
+  ASSUME(along->active == 1);
+}
+#endif
+
+#ifdef GO_BY_CONTRACT
+static void go(cell_path *along, const equation *solve, int32_t low, int32_t high)
+{
+  SHOW(is_path(along) && is_target(solve->target));
+  SHOW(is_inside(low) && is_inside(high) && low <= high);
+  along->x = any_within(low, high);
+}
+#endif
+
+#ifdef NODE_BY_CONTRACT
+static int32_t node(const cell_path *along, int16_t segment)
+{
+  SHOW(segment >= 0 && segment <= along->stride - 2);
+  return any_within(-ONE, ONE - 1);
+}
+#endif
+
+#ifdef GATHER_BY_CONTRACT
+static void gather_left(cell_path *along, const equation *solve, int32_t place)
+{
+  SHOW(is_path(along) && is_target(solve->target) && is_inside(place));
+  SHOW(along->active < along->moved);
+  const int32_t least = along->active + 1;
+  move_on(along);
+  ASSUME(along->active >= least && along->low >= place);
+}
+#endif
+
+#ifdef PURSUE_BY_CONTRACT
+static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *next)
+{
+  SHOW(is_path(along) && is_target(solve->target) && is_inside(x) && is_inside(*next));
+  SHOW(x <= *next);
+  move_on(along);
+  along->x = any_within(x, ONE - 1);
+  along->low = any_within(-ONE, ONE - 1);
+  *next = any_within(along->x, ONE - 1);
+}
+#endif
+
+/* ---- proofs ---- */
+
+/* Where a field falls on a row of any size, and back. */
+static void prove_rows(void)
+{
+  const cell_path along = any_path();
+  const int32_t x = any_within(-ONE, ONE - 1);
+  const anhyst_spot spot = spot_on(&along, along.row, x);
+  SHOW(is_on(&along, spot, along.active - 1));
+  SHOW(segment_of(&along, x) == place_of(&along, spot.at) - place_of(&along, along.row));
+  const int16_t segment = (int16_t)any_within(0, along.stride - 2);
+  SHOW(is_inside(node(&along, segment)));
+}
+
+static void prove_part(void)
+{
+  const int32_t d = any_within(1, ANHYST_Q31_MAX);
+  const int32_t found = part_of(any_within(0, d - 1), d);
+  SHOW(found >= 0 && found <= 65535);
+}
+
+static void prove_residual(void)
+{
+  const cell_path along = any_path();
+  const equation solve = any_equation();
+  const int32_t x = any_within(-ONE, ONE - 1);
+  const anhyst_spot spot = any_spot(&along, along.row);
+  ASSUME(spot.at[1] >= spot.at[0] && spot.at[1] - spot.at[0] <= ANHYST_Q15_MAX);
+  const int32_t missing = missing_at(&along, &solve, x, spot);
+  SHOW(missing >= -3 * HALF && missing <= 3 * HALF);
+  (void)beside(&along, &solve, x, spot, any_within(-3 * HALF, 3 * HALF));
+}
+
+static void prove_joins(void)
+{
+  cell_path along = any_path();
+  const int32_t low = any_within(-ONE, ONE - 1);
+  const int16_t cell = (int16_t)any_within(1, along.cells + 1);
+  const int32_t at = joins_at(&along, cell, low);
+  SHOW(at >= low && at < ONE);
+  ASSUME(cell <= along.cells);
+  const int32_t with = left_with(&along, cell);
+  SHOW(with > -ONE && with < ONE);
+}
+
+static void prove_find_left(void)
+{
+  cell_path along = any_path();
+  ASSUME(along.active <= along.cells);
+  const int16_t active = along.active;
+  find_left(&along);
+  SHOW(is_path(&along) && along.moved > active && along.active == active);
+}
+
+static void prove_let_move(void)
+{
+  cell_path along = any_path();
+  const int16_t cells = (int16_t)any_within(1, along.cells + 1);
+  let_move(&along, cells);
+  SHOW(is_path(&along) && along.active == cells);
+}
+
+static void prove_gather_here(void)
+{
+  cell_path along = any_path();
+  const anhyst_spot here = any_spot(&along, along.row);
+  const int32_t place = any_within(-ONE, ONE - 1);
+  const int16_t active = along.active;
+  ASSUME(active <= along.cells);
+  gather_here(&along, here, place);
+  SHOW(is_path(&along) && along.active > active && along.low == place);
+}
+
+static void prove_apart(void)
+{
+  cell_path along = any_path();
+  const int16_t least = (int16_t)any_within(1, along.cells + 1);
+  const int32_t begin = any_within(-ONE, along.low);
+  const int32_t place = along.low;
+  ASSUME(along.active > least);
+  part(&along, least, begin);
+  SHOW(is_path(&along) && along.active >= least);
+  SHOW(along.low >= begin && along.low <= place);
+}
+
+static void prove_turn(void)
+{
+  cell_path along = any_path();
+  turn(&along, any_spot(&along, along.row));
+  SHOW(is_path(&along) && along.active == 1);
+}
+
+static void prove_gather_left(void)
+{
+  cell_path along = any_path();
+  const equation solve = any_equation();
+  const int32_t place = any_within(-ONE, ONE - 1);
+  begun = along.active;
+  ASSUME(begun < along.moved);
+  gather_left(&along, &solve, place);
+  SHOW(is_path(&along) && along.active > begun && along.low >= place);
+}
+
+static void prove_go(void)
+{
+  cell_path along = any_path();
+  const equation solve = any_equation();
+  const int32_t low = any_within(-ONE, ONE - 1);
+  const int32_t high = any_within(low, ONE - 1);
+  go(&along, &solve, low, high);
+  SHOW(is_path(&along) && along.x >= low && along.x <= high);
+}
+
+static void prove_pursue(void)
+{
+  cell_path along = any_path();
+  const equation solve = any_equation();
+  const int32_t x = any_within(-ONE, ONE - 1);
+  int32_t next = any_within(x, ONE - 1);
+  pursue(&along, &solve, x, &next);
+  SHOW(is_path(&along) && along.x >= x && next >= along.x && is_inside(next));
+}
+
+static int is_memory(const anhyst_memory *to)
+{
+  return is_inside(to->x) && is_inside(to->y) && to->p >= -ANHYST_CELLS - 1 &&
+         to->p <= ANHYST_CELLS + 1;
+}
+
+static anhyst_memory any_memory(void)
+{
+  const anhyst_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  return any;
+}
+
+static void prove_field(void)
+{
+  (void)any_path();
+  const anhyst_memory from = any_memory();
+  anhyst_candidate to;
+  const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  const int32_t x = cells_field(block_words, &from, rested, flux, &to);
+  SHOW(is_memory(&to.memory) && x == to.memory.x && to.way >= -1 && to.way <= 1);
+}
+
+static void prove_flux(void)
+{
+  (void)any_path();
+  const anhyst_memory from = any_memory();
+  const anhyst_candidate solved = {any_memory(), nondet_i32(), nondet_i16(), 0, 0};
+  const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
+                            (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
+                            (int16_t)any_within(1, ANHYST_Q15_MAX)};
+  anhyst_memory to;
+  (void)cells_flux(block_words, &from, rested, &solved, &arms, nondet_i32(), &to);
+  SHOW(is_memory(&to));
+}
+
+static void prove_keep(void)
+{
+  (void)any_path();
+  const anhyst_memory from = any_memory();
+  const anhyst_memory to = any_memory();
+  anhyst_cells_keep(block_words, &from, &to, rested);
+}
+
+int main(void)
+{
+  PART();
+  return 0;
+}

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Rows of cells: what stands between two entries of a row, and by how much two rows differ there,
+   stays below 1. Every rise and every change of the difference at every place; both are straight in
+   the entries, of which so the outermost stand for all. */
+#include "compensator/cells_path.h"
+
+#define MOST ((int32_t)ANHYST_Q15_MAX * 32768)
+
+static int is_within(int32_t a) { return a >= -MOST && a <= MOST; }
+
+/* Two entries that rise by so much. */
+static int value_is_within(int32_t low, int32_t rise, int32_t part)
+{
+  const int16_t entries[2] = {(int16_t)low, (int16_t)(low + rise)};
+  const anhyst_spot spot = {entries, part};
+  return is_within(anhyst_value_at(spot));
+}
+
+/* Two rows that differ by so much at an entry, and by so much more at the next one. */
+static int difference_is_within(int32_t low, int32_t change, int32_t part)
+{
+  const int32_t half = low / 2; /* no entry is beyond 16 bits */
+  const int32_t next = (low + change) / 2;
+  const int16_t of[2] = {(int16_t)-half, (int16_t)-next};
+  const int16_t other[2] = {(int16_t)(low - half), (int16_t)(low + change - next)};
+  const anhyst_spot spot = {of, part};
+  return is_within(between(spot, other));
+}
+
+int main(void)
+{
+  for (int32_t rise = 0; rise <= ANHYST_Q15_MAX; rise++) {
+    for (int32_t part = 0; part <= 0x7FFF; part++) {
+      if (!value_is_within(-ANHYST_Q15_MAX, rise, part) ||
+          !value_is_within(ANHYST_Q15_MAX - rise, rise, part)) {
+        return 1;
+      }
+    }
+  }
+  for (int32_t change = -2 * ANHYST_Q15_MAX; change <= 2 * ANHYST_Q15_MAX; change++) {
+    const int32_t most = ANHYST_Q15_MAX - (change > 0 ? change : 0);
+    const int32_t least = -ANHYST_Q15_MAX - (change < 0 ? change : 0);
+    for (int32_t part = 0; part <= 0x7FFF; part++) {
+      if (!difference_is_within(least, change, part) || !difference_is_within(most, change, part)) {
+        return 1;
+      }
+    }
+  }
+  return 0;
+}

@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the law of cells in fixed point, against sums of its curves in double precision, which
+   follow the fields that come out. */
+/* Their static functions are meant. */
+#include "compensator/cells.c"       /* NOLINT(bugprone-suspicious-include) */
+#include "compensator/cells_block.c" /* NOLINT(bugprone-suspicious-include) */
+
+#include "check.h"
+#include "truth.h"
+
+enum { CELLS = 3, BITS = 6, STRIDE = (2 << BITS) + 1, STEPS = 20000 };
+static const double THRESHOLDS[CELLS + 1] = {0.0, 0.05, 0.11, 0.2};
+static const double WEIGHTS[CELLS + 1] = {0.1, 0.3, 0.35, 0.2};
+static const double WIDTH = 0.2;
+static const double AIR = 0.1; /* h: flux of a field of 1 without iron */
+/* Straight lines over 1/64 of this curve, and 16 bits, are off by less. */
+static const double OFF = 1e-3;
+
+static int16_t words[1024];
+static int32_t rested[ANHYST_CELLS];
+static double plays[CELLS + 1];
+
+static double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / WIDTH); }
+
+static void fill(void)
+{
+  const int16_t thresholds = ANHYST_BLOCK_LEAST_WORDS;
+  const int16_t rows = thresholds + CELLS;
+  words[ANHYST_WORD_CELLS_AIR] = (int16_t)lround(AIR * 16384.0);
+  words[ANHYST_WORD_CELLS_COUNT] = CELLS;
+  words[ANHYST_WORD_CELLS_SEGMENTS] = BITS;
+  words[ANHYST_WORD_CELLS_ZONE] = 0;
+  words[ANHYST_WORD_CELLS_THRESHOLDS] = thresholds;
+  words[ANHYST_WORD_CELLS_ROWS] = rows;
+  for (int cell = 0; cell < CELLS; cell++) {
+    words[thresholds + cell] = (int16_t)lround(THRESHOLDS[cell + 1] * 32768.0);
+  }
+  for (int i = 0; i < STRIDE; i++) {
+    const double x = 2.0 * i / (STRIDE - 1) - 1.0;
+    double sum = 0.0;
+    for (int cell = 0; cell <= CELLS; cell++) {
+      sum += curve(cell, x - THRESHOLDS[cell]);
+      words[rows + cell * STRIDE + i] = (int16_t)lround(sum * 32767.0);
+    }
+  }
+}
+
+/* Moves the plays to a field; h*x + m there. */
+static double follow(double x)
+{
+  double flux = AIR * x;
+  for (int cell = 0; cell <= CELLS; cell++) {
+    const double r = THRESHOLDS[cell];
+    plays[cell] = fmin(fmax(plays[cell], x - r), x + r);
+    flux += curve(cell, plays[cell]);
+  }
+  return flux;
+}
+
+static double as_number(int32_t q30) { return (double)q30 / (double)ANHYST_Q30_ONE; }
+
+/* A flux of the walk: steps of any size, and now and then a jump over the range. */
+static int32_t next_flux(int32_t flux, uint64_t *seed)
+{
+  const int shift = (int)(random_bits(seed) % 12U);
+  const double step = ((double)(random_bits(seed) % 65536U) / 32768.0 - 1.0) / (double)(1 << shift);
+  return (int32_t)(fmin(fmax(as_number(flux) + step, -0.85), 0.85) * (double)ANHYST_Q30_ONE);
+}
+
+static anhyst_memory demagnetised(void)
+{
+  const anhyst_memory none = {0, 0, 0, 0, 0};
+  for (int cell = 0; cell < ANHYST_CELLS; cell++) {
+    rested[cell] = 0;
+  }
+  for (int cell = 0; cell <= CELLS; cell++) {
+    plays[cell] = 0.0;
+  }
+  return none;
+}
+
+static void a_field_gives_the_flux_that_was_asked_for(void)
+{
+  anhyst_memory memory = demagnetised();
+  uint64_t seed = 11;
+  int32_t flux = 0;
+  double worst = 0.0;
+  for (int i = 0; i < STEPS; i++) {
+    anhyst_candidate found;
+    flux = next_flux(flux, &seed);
+    const int32_t x = cells_field(words, &memory, rested, flux, &found);
+    anhyst_cells_keep(words, &memory, &found.memory, rested);
+    memory = found.memory;
+    keep_worst(&worst, fabs(follow(as_number(x)) - as_number(flux)));
+  }
+  CHECK_BELOW("flux", worst, OFF);
+}
+
+/* Whether the current is near the solved one, as on a converter's grid, or any. */
+static void a_current_leads_where_it_must(void)
+{
+  const anhyst_arms arms = {0, 12000, 16000};
+  const double arm = 12000.0 / 65536.0;
+  const double field_arm = 16000.0 / 65536.0;
+  anhyst_memory memory = demagnetised();
+  uint64_t seed = 5;
+  int32_t flux = 0;
+  double worst = 0.0;
+  for (int i = 0; i < STEPS; i++) {
+    anhyst_candidate found;
+    anhyst_memory reached;
+    flux = next_flux(flux, &seed);
+    const int32_t x = cells_field(words, &memory, rested, flux, &found);
+    const double solved = arm * as_number(flux) + field_arm * as_number(x);
+    const double beside = (double)(random_bits(&seed) % 2000U) * 1e-6 - 1e-3;
+    const double applied = i % 5 == 0 ? -0.8 * solved : solved + beside;
+    const int32_t current = (int32_t)(applied * (double)ANHYST_Q30_ONE);
+    const int32_t came = cells_flux(words, &memory, rested, &found, &arms, current, &reached);
+    anhyst_cells_keep(words, &memory, &reached, rested);
+    memory = reached;
+    const double m_and_air = follow(as_number(memory.x));
+    keep_worst(&worst, fabs(m_and_air - as_number(came)));
+    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(memory.x) - applied));
+    flux = came;
+  }
+  CHECK_BELOW("flux and current", worst, OFF);
+}
+
+int main(void)
+{
+  fill();
+  a_field_gives_the_flux_that_was_asked_for();
+  a_current_leads_where_it_must();
+  return verdict();
+}
