@@ -157,7 +157,7 @@ def test_history_is_stated_proposed_and_noted(tmp_path: Path) -> None:
     assert proposed.with_history("demagnetised").loops[0].history.kind == "demagnetised"
 
 
-@pytest.mark.parametrize("text", ["virgin", "settled:1", "conditioned", "conditioned:a,b", ""])
+@pytest.mark.parametrize("text", ["virgin", "demagnetised:1", "conditioned", "conditioned:a,b", ""])
 def test_unknown_history_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="use demagnetised, settled or conditioned"):
         History.parse(text)

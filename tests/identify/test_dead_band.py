@@ -25,7 +25,7 @@ def example(name: str) -> LoopSet:
 
 @cache
 def found(name: str, *, dead_band: bool) -> IdentifyResult:
-    return identify(example(name), gap_map="reluctance", dead_band=dead_band)
+    return identify(example(name), law="effective-field", gap_map="reluctance", dead_band=dead_band)
 
 
 def rms(result: IdentifyResult) -> float:
@@ -76,7 +76,7 @@ def test_a_dead_band_that_is_there_is_fitted_to_the_end(history: str) -> None:
     assert isinstance(pinning, float)
     truth = replace(plain, parameters={**plain.parameters, "r_d": PARTS[0] * pinning})
     loops = loops_of(truth, history)
-    result = identify(loops, gap_map="reluctance", offsets=False)
+    result = identify(loops, law="effective-field", gap_map="reluctance", offsets=False)
     assert part_of_pinning(result) == pytest.approx(PARTS[0])
     assert result.model.parameters["k"] == pytest.approx(pinning, rel=1e-4)
     assert rms(result) < 1e-6 * largest(loops)

@@ -14,7 +14,7 @@ from anhyst.identify import IdentifyResult, identify
 from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.run import SearchRun
-from tests.identify.truths import GAPS, largest, loops_of, magnet, noisy
+from tests.identify.truths import GAPS, core, largest, loops_of, magnet, noisy
 
 NOISE = 2e-3
 STAGES = {"scaling": 5, "reluctance": 5, "auto": 8}
@@ -191,16 +191,26 @@ def test_ctrl_c_inside_a_stage_leaves_the_best_so_far(
 def test_progress_counts_up_to_its_total(loops: LoopSet) -> None:
     for gap_map, stages in list(STAGES.items())[:2]:
         progress = Killer()
-        identify(loops, gap_map=gap_map, progress=progress)
+        identify(loops, law="effective-field", gap_map=gap_map, progress=progress)
         assert progress.seen == [(done, stages) for done in range(1, stages + 1)]
     single = Killer()
-    identify(loops.at(GAPS[0]), progress=single)
+    identify(loops.at(GAPS[0]), law="effective-field", progress=single)
     assert single.seen == [(1, 2), (2, 2)]
+
+
+@pytest.mark.parametrize("gaps", [1, 4])
+def test_progress_comes_to_its_total_where_laws_are_compared(gaps: int) -> None:
+    progress = Killer()
+    iron = magnet("reluctance") if gaps > 1 else core()
+    identify(loops_of(iron, noise=NOISE, samples=40), progress=progress)
+    done = [one for one, _ in progress.seen]
+    assert done == list(range(1, len(done) + 1))
+    assert progress.seen[-1][0] == progress.seen[-1][1]
 
 
 def test_progress_counts_up_to_its_total_for_long_loops() -> None:
     long = loops_of(magnet(gaps=GAPS[:2]), noise=NOISE, samples=410)
     progress = Killer()
-    identify(long, gap_map="scaling", progress=progress)
+    identify(long, law="effective-field", gap_map="scaling", progress=progress)
     assert [done for done, _ in progress.seen] == [1, 2, 3, 4]
     assert {total for _, total in progress.seen} == {4}

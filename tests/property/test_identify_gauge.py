@@ -84,7 +84,16 @@ def fitted(space: CoordinateSpace, sets: list[Local]) -> list[FloatArray]:
 
 def space_of(form: ResponseForm, gap_map: GapMap, count: int) -> CoordinateSpace:
     drives = tuple(
-        FitRecord(str(gap), gap, np.empty(0), PATH, PATH, settled=False, weight=1.0)
+        FitRecord(
+            str(gap),
+            gap,
+            np.empty(0),
+            PATH,
+            PATH,
+            settled=False,
+            weight=1.0,
+            clock=np.zeros(PATH.size),
+        )
         for gap in range(count)
     )
     return CoordinateSpace(gap_map, FitRecords(drives, np.array(GAPS[:count]), 1.0, 1.0), form)

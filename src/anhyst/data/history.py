@@ -17,9 +17,10 @@ _ADVICE = "use demagnetised, settled or conditioned:0,2,0 (the drive's turning p
 class History:
     """The magnetic past of a loop.
 
-    ``demagnetised``: nothing; ``settled``: the loop is a cycle that has been run often;
-    ``conditioned``: the drive went through ``turning_points`` (SI units of the input), from the
-    demagnetised state, just before the first sample.
+    ``demagnetised``: nothing; ``settled``: the loop is a cycle that has been run often, after
+    the drive had gone through ``turning_points``, if there are any; ``conditioned``: the drive went
+    through ``turning_points`` (SI units of the input), from the demagnetised state, just before the
+    first sample.
     """
 
     kind: Kind
@@ -28,7 +29,8 @@ class History:
     def __post_init__(self) -> None:
         if self.kind not in {"demagnetised", "settled", "conditioned"}:
             raise InputError(f"history '{self.kind}' is not known; {_ADVICE}")
-        if (self.kind == "conditioned") != bool(self.turning_points):
+        wrong = {"conditioned": not self.turning_points, "demagnetised": bool(self.turning_points)}
+        if wrong.get(self.kind, False):
             raise InputError(f"history '{self.kind}' with the wrong turning points; {_ADVICE}")
         if not all(math.isfinite(point) for point in self.turning_points):
             raise InputError(f"history '{self}': turning points must be finite; {_ADVICE}")
@@ -61,9 +63,9 @@ class History:
 
     def __str__(self) -> str:
         """Text form, exact to the last digit; `parse` reads it back."""
-        if self.kind != "conditioned":
+        if not self.turning_points:
             return self.kind
-        return "conditioned:" + ",".join(repr(float(point)) for point in self.turning_points)
+        return f"{self.kind}:" + ",".join(repr(float(point)) for point in self.turning_points)
 
 
 SETTLED = History("settled")

@@ -19,6 +19,7 @@ from anhyst.data.labels import SHORTEST, find_label, may_label
 from anhyst.data.loop_set import Loop, LoopSet, Source
 from anhyst.data.path import time_fault, value_fault
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
+from anhyst.data.sequence import IN_ONE_RUN, one_after_another
 from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import propose_histories
 from anhyst.data.table import map_headers
@@ -320,7 +321,10 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
             notes.append(
                 f"{part.place}: history of loop '{loop.label}'{at} taken as {history}: {reason}"
             )
-        found.append(replace(part, loops=tuple(judged), notes=tuple(notes)))
+        ordered = one_after_another(judged)
+        if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
+            notes.append(f"{part.place}: {IN_ONE_RUN}")
+        found.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
     return found
 
 

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst._core import CellOperator, status_text
 from anhyst.identify.no_response import NoResponseError
@@ -15,7 +14,7 @@ from anhyst.laws.cells import CellWeights, Tangents
 from anhyst.support.arrays import FloatArray
 
 
-class Path(NamedTuple):
+class CellPath(NamedTuple):
     """Effective field and magnetisation along a drive, and their derivatives, (n,) and (n, d)."""
 
     x: FloatArray
@@ -64,7 +63,7 @@ class CellPaths:
         _refuse(status)
         return x, m
 
-    def with_tangents(self, omega: float, r: FloatArray, r_t: FloatArray) -> Path:
+    def with_tangents(self, omega: float, r: FloatArray, r_t: FloatArray) -> CellPath:
         """Return them with derivatives: by the numbers of the law, omega, and what moves r.
 
         Parameters
@@ -95,7 +94,7 @@ class CellPaths:
             x_on, m_on = cells.follow(omega, r)
             x_t[:, place] += (x_on - x) / step
             m_t[:, place] += (m_on - m) / step
-        return Path(x, m, x_t, m_t)
+        return CellPath(x, m, x_t, m_t)
 
     @property
     def _state(self) -> FloatArray:
@@ -106,12 +105,19 @@ class CellPaths:
             raise NoResponseError("the magnetisation may jump")
 
 
-def turns(r: FloatArray) -> NDArray[np.intp]:
-    """Return where the runs of a drive end: of a pass, they say all that cells keep of it."""
-    way = np.sign(np.diff(np.concatenate([[0.0], r])))
+def remembered(drive: FloatArray) -> FloatArray:
+    """Return what demagnetised cells keep of a drive: its turning points that none has wiped out."""
+    way = np.sign(np.diff(np.concatenate([[0.0], drive])))
     moving = np.flatnonzero(way)
-    reversals = moving[1:][way[moving[1:]] != way[moving[:-1]]] - 1
-    return np.concatenate([reversals, [r.size - 1]])
+    turns = moving[1:][way[moving[1:]] != way[moving[:-1]]] - 1
+    kept: list[float] = []
+    for point in [*drive[turns].tolist(), float(drive[-1])]:
+        while len(kept) > 1 and abs(point - kept[-1]) >= abs(kept[-1] - kept[-2]):
+            del kept[-2:]
+        if len(kept) == 1 and abs(point) >= abs(kept[0]):
+            kept.clear()
+        kept.append(point)
+    return np.array(kept)
 
 
 def _refuse(status: int) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from anhyst.identify.cell_path import CellPaths, turns
+from anhyst.identify.cell_path import CellPaths
 from anhyst.identify.fit_records import FitRecord
 from anhyst.identify.no_response import NoResponseError
 from anhyst.identify.response import FLATTEST, Local, ResponseForm
@@ -77,5 +77,5 @@ def _cells(form: ResponseForm, sets: Sequence[Local]) -> list[CellPaths]:
 
 def _driven(local: Local, record: FitRecord) -> tuple[FloatArray, int]:
     """Put a drive in the terms of the cells, what led up to it first; and say how long that is."""
-    lead = record.input[turns(record.input)] if record.settled else record.lead
+    lead = record.before
     return (np.concatenate([lead, record.input]) - local.in_0) / local.scale, lead.size

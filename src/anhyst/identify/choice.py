@@ -142,6 +142,7 @@ def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
         why_law = _why_law(run, contest, best)
     else:
         maps = contest.errors_of_maps(best)
+        run.total -= len(run.cells) + 3 if run.cells else 0
     return ModelChoice(
         *_finished(run, loopset, contest.fits[best].found, why),
         {name: error for name, error in maps.items() if np.isfinite(error)},
@@ -194,6 +195,8 @@ def _compare_cells(
         contest.fits[further] = Fits(found, found)
         run.step(partial(_leave_out, contest, loopset, [further], by))
         new.append(further)
+    else:
+        run.total -= 2
     if run.only_cells:
         contest.entrants.clear()
     contest.entrants += [

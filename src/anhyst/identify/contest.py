@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from anhyst.identify.candidates import ModelCandidate
-from anhyst.identify.cross_validation import AS_GOOD, Fold, Miss, Refit, better, mean_of
+from anhyst.identify.cross_validation import (
+    AS_GOOD,
+    Fold,
+    Miss,
+    Refit,
+    better,
+    mean_of,
+    mean_square_of,
+)
 from anhyst.identify.default import FoundModel
 
 
@@ -44,10 +52,12 @@ class Contest:
             return min(self._simplest(), key=lambda one: self._cost(one, besides))
         best = None
         for rank in sorted({one.rank for one in self.entrants}):
-            means = {one: mean_of(missed[one]) for one in self.entrants if one.rank == rank}
+            alike = [one for one in self.entrants if one.rank == rank]
+            means = {one: mean_square_of(_compared(missed[one], alike)) for one in alike}
             enough = AS_GOOD * min(means.values())
             first = next(one for one, mean in means.items() if mean <= enough)
-            if best is None or better(missed[best], missed[first]):
+            pair = [best, first] if best else []
+            if best is None or better(*(_compared(missed[one], pair) for one in (best, first))):
                 best = first
         assert best is not None
         return best
@@ -80,3 +90,10 @@ class Contest:
             one = self.winner(fold) if len(self.entrants) > 1 else self.entrants[0]
             errors.append(self.refits[fold][one].missed[place].mean)
         return errors
+
+
+def _compared(misses: Sequence[Miss], candidates: Sequence[ModelCandidate]) -> list[Miss]:
+    """Take what says which of some candidates is better: of gap maps, gaps left out alone."""
+    if any(one.cells for one in candidates):
+        return list(misses)
+    return [replace(miss, outer=()) for miss in misses]

@@ -15,14 +15,16 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loop, LoopSet
 from anhyst.data.noise import noise
 from anhyst.data.verdict import largest_output
 from anhyst.identify.bare import model_of
 from anhyst.identify.default import FoundModel, follow
-from anhyst.identify.fit_records import FitRecords
+from anhyst.identify.fit_records import FitRecords, clocks_of
 from anhyst.identify.offsets import only_demanded
+from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import CrossValidation
+from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
 
 Fold = frozenset[int]
@@ -32,6 +34,9 @@ LeftOut = Literal["gap", "loop"]
 
 AS_GOOD = 1.02
 """A cross-validation error within this factor of the least counts as equal to it."""
+
+_NO_WORSE = 1.05
+"""Factor within which a cross-validation error may rise where the loops as a whole fall."""
 
 FOLDED = 160
 """Samples of a loop that a fit without some of the gaps looks at, at most."""
@@ -57,13 +62,17 @@ _LEAST = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Miss:
-    """Mean absolute deviations at a gap left out, in parts of the largest output.
+    """Deviations at a gap left out, in parts of the largest output.
 
-    ``mean`` is over all samples, ``loops`` loop by loop; infinite where the model has no answer.
+    ``mean`` is the mean absolute one over all samples. ``squares`` are the mean squares of its loops,
+    without what a steady drift explains: to their differences the noise of the sensor, which all
+    models miss alike, adds nothing. ``outer`` are those of the outermost gaps, which nothing surrounds
+    and which are never left out, as they were fitted. Infinite where the model has no answer.
     """
 
     mean: float
-    loops: tuple[float, ...]
+    squares: tuple[float, ...]
+    outer: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,23 +144,33 @@ def refit(wide: FoundModel, loopset: LoopSet, fold: Fold, by: LeftOut = "gap") -
         if whole.form.cells is None:
             found = only_demanded(found, tolerance, most)
         model = model_of(found, loopset)
-        missed = {}
-        for place in fold:
-            off = [
-                np.abs(
-                    model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-                    - loop.output
-                )
-                / space.records.output_span
-                for loop in groups[place]
-            ]
-            missed[place] = Miss(
-                float(np.mean(np.concatenate(off))), tuple(float(one.mean()) for one in off)
-            )
+        span, clocks = whole.records.output_span, clocks_of(groups)
+        off = [[missed / span for missed in _off(model, group)] for group in groups]
+        squares = [_squares(*pair) for pair in zip(off, clocks, strict=True)]
+        outer = (*squares[0], *squares[-1]) if by == "gap" else ()
+        missed = {
+            place: Miss(float(np.mean(np.abs(np.concatenate(off[place])))), squares[place], outer)
+            for place in fold
+        }
     except (InputError, NegativeResult):
         nothing = {one: Miss(np.inf, (np.inf,) * len(groups[one])) for one in fold}
         return Refit(float("inf"), nothing)
     return Refit(found.cost, missed)
+
+
+def _off(model: ActuatorModel, loops: Sequence[Loop]) -> list[FloatArray]:
+    return [
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
+        for loop in loops
+    ]
+
+
+def _squares(off: Sequence[FloatArray], clocks: Sequence[FloatArray]) -> tuple[float, ...]:
+    """Mean squares of deviations at one gap, without the drift that explains most of them."""
+    clock, every = np.concatenate(clocks), np.concatenate(off)
+    slope = float(clock @ every) / max(float(clock @ clock), 1e-300)
+    left = [one - slope * at for one, at in zip(off, clocks, strict=True)]
+    return tuple(float(one @ one) / one.size for one in left)
 
 
 def mean_of(misses: Sequence[Miss]) -> float:
@@ -159,20 +178,31 @@ def mean_of(misses: Sequence[Miss]) -> float:
     return float(np.mean([miss.mean for miss in misses]))
 
 
+def mean_square_of(misses: Sequence[Miss]) -> float:
+    """Average over the loops of the gaps left out, and of the outermost ones."""
+    return float(np.mean([square for miss in misses for square in miss.squares + miss.outer]))
+
+
 def better(simple: Sequence[Miss], complex_: Sequence[Miss]) -> bool:
     """Whether the complex one is better by more than the scatter of the difference.
 
-    The standard error is that of the loops' differences over as many independent ones as gaps were
-    left out: at one gap, the same iron errs alike in all loops.
+    The difference is taken loop by loop. Its standard error is that of all loops or, where the
+    loops of a gap go together, that of the gaps. What is better in the loops that were fitted and
+    worse in those that were left out only fits them.
     """
-    apart = np.concatenate(
-        [np.subtract(one.loops, two.loops) for one, two in zip(simple, complex_, strict=True)]
-    )
-    if not np.isfinite(apart).all() or apart.size < 2:
+    pairs = list(zip(simple, complex_, strict=True))
+    left_out = [np.subtract(one.squares, two.squares) for one, two in pairs]
+    outer = [np.subtract(one.outer, two.outer) for one, two in pairs]
+    every = np.concatenate([*left_out, *outer])
+    if not np.isfinite(every).all() or every.size < 2:
         return not np.isfinite(mean_of(simple)) and np.isfinite(mean_of(complex_))
-    gained = mean_of(simple) - mean_of(complex_)
-    scatter = float(np.std(apart, ddof=1)) / np.sqrt(len(simple))
-    return bool(gained > max(scatter, (AS_GOOD - 1.0) * mean_of(complex_)))
+    scatter = float(np.std(every, ddof=1)) / math.sqrt(every.size)
+    if len(pairs) > 1:
+        gaps = [float(np.mean([*one, *two])) for one, two in zip(left_out, outer, strict=True)]
+        scatter = max(scatter, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
+    least = (AS_GOOD - 1.0) * mean_square_of(complex_)
+    worse = mean_of(complex_) > _NO_WORSE * mean_of(simple)
+    return bool(float(every.mean()) > max(scatter, least) and not worse)
 
 
 def noise_at(loopset: LoopSet) -> list[float]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 from anhyst.data import Loop, LoopSet
 from anhyst.data.path import turning_points
 from anhyst.data.verdict import largest_output
+from anhyst.identify.cell_path import remembered
 from anhyst.identify.rest import Rest
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -37,6 +40,9 @@ class FitRecord:
         Whether the record is a cycle to be repeated until it closes.
     weight
         Weight of the deviation of every sample, 1/(unit of the output).
+    clock
+        Time since the first sample at the same gap, in parts of the longest such time; zero where
+        no clock says which loop was run when.
     """
 
     label: str
@@ -46,6 +52,13 @@ class FitRecord:
     output: FloatArray
     settled: bool
     weight: float
+    clock: FloatArray
+
+    @cached_property
+    def before(self) -> FloatArray:
+        """What an iron that wipes out by turning points keeps of all that was before, SI."""
+        drive = np.concatenate([self.lead, self.input]) if self.settled else self.lead
+        return remembered(drive) if drive.size else drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +112,13 @@ class FitRecords:
             kept = thinned(record.input, most)
             weight = record.weight * float(np.sqrt(record.input.size / kept.size))
             loops.append(
-                replace(record, input=record.input[kept], output=record.output[kept], weight=weight)
+                replace(
+                    record,
+                    input=record.input[kept],
+                    output=record.output[kept],
+                    weight=weight,
+                    clock=record.clock[kept],
+                )
             )
         return replace(self, loops=tuple(loops))
 
@@ -112,6 +131,31 @@ def thinned(drive: FloatArray, most: int) -> NDArray[np.intp]:
     places = np.searchsorted(way, np.linspace(0.0, way[-1], most))
     turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
     return np.union1d(np.clip(places, 0, drive.size - 1), turns)
+
+
+def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
+    """Time since the first sample at each gap, in parts of the longest such time.
+
+    Parameters
+    ----------
+    groups : sequence of sequence of Loop
+        Loops by gap.
+
+    Returns
+    -------
+    list of list of ndarray
+        Zero throughout where no clock says which loop was run when.
+    """
+    clocks = []
+    for group in groups:
+        times = [loop.time for loop in group if loop.time is not None]
+        order = sorted(times, key=lambda time: float(time[0]))
+        apart = all(one[-1] <= two[0] for one, two in pairwise(order))
+        if len(times) < len(group) or not apart:
+            return [[np.zeros(loop.n) for loop in group] for group in groups]
+        clocks.append([time - order[0][0] for time in times])
+    longest = max(float(clock[-1]) for group in clocks for clock in group)
+    return [[clock / longest for clock in group] for group in clocks]
 
 
 def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
@@ -169,9 +213,14 @@ def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = N
             output=loop.output - rest.output.offset,
             settled=loop.history.kind == "settled",
             weight=weight,
+            clock=clock,
         )
-        for loop, gap, weight in zip(
-            loops, gaps, _weights(loops, output_span, weighting), strict=True
+        for loop, gap, weight, clock in zip(
+            loops,
+            gaps,
+            _weights(loops, output_span, weighting),
+            chain.from_iterable(clocks_of(list(groups.values()))),
+            strict=True,
         )
     )
     nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)

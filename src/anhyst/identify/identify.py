@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.data import History, LoopSet
+from anhyst.data.history import SETTLED
 from anhyst.data.output_map import is_electromagnet
 from anhyst.data.plausibility import check_plausible
 from anhyst.identify.any_law import fit_any
@@ -358,4 +359,6 @@ def _name(loopset: LoopSet) -> str:
 
 
 def _history(loopset: LoopSet) -> History:
-    return Counter(loop.history for loop in loopset.loops).most_common(1)[0][0]
+    """Name what most loops had before them; what a settled one goes on from is its own."""
+    seen = (SETTLED if one.history.kind == "settled" else one.history for one in loopset.loops)
+    return Counter(seen).most_common(1)[0][0]

@@ -16,6 +16,9 @@ EXPECTED = 1e-8
 """Cost of a number one spread away from what is expected of it, in parts of the largest output
 squared: as much as a deviation of a ten-thousandth."""
 
+DRIFT = 0.003
+"""Spread of what a sensor of the output drifts by in a record, in parts of the largest output."""
+
 _IMPOSSIBLE = 10.0
 """Deviation, in units of the largest output, where the law has no answer."""
 
@@ -30,6 +33,10 @@ class Objective:
     With ``tie`` above zero, differences of coordinates from gap to gap count as deviations too,
     times its square root: what the loops do not determine then runs smoothly over the gap instead of
     anyhow. Numbers of which something is expected count as :data:`EXPECTED` says.
+
+    Of play cells, what a steady drift of the output since the first sample at a gap can explain is no
+    deviation, where a clock says which loop was run when: its slope is the one with the least cost.
+    A law of Jiles and Atherton misses loops by more than sensors drift, and would take that for one.
     """
 
     space: CoordinateSpace
@@ -44,12 +51,14 @@ class Objective:
         self.weights = np.concatenate([np.full(r.output.size, r.weight) for r in loops])
         self._ties = np.sqrt(self.tie) * _differences(self.space)
         self._pull, self._usual = _expectations(self.space)
+        clocks = np.concatenate([record.clock for record in loops]) * bool(self.space.form.cells)
+        self._drift = _Drift(self.space.records.output_span * clocks * self.weights)
 
     @property
     def impossible(self) -> FloatArray:
         """Deviations that stand for parameters without an answer."""
         far = _IMPOSSIBLE * self.space.records.output_span * self.weights
-        return np.concatenate([far, np.zeros(self._ties.shape[0] + self._usual.size)])
+        return np.concatenate([far, np.zeros(1 + self._ties.shape[0] + self._usual.size)])
 
     def outputs(self, sets: list[Local]) -> FloatArray:
         """Modelled outputs of all loops, one after the other, SI."""
@@ -65,7 +74,8 @@ class Objective:
         except NoResponseError:
             return self.impossible
         off = (found - self.measured) * self.weights
-        return np.concatenate([off, self._ties @ theta, self._pull @ theta - self._usual])
+        off, cost = self._drift.without(off)
+        return np.concatenate([off, cost, self._ties @ theta, self._pull @ theta - self._usual])
 
     def _derivatives(
         self, sets: list[tuple[Local, FloatArray]]
@@ -82,9 +92,13 @@ class Objective:
         for record, (output, by_local) in zip(loops, self._derivatives(sets), strict=True):
             values.append((output - record.output) * record.weight)
             rows.append((by_local * record.weight) @ sets[record.gap][1])
-        values += [self._ties @ theta, self._pull @ theta - self._usual]
-        rows += [self._ties, self._pull]
-        return np.concatenate(values), np.concatenate(rows)
+        found = [
+            *self._drift.without(np.concatenate(values)),
+            self._ties @ theta,
+            self._pull @ theta - self._usual,
+        ]
+        slopes = [*self._drift.without(np.concatenate(rows)), self._ties, self._pull]
+        return np.concatenate(found), np.concatenate(slopes)
 
     def normal(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Deviations as above, gradient of half their sum of squares, and normal matrix.
@@ -98,20 +112,46 @@ class Objective:
         numbers = len(self.space.form.names)
         squares = np.zeros((len(sets), numbers, numbers))
         slopes = np.zeros((len(sets), numbers))
-        values = []
+        values, along = [], np.zeros((len(sets), numbers))
         loops = self.space.records.loops
+        first = 0
         for record, (output, by_local) in zip(loops, self._derivatives(sets), strict=True):
             value, weighted = (output - record.output) * record.weight, by_local * record.weight
             squares[record.gap] += weighted.T @ weighted
             slopes[record.gap] += value @ weighted
+            along[record.gap] += self._drift.way[first : first + value.size] @ weighted
+            first += value.size
             values.append(value)
-        values += [self._ties @ theta, self._pull @ theta - self._usual]
+        whole = np.concatenate(values)
+        off, cost = self._drift.without(whole)
+        values = [off, cost, self._ties @ theta, self._pull @ theta - self._usual]
         gradient = self._ties.T @ values[-2] + self._pull.T @ values[-1]
         matrix = self._ties.T @ self._ties + self._pull.T @ self._pull
         for (_, by_theta), square, slope in zip(sets, squares, slopes, strict=True):
             gradient = gradient + slope @ by_theta
             matrix = matrix + by_theta.T @ square @ by_theta
+        by_drift = np.einsum("gn,gnk->k", along, np.stack([one for _, one in sets]))
+        gradient = gradient - self._drift.slope(whole) * by_drift
+        matrix = matrix - np.outer(by_drift, by_drift) / self._drift.size
         return np.concatenate(values), gradient, matrix
+
+
+class _Drift:
+    """A steady drift along the deviations, and what it leaves of them."""
+
+    def __init__(self, way: FloatArray) -> None:
+        self.way = way
+        self._loose = np.sqrt(EXPECTED) / DRIFT
+        self.size = float(way @ way) + self._loose**2
+
+    def slope(self, deviation: FloatArray) -> FloatArray:
+        """Slope with the least cost, of each column."""
+        return np.asarray(self.way @ deviation / self.size)
+
+    def without(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Take it off the columns; and what it costs, one row."""
+        slope = self.slope(deviation)
+        return deviation - np.multiply.outer(self.way, slope), self._loose * slope[None]
 
 
 def _differences(space: CoordinateSpace) -> FloatArray:

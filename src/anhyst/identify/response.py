@@ -177,7 +177,7 @@ class Responder:
         r = (record.input - local.in_0) / local.scale
         omega = np.full(r.size, local.omega)
         state = demagnetised()
-        if record.lead.size:
+        if record.lead.size and not record.settled:
             lead = (record.lead - local.in_0) / local.scale
             _, _, state, status, _ = operator.run(np.full(lead.size, local.omega), lead, state)
             _refuse(status)

@@ -201,6 +201,8 @@ class Law:
         a law without cells. ValueError where they are none of its own.
     cells
         The cells of an iron by its parameters; None for a law without cells.
+    remembers
+        Whether a cycle, however often it is run, leaves in memory what was larger than it.
     """
 
     name: str
@@ -213,6 +215,7 @@ class Law:
     obstacle: str = "there is no compensator for it"
     of_cells: Callable[[CellWeights], Law] | None = None
     cells: Callable[[Mapping[str, float]], CellWeights] | None = None
+    remembers: bool = False
 
     def with_role(self, role: Role) -> tuple[ParameterSpec, ...]:
         """Return the parameters that play a role."""

@@ -149,6 +149,7 @@ def _law(name: str, title: str) -> Law:
         least_slope=partial(_least_slope, cells),
         of_cells=partial(_of_cells, name),
         cells=cells,
+        remembers=True,
     )
 
 

@@ -314,7 +314,8 @@ def initial_state(
     iron : IronOperator
         Its iron at this value of the scheduling variable.
     history : History
-        ``settled`` gives the demagnetised state, from which the cycle is then repeated.
+        ``settled`` gives the state from which the cycle is then repeated; what was before it counts
+        for a law that remembers it.
     schedule : float or None
         Scheduling variable during the conditioning, SI.
 
@@ -324,7 +325,8 @@ def initial_state(
         The state.
     """
     state = np.zeros(model.operator_law.states)
-    if history.kind != "conditioned":
+    remembered = history.kind == "conditioned" or model.operator_law.remembers
+    if not history.turning_points or not remembered:
         return state
     # The exact step does not care how a path is cut: turning points say all.
     points = np.array(history.turning_points)

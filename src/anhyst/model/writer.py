@@ -129,7 +129,7 @@ def _keys(table: Mapping[str, object]) -> str:
 
 def _law(name: str) -> str:
     known = " or ".join(f'"{law}"' for law in LAWS)
-    text = f"The hysteresis law, {known}. The parameters mean nothing under the other one."
+    text = f"The hysteresis law, {known}. The parameters mean nothing under another one."
     lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
     return "\n" + "\n".join(lines) + "\n" + _keys({"law": name})
 

@@ -1,0 +1,85 @@
+"""Settled loops that were run one after the other go on from what the iron keeps of the earlier."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anhyst.data.history import SETTLED, History
+from anhyst.data.loop_set import Loop
+from anhyst.data.sequence import one_after_another
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.units import QUANTITIES
+from tests.model.test_cells import CIRCUIT, NUMBERS
+
+ENDS = ((0.0, 3.0), (0.0, 1.2), (0.8, 1.8))
+NOISE = 2e-3
+
+
+def loops(*, remembered: bool, law: str = "play-cells") -> list[Loop]:
+    """One larger loop and two within it, in an iron that keeps the larger one or has lost it."""
+    model = ActuatorModel(
+        "iron", QUANTITIES["current"], QUANTITIES["force"], NUMBERS | CIRCUIT, law=law
+    )
+    found: list[Loop] = []
+    before: list[float] = []
+    clock = 0.0
+    rng = np.random.default_rng(3)
+    for low, high in ENDS:
+        drive = np.concatenate([np.linspace(low, high, 80), np.linspace(high, low, 80)[1:]])
+        past = History("settled", tuple(before)) if remembered else SETTLED
+        force = model.predict(drive, history=past).output
+        force = force + NOISE * np.ptp(force) * rng.standard_normal(force.size)
+        time = np.array([clock + 0.01 * place for place in range(drive.size)])
+        found.append(Loop(f"to {high:g}", drive, force, time=time))
+        before += [low, high, low]
+        clock = float(time[-1]) + 5.0
+    return found
+
+
+def test_a_loop_on_the_branch_of_a_larger_one_goes_on_from_it() -> None:
+    first, second, third = one_after_another(loops(remembered=True))
+    assert first.history == SETTLED
+    assert second.history == History("settled", (0.0, 3.0, 0.0))
+    assert third.history.turning_points == (0.0, 3.0, 0.0, 0.0, 1.2, 0.0)
+
+
+def test_a_loop_off_the_branch_of_a_larger_one_is_taken_to_be_alone() -> None:
+    alone = loops(remembered=False)
+    assert one_after_another(alone) == alone
+
+
+@pytest.mark.parametrize("change", ["no clock", "overlapping clocks", "stated", "smaller first"])
+def test_nothing_is_taken_to_have_been_before_where_the_order_does_not_show_it(change: str) -> None:
+    measured = loops(remembered=True)
+    if change == "no clock":
+        measured = [replace(loop, time=None) for loop in measured]
+    elif change == "overlapping clocks":
+        measured = [replace(one, time=np.linspace(0.0, 1.0, one.n)) for one in measured]
+    elif change == "stated":
+        measured[1] = replace(measured[1], history=History("conditioned", (0.0, 3.0, 0.0)))
+    else:
+        times = [loop.time for loop in measured]
+        measured = [
+            replace(one, time=at) for one, at in zip(measured, reversed(times), strict=True)
+        ]
+    assert one_after_another(measured) == measured
+
+
+def test_what_was_before_a_settled_loop_counts_for_an_iron_that_remembers_it() -> None:
+    drive = np.concatenate([np.linspace(0.0, 1.2, 60), np.linspace(1.2, 0.0, 60)])
+    inside = History("settled", (0.0, 3.0, 0.0))
+    numbers = {
+        "play-cells": NUMBERS,
+        "effective-field": {"M_s": 4e5, "a": 40.0, "k": 20.0, "c": 0.2},
+    }
+    apart = {}
+    for law, iron in numbers.items():
+        quantities = QUANTITIES["current"], QUANTITIES["force"]
+        model = ActuatorModel("iron", *quantities, iron | CIRCUIT, law=law)
+        one, other = (model.predict(drive, history=past).output for past in (SETTLED, inside))
+        apart[law] = float(np.max(np.abs(one - other)) / np.ptp(one))
+    assert apart["play-cells"] > 0.01
+    assert apart["effective-field"] == 0.0
