@@ -1,0 +1,128 @@
+"""Play cells are fitted to loops of their own, a drifting sensor's too, and chosen where they gain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
+from anhyst.identify import identify
+from anhyst.identify.cell_kernel import CellKernel
+from anhyst.identify.fit_records import records_of
+from anhyst.identify.gauge import form_of
+from anhyst.identify.objective import Objective
+from anhyst.identify.space import CoordinateSpace
+from anhyst.laws.cells import Shape
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
+from tests.identify.truths import loops_of, magnet, noisy
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
+NOISE = 2e-3
+
+
+def cells_magnet() -> ActuatorModel:
+    """The magnet of the other tests with an iron of play cells."""
+    around = magnet("reluctance", in_0=0.0, out_0=0.0)
+    kept = {name: around.parameters[name] for name in ("rho", "c_H", "c_out")}
+    scale = around.parameters["a"]
+    assert isinstance(scale, float)
+    iron = {"M_0": 1e5, "a_0": 3.0 * scale, "M_1": 1.1e6, "a_1": 2.0 * scale, "k_1": 1.2 * scale,
+            "s_1": 2.5}  # fmt: skip
+    return replace(around, law="play-cells", parameters=kept | iron)
+
+
+def one_after_another(loopset: LoopSet, drift: float = 0.0) -> LoopSet:
+    """Give the loops a clock that runs on, and the output a drift over each gap, of its largest."""
+    top = max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
+    found, clock, gap, begun = [], 0.0, -1.0, 0.0
+    for loop in loopset.loops:
+        time = clock + np.linspace(0.0, 1.0, loop.n)
+        value = loop.schedule_value or 0.0
+        if value != gap:
+            gap, begun = value, clock
+        moved = loop.output + drift * top * (time - begun)
+        found.append(replace(loop, time=time, output=moved))
+        clock += 2.0
+    return loopset.with_loops(found)
+
+
+def error(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
+    """Deviations, in parts of the largest output."""
+    top = max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
+    return np.concatenate(
+        [
+            (model.predict(one.input, one.schedule, one.time, one.history).output - one.output)
+            / top
+            for one in loopset.loops
+        ]
+    )
+
+
+@pytest.mark.parametrize("shape", ["tanh", "langevin"])
+def test_derivatives_are_those_of_the_deviations_without_a_drift(shape: Shape) -> None:
+    loops = one_after_another(loops_of(cells_magnet(), samples=40), drift=0.01)
+    form = replace(form_of(loops.input, loops.output, "effective-field"),
+                   cells=CellKernel(shape, 2))  # fmt: skip
+    space = CoordinateSpace("reluctance", records_of(loops), form)
+    theta = np.array(
+        [
+            space.inward(name, space.numbers[name].usual or space.unit(name))
+            for name, _ in space.entries
+        ]
+    )
+    theta += 0.02 * np.arange(
+        theta.size
+    )  # no two pinnings alike: the least one sets the thresholds
+    objective = Objective(space)
+    values, slopes = objective.with_jacobian(theta)
+    assert np.abs(values - objective.deviations(theta)).max() < 1e-10
+    step = 1e-5 * np.eye(theta.size)
+    numeric = np.stack(
+        [
+            (objective.deviations(theta + one) - objective.deviations(theta - one)) / 2e-5
+            for one in step
+        ],
+        axis=1,
+    )
+    assert np.abs(slopes - numeric).max() < 1e-3 * np.abs(numeric).max()
+    off, gradient, normal = objective.normal(theta)
+    assert np.abs(off - values).max() < 1e-12
+    assert np.abs(gradient - slopes.T @ values).max() < 1e-9 * np.abs(gradient).max()
+    assert np.abs(normal - slopes.T @ slopes).max() < 1e-9 * np.abs(normal).max()
+
+
+def test_loops_of_play_cells_are_found_again() -> None:
+    truth = cells_magnet()
+    loops = noisy(loops_of(truth), NOISE, 1)
+    model = identify(loops).model
+    assert model.law.startswith("play-cells")
+    assert np.mean(np.abs(error(model, loops_of(truth)))) < 6e-4
+
+
+def test_a_drift_of_the_sensor_is_no_force() -> None:
+    truth = cells_magnet()
+    clean = one_after_another(loops_of(truth))
+    drifting = one_after_another(noisy(loops_of(truth), NOISE, 1), drift=2e-3)
+    model = identify(drifting, law="play-cells").model
+    assert np.max(error(model, drifting)) - np.min(error(model, drifting)) > 5e-3
+    assert np.mean(np.abs(error(model, clean))) < 6e-4
+
+
+def test_a_law_of_jiles_and_atherton_is_kept_for_its_own_loops() -> None:
+    loops = noisy(loops_of(magnet("reluctance")), NOISE, 1)
+    assert identify(loops).model.law == "effective-field"
+
+
+def test_the_bundled_magnet_is_met_at_gaps_that_were_not_measured() -> None:
+    """The reach of the example: no law of the package is its iron, and its force sensor drifts."""
+    model = identify(read_loops(FOLDER / "loops.csv")).model
+    truth = read_loops(FOLDER / "unseen_truth.csv")
+    off = np.abs(error(model, truth))
+    assert model.law.startswith("play-cells")
+    assert off.mean() < 1.2e-3
+    assert off.max() < 8e-3
