@@ -18,6 +18,7 @@ from anhyst.identify.any_law import fit_any
 from anhyst.identify.bare import model_of, valid_range
 from anhyst.identify.candidates import require_gaps
 from anhyst.identify.cell_kernel import LAW_OF
+from anhyst.identify.cell_resolution import resolved
 from anhyst.identify.choice import ModelChoice, search_models
 from anhyst.identify.default import FoundModel
 from anhyst.identify.fit_records import records_of
@@ -134,6 +135,7 @@ def identify(
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
         outcome = _search(run, loopset, gap_map, search)
+    outcome = _resolved(outcome, loopset)
     warnings = [*odd, *_warnings(loopset, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
@@ -265,6 +267,14 @@ def _any_law(
         end.why,
         False,
     )
+
+
+def _resolved(outcome: _Outcome, loopset: LoopSet) -> _Outcome:
+    """Count as free what no sample shows to be pinned."""
+    model = resolved(outcome.model, loopset)
+    if model is outcome.model:
+        return outcome
+    return replace(outcome, model=model, fitted=_predicted(model, loopset))
 
 
 def _predicted(model: ActuatorModel, loopset: LoopSet) -> tuple[FloatArray, ...]:
