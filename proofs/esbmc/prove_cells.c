@@ -41,6 +41,8 @@
   least = nondet_i16();                                                                            \
   most = nondet_i16();                                                                             \
   move_on(along)
+#define JOINING (along->active >= before && along->active <= along->cells + 1)
+#define JOINED (along->active > before && along->active <= along->cells + 1)
 #define PARTING (cell >= least && cell < along->active)
 #define PURSUING (is_path(along) && is_inside(*next) && low >= x && low <= *next)
 #define FORGET_PURSUING                                                                            \

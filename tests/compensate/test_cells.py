@@ -17,6 +17,7 @@ from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, DemandLimits, Scales, TableSizes
 from anhyst.compensate.cells import build_cells, fewer
 from anhyst.compensate.floating import RealIo, build_real
+from anhyst.compensate.full import build_full
 from anhyst.compensate.irons import cell_weights
 from anhyst.compensate.scheduled import flux_unit
 from anhyst.compensate.twin import FixedTwin, RealTwin
@@ -265,6 +266,17 @@ def test_any_memory_leads_back_into_bounds_and_to_the_demand(seed: int) -> None:
             current = twin.solve(part * largest(), GAPS[0])
             twin.commit(current, GAPS[0])
             assert abs(oracle.force(current, GAPS[0]) - part * largest()) < BOUND * largest()
+
+
+def test_a_block_of_another_kind_is_refused() -> None:
+    """Neither law takes a block of the other: the memory would mean nothing there."""
+    full = build_full(magnet("reluctance"), *ranges("reluctance", "play-cells"))
+    core = FixedCompensator("cells", block().words)
+    with pytest.raises(ValueError, match="valid"):
+        core.swap(full.words)
+    with pytest.raises(ValueError, match="valid"):
+        FixedCompensator("full", full.words).swap(block().words)
+    assert core.solve_q31(600_000_000, 0) > 0
 
 
 @pytest.mark.parametrize("segments", [2, 3])

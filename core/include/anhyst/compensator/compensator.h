@@ -132,8 +132,8 @@ int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int1
 int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap);
 
 /* Advances the memory with the current that was applied, at the gap there was. If both are what
-   was solved for, this costs a copy; near it, as what a converter's grid makes of it, an eighth of
-   a solve; otherwise at most as much as a solve. */
+   was solved for, this costs a copy; near it, as what a converter's grid makes of it, a fraction of
+   a solve; otherwise at most about one and a half times as much as a solve. */
 void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16_t gap);
 void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap);
 
