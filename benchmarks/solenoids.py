@@ -27,7 +27,7 @@ from virtual import FILE
 FOLDER = ROOT / "examples" / "solenoid"
 POSITIONS = (1.25e-3, 2.6e-3)
 
-CELLS, PAPER = "play-cells", "effective-field"
+CHOSEN, PAPER = "auto", "effective-field"
 REST, MOVING, PART = 0.6, 1.5, 0.25
 """To reach: % of F_max at rest and with the armature moving, and of the best single-valued curve."""
 
@@ -80,14 +80,14 @@ def by_law(summaries: dict[str, dict[str, Any]], stage: str) -> str:
         f"{law} {summary[stage]['full']['worst_percent']:.2f} %"
         for law, summary in summaries.items()
     ]
-    plain = summaries[CELLS][stage]
+    plain = summaries[CHOSEN][stage]
     parts += [f"{name} {plain[name]['worst_percent']:.2f} %" for name in ("single", "ratio")]
     return ", ".join(parts)
 
 
 def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
     """Return the lines of one solenoid, by law: at rest and moving."""
-    own = summaries[CELLS]
+    own = summaries[CHOSEN]
     found = []
     for title, stages, most in (
         ("at rest", ("end", "end_demagnetised", "positions"), REST),
@@ -110,7 +110,7 @@ def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
 def measure(name: str) -> list[Row]:
     """Measure one iron with both laws."""
     summaries = {}
-    for law in (CELLS, PAPER):
+    for law in (CHOSEN, PAPER):
         with tempfile.TemporaryDirectory() as place:
             summaries[law] = run(write_rig(Path(place), name, law))["summary"]
     return lines_of(f"iron {name}", summaries)
@@ -119,7 +119,7 @@ def measure(name: str) -> list[Row]:
 def bundled() -> list[Row]:
     """Measure the solenoid of the example with both laws, at all its positions."""
     summaries = {}
-    for law in (CELLS, PAPER):
+    for law in (CHOSEN, PAPER):
         with tempfile.TemporaryDirectory() as place:
             shutil.copytree(FOLDER, place, dirs_exist_ok=True)
             rig = Path(place) / "rig.toml"
