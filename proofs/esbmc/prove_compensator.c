@@ -31,16 +31,16 @@ static void any_head(int16_t *words)
   words[ANHYST_WORD_GAP_FIELD_ARM] = FIELD_ARM;
 }
 
-static int32_t any_field(const int16_t *words, const anhyst_memory *from,
-                         const int32_t *plays, int32_t flux, anhyst_candidate *to)
+static int32_t any_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                         int32_t flux, anhyst_candidate *to)
 {
   SHOW(flux >= -ANHYST_Q30_ONE && flux <= ANHYST_Q30_ONE);
   return any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
 
-static int32_t any_flux(const int16_t *words, const anhyst_memory *from,
-                        const int32_t *plays, const anhyst_candidate *solved,
-                        const anhyst_arms *arms, int32_t current, anhyst_memory *to)
+static int32_t any_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                        const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
+                        anhyst_memory *to)
 {
   SHOW(arms->flux_arm >= least_flux_arm && arms->field_arm > 0);
   SHOW(arms->bias >= -ANHYST_Q30_ONE / 2 && arms->bias <= ANHYST_Q30_ONE / 2);
