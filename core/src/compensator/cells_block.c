@@ -35,7 +35,7 @@ void anhyst_cells_begin(cell_path *along, const int16_t *words, const anhyst_mem
   along->left.at = along->rows;
   along->left.part = 0;
   along->frozen = from->turn;
-  along->low = from->level;
+  along->low = inside(from->level);
   along->rest = inside(turned(from->y, along->falling));
   if (along->active == 0) {
     along->active = 1;
