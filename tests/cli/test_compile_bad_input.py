@@ -79,7 +79,8 @@ def test_a_model_that_cannot_be_compiled(folder: Path, values: dict[str, str], s
                      "23111111 times the full-scale current, more than 16-bit words can weigh "
                      "against each other; compile with --io f32", id="arm"),
         pytest.param({"I_0_A": "-3.0"}, "current: its limits drive the iron to 101 times its shape "
-                     "field a, beyond 95 the tables are too steep for 16 bits; narrow the current",
+                     "field a, beyond 95 the tables are too steep for 16 bits; narrow the current, "
+                     "or identify with --law play-cells",
                      id="field"),
     ],
 )  # fmt: skip

@@ -42,6 +42,7 @@ from anhyst.identify.default import (
     search_each_gap,
     search_one_gap,
 )
+from anhyst.identify.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identify.fitting import Evaluation
 from anhyst.identify.objective import Objective
 from anhyst.identify.offsets import only_demanded
@@ -197,11 +198,11 @@ def _compare_cells(
         new.append(further)
     else:
         run.total -= 2
+    usable = [one for one in new if _is_usable(contest.fits[one].found, loopset)]
     if run.only_cells:
-        contest.entrants.clear()
-    contest.entrants += [
-        one for one in new if run.only_cells or _is_usable(contest.fits[one].found, loopset)
-    ]
+        contest.entrants[:] = usable or new
+    else:
+        contest.entrants += usable
     return _accepted(contest, loopset)
 
 
@@ -225,8 +226,13 @@ def _leaves_something(found: FoundModel, loopset: LoopSet) -> bool:
 
 
 def _is_usable(found: FoundModel, loopset: LoopSet) -> bool:
-    """Whether what is to be compensated can be compiled."""
-    return not is_electromagnet(loopset) or obstacle(model_of(found, loopset)) is None
+    """Whether what is to be compensated can be compiled, and starts near what was measured."""
+    if not is_electromagnet(loopset):
+        return True
+    model = model_of(found, loopset)
+    if obstacle(model) is not None:
+        return False
+    return not is_guessed(loopset) or first_rise(model, loopset) <= FARTHEST
 
 
 def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[CandidateFit, ...]:
