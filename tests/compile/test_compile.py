@@ -128,7 +128,7 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
         plan.request.io == "f32" and plan.block.kind == "full"
     )
     assert compiled.manifest["memory"]["parameters_bytes"] <= 2048
-    assert compiled.manifest["memory"]["state_bytes"] <= 128
+    assert compiled.manifest["memory"]["state_bytes"] <= 140
 
 
 def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
@@ -378,7 +378,7 @@ def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
     ("request_", "culprit", "advice"),
     [
         (CompileRequest("simplified", "q15", 1e4, 0.5), "straight anhysteretic", "--kind full"),
-        (CompileRequest("full", "q31", 1e4, 0.001), "tables", "2 KiB"),
+        (CompileRequest("full", "q31", 1e4, 0.001), "tables", "hold no more"),
     ],
 )
 def test_unreachable_accuracy_names_its_cause(

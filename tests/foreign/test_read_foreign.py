@@ -201,7 +201,7 @@ def test_the_bundled_loops_are_settled_without_their_sidecars(tmp_path: Path, ex
     loops = Path(__file__).parents[2] / "examples" / example / "loops.csv"
     copy = tmp_path / "loops.csv"
     copy.write_bytes(loops.read_bytes())
-    assert histories(copy) == {"settled"}
+    assert {history.partition(":")[0] for history in histories(copy)} == {"settled"}
 
 
 def test_a_constant_column_reports_loops_apart(tmp_path: Path) -> None:

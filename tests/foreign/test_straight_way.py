@@ -48,7 +48,8 @@ def test_what_is_identified_is_compiled_and_verified(magnet: Path) -> None:
 
 
 def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> None:
-    model = read_model(magnet / "model.toml")
+    run(magnet, "identify", "loops.csv", "--law", "effective-field", "--out", "paper.toml")
+    model = read_model(magnet / "paper.toml")
     limits = find_limits(model)
     scales = find_scales(model, limits)
     (low, high), demand = limits.current, limits.demand[1]

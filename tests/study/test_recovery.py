@@ -47,9 +47,9 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
     assert not found.lost
     assert set(found.figures) == {"excess_peak_m", "excess_s"}
     assert LEAST_BAND_M < found.figures["excess_peak_m"] < BACK_M
-    # A play that keeps noise out of the memory hides a wrong one in what is left of the noise.
-    hidden = event == "wrong initial state" and variant == "full"
-    assert (0.0 if hidden else 0.002) <= found.figures["excess_s"] < 0.03
+    # Play cells remember a wrong state until the field has come over it again.
+    remembered = event == "wrong initial state" and variant == "full"
+    assert 0.002 <= found.figures["excess_s"] < (0.1 if remembered else 0.03)
 
 
 @pytest.mark.parametrize("event", SHOWN)

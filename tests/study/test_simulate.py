@@ -19,10 +19,13 @@ from anhyst.cli.app import main
 from anhyst.compensate.methods import METHODS
 from anhyst.control.position import PositionLimits
 from anhyst.control.states import Command, Flag, Phase, State
+from anhyst.identify.options import IdentifyTable
 from anhyst.model.writer import write_model
 from anhyst.report.bearing import write_simulation_report
 from anhyst.report.bearing.from_simulation import subject_of
 from anhyst.rig.bearing import scenario
+from anhyst.rig.bearing.make_setup import identify_magnet
+from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.recording import COLUMNS, FAULT, HOVER
 from anhyst.rig.bearing.scenario import Script
 from anhyst.study.bearing import simulate as module
@@ -324,7 +327,9 @@ def test_a_variant_that_cannot_be_made_is_reported(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The law of 1986 has no compensator: the others are compared, and this is said."""
-    model = replace(bearings.knowledge().model, law="jiles-atherton-1986")
+    law = IdentifyTable(law="effective-field")
+    model = identify_magnet(measure_loops(bearings.example()), law).model
+    model = replace(model, law="jiles-atherton-1986")
     write_model(model, folder / "model.toml")
     monkeypatch.setattr(module, "COMPARED", ("ratio", "full"))
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")

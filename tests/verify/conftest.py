@@ -27,15 +27,21 @@ Seed = Callable[[str, str, str], Path]
 
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
-    """Give the folder of a kind of compensator and a format of signals."""
+    """Give the folder of a kind of compensator and a format of signals.
 
-    def identify_magnet(folder: Path) -> None:
-        loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
-        write_model(identify(loops, gap_map="scaling").model, folder / "model.toml")
+    ``full`` is that of Jiles and Atherton, ``cells`` the same kind for play cells.
+    """
 
     def give(kind: str, io: str) -> Path:
-        model = made_once(tmp_path_factory, "magnet", identify_magnet) / "model.toml"
-        request = CompileRequest(kind, io, RATE, name=NAME)  # type: ignore[arg-type]
+        law = "play-cells" if kind == "cells" else "effective-field"
+
+        def identify_magnet(folder: Path) -> None:
+            loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
+            write_model(identify(loops, law=law, gap_map="scaling").model, folder / "model.toml")
+
+        model = made_once(tmp_path_factory, f"magnet-{law}", identify_magnet) / "model.toml"
+        wanted = "full" if kind == "cells" else kind
+        request = CompileRequest(wanted, io, RATE, name=NAME)  # type: ignore[arg-type]
         name = f"compiled-{kind}-{io}"
         place = made_once(
             tmp_path_factory, name, lambda folder: compile_model(model, folder / "out", request)
