@@ -25,7 +25,7 @@ static double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / 
 static void fill(void)
 {
   const int16_t thresholds = ANHYST_BLOCK_LEAST_WORDS;
-  const int16_t rows = thresholds + CELLS;
+  const int16_t rows = (int16_t)(thresholds + CELLS);
   words[ANHYST_WORD_CELLS_AIR] = (int16_t)lround(AIR * 16384.0);
   words[ANHYST_WORD_CELLS_COUNT] = CELLS;
   words[ANHYST_WORD_CELLS_SEGMENTS] = BITS;

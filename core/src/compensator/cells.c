@@ -118,7 +118,8 @@ static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
 static int32_t left_with(const cell_path *along, int16_t cell)
 {
   if (cell < along->moved) {
-    const anhyst_spot there = {along->left.at + (cell - 1) * along->stride, along->left.part};
+    const anhyst_spot there = {along->left.at + rows_on(along, (int16_t)(cell - 1)),
+                               along->left.part};
     return -beyond(along, there);
   }
   return -alone(along, cell, ~at_rest(along, cell));
@@ -179,8 +180,8 @@ static int passes(const cell_path *along, const equation *solve, int32_t x)
 static void let_move(cell_path *along, int16_t cells)
 {
   const int16_t *left = along->left.at;
-  const anhyst_spot now = {left + (along->active - 1) * along->stride, along->left.part};
-  along->rest = inside(along->rest + between(now, left + (cells - 1) * along->stride));
+  const anhyst_spot now = {left + rows_on(along, (int16_t)(along->active - 1)), along->left.part};
+  along->rest = inside(along->rest + between(now, left + rows_on(along, (int16_t)(cells - 1))));
   along->active = cells;
   along->row = row_of(along, cells);
 }
@@ -276,7 +277,7 @@ static void part(cell_path *along, int16_t least, int32_t begin)
       cell--;
     }
     const anhyst_spot here = spot_on(along, row_of(along, cell), place);
-    rest = between(here, here.at + (along->active - cell) * along->stride);
+    rest = between(here, here.at + rows_on(along, (int16_t)(along->active - cell)));
   } else {
     rest = left_with(along, cell);
   }
@@ -308,7 +309,7 @@ static int retreat(cell_path *along, const equation *solve, int16_t least, int32
 /* Leaves a path for the opposite one: all but cell 0 rest. */
 static void turn(cell_path *along, anhyst_spot here)
 {
-  const anhyst_spot first = {here.at - (along->active - 1) * along->stride, here.part};
+  const anhyst_spot first = {here.at - rows_on(along, (int16_t)(along->active - 1)), here.part};
   const int32_t left = between(first, here.at);
   const uint32_t moved = ((uint32_t)1 << (uint16_t)along->active) - 1U;
   const uint32_t others = (uint32_t)along->frozen & ~moved;

@@ -212,6 +212,7 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
   for (int16_t cell = 0; cell <= along.cells; cell++) {
     int32_t half_width = 0;
     if (cell > 0) {
+      /* NOLINTNEXTLINE(readability-suspicious-call-argument): here from the new unit to the old */
       half_width = anhyst_in_unit(width(&along, cell), words, before, ANHYST_WORD_UNIT_FIELD);
     }
     stairs[cell] = inside(anhyst_in_unit(play_between(&other, old, half_width), before, words,

@@ -48,9 +48,15 @@ static inline int32_t width(const cell_path *along, int16_t cell)
   return (int32_t)along->thresholds[cell - 1] * 32768;
 }
 
+/* Entries from a row to that of so many cells more; a block has no more words than fit. */
+static inline int16_t rows_on(const cell_path *along, int16_t cells)
+{
+  return (int16_t)(cells * along->stride);
+}
+
 static inline const int16_t *row_of(const cell_path *along, int16_t cells)
 {
-  return along->rows + (cells - 1) * along->stride;
+  return along->rows + rows_on(along, (int16_t)(cells - 1));
 }
 
 /* A part of 2^-15 of the segment that holds x is 2^this. */

@@ -55,7 +55,7 @@ static uint16_t ANHYST_NAME(segments_of)(const ANHYST_NAME(anhyst_cells_law) *la
 static const ANHYST_REAL *ANHYST_NAME(row_of)(const ANHYST_NAME(anhyst_cells_law) *law,
                                               uint16_t cells)
 {
-  return law->rows + (uint32_t)(cells - 1U) * (ANHYST_NAME(segments_of)(law) + 1U);
+  return law->rows + (size_t)(cells - 1U) * (ANHYST_NAME(segments_of)(law) + 1U);
 }
 
 /* The magnetisation of so many moving cells. */
