@@ -55,7 +55,8 @@ static uint16_t ANHYST_NAME(segments_of)(const ANHYST_NAME(anhyst_cells_law) *la
 static const ANHYST_REAL *ANHYST_NAME(row_of)(const ANHYST_NAME(anhyst_cells_law) *law,
                                               uint16_t cells)
 {
-  return law->rows + (size_t)(cells - 1U) * (ANHYST_NAME(segments_of)(law) + 1U);
+  const uint32_t entries = (cells - 1U) * (ANHYST_NAME(segments_of)(law) + 1U);
+  return law->rows + entries;
 }
 
 /* The magnetisation of so many moving cells. */
