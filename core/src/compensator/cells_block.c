@@ -202,7 +202,7 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
                         anhyst_memory *memory, int32_t *plays)
 {
   int32_t old[ANHYST_CELLS + 1];
-  int32_t stairs[ANHYST_CELLS + 1];
+  int32_t stairs[ANHYST_CELLS + 1] = {0};
   const anhyst_memory none = {0, 0, 0, 0, 0};
   cell_path along;
   cell_path other;
