@@ -19,7 +19,7 @@ from anhyst.identify.space import CoordinateSpace
 from anhyst.laws.cells import Shape
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
-from tests.identify.truths import loops_of, magnet, noisy
+from tests.identify.truths import HISTORIES, loops_of, magnet, noisy
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 NOISE = 2e-3
@@ -63,21 +63,23 @@ def error(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
     )
 
 
-@pytest.mark.parametrize("shape", ["tanh", "langevin"])
-def test_derivatives_are_those_of_the_deviations_without_a_drift(shape: Shape) -> None:
-    loops = one_after_another(loops_of(cells_magnet(), samples=40), drift=0.01)
+def somewhere(loops: LoopSet, shape: Shape) -> tuple[CoordinateSpace, FloatArray]:
+    """Give a space of two populations, and a place in it."""
     form = replace(form_of(loops.input, loops.output, "effective-field"),
                    cells=CellKernel(shape, 2))  # fmt: skip
     space = CoordinateSpace("reluctance", records_of(loops), form)
-    theta = np.array(
-        [
-            space.inward(name, space.numbers[name].usual or space.unit(name))
-            for name, _ in space.entries
-        ]
-    )
-    theta += 0.02 * np.arange(
-        theta.size
-    )  # no two pinnings alike: the least one sets the thresholds
+    usual = [
+        space.inward(name, space.numbers[name].usual or space.unit(name))
+        for name, _ in space.entries
+    ]
+    # No two pinnings alike: the least one sets the thresholds.
+    return space, np.array(usual) + 0.02 * np.arange(len(usual))
+
+
+@pytest.mark.parametrize("shape", ["tanh", "langevin"])
+def test_derivatives_are_those_of_the_deviations_without_a_drift(shape: Shape) -> None:
+    loops = one_after_another(loops_of(cells_magnet(), samples=40), drift=0.01)
+    space, theta = somewhere(loops, shape)
     objective = Objective(space)
     values, slopes = objective.with_jacobian(theta)
     assert np.abs(values - objective.deviations(theta)).max() < 1e-10
@@ -94,6 +96,19 @@ def test_derivatives_are_those_of_the_deviations_without_a_drift(shape: Shape) -
     assert np.abs(off - values).max() < 1e-12
     assert np.abs(gradient - slopes.T @ values).max() < 1e-9 * np.abs(gradient).max()
     assert np.abs(normal - slopes.T @ slopes).max() < 1e-9 * np.abs(normal).max()
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+def test_a_long_record_in_pieces_is_the_record(history: str) -> None:
+    space, theta = somewhere(loops_of(cells_magnet(), history, samples=90), "tanh")
+    whole = space.records
+    pieces = tuple(piece for one in whole.loops for piece in one.pieces(7))
+    assert len(pieces) > 10 * len(whole.loops)
+    cut = replace(space, records=replace(whole, loops=pieces))
+    for one, other in zip(
+        Objective(space).normal(theta), Objective(cut).normal(theta), strict=True
+    ):
+        assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
 
 
 def test_loops_of_play_cells_are_found_again() -> None:

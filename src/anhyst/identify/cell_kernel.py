@@ -122,7 +122,7 @@ class CellKernel:
         return populations((iron["M_0"], iron["a_0"]), pinned, self.shape)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)  # tables of a megabyte or two each
 def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
     """Cells with derivatives by the numbers, and again with thresholds for a little more pinning."""
     cells, iron = kernel.weights(law), kernel.iron(1.0, 1.0, law, 0.0)

@@ -106,18 +106,25 @@ class CellPaths:
 
 
 def remembered(drive: FloatArray) -> FloatArray:
-    """Return what demagnetised cells keep of a drive: its turning points that none has wiped out."""
-    way = np.sign(np.diff(np.concatenate([[0.0], drive])))
+    """Return what play cells can keep of a drive: its ends and turning points, closed cycles left out.
+
+    A cycle is closed where both its neighbours reach beyond it. That holds wherever zero is, which
+    the offset of the drive moves; so what only a demagnetised start would wipe out is kept.
+    """
+    way = np.sign(np.diff(drive))
     moving = np.flatnonzero(way)
-    turns = moving[1:][way[moving[1:]] != way[moving[:-1]]] - 1
-    kept: list[float] = []
+    turns = moving[1:][way[moving[1:]] != way[moving[:-1]]]
+    kept = [float(drive[0])]
     for point in [*drive[turns].tolist(), float(drive[-1])]:
-        while len(kept) > 1 and abs(point - kept[-1]) >= abs(kept[-1] - kept[-2]):
-            del kept[-2:]
-        if len(kept) == 1 and abs(point) >= abs(kept[0]):
-            kept.clear()
         kept.append(point)
+        while len(kept) > 3 and _closed(*kept[-4:]):
+            del kept[-3:-1]
     return np.array(kept)
+
+
+def _closed(before: float, first: float, second: float, after: float) -> bool:
+    """Whether the cycle between two turning points lies within what comes before and after."""
+    return abs(second - first) <= min(abs(first - before), abs(after - second))
 
 
 def _refuse(status: int) -> None:

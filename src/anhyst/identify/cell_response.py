@@ -5,7 +5,7 @@ The equations are those of :mod:`.response`. A settled cycle is exact after one 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -35,12 +35,11 @@ class CellResponder:
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
-    ) -> list[tuple[FloatArray, FloatArray]]:
-        """Output of every drive, and its derivatives by what the form names, shape (n, numbers)."""
+    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield the output of every drive, and its derivatives by what the form names, (n, numbers)."""
         cells = _cells(form, sets)
-        return [
-            _differentiated(form, sets[record.gap], cells[record.gap], record) for record in records
-        ]
+        for record in records:
+            yield _differentiated(form, sets[record.gap], cells[record.gap], record)
 
 
 def _differentiated(

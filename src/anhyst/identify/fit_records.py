@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, pairwise
@@ -59,6 +59,24 @@ class FitRecord:
         """What an iron that wipes out by turning points keeps of all that was before, SI."""
         drive = np.concatenate([self.lead, self.input]) if self.settled else self.lead
         return remembered(drive) if drive.size else drive
+
+    def pieces(self, most: int) -> Iterator[FitRecord]:
+        """Cut it for an iron that wipes out by turning points; each remembers those before it."""
+        if self.input.size <= most:
+            yield self
+            return
+        lead = self.before
+        for first in range(0, self.input.size, most):
+            part = slice(first, first + most)
+            yield replace(
+                self,
+                lead=lead,
+                input=self.input[part],
+                output=self.output[part],
+                settled=False,
+                clock=self.clock[part],
+            )
+            lead = remembered(np.concatenate([lead, self.input[part]]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +19,10 @@ squared: as much as a deviation of a ten-thousandth."""
 
 DRIFT = 0.003
 """Spread of what a sensor of the output drifts by in a record, in parts of the largest output."""
+
+_PIECE = 20_000
+"""Samples of which derivatives are held at once: a long record must not cost memory by its length
+times its numbers. A law of Jiles and Atherton, with few numbers, needs its cycle whole to close it."""
 
 _IMPOSSIBLE = 10.0
 """Deviation, in units of the largest output, where the law has no answer."""
@@ -42,11 +47,14 @@ class Objective:
     space: CoordinateSpace
     tie: float = 0.0
     evaluations: int = 0
-    _responder: Responder | CellResponder = field(init=False)
 
     def __post_init__(self) -> None:
-        self._responder = CellResponder() if self.space.form.cells else Responder()
         loops = self.space.records.loops
+        self._responder: Responder | CellResponder = Responder()
+        if self.space.form.cells:
+            self._responder = CellResponder()
+            loops = tuple(piece for record in loops for piece in record.pieces(_PIECE))
+        self._loops = loops
         self.measured = np.concatenate([record.output for record in loops])
         self.weights = np.concatenate([np.full(r.output.size, r.weight) for r in loops])
         self._ties = np.sqrt(self.tie) * _differences(self.space)
@@ -63,9 +71,7 @@ class Objective:
     def outputs(self, sets: list[Local]) -> FloatArray:
         """Modelled outputs of all loops, one after the other, SI."""
         self.evaluations += 1
-        return np.concatenate(
-            self._responder.outputs(self.space.form, sets, self.space.records.loops)
-        )
+        return np.concatenate(self._responder.outputs(self.space.form, sets, self._loops))
 
     def deviations(self, theta: FloatArray) -> FloatArray:
         """Weighted deviations, shape (samples,), and ties, if any, after them."""
@@ -79,17 +85,15 @@ class Objective:
 
     def _derivatives(
         self, sets: list[tuple[Local, FloatArray]]
-    ) -> list[tuple[FloatArray, FloatArray]]:
-        loops = self.space.records.loops
-        return self._responder.derivatives(self.space.form, [one for one, _ in sets], loops)
+    ) -> Iterable[tuple[FloatArray, FloatArray]]:
+        return self._responder.derivatives(self.space.form, [one for one, _ in sets], self._loops)
 
     def with_jacobian(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Deviations as above and their derivatives, one row for each, shape (.., size)."""
         self.evaluations += 1
         sets = self.space.unpack(theta)
-        loops = self.space.records.loops
         values, rows = [], []
-        for record, (output, by_local) in zip(loops, self._derivatives(sets), strict=True):
+        for record, (output, by_local) in zip(self._loops, self._derivatives(sets), strict=True):
             values.append((output - record.output) * record.weight)
             rows.append((by_local * record.weight) @ sets[record.gap][1])
         found = [
@@ -113,9 +117,8 @@ class Objective:
         squares = np.zeros((len(sets), numbers, numbers))
         slopes = np.zeros((len(sets), numbers))
         values, along = [], np.zeros((len(sets), numbers))
-        loops = self.space.records.loops
         first = 0
-        for record, (output, by_local) in zip(loops, self._derivatives(sets), strict=True):
+        for record, (output, by_local) in zip(self._loops, self._derivatives(sets), strict=True):
             value, weighted = (output - record.output) * record.weight, by_local * record.weight
             squares[record.gap] += weighted.T @ weighted
             slopes[record.gap] += value @ weighted
