@@ -26,6 +26,7 @@ void app_body_start(app_body *body, const app_board *board)
   body->drive = 0;
   body->flags = 0;
   body->swapped = 0;
+  body->compensated = 1;
   body->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)ramp_ticks(board), 1);
   anhyst_supervisor_start(&body->supervisor);
   forget_sensors(body);
@@ -128,6 +129,11 @@ static int32_t constant_ratio(int32_t demand, int32_t ratio)
   return anhyst_shl_q31(anhyst_scale(demand, (int16_t)(ratio >> 16)), 2);
 }
 
+static uint16_t is_compensated(const int32_t *settings)
+{
+  return settings[LINK_SETTING_COMPENSATION] != 0 ? 1U : 0U;
+}
+
 /* The current for the demand at this gap, the demand having moved on by at most its slew. */
 static int32_t force_current(app_body *body, const int32_t *settings, int32_t gap)
 {
@@ -137,7 +143,12 @@ static int32_t force_current(app_body *body, const int32_t *settings, int32_t ga
   if (body->demand != body->target) {
     body->flags |= ANHYST_DEMAND_SLEWING;
   }
-  if (settings[LINK_SETTING_COMPENSATION] == 0) {
+  const uint16_t compensated = is_compensated(settings);
+  if (compensated != body->compensated) {
+    body->compensated = compensated;
+    body->swapped = 1;
+  }
+  if (compensated == 0U) {
     return constant_ratio(body->demand, settings[LINK_SETTING_RATIO]);
   }
   const int32_t current = anhyst_compensator_solve_q31(&body->compensator, body->demand, gap);
@@ -177,6 +188,7 @@ static int32_t wanted_current(app_body *body, const int32_t *settings, int32_t g
     }
   }
   body->swapped = 0;
+  body->compensated = is_compensated(settings);
   return ramp_to(body, 0);
 }
 

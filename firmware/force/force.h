@@ -20,7 +20,9 @@ struct app_body {
   int32_t drive;    /* current driven, q31 */
   int32_t ramp;     /* step of the ramp to zero, q31 a tick */
   uint16_t flags;   /* of this tick */
-  uint16_t swapped; /* whether the current is still on its way to that of a block put in force */
+  uint16_t swapped; /* whether the current is still on its way to that of a block put in force, or
+                       of the other way from force to current */
+  uint16_t compensated; /* whether the compensator found the current last */
   app_sensor gap;
   app_sensor force;
   app_sensor current;

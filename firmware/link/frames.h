@@ -138,7 +138,7 @@ enum {
 #define LINK_SETTING_TABLE \
   {INT32_C(2), INT32_C(1000000), INT32_C(0), 1}, /* heartbeat_ticks */ \
   {INT32_C(1), INT32_C(2147483647), INT32_C(2147483647), 1}, /* demand_slew */ \
-  {INT32_C(0), INT32_C(1), INT32_C(1), 0}, /* compensation */ \
+  {INT32_C(0), INT32_C(1), INT32_C(1), 1}, /* compensation */ \
   {INT32_MIN, INT32_C(2147483647), INT32_C(1073741824), 0}, /* ratio */ \
   {INT32_C(0), INT32_C(1), INT32_C(0), 0}, /* follow */
 

@@ -250,7 +250,7 @@ static void settings_keep_their_ranges(void)
   link_put_u16(payload, LINK_SETTING_COUNT);
   CHECK(bench_ask(LINK_TYPE_SETTING_READ, payload, 2) == LINK_TYPE_NAK);
   bench_run();
-  CHECK(bench_set(LINK_SETTING_COMPENSATION, 0) == LINK_TYPE_NAK);
+  CHECK(bench_set(LINK_SETTING_FOLLOW, 1) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_STATE && bench_detail() == ANHYST_STATE_RUN);
   CHECK(bench_set(LINK_SETTING_DEMAND_SLEW, 5) == LINK_TYPE_SETTING);
 }

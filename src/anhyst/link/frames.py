@@ -103,7 +103,7 @@ class SettingRange(NamedTuple):
 SETTINGS = {
     Setting.HEARTBEAT_TICKS: SettingRange(2, 1000000, 0, True),
     Setting.DEMAND_SLEW: SettingRange(1, 2147483647, 2147483647, True),
-    Setting.COMPENSATION: SettingRange(0, 1, 1, False),
+    Setting.COMPENSATION: SettingRange(0, 1, 1, True),
     Setting.RATIO: SettingRange(-2147483648, 2147483647, 1073741824, False),
     Setting.FOLLOW: SettingRange(0, 1, 0, False),
 }

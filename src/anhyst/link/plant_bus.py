@@ -91,6 +91,8 @@ class PlantBus:
         Of the controller after the last tick.
     fault : Fault
         Its latched reason.
+    answer : PlantDrive or None
+        All that it said at the last tick.
     """
 
     def __init__(self, plant: Plant, connection: socket.socket, timeout: float = 10.0) -> None:
@@ -99,6 +101,7 @@ class PlantBus:
         self.drives = (0.0, 0.0)
         self.state = State.INIT
         self.fault = Fault.NONE
+        self.answer: PlantDrive | None = None
         self._connection = connection
         wait_at_most(connection, timeout)
 
@@ -131,6 +134,7 @@ class PlantBus:
         if drive.tick != tick:
             raise InputError(f"the controller answered tick {drive.tick} to tick {tick}")
         self.tick = tick
+        self.answer = drive
         self.drives = (drive.drive / Q31, drive.drive_2 / Q31)
         self.state = State(drive.state & 0xFF)
         self.fault = Fault(drive.state >> 8 & 0xFF)

@@ -20,13 +20,11 @@ from anhyst.rig.bearing.board import position_code
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.load_drive import LoadDrive
 from anhyst.rig.bench.protocol import Parameter, Signal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-
-_BEAT_S = 0.04
-"""Between two heartbeats while nothing else is said, s of virtual time; a controller waits 0.1 s."""
 
 _ANSWER_S = 10.0
 """The longest that a controller may take for a tick, s of the clock on the wall."""
@@ -107,12 +105,11 @@ class BearingBench:
         bearing = make_bearing(rig, seed)
         self.load_drive = LoadDrive(rig, bearing)
         self._target: int | None = None
-        self._beat = max(1, int(_BEAT_S * self.rate))
-        self._silent = 0
         self._open = ExitStack()
         try:
             url, bus = self._open.enter_context(start_host(firmware))
             self._link = self._open.enter_context(ControllerLink(url))
+            self._heartbeat = Heartbeat(self._link)
             wait_at_most(bus, _ANSWER_S)
             self._bus = BusController(bus.fileno(), {name: self._scales[name] for name in _FULL})
             has_hall = rig.settings.hall_probe is not None
@@ -131,12 +128,8 @@ class BearingBench:
         """Compute some ticks, one after the other."""
         parts = []
         while ticks > 0:
-            if self._silent >= self._beat:
-                self._link.status()
-                self._silent = 0
-            count = min(ticks, self._beat - self._silent)
+            count = self._heartbeat.let_pass(ticks)
             parts.append(self._run(count))
-            self._silent += count
             ticks -= count
         return np.concatenate(parts)
 
@@ -168,7 +161,7 @@ class BearingBench:
     def command(self, command: Command) -> None:
         """Give a command over the link."""
         self._link.command(command)
-        self._silent = 0
+        self._heartbeat.restart()
 
     def commands(self) -> tuple[Command, ...]:
         """Return the commands of a controller of position."""
@@ -179,7 +172,8 @@ class BearingBench:
         code = position_code(self._scales, value)
         if code != self._target:
             self._link.request(TargetRequest(code), StatusAnswer)
-            self._target, self._silent = code, 0
+            self._target = code
+            self._heartbeat.restart()
 
     def load(self, force: float) -> None:
         """Command a force to the load drive, N; positive pulls the gap open."""

@@ -53,6 +53,62 @@ class BenchRecording:
     read_current: FloatArray
 
 
+class StandTick(NamedTuple):
+    """What is at a tick: current that flows, A; true force, N; what the sensors say."""
+
+    current: float
+    force: float
+    reading: BenchReading
+
+
+class ActuatorStand:
+    """An actuator with its amplifier and its sensors, and no memory of what happened.
+
+    Parameters
+    ----------
+    rig : Rig
+        What stands there.
+    seed : list of int
+        Of the noise, apart from that of other runs.
+    """
+
+    def __init__(self, rig: Rig, seed: list[int]) -> None:
+        self._actuator = rig.actuator()
+        self._amplifier = rig.settings.amplifier.amplifier(rig.dt)
+        self._sensors = rig.instruments(seed)
+        self._begun = False
+
+    def drive(self, current: float, gap: float) -> None:
+        """Take the current to a place, A, slowly and past the amplifier."""
+        self._actuator.step(current, gap)
+
+    def hold(self, reference: float, gap: float) -> None:
+        """Take the reference to a place, A, slowly."""
+        self.drive(max(reference - self._amplifier.shunt_offset, 0.0), gap)
+
+    def step(self, reference: float, gap: float) -> StandTick:
+        """Go on to the beginning of the next tick.
+
+        Parameters
+        ----------
+        reference : float
+            What the controller asked for in the tick before, A; it begins to flow now.
+        gap : float
+            Where the armature is at that tick, m.
+        """
+        if self._begun:  # nothing comes before the first tick
+            self._amplifier.tick(reference)
+        self._begun = True
+        current = self._amplifier.current
+        force = self._actuator.step(current, gap)
+        reading = BenchReading(
+            self._sensors.gap.read(gap),
+            self._sensors.force.read(force),
+            self._sensors.current.read(current),
+        )
+        return StandTick(current, force, reading)
+
+
 class ActuatorBench:
     """A bench in use.
 
@@ -70,23 +126,21 @@ class ActuatorBench:
     """
 
     def __init__(self, rig: Rig, gap: FloatArray, seed: list[int], unknown_past: bool) -> None:
-        self._actuator = rig.actuator()
+        self._stand = ActuatorStand(rig, seed)
         self._gap = gap.tolist()
-        self._amplifier = rig.settings.amplifier.amplifier(rig.dt)
-        self._sensors = rig.instruments(seed)
         self._rows: list[tuple[float, ...]] = []
         self._begin: int | None = None
         if unknown_past:
             rng = np.random.default_rng([rig.settings.seed, *seed, 3])
+            largest = rig.settings.amplifier.current_max_A
             for share in rng.uniform(size=_PAST).tolist():
-                self._actuator.step(share * rig.settings.amplifier.current_max_A, self._gap[0])
-            self._actuator.step(0.0, self._gap[0])
+                self._stand.drive(share * largest, self._gap[0])
+            self._stand.drive(0.0, self._gap[0])
 
     def condition(self, turns: list[float]) -> None:
         """Take the reference from turning point to turning point, A, slowly and off the record."""
         for turn in turns:
-            flowing = max(turn - self._amplifier.shunt_offset, 0.0)
-            self._actuator.step(flowing, self._gap[0])
+            self._stand.hold(turn, self._gap[0])
 
     def begin(self) -> None:
         """Let the record, and with it the motion of the armature, begin with the next step."""
@@ -105,19 +159,11 @@ class ActuatorBench:
         BenchReading
             What the sensors say now.
         """
-        if self._rows:  # nothing comes before the first tick
-            self._amplifier.tick(reference)
-        current = self._amplifier.current
         tick = 0 if self._begin is None else len(self._rows) - self._begin
         gap = self._gap[min(tick, len(self._gap) - 1)]
-        force = self._actuator.step(current, gap)
-        reading = BenchReading(
-            self._sensors.gap.read(gap),
-            self._sensors.force.read(force),
-            self._sensors.current.read(current),
-        )
-        self._rows.append((reference, current, force, gap, *reading))
-        return reading
+        at = self._stand.step(reference, gap)
+        self._rows.append((reference, at.current, at.force, gap, *at.reading))
+        return at.reading
 
     def recording(self, last: float) -> BenchRecording:
         """Return what happened since :meth:`begin`.

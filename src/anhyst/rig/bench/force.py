@@ -1,0 +1,219 @@
+"""The virtual bench of a force rig: the actuator, and the firmware that drives it as a process."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+
+import numpy as np
+
+from anhyst.control.states import Command, State
+from anhyst.link.client import ControllerLink
+from anhyst.link.frames import Setting
+from anhyst.link.plant_bus import Q30, Q31, Reading
+from anhyst.link.process import run_host
+from anhyst.rig.bench.heartbeat import Heartbeat
+from anhyst.rig.bench.parameters import check_values
+from anhyst.rig.bench.protocol import Parameter, Signal
+from anhyst.rig.force.bench import ActuatorStand, StandTick
+from anhyst.rig.force.file import Rig
+from anhyst.rig.force.programs import Program
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+_SIGNALS = (
+    Signal("gap", "m", "true gap"),
+    Signal("gap_read", "m", "gap as its sensor says"),
+    Signal("demand", "N", "force demanded, in force"),
+    Signal("force", "N", "true force"),
+    Signal("force_read", "N", "force as its sensor says"),
+    Signal("command", "A", "current that the controller asks for"),
+    Signal("current", "A", "true current"),
+    Signal("current_read", "A", "current as its sensor says"),
+    Signal("expected", "N", "force that the model expects after the tick"),
+    Signal("model_flux", "", "flux of the model, as a fraction of its full scale"),
+    Signal("state", "", "of the controller: State of anhyst.control.states"),
+    Signal("fault", "", "its latched reason: Fault"),
+    Signal("flags", "", "what was in the way: Flag"),
+)
+
+_COMMANDS = (
+    Command.CONDITION,
+    Command.DEMAGNETISED,
+    Command.RUN,
+    Command.STOP,
+    Command.CLEAR,
+    Command.IDLE,
+    Command.ARM,
+)
+
+_SETTINGS = ("demand_slew", "compensation", "ratio", "follow")
+_AT_REST = ("ratio", "follow")
+"""Those that a firmware keeps as they are while it runs."""
+
+
+class _Stand:
+    """The actuator as the plant bus knows it: signals as fractions of full scale."""
+
+    def __init__(self, rig: Rig, program: Program, seed: int) -> None:
+        low, high = program.scales.gap_low, program.scales.gap_high
+        self.gap = 0.5 * (low + high)
+        self._low, self._span = low, high - low or 1.0
+        self._scales = program.scales
+        self._stand = ActuatorStand(rig, [2, seed])
+        self.at: StandTick
+
+    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+        """Go on by one tick."""
+        del tick  # it counts for itself
+        self.at = self._stand.step(currents[0] * self._scales.current, self.gap)
+        reading = self.at.reading
+        return Reading(
+            (reading.gap - self._low) / self._span,
+            reading.force / self._scales.demand,
+            reading.current / self._scales.current,
+        )
+
+
+class ForceBench:
+    """An actuator whose armature is held at a gap, and the firmware that controls its force.
+
+    A :class:`anhyst.rig.bench.protocol.Bench`, in lock-step. Virtual time passes in :meth:`advance`
+    alone. The gap is a parameter: the armature is moved from outside.
+
+    Parameters
+    ----------
+    rig : Rig
+        What stands there, demagnetised.
+    program : Program
+        What runs, built for the board ``host``.
+    seed : int, optional
+        Of the sensors' noise; the seed of the rig file is added.
+    """
+
+    signals: tuple[Signal, ...] = _SIGNALS
+
+    def __init__(self, rig: Rig, program: Program, seed: int = 0) -> None:
+        self.rate = float(rig.settings.rate_Hz)
+        self._scales = program.scales
+        self._stand = _Stand(rig, program, seed)
+        self._force_max = rig.settings.force_control.force_max_N
+        self._open = ExitStack()
+        try:
+            running = self._open.enter_context(run_host(program.firmware, self._stand))
+            self._bus = running.bus
+            self._link = self._open.enter_context(ControllerLink(running.url))
+            self._heartbeat = Heartbeat(self._link)
+            self._values = self._read_settings() | {"gap": self._stand.gap}
+        except BaseException:
+            self._open.close()
+            raise
+
+    @property
+    def tick(self) -> int:
+        """Number of the last tick."""
+        return self._bus.tick
+
+    def advance(self, ticks: int) -> FloatArray:
+        """Compute some ticks, one after the other."""
+        rows = np.empty((ticks, 1 + len(self.signals)))
+        done = 0
+        while done < ticks:
+            for _ in range(self._heartbeat.let_pass(ticks - done)):
+                self._bus.step()
+                rows[done] = self._row()
+                done += 1
+        return rows
+
+    def _row(self) -> tuple[float, ...]:
+        at, answer, scales = self._stand.at, self._bus.answer, self._scales
+        assert answer is not None
+        return (
+            self._bus.tick,
+            self._stand.gap,
+            at.reading.gap,
+            answer.demand / Q31 * scales.demand,
+            at.force,
+            at.reading.force,
+            answer.drive / Q31 * scales.current,
+            at.current,
+            at.reading.current,
+            answer.expected / Q31 * scales.demand,
+            answer.flux / Q30,
+            answer.state & 0xFF,
+            answer.state >> 8 & 0xFF,
+            answer.mode & 0xFFFF,
+        )
+
+    def command(self, command: Command) -> None:
+        """Give a command over the link."""
+        self._link.command(command)
+        self._heartbeat.restart()
+
+    def commands(self) -> tuple[Command, ...]:
+        """Return the commands of a controller of force."""
+        return _COMMANDS
+
+    def demand(self, value: float) -> None:
+        """Demand a force, N, up to the largest one of the rig; without effect unless it runs."""
+        if not 0.0 <= value <= self._force_max:
+            raise InputError(f"demand: is {value:g} N; choose one from 0 to {self._force_max:g} N")
+        self._link.demand(min(round(value / self._scales.demand * Q31), int(Q31) - 1))
+        self._heartbeat.restart()
+
+    def load(self, force: float) -> None:
+        """Refuse: the armature is held."""
+        del force
+        raise InputError("load: a force rig has no load drive; move the armature by its gap")
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the gap and the settings of the controller."""
+        scales, most = self._scales, self._scales.demand * self.rate
+        ratio = 2.0 * scales.current / scales.demand
+        ranges = (
+            ("gap", "m", scales.gap_low, scales.gap_high, "where the armature is held"),
+            ("demand_slew", "N/s", most / Q31, most, "largest slope of the demand"),
+            ("compensation", "", 0.0, 1.0, "1: the compensator; 0: the constant ratio"),
+            ("ratio", "A/N", 0.0, ratio, "constant ratio of current to force"),
+            ("follow", "", 0.0, 1.0, "0: the memory follows the current driven; 1: measured"),
+        )
+        return tuple(
+            Parameter(name, unit, low, high, doc, self._values[name])
+            for name, unit, low, high, doc in ranges
+        )
+
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put parameters in force together, from the next tick on."""
+        check_values(values, self.parameters())
+        kept = [
+            name for name in _AT_REST if values.get(name, self._values[name]) != self._values[name]
+        ]
+        if kept and self._link.status().state is State.RUN:
+            raise InputError(f"{kept[0]}: stays as it is while the controller runs; stop it first")
+        for name in values:
+            if name != "gap":
+                self._link.write_setting(Setting[name.upper()], self._code(name, values[name]))
+                self._heartbeat.restart()
+        self._stand.gap = values.get("gap", self._stand.gap)
+        self._values = self._read_settings() | {"gap": self._stand.gap}
+        return self.tick + 1
+
+    def _per_code(self, name: str) -> float:
+        """Return what one of the codes of a setting means."""
+        return {
+            "demand_slew": self._scales.demand * self.rate / Q31,
+            "ratio": self._scales.current / self._scales.demand / Q30,
+        }.get(name, 1.0)
+
+    def _code(self, name: str, value: float) -> int:
+        return min(round(value / self._per_code(name)), int(Q31) - 1)
+
+    def _read_settings(self) -> dict[str, float]:
+        return {
+            name: self._link.read_setting(Setting[name.upper()]) * self._per_code(name)
+            for name in _SETTINGS
+        }
+
+    def close(self) -> None:
+        """End the firmware."""
+        self._open.close()
