@@ -502,34 +502,6 @@ static void without_compensation_the_ratio_is_constant(void)
   CHECK(fake.solves == solves && fake.committed == bench.drive);
 }
 
-/* Switched while it runs, the current goes from one to the other along the ramp, and the memory of
-   the iron goes on. */
-static void compensation_is_switched_along_the_ramp(void)
-{
-  bench_start();
-  CHECK(bench_set(LINK_SETTING_RATIO, PORT_ONE / 4 * 3) == LINK_TYPE_SETTING);
-  bench_run();
-  (void)bench_demand(PORT_ONE);
-  bench_ticks(1);
-  const int32_t before = bench.drive;
-  const int32_t ramp = force()->ramp;
-  int32_t last = before;
-  CHECK(bench_set(LINK_SETTING_COMPENSATION, 0) == LINK_TYPE_SETTING);
-  bench_ticks(1);
-  CHECK(bench.drive == before + ramp && fake.committed == bench.drive);
-  while (bench.drive != last) {
-    last = bench.drive;
-    bench_tick();
-    CHECK(bench.drive - last <= ramp && fake.committed == bench.drive);
-  }
-  CHECK(last > before + 2 * ramp && last <= PORT_ONE / 4 * 3);
-  CHECK(bench_set(LINK_SETTING_COMPENSATION, 1) == LINK_TYPE_SETTING);
-  bench_ticks(1);
-  CHECK(bench.drive == last - ramp);
-  bench_ticks(BENCH_RATE / 20);
-  CHECK(bench.drive == before);
-}
-
 static void the_memory_follows_what_was_driven_or_what_was_measured(void)
 {
   bench_start();
@@ -602,7 +574,6 @@ int main(void)
   the_board_limits_what_the_block_does_not();
   the_demand_moves_no_faster_than_its_slew();
   without_compensation_the_ratio_is_constant();
-  compensation_is_switched_along_the_ramp();
   the_memory_follows_what_was_driven_or_what_was_measured();
   the_memory_is_followed_in_every_state_and_set_by_command();
   the_gap_reaches_the_compensator_within_its_range();

@@ -194,6 +194,34 @@ static void once_there_the_current_is_as_fast_as_before(void)
   CHECK(bench.drive == -8192 * 65536);
 }
 
+/* Switched while it runs, the current goes from one to the other along the ramp, and the memory of
+   the iron goes on. */
+static void compensation_is_switched_along_the_ramp(void)
+{
+  bench_start();
+  CHECK(bench_set(LINK_SETTING_RATIO, PORT_ONE / 4 * 3) == LINK_TYPE_SETTING);
+  bench_run();
+  (void)bench_demand(PORT_ONE);
+  bench_ticks(1);
+  const int32_t before = bench.drive;
+  const int32_t ramp = bench.firmware.control.body->ramp;
+  int32_t last = before;
+  CHECK(bench_set(LINK_SETTING_COMPENSATION, 0) == LINK_TYPE_SETTING);
+  bench_ticks(1);
+  CHECK(bench.drive == before + ramp && fake.committed == bench.drive);
+  while (bench.drive != last) {
+    last = bench.drive;
+    bench_tick();
+    CHECK(bench.drive - last <= ramp && fake.committed == bench.drive);
+  }
+  CHECK(last > before + 2 * ramp && last <= PORT_ONE / 4 * 3);
+  CHECK(bench_set(LINK_SETTING_COMPENSATION, 1) == LINK_TYPE_SETTING);
+  bench_ticks(1);
+  CHECK(bench.drive == last - ramp);
+  bench_ticks(BENCH_RATE / 20);
+  CHECK(bench.drive == before);
+}
+
 static void a_swap_begins_the_conditioning_anew(void)
 {
   bench_start();
@@ -420,6 +448,7 @@ int main(void)
   after_a_swap_the_current_moves_along_the_ramp(4096);
   after_a_swap_the_current_moves_along_the_ramp(20000);
   once_there_the_current_is_as_fast_as_before();
+  compensation_is_switched_along_the_ramp();
   a_swap_begins_the_conditioning_anew();
   a_swap_is_done_once();
   half_a_word_is_refused();

@@ -23,7 +23,8 @@ static void answer(void)
   port_sense(&seen);
   app_signals(&firmware, &seen, signals);
   drive.tick = sample.tick;
-  drive.mode = (uint32_t)signals[LINK_SIGNAL_FLAGS] + 65536U * (uint32_t)signals[LINK_SIGNAL_PHASE];
+  drive.mode =
+      (uint32_t)signals[LINK_SIGNAL_FLAGS] + (65536U * (uint32_t)signals[LINK_SIGNAL_PHASE]);
   drive.demand = signals[LINK_SIGNAL_DEMAND];
   drive.reference = signals[LINK_SIGNAL_REFERENCE];
   drive.flux = signals[LINK_SIGNAL_FLUX];

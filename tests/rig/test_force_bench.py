@@ -1,0 +1,127 @@
+"""The virtual bench of a force rig: what a session of force control gives, operated by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.compensate.baselines import fit_ratio
+from anhyst.control.states import Command, Fault, State
+from anhyst.link.client import Refused
+from anhyst.rig.bench.force import ForceBench
+from anhyst.rig.force.bench import ActuatorBench
+from anhyst.rig.force.demand import triangle
+from anhyst.rig.force.file import Rig, TriangleTable, read_rig
+from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
+from anhyst.rig.force.programs import Program, prepare
+from anhyst.rig.force.session import run_firmware
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
+UP = 40
+"""Ticks until the self-test has passed."""
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return read_rig(EXAMPLE / "rig.toml")
+
+
+@pytest.fixture(scope="module")
+def program(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Program:
+    """Of the end of the stroke alone, which is identified soon."""
+    loops = loops_at(loops_of_rig(rig), rig.settings.force_control.end_m)
+    place = tmp_path_factory.mktemp("program")
+    return prepare("full", find_model(rig, loops), rig.settings.rate_Hz, "host", place)
+
+
+@pytest.fixture
+def bench(rig: Rig, program: Program) -> Iterator[ForceBench]:
+    opened = ForceBench(rig, program)
+    opened.advance(UP)
+    yield opened
+    opened.close()
+
+
+def run(bench: ForceBench) -> None:
+    bench.command(Command.DEMAGNETISED)
+    bench.command(Command.RUN)
+
+
+def column(bench: ForceBench, rows: FloatArray, name: str) -> FloatArray:
+    found: FloatArray = rows[:, 1 + [signal.name for signal in bench.signals].index(name)]
+    return found
+
+
+def test_a_bench_gives_what_a_session_gives(rig: Rig, program: Program, bench: ForceBench) -> None:
+    shape = TriangleTable(name="wide", low=0.05, high=0.95, period_s=0.4, cycles=1)
+    demand = triangle(shape, rig.settings.force_control.force_max_N, bench.rate)
+    gap = np.full(demand.force.size, rig.settings.force_control.end_m)
+    stand = ActuatorBench(rig, gap, [2, 0], unknown_past=False)
+    wanted, _ = run_firmware(program, stand, demand, "host", demagnetised=True)
+    run(bench)
+    rows = []
+    for force in demand.force.tolist():
+        bench.demand(force)
+        rows.append(bench.advance(1))
+    found = np.concatenate(rows)
+    for name, values in (
+        ("command", wanted.reference),
+        ("current", wanted.current),
+        ("force", wanted.force),
+        ("gap_read", wanted.read_gap),
+        ("force_read", wanted.read_force),
+    ):
+        assert (column(bench, found, name) == values).all(), name
+    assert (found[:, 0] == np.arange(UP + 1, UP + 1 + len(found))).all()
+
+
+def test_compensation_is_switched_while_it_runs(
+    rig: Rig, program: Program, bench: ForceBench
+) -> None:
+    settings = rig.settings.force_control
+    loops = loops_at(loops_of_rig(rig), settings.end_m)
+    bench.apply({"ratio": 1.0 / float(fit_ratio(loops, settings.force_max_N).ratio[0])})
+    run(bench)
+    bench.apply({"demand_slew": 200.0})
+    worst = {}
+    for compensation in (1, 0, 1):
+        first = bench.apply({"compensation": compensation})
+        assert first == bench.tick + 1
+        errors = []
+        for force in (30.0, 8.0, 30.0):
+            bench.demand(force)
+            rows = bench.advance(400)[200:]
+            errors.append(abs(column(bench, rows, "force").mean() - force))
+        worst[compensation] = max(errors)
+    assert worst[1] < 0.3
+    assert worst[0] > 5.0 * worst[1]
+    assert column(bench, rows, "state")[-1] == State.RUN
+    assert column(bench, rows, "expected")[-1] == pytest.approx(30.0, abs=0.1)
+
+
+def test_what_does_not_fit_is_refused_and_nothing_changes(bench: ForceBench) -> None:
+    run(bench)
+    before = bench.parameters()
+    with pytest.raises(InputError, match="follow: stays as it is while the controller runs"):
+        bench.apply({"demand_slew": 100.0, "follow": 1})
+    with pytest.raises(InputError, match=r"demand: is 1000 N; choose one from 0 to 40 N"):
+        bench.demand(1000.0)
+    with pytest.raises(InputError, match="load: a force rig has no load drive"):
+        bench.load(1.0)
+    with pytest.raises(Refused, match="not in the state run"):
+        bench.command(Command.RUN)
+    assert bench.parameters() == before
+    assert column(bench, bench.advance(1), "state")[0] == State.RUN
+
+
+def test_a_force_is_held_for_longer_than_the_heartbeat_of_its_operator(bench: ForceBench) -> None:
+    run(bench)
+    bench.demand(20.0)
+    rows = bench.advance(1000)
+    assert (column(bench, rows, "fault") == Fault.NONE).all()
+    assert column(bench, rows, "force")[-200:].mean() == pytest.approx(20.0, abs=0.3)
