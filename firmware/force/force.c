@@ -131,7 +131,7 @@ static int32_t constant_ratio(int32_t demand, int32_t ratio)
 
 static uint16_t is_compensated(const int32_t *settings)
 {
-  return settings[LINK_SETTING_COMPENSATION] != 0 ? 1U : 0U;
+  return (settings[LINK_SETTING_COMPENSATION] != 0) ? 1U : 0U;
 }
 
 /* The current for the demand at this gap, the demand having moved on by at most its slew. */
