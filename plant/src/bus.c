@@ -30,18 +30,18 @@ static double fraction(uint32_t word) { return (double)number(word) / Q31; }
 
 static void put_words(const uint32_t *words, int count, uint8_t *bytes)
 {
-  for (int i = 0; i < count; i++) {
+  for (int i = 0; i < count; i++, bytes += 4) {
     for (int j = 0; j < 4; j++) {
-      bytes[4 * i + j] = (uint8_t)(words[i] >> (8 * j));
+      bytes[j] = (uint8_t)(words[i] >> (8 * j));
     }
   }
 }
 
 static void get_words(const uint8_t *bytes, int count, uint32_t *words)
 {
-  for (int i = 0; i < count; i++) {
-    const uint8_t *p = bytes + 4 * i;
-    words[i] = (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+  for (int i = 0; i < count; i++, bytes += 4) {
+    words[i] = (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 |
+               (uint32_t)bytes[3] << 24;
   }
 }
 
