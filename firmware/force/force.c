@@ -129,7 +129,7 @@ static int32_t constant_ratio(int32_t demand, int32_t ratio)
   return anhyst_shl_q31(anhyst_scale(demand, (int16_t)(ratio >> 16)), 2);
 }
 
-static uint16_t is_compensated(const int32_t *settings)
+static uint8_t is_compensated(const int32_t *settings)
 {
   return (settings[LINK_SETTING_COMPENSATION] != 0) ? 1U : 0U;
 }
@@ -143,7 +143,7 @@ static int32_t force_current(app_body *body, const int32_t *settings, int32_t ga
   if (body->demand != body->target) {
     body->flags |= ANHYST_DEMAND_SLEWING;
   }
-  const uint16_t compensated = is_compensated(settings);
+  const uint8_t compensated = is_compensated(settings);
   if (compensated != body->compensated) {
     body->compensated = compensated;
     body->swapped = 1;

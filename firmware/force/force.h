@@ -15,14 +15,14 @@ struct app_body {
   const app_board *board;
   anhyst_compensator compensator; /* words is NULL as long as no block is valid */
   anhyst_supervisor supervisor;
-  int32_t target;   /* force demanded, q31 */
-  int32_t demand;   /* in force, on its way to the target */
-  int32_t drive;    /* current driven, q31 */
-  int32_t ramp;     /* step of the ramp to zero, q31 a tick */
-  uint16_t flags;   /* of this tick */
-  uint16_t swapped; /* whether the current is still on its way to that of a block put in force, or
-                       of the other way from force to current */
-  uint16_t compensated; /* whether the compensator found the current last */
+  int32_t target;  /* force demanded, q31 */
+  int32_t demand;  /* in force, on its way to the target */
+  int32_t drive;   /* current driven, q31 */
+  int32_t ramp;    /* step of the ramp to zero, q31 a tick */
+  uint16_t flags;  /* of this tick */
+  uint8_t swapped; /* whether the current is still on its way to that of a block put in force, or
+                      of the other way from force to current */
+  uint8_t compensated; /* whether the compensator found the current last */
   app_sensor gap;
   app_sensor force;
   app_sensor current;
