@@ -43,6 +43,7 @@ typedef struct {
   const app_board *board;
   app_control control;
   int32_t settings[LINK_SETTING_COUNT];
+  int32_t signals[LINK_SIGNAL_COUNT]; /* of the last tick */
   app_session session;
   app_recorder recorder;
   app_download download;

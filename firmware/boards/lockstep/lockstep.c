@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "lockstep.h"
 
-#include "app/app.h"
 #include "port/port.h"
 
 static app firmware;
@@ -9,7 +8,11 @@ static uint8_t record[LINK_SIZE_PLANT_SAMPLE];
 static uint16_t filled;
 static link_plant_sample sample;
 
-void lockstep_start(void) { app_start(&firmware, &lockstep_board); }
+app *lockstep_start(void)
+{
+  app_start(&firmware, &lockstep_board);
+  return &firmware;
+}
 
 void lockstep_poll(void) { app_poll(&firmware); }
 
@@ -22,6 +25,7 @@ void lockstep_receive(uint8_t byte)
   if (link_get_plant_sample(&sample, record)) {
     filled = 0;
     app_tick(&firmware);
+    board_ticked();
     return;
   }
   for (uint16_t i = 1; i < LINK_SIZE_PLANT_SAMPLE; ++i) {
