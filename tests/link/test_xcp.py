@@ -55,14 +55,13 @@ def measure(board: Running, ticks: int) -> np.ndarray:
     with ControllerLink(board.url, timeout=1.0) as controller, master_on(board, samples) as master:
         controller.command(Command.ARM)
         controller.command(Command.RUN)
-        samples.setup()
-        samples.start()
+        samples.begin()
         for part in range(ticks // 100):
             controller.demand(FULL // 4 * (part % 4))
             board.bus.step(100)
         samples.wait(ticks)
         assert master.getStatus().sessionStatus.daqRunning
-        samples.stop()
+        samples.end()
         assert controller.status().state is State.RUN
     rows = np.array(samples.rows, dtype=np.int64)
     rows[:, 0] //= TICK_NS
@@ -315,7 +314,7 @@ def test_a_master_that_takes_no_samples_stops_nothing_and_learns_of_it(
     with connected(xcp_board) as line:
         start_sampling(line, [signal.name for signal in SIGNALS] * 2)
         xcp_board.bus.step(ticks)
-        packets = []
+        packets: list[bytes] = []
         while not packets or packets[-1] != OVERLOAD:
             packets.append(take(line))
     assert xcp_board.bus.tick == 40 + ticks

@@ -9,8 +9,9 @@ from contextlib import contextmanager
 from typing import Any
 
 from pyxcp.config import create_application_from_config, set_application
-from pyxcp.daq_stim import DaqList, DaqOnlinePolicy
-from pyxcp.master import Master
+from pyxcp.cpp_ext.cpp_ext import DaqList
+from pyxcp.daq_stim import DaqOnlinePolicy
+from pyxcp.master.master import Master
 from pyxcp.types import XcpResponseError
 
 from anhyst.compile.xcp_map import AREAS, INPUTS, SETTINGS, SIGNALS
@@ -33,7 +34,7 @@ ADDRESSES = {
 set_application(create_application_from_config({}, logging.CRITICAL))
 
 
-class Samples(DaqOnlinePolicy):  # type: ignore[misc]
+class Samples(DaqOnlinePolicy):
     """Keeps what comes: a row a sample, in front of it its time stamp in ns."""
 
     def __init__(self, names: Sequence[str], prescaler: int = 1) -> None:
@@ -44,6 +45,15 @@ class Samples(DaqOnlinePolicy):  # type: ignore[misc]
     def on_daq_list(self, daq_list: int, received: int, stamp: int, values: list[int]) -> None:
         """Take a sample of one tick."""
         self.rows.append((stamp, *values))
+
+    def begin(self) -> None:
+        """Set the list up and start it."""
+        self.setup()
+        self.xcp_master.startStopSynch(1)
+
+    def end(self) -> None:
+        """Stop the list."""
+        self.xcp_master.startStopSynch(0)
 
     def wait(self, count: int) -> None:
         """Wait until so many have come."""
@@ -88,4 +98,4 @@ def write(master: Any, name: str, value: int) -> None:
 
 def refused(error: XcpResponseError) -> str:
     """Return the name of an error."""
-    return str(error.get_error_code())
+    return str(error.args[0])

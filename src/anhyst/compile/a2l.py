@@ -100,7 +100,7 @@ def a2l(manifest: Mapping[str, Any]) -> str:
     ]
     body = "force" if manifest["controller"] is None else "position"
     operation += [
-        _described(value, AREAS["input"] + 4 * number, manifest, methods)
+        _described(_within_reach(value, manifest), AREAS["input"] + 4 * number, manifest, methods)
         for number, value in enumerate(INPUTS)
         if value.body in ("", body)
     ]
@@ -187,6 +187,14 @@ def _bounded(value: Value, rate: float) -> Value:
     if value.name != "heartbeat_ticks":
         return value
     return value._replace(high=min(value.high, math.ceil(rate * HEARTBEAT_MS / 1000)))
+
+
+def _within_reach(value: Value, manifest: Mapping[str, Any]) -> Value:
+    """Return an input as the controller limits it: a target to the positions that can be."""
+    if value.of != "position":
+        return value
+    settings = manifest["controller"]["settings"]
+    return value._replace(low=settings["position_low"], high=settings["position_high"])
 
 
 def _head(methods: _Methods) -> Iterator[dict[str, Any]]:
