@@ -161,7 +161,7 @@ uint8_t xcp_daq_alloc_lists(xcp_daq *d, uint16_t count)
   if (count > (uint16_t)XCP_LISTS) {
     return XCP_NO_ROOM;
   }
-  for (uint8_t i = 0; i < count; i++) {
+  for (uint16_t i = 0; i < count; i++) {
     const xcp_list fresh = {{0, 0}, 1, 0, 0, 0};
     d->list[i] = fresh;
   }

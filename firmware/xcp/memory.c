@@ -124,8 +124,12 @@ uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t 
       if (wrong != XCP_FINE) {
         return wrong;
       }
+      for (uint16_t left = byte; left > 0U; left--) {
+        value >>= 8;
+      }
     }
-    bytes[i] = (uint8_t)((value >> (8U * byte)) & 0xFFU);
+    bytes[i] = (uint8_t)(value & 0xFFU);
+    value >>= 8;
   }
   return XCP_FINE;
 }

@@ -173,7 +173,7 @@ static uint8_t on_daq_synchronise(xcp_slave *x, const uint8_t *c, uint16_t n, xc
   return xcp_daq_synchronise(&x->daq, c[1]);
 }
 
-static const xcp_command commands[] = {
+static const xcp_command list_commands[] = {
     {0xE3, 4, 0, on_daq_clear},       {0xE2, 6, 0, on_daq_point},
     {0xE1, 8, 0, on_daq_write},       {0xE0, 8, 0, on_daq_mode},
     {0xDE, 4, 0, on_daq_start_stop},  {0xDD, 2, 0, on_daq_synchronise},
@@ -186,9 +186,9 @@ static const xcp_command commands[] = {
 const xcp_command *xcp_daq_command(uint8_t code)
 {
   const xcp_command *found = NULL;
-  for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
-    if (commands[i].code == code) {
-      found = &commands[i];
+  for (size_t i = 0; i < sizeof list_commands / sizeof list_commands[0]; i++) {
+    if (list_commands[i].code == code) {
+      found = &list_commands[i];
     }
   }
   return found;

@@ -354,7 +354,7 @@ static const xcp_command commands[] = {
     {0xE9, 1, 0, on_page_info}, {0xE4, 5, 1, on_copy_page},
 };
 
-static uint8_t perform(xcp_slave *x, const uint8_t *command, uint16_t length, xcp_reply *to)
+static uint8_t act_on(xcp_slave *x, const uint8_t *command, uint16_t length, xcp_reply *to)
 {
   const xcp_command *found = xcp_daq_command(command[0]);
   for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
@@ -384,7 +384,7 @@ uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8
     app_alive(x->firmware);
   }
   answer[0] = PACKET_ANSWER;
-  const uint8_t wrong = perform(x, command, length, &to);
+  const uint8_t wrong = act_on(x, command, length, &to);
   if (wrong == XCP_FINE) {
     return to.length;
   }

@@ -134,6 +134,20 @@ static void memory_ends_where_its_tables_end(void)
   CHECK(write_at((uint32_t)XCP_AREA_SETTING << 16, (const uint8_t[]){1, 0}, 2) == XCP_RANGE);
 }
 
+static void a_value_can_be_read_from_any_byte_on(void)
+{
+  uint8_t whole[8];
+  connect_master();
+  tick();
+  CHECK(read_at(SIGNALS + 4 * LINK_SIGNAL_GAP, 8) == 0);
+  memcpy(whole, answer + 1, 8);
+  CHECK(link_get_i32(whole) == bench.sample.gap);
+  for (uint8_t first = 0; first < 8U; first++) {
+    CHECK(read_at(SIGNALS + 4 * LINK_SIGNAL_GAP + first, (uint8_t)(8U - first)) == 0);
+    CHECK(memcmp(answer + 1, whole + first, 8U - first) == 0);
+  }
+}
+
 static void the_key_is_good_once_and_for_its_connection(void)
 {
   uint8_t command[6] = {0xF7, 4};
@@ -172,6 +186,12 @@ static void allocation_keeps_its_order_and_its_room(void)
   CHECK(SEND(0xD3, 0, 0, 0, 0, XCP_ENTRIES + 1) == XCP_NO_ROOM);
   CHECK(SEND(0xD3, 0, 0, 0, 0, 1) == 0 && SEND(0xD3, 0, 0, 0, 2, 1) == XCP_RANGE);
   CHECK(SEND(0xD4, 0, 1, 0, 1) == XCP_SEQUENCE); /* parts come before entries */
+}
+
+static void a_list_runs_once_all_its_entries_are_signals(void)
+{
+  connect_master();
+  CHECK(SEND(0xD5, 0, 1, 0) == 0 && SEND(0xD4, 0, 0, 0, 1) == 0 && SEND(0xD3, 0, 0, 0, 0, 1) == 0);
   CHECK(SEND(0xE2, 0, 0, 0, 0, 1) == XCP_RANGE && SEND(0xE2, 0, 0, 0, 0, 0) == 0);
   CHECK(SEND(0xDE, 1, 0, 0) == XCP_DAQ_CONFIG); /* an entry was never written */
   CHECK(SEND(0xE1, 0xFF, 2, 0, 0, 0, 1, 0) == XCP_RANGE);
@@ -192,10 +212,11 @@ static void a_sample_is_of_one_tick(void)
   tick();
   CHECK(xcp_take(&slave, packet) == 6 + 4 * LINK_SIGNAL_COUNT && packet[0] == 0 && packet[1] == 0);
   CHECK(link_get_u32(packet + 2) == bench.sample.tick);
-  for (uint16_t i = 0; i < LINK_SIGNAL_COUNT; i++) {
-    CHECK(link_get_i32(packet + 6 + 4 * i) == bench.firmware.signals[i]);
+  const uint8_t *value = packet + 6;
+  for (int i = 0; i < (int)LINK_SIGNAL_COUNT; i++, value += 4) {
+    CHECK(link_get_i32(value) == bench.firmware.signals[i]);
   }
-  CHECK(link_get_i32(packet + 6 + 4 * LINK_SIGNAL_GAP) == bench.sample.gap);
+  CHECK(bench.firmware.signals[LINK_SIGNAL_GAP] == bench.sample.gap);
   CHECK(xcp_take(&slave, packet) == 0);
 }
 
@@ -259,9 +280,11 @@ int main(void)
   nothing_is_answered_before_connect();
   every_command_wants_its_bytes();
   memory_ends_where_its_tables_end();
+  a_value_can_be_read_from_any_byte_on();
   the_key_is_good_once_and_for_its_connection();
   a_refusal_says_why();
   allocation_keeps_its_order_and_its_room();
+  a_list_runs_once_all_its_entries_are_signals();
   a_sample_is_of_one_tick();
   a_full_queue_drops_whole_samples_and_says_so();
   who_looks_on_is_no_heartbeat();

@@ -92,7 +92,7 @@ def described(
 
 
 def test_nothing_is_wrong_with_the_file(described: Description) -> None:
-    found = Validator(described.database.session)()
+    found = Validator(described.database.session)()  # type: ignore[no-untyped-call]
     # It has no place in memory for an EPK; identifiers may have dots since version 1.6.
     assert {one.diag_code.name for one in found} <= {"MISSING_EPK", "MISSING_ADDR_EPK"}, found
 
