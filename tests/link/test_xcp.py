@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import struct
+import subprocess
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,6 +26,7 @@ from anhyst.link.frames import Setting
 from anhyst.link.process import Running, run_host
 from anhyst.link.xcp_key import key_for
 from tests.actuators import compiled, ranges
+from tests.firmware.build import tool
 
 from .conftest import RATE
 from .handmade import KIND
@@ -157,6 +160,19 @@ def test_a_wrong_key_ends_the_connection(xcp_board: Running) -> None:
         again = ask(line, b"\xf8\x00\x01")
         assert again[2:] != seed[2:]  # a key that was seen is of no use
         assert ask(line, b"\xf7\x04" + key_for(again[2:])) == b"\xff\x00"
+
+
+def test_the_key_that_the_page_shows_in_c_is_the_key(tmp_path: Path) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "xcp.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```c\n(.*?)```", page, re.S)
+    source = tmp_path / "key.c"
+    source.write_text(
+        "#include <stdint.h>\n#include <stdio.h>\nint main(void)\n{\n"
+        f'uint8_t seed[4] = {{1, 2, 254, 255}};\n{code}\nprintf("%08x", crc);\nreturn 0;\n}}\n'
+    )
+    subprocess.run([tool("cc", "gcc"), source, "-o", tmp_path / "key"], check=True)
+    shown = subprocess.run([tmp_path / "key"], capture_output=True, text=True, check=True).stdout
+    assert int(shown, 16) == int.from_bytes(key_for(bytes([1, 2, 254, 255])), "little")
 
 
 def test_a_master_commands_a_run_and_keeps_it_alive(xcp_board: Running) -> None:

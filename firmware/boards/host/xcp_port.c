@@ -142,8 +142,11 @@ static void receive(void)
 
 struct pollfd xcp_port_wanted(void)
 {
-  const struct pollfd end = {master != NONE ? master : listener,
-                             (short)(out_count > 0U ? POLLIN | POLLOUT : POLLIN), 0};
+  /* What is not read is not waited for either. */
+  struct pollfd end = {master != NONE ? master : listener, (short)(has_room() ? POLLIN : 0), 0};
+  if (out_count > 0U) {
+    end.events |= POLLOUT;
+  }
   return end;
 }
 
