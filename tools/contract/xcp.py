@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Value(NamedTuple):
+class XcpValue(NamedTuple):
     """A value of four bytes; `of` names the signal whose full scale 1.0 is."""
 
     name: str
@@ -65,13 +65,13 @@ def row(value: Entry) -> str:
         if key in value:
             text = f'"{value[key]}"' if isinstance(value[key], str) else str(value[key])
             given.append(f"{key}={text}")
-    line = f"    Value({', '.join(given)}),"
+    line = f"    XcpValue({', '.join(given)}),"
     if len(line) <= 100:
         return line
     inner = f"        {', '.join(given)}"
     if len(inner) <= 100:
-        return f"    Value(\n{inner}\n    ),"
-    return "    Value(\n" + "".join(f"        {one},\n" for one in given) + "    ),"
+        return f"    XcpValue(\n{inner}\n    ),"
+    return "    XcpValue(\n" + "".join(f"        {one},\n" for one in given) + "    ),"
 
 
 def map_module(xcp: Entry, signals: Entry) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 from anhyst.compensate.layout import HEAD, MOST_WORDS
 from anhyst.compensate.words import ONES
 from anhyst.compile.source import render
-from anhyst.compile.xcp_map import AREAS, EVENT, INPUTS, LISTS, PACKET, SETTINGS, SIGNALS, Value
+from anhyst.compile.xcp_map import AREAS, EVENT, INPUTS, LISTS, PACKET, SETTINGS, SIGNALS, XcpValue
 from anhyst.control.states import Command, Fault, Phase, State
 
 HEARTBEAT_MS = 500
@@ -149,7 +149,7 @@ def period(rate: float, most: int) -> tuple[int, int]:
 
 
 def _described(
-    value: Value, at: int, manifest: Mapping[str, Any], methods: _Methods
+    value: XcpValue, at: int, manifest: Mapping[str, Any], methods: _Methods
 ) -> dict[str, Any]:
     """Return what stands in the A2L of a value of four bytes."""
     row: dict[str, Any] = {
@@ -166,7 +166,7 @@ def _described(
     return row | {"method": method.name} | method.ends(value.low, value.high)
 
 
-def _method(value: Value, manifest: Mapping[str, Any], methods: _Methods) -> _Method:
+def _method(value: XcpValue, manifest: Mapping[str, Any], methods: _Methods) -> _Method:
     """Return what 1 of a value is worth."""
     one = 1.0 / _ONES[value.format]
     signals = manifest["signals"]
@@ -182,14 +182,14 @@ def _method(value: Value, manifest: Mapping[str, Any], methods: _Methods) -> _Me
     return methods.of("", one)
 
 
-def _bounded(value: Value, rate: float) -> Value:
+def _bounded(value: XcpValue, rate: float) -> XcpValue:
     """Return a setting as the boards limit it."""
     if value.name != "heartbeat_ticks":
         return value
     return value._replace(high=min(value.high, math.ceil(rate * HEARTBEAT_MS / 1000)))
 
 
-def _within_reach(value: Value, manifest: Mapping[str, Any]) -> Value:
+def _within_reach(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
     """Return an input as the controller limits it: a target to the positions that can be."""
     if value.of != "position":
         return value

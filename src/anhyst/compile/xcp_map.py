@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Value(NamedTuple):
+class XcpValue(NamedTuple):
     """A value of four bytes; `of` names the signal whose full scale 1.0 is."""
 
     name: str
@@ -38,34 +38,34 @@ AREAS = {
 """Address of the first byte of each area."""
 
 SIGNALS = (
-    Value("demand", "q31", "demand in force, q31 of the full-scale force", of="demand"),
-    Value("force", "q30", "measured force, q30", of="demand"),
-    Value("gap", "q30", "measured gap, q30", of="gap"),
-    Value("current", "q30", "measured current, q30", of="current"),
-    Value("drive", "q31", "current driven, q31 of the full-scale current", of="current"),
-    Value("flux", "q30", "flux of the model after the commit, q30"),
-    Value("expected", "q31", "force that the model expects after the commit, q31", of="demand"),
-    Value("state", "integer", "state, as a number"),
-    Value("flags", "integer", "flags, as in status"),
-    Value(
+    XcpValue("demand", "q31", "demand in force, q31 of the full-scale force", of="demand"),
+    XcpValue("force", "q30", "measured force, q30", of="demand"),
+    XcpValue("gap", "q30", "measured gap, q30", of="gap"),
+    XcpValue("current", "q30", "measured current, q30", of="current"),
+    XcpValue("drive", "q31", "current driven, q31 of the full-scale current", of="current"),
+    XcpValue("flux", "q30", "flux of the model after the commit, q30"),
+    XcpValue("expected", "q31", "force that the model expects after the commit, q31", of="demand"),
+    XcpValue("state", "integer", "state, as a number"),
+    XcpValue("flags", "integer", "flags, as in status"),
+    XcpValue(
         "position", "q31", "measured position, q31 of the controller's full scale", of="position"
     ),
-    Value("reference", "q31", "position controlled to, likewise", of="position"),
-    Value("phase", "integer", "phase, as a number"),
-    Value("current_2", "q30", "measured current of the second magnet, q30", of="current"),
-    Value("drive_2", "q31", "current driven there, q31", of="current"),
-    Value("fault", "integer", "latched reason of a fault, as a number"),
+    XcpValue("reference", "q31", "position controlled to, likewise", of="position"),
+    XcpValue("phase", "integer", "phase, as a number"),
+    XcpValue("current_2", "q30", "measured current of the second magnet, q30", of="current"),
+    XcpValue("drive_2", "q31", "current driven there, q31", of="current"),
+    XcpValue("fault", "integer", "latched reason of a fault, as a number"),
 )
 
 SETTINGS = (
-    Value(
+    XcpValue(
         "heartbeat_ticks",
         "integer",
         "ticks without a new request until the link counts as lost; the board has a ceiling of its own",
         low=2,
         high=1000000,
     ),
-    Value(
+    XcpValue(
         "demand_slew",
         "q31",
         "largest change of the demand in a tick, q31",
@@ -73,21 +73,21 @@ SETTINGS = (
         low=1,
         high=2147483647,
     ),
-    Value(
+    XcpValue(
         "compensation",
         "integer",
         "1: the compensator; 0: a constant force-current ratio",
         low=0,
         high=1,
     ),
-    Value(
+    XcpValue(
         "ratio",
         "q30",
         "the constant ratio, q30: current for each unit of demand",
         low=-2147483648,
         high=2147483647,
     ),
-    Value(
+    XcpValue(
         "follow",
         "integer",
         "what the memory follows. 0: the current driven; 1: the current measured",
@@ -97,15 +97,15 @@ SETTINGS = (
 )
 
 INPUTS = (
-    Value(
+    XcpValue(
         "set_demand",
         "q31",
         "the demanded force, in force from the next tick",
         of="demand",
         body="force",
     ),
-    Value("set_target", "q31", "the position to go to and hold", of="position", body="position"),
-    Value(
+    XcpValue("set_target", "q31", "the position to go to and hold", of="position", body="position"),
+    XcpValue(
         "command", "integer", "one of command, done when it is written; reads as 0", low=0, high=9
     ),
 )
