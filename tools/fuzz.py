@@ -1,4 +1,4 @@
-"""Fuzz the firmware: parser, request handler and control task on compiled compensators.
+"""Fuzz the firmware: parser, request handler, slave of XCP and control task on compiled compensators.
 
 Usage: ``python tools/fuzz.py [--runs N] [--seed N] [--out FOLDER]``
 
@@ -72,6 +72,7 @@ def build(kind: str, folder: Path, clang: str) -> Path:
         ROOT / "tests" / "firmware" / "fuzz_firmware.c",
         *sorted(ROOT.glob("firmware/link/*.c")),
         *sorted(ROOT.glob("firmware/app/*.c")),
+        *sorted(ROOT.glob("firmware/xcp/*.c")),
         *sorted(ROOT.glob("firmware/force/*.c")),
         ROOT / "core" / "src" / "control" / "supervisor.c",
         *sorted(compiled.glob("src/*/*.c")),

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* One function a request; each fills the answer. What the control task uses is read and written
    between port_lock and port_unlock, and little else is done there. */
-#include "app/app.h"
+#include "app/request.h"
 
 #include <stddef.h>
 
@@ -11,12 +11,6 @@ typedef struct {
   uint8_t type;
   uint8_t length;
 } answer;
-
-static uint16_t word_in_force(const app *a, uint16_t number)
-{
-  const int16_t *words = app_body_compensator(a->control.body, 0)->words;
-  return words != NULL ? (uint16_t)words[number] : 0U;
-}
 
 static void say_ack(answer *to, uint16_t request, uint16_t detail)
 {
@@ -56,7 +50,7 @@ static void say_status(app *a, answer *to)
   app_body_status(control->body, &status);
   status.missed_ticks = control->missed;
   port_unlock();
-  status.generation = word_in_force(a, ANHYST_WORD_GENERATION);
+  status.generation = app_word_in_force(a, ANHYST_WORD_GENERATION);
   status.bad_frames = a->session.receiver.bad;
   status.lost_frames = a->session.lost;
   status.cycles = port_cycles();
@@ -88,12 +82,12 @@ static void on_hello(app *a, const uint8_t *p, answer *to)
   info.firmware = board->firmware;
   info.kind = board->kernel->kind;
   info.layout = ANHYST_BLOCK_LAYOUT;
-  info.generation = word_in_force(a, ANHYST_WORD_GENERATION);
+  info.generation = app_word_in_force(a, ANHYST_WORD_GENERATION);
   info.capacity = ANHYST_BLOCK_MOST_WORDS;
   info.recorder = APP_RECORDER_VALUES;
   info.ramp = board->limits->ramp_ms;
-  info.model = word_in_force(a, ANHYST_WORD_MODEL) |
-               ((uint32_t)word_in_force(a, ANHYST_WORD_MODEL + 1) << 16);
+  info.model = app_word_in_force(a, ANHYST_WORD_MODEL) |
+               ((uint32_t)app_word_in_force(a, ANHYST_WORD_MODEL + 1) << 16);
   info.rate = board->rate;
   info.body = board->plan != NULL ? LINK_BODY_POSITION : LINK_BODY_FORCE;
   info.magnets = app_body_compensator(a->control.body, 1) != NULL ? 2U : 1U;
@@ -112,30 +106,22 @@ static void on_demand(app *a, const uint8_t *p, answer *to)
 {
   link_demand demand;
   link_get_demand(&demand, p);
-  port_lock();
-  const uint16_t reason = app_body_demand(a->control.body, demand.force);
-  port_unlock();
-  say_status_or_nak(a, to, LINK_TYPE_DEMAND, reason);
+  say_status_or_nak(a, to, LINK_TYPE_DEMAND, app_demand(a, demand.force));
 }
 
 static void on_target(app *a, const uint8_t *p, answer *to)
 {
   link_target target;
   link_get_target(&target, p);
-  port_lock();
-  const uint16_t reason = app_body_target(a->control.body, target.position);
-  port_unlock();
-  say_status_or_nak(a, to, LINK_TYPE_TARGET, reason);
+  say_status_or_nak(a, to, LINK_TYPE_TARGET, app_target(a, target.position));
 }
 
 static void on_command(app *a, const uint8_t *p, answer *to)
 {
   link_command command;
   link_get_command(&command, p);
-  port_lock();
-  const uint16_t reason = app_control_command(&a->control, command.command);
-  const uint16_t state = app_body_states(a->control.body)->state;
-  port_unlock();
+  uint16_t state = 0;
+  const uint16_t reason = app_command(a, command.command, &state);
   say_done(to, LINK_TYPE_COMMAND, reason, state);
 }
 
@@ -162,14 +148,8 @@ static void on_setting_write(app *a, const uint8_t *p, answer *to)
 {
   link_setting_write write;
   link_get_setting_write(&write, p);
-  port_lock();
-  const uint16_t state = app_body_states(a->control.body)->state;
-  const uint16_t reason =
-      app_setting_obstacle(a->board, write.setting, write.value, state == ANHYST_STATE_RUN);
-  if (reason == LINK_REASON_NONE) {
-    a->settings[write.setting] = write.value;
-  }
-  port_unlock();
+  uint16_t state = 0;
+  const uint16_t reason = app_setting_write(a, write.setting, write.value, &state);
   if (reason != LINK_REASON_NONE) {
     say_nak(to, LINK_TYPE_SETTING_WRITE, reason, state);
   } else {
@@ -195,48 +175,19 @@ static void on_block_data(app *a, const uint8_t *p, uint8_t tail, answer *to)
   say_done(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received);
 }
 
-/* Puts a checked block in force. The swap itself is between two ticks; the check, which is long, is
-   not: nobody else writes to where the block stands. */
-static void swap(app *a, const int16_t *words)
-{
-  anhyst_compensator fresh;
-  const int first = app_body_compensator(a->control.body, 0)->words == NULL;
-  if (first) {
-    (void)anhyst_compensator_init(&fresh, a->board->kernel, words, a->download.announced.words);
-  }
-  port_lock();
-  if (first) {
-    *app_body_compensator(a->control.body, 0) = fresh;
-    anhyst_compensator *second = app_body_compensator(a->control.body, 1);
-    if (second != NULL) {
-      *second = fresh;
-    }
-  } else {
-    app_body_swap(a->control.body, words);
-  }
-  port_unlock();
-}
-
 static void on_block_swap(app *a, const uint8_t *p, answer *to)
 {
   link_block_swap request;
-  const int16_t *words = NULL;
   link_get_block_swap(&request, p);
-  uint16_t detail = word_in_force(a, ANHYST_WORD_GENERATION);
-  const uint16_t reason =
-      app_download_check(&a->download, a->board, request.generation, &words, &detail);
-  if (reason == LINK_REASON_NONE) {
-    swap(a, words);
-    a->download.under_way = 0;
-    detail = word_in_force(a, ANHYST_WORD_GENERATION);
-  }
+  uint16_t detail = 0;
+  const uint16_t reason = app_block_swap(a, request.generation, &detail);
   say_done(to, LINK_TYPE_BLOCK_SWAP, reason, detail);
 }
 
 static void on_block_read(app *a, const uint8_t *p, answer *to)
 {
   const uint16_t most = (LINK_PAYLOAD_MOST - LINK_SIZE_BLOCK_WORDS) / 2;
-  const uint16_t length = word_in_force(a, ANHYST_WORD_LENGTH);
+  const uint16_t length = app_word_in_force(a, ANHYST_WORD_LENGTH);
   link_block_read read;
   link_get_block_read(&read, p);
   if (read.words == 0U || read.words > most || read.offset >= length ||
@@ -248,7 +199,7 @@ static void on_block_read(app *a, const uint8_t *p, answer *to)
   link_put_block_words(to->payload, &words);
   uint8_t *at = to->payload + LINK_SIZE_BLOCK_WORDS;
   for (uint16_t i = 0; i < read.words; i++, at += 2) {
-    link_put_u16(at, word_in_force(a, (uint16_t)(read.offset + i)));
+    link_put_u16(at, app_word_in_force(a, (uint16_t)(read.offset + i)));
   }
   to->type = LINK_TYPE_BLOCK_WORDS;
   to->length = (uint8_t)(LINK_SIZE_BLOCK_WORDS + 2U * read.words);
@@ -315,7 +266,6 @@ static void on_recorder_read(app *a, const uint8_t *p, answer *to)
   to->length = (uint8_t)(LINK_SIZE_RECORDER_DATA + 4U * read.values);
 }
 
-/* A request of a fixed length and what does it. */
 static void on_keep(app *a, const uint8_t *p, answer *to)
 {
   const uint16_t rests = ANHYST_CURRENT_ZERO;
@@ -332,10 +282,11 @@ static void on_keep(app *a, const uint8_t *p, answer *to)
   } else {
     const int kept = port_keep(words, (uint16_t)words[ANHYST_WORD_LENGTH]);
     say_done(to, LINK_TYPE_KEEP, kept ? LINK_REASON_NONE : LINK_REASON_NOT_KEPT,
-             word_in_force(a, ANHYST_WORD_GENERATION));
+             app_word_in_force(a, ANHYST_WORD_GENERATION));
   }
 }
 
+/* A request of a fixed length and what does it. */
 typedef struct {
   uint8_t type;
   uint8_t length;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "app/app.h"
+#include "app/request.h"
 
 #include <stddef.h>
 
@@ -25,23 +25,22 @@ void app_start(app *a, const app_board *board)
   app_settings_start(a->settings, board);
   app_control_start(&a->control, board);
   session_start(&a->session);
+  for (uint16_t i = 0; i < (uint16_t)LINK_SIGNAL_COUNT; i++) {
+    a->signals[i] = 0;
+  }
   app_recorder_start(&a->recorder);
   app_download_start(&a->download);
 }
 
-void app_signals(const app *a, const port_sample *sample, int32_t *signals)
-{
-  const app_control *control = &a->control;
-  app_body_signals(control->body, sample, signals);
-  signals[LINK_SIGNAL_STATE] = app_body_states(control->body)->state;
-  signals[LINK_SIGNAL_FLAGS] = control->flags;
-}
-
 static void record(app *a, const port_sample *sample)
 {
-  int32_t signals[LINK_SIGNAL_COUNT];
-  app_signals(a, sample, signals);
-  app_recorder_tick(&a->recorder, a->control.tick, signals);
+  const app_control *control = &a->control;
+  const anhyst_supervisor *states = app_body_states(control->body);
+  app_body_signals(control->body, sample, a->signals);
+  a->signals[LINK_SIGNAL_STATE] = states->state;
+  a->signals[LINK_SIGNAL_FLAGS] = control->flags;
+  a->signals[LINK_SIGNAL_FAULT] = states->fault;
+  app_recorder_tick(&a->recorder, control->tick, a->signals);
 }
 
 void app_tick(app *a)
@@ -123,22 +122,13 @@ static int was_answered(const app_session *session, uint8_t sequence)
   return behind < 32U && ((session->window >> behind) & 1U) != 0U;
 }
 
-/* The last tick, in one piece also where a processor reads it in two. */
-static uint32_t last_tick(const app *a)
-{
-  port_lock();
-  const uint32_t tick = a->control.tick;
-  port_unlock();
-  return tick;
-}
-
 /* Answers aside that a frame was not done. */
 static void refuse(app *a, const link_frame *request, uint16_t reason, uint16_t detail)
 {
   uint8_t payload[LINK_SIZE_NAK];
   const link_nak nak = {request->type, reason, detail};
   const link_frame frame = {
-      LINK_VERSION, LINK_TYPE_NAK, request->sequence, LINK_SIZE_NAK, last_tick(a), payload, 0};
+      LINK_VERSION, LINK_TYPE_NAK, request->sequence, LINK_SIZE_NAK, app_last_tick(a), payload, 0};
   link_put_nak(payload, &nak);
   a->session.sending = a->session.aside;
   a->session.sending_count = link_encode(a->session.aside, &frame);
@@ -150,7 +140,7 @@ static void perform(app *a, const link_frame *request, uint8_t *wire)
   uint8_t payload[LINK_PAYLOAD_MOST];
   link_frame frame = {LINK_VERSION, 0, request->sequence, 0, 0, payload, 0};
   frame.type = app_answer(a, request, payload, &frame.length);
-  frame.tick = last_tick(a);
+  frame.tick = app_last_tick(a);
   a->session.sending_count = link_encode(wire, &frame);
   a->session.sending = wire;
 }
@@ -159,9 +149,7 @@ static void perform(app *a, const link_frame *request, uint8_t *wire)
    echoes. */
 static void perform_new(app *a, const link_frame *request)
 {
-  port_lock();
-  a->control.silent = 0;
-  port_unlock();
+  app_alive(a);
   perform(a, request, a->session.answer);
   a->session.answer_count = a->session.sending_count;
 }

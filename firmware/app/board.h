@@ -46,6 +46,7 @@ typedef struct app_body app_body;
 typedef struct app_plan app_plan;
 
 typedef struct {
+  const char *name;     /* of the actuator, as its description file for XCP is called */
   app_body *body;       /* memory of the body that the firmware is built with */
   const app_plan *plan; /* of a body of position */
   const anhyst_kernel *kernel;

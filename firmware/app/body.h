@@ -33,6 +33,9 @@ void app_body_fail(app_body *body, uint16_t reason);
 uint16_t app_body_demand(app_body *body, int32_t force);
 uint16_t app_body_target(app_body *body, int32_t position);
 
+/* The last one of these. */
+int32_t app_body_goal(const app_body *body);
+
 /* Goes on with another valid block for this board: the memory of the iron is kept, and the swap
    moves no current faster than the ramp to zero. A force goes along that ramp to what the block
    asks for. An armature in the air is controlled on at once, with the new model: what the two

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "app/download.h"
 
+#include <stddef.h>
+
 #include "link/crc.h"
 
 void app_download_start(app_download *download)
@@ -10,7 +12,14 @@ void app_download_start(app_download *download)
   download->checksum = 0;
   download->received = 0;
   download->place = 0;
-  download->under_way = 0;
+  download->under_way = APP_DOWNLOAD_NONE;
+  download->sealed = 0;
+}
+
+/* The place that the block in force does not stand in. */
+static uint16_t free_place(const app_download *download, const int16_t *in_force)
+{
+  return in_force == download->words[0] ? 1U : 0U;
 }
 
 uint16_t app_download_begin(app_download *download, const link_block_begin *begin,
@@ -22,15 +31,15 @@ uint16_t app_download_begin(app_download *download, const link_block_begin *begi
   download->announced = *begin;
   download->checksum = 0;
   download->received = 0;
-  download->place = in_force == download->words[0] ? 1U : 0U;
-  download->under_way = 1;
+  download->place = free_place(download, in_force);
+  download->under_way = APP_DOWNLOAD_ARRIVING;
   return LINK_REASON_NONE;
 }
 
 uint16_t app_download_words(app_download *download, uint16_t offset, const uint8_t *bytes,
                             uint16_t count)
 {
-  if (download->under_way == 0U || offset != download->received ||
+  if (download->under_way != APP_DOWNLOAD_ARRIVING || offset != download->received ||
       count > download->announced.words - download->received) {
     return LINK_REASON_ORDER;
   }
@@ -44,11 +53,82 @@ uint16_t app_download_words(app_download *download, uint16_t offset, const uint8
   return LINK_REASON_NONE;
 }
 
+uint16_t app_download_edit(app_download *download, const int16_t *in_force)
+{
+  if (download->under_way == APP_DOWNLOAD_ARRIVING) {
+    return LINK_REASON_ORDER;
+  }
+  if (download->under_way == APP_DOWNLOAD_NONE) {
+    const uint16_t length = in_force != NULL ? (uint16_t)in_force[ANHYST_WORD_LENGTH] : 0U;
+    download->place = free_place(download, in_force);
+    for (uint16_t i = 0; i < (uint16_t)ANHYST_BLOCK_MOST_WORDS; i++) {
+      download->words[download->place][i] = i < length ? in_force[i] : 0;
+    }
+    download->sealed = 0;
+    download->under_way = APP_DOWNLOAD_EDITED;
+  }
+  return LINK_REASON_NONE;
+}
+
+uint16_t app_download_change(app_download *download, uint16_t at, const uint8_t *bytes,
+                             uint16_t count)
+{
+  if (at > (uint16_t)ANHYST_BLOCK_MOST_WORDS ||
+      count > (uint16_t)((uint16_t)ANHYST_BLOCK_MOST_WORDS - at)) {
+    return LINK_REASON_VALUE;
+  }
+  int16_t *to = download->words[download->place] + at;
+  const uint8_t *from = bytes;
+  for (uint16_t i = 0; i < count; i++, from += 2) {
+    to[i] = link_get_i16(from);
+  }
+  if (at < (uint16_t)(ANHYST_WORD_CRC + 2) && at + count > (uint16_t)ANHYST_WORD_CRC) {
+    download->sealed = 1;
+  }
+  return LINK_REASON_NONE;
+}
+
+/* CRC-32 of words, low byte first, going on from `crc`. */
+static uint32_t checksum(uint32_t crc, const int16_t *words, uint16_t count)
+{
+  uint8_t bytes[2];
+  uint32_t sum = crc;
+  for (uint16_t i = 0; i < count; i++) {
+    link_put_u16(bytes, (uint16_t)words[i]);
+    sum = link_crc32(sum, bytes, 2);
+  }
+  return sum;
+}
+
+void app_download_seal(app_download *download)
+{
+  int16_t *words = download->words[download->place];
+  const uint16_t behind = (uint16_t)(ANHYST_WORD_CRC + 2);
+  uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
+  if (length < (uint16_t)ANHYST_BLOCK_LEAST_WORDS || length > (uint16_t)ANHYST_BLOCK_MOST_WORDS) {
+    length = ANHYST_BLOCK_LEAST_WORDS; /* no block has another; the check refuses it */
+  }
+  if (download->sealed == 0U) {
+    uint8_t bytes[4];
+    const uint32_t head = checksum(0, words, ANHYST_WORD_CRC);
+    link_put_u32(bytes, checksum(head, words + behind, (uint16_t)(length - behind)));
+    words[ANHYST_WORD_CRC] = link_get_i16(bytes);
+    words[ANHYST_WORD_CRC + 1] = link_get_i16(bytes + 2);
+  }
+  download->announced.words = length;
+  download->announced.generation = (uint16_t)words[ANHYST_WORD_GENERATION];
+  download->announced.checksum = checksum(0, words, length);
+  download->checksum = download->announced.checksum;
+  download->received = length;
+  download->under_way = APP_DOWNLOAD_ARRIVING;
+}
+
 uint16_t app_download_check(const app_download *download, const app_board *board,
                             uint16_t generation, const int16_t **words, uint16_t *detail)
 {
   const int16_t *block = download->words[download->place];
-  if (download->under_way == 0U || download->received != download->announced.words) {
+  if (download->under_way != APP_DOWNLOAD_ARRIVING ||
+      download->received != download->announced.words) {
     return LINK_REASON_ORDER;
   }
   if (download->checksum != download->announced.checksum) {

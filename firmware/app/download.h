@@ -7,12 +7,18 @@
 #include "app/board.h"
 #include "link/frames.h"
 
+/* What the free place holds. */
+#define APP_DOWNLOAD_NONE 0U     /* nothing, or the block in force */
+#define APP_DOWNLOAD_ARRIVING 1U /* a block that was announced, as far as it has arrived */
+#define APP_DOWNLOAD_EDITED 2U   /* a copy of the block in force that is changed word by word */
+
 typedef struct {
   link_block_begin announced;
   uint32_t checksum;  /* of the words so far */
   uint16_t received;  /* words so far */
   uint16_t place;     /* that they go to */
-  uint16_t under_way; /* whether a block was announced and is not in force yet */
+  uint16_t under_way; /* one of APP_DOWNLOAD_... */
+  uint16_t sealed;    /* whether an edit wrote the block's own checksum */
   int16_t words[2][ANHYST_BLOCK_MOST_WORDS];
 } app_download;
 
@@ -27,6 +33,19 @@ uint16_t app_download_begin(app_download *download, const link_block_begin *begi
    where they are not the next ones or more than were announced. */
 uint16_t app_download_words(app_download *download, uint16_t offset, const uint8_t *bytes,
                             uint16_t count);
+
+/* Begins to change a block word by word, unless that has begun: with a copy of the block in force.
+   LINK_REASON_NONE, or LINK_REASON_ORDER while another arrives piece by piece. */
+uint16_t app_download_edit(app_download *download, const int16_t *in_force);
+
+/* Changes words of the block under edit: LINK_REASON_NONE, or LINK_REASON_VALUE beyond its place.
+ */
+uint16_t app_download_change(app_download *download, uint16_t at, const uint8_t *bytes,
+                             uint16_t count);
+
+/* Takes the block under edit for one that has arrived, to be checked. Its checksum is computed anew
+   unless an edit wrote it: then that is checked too. */
+void app_download_seal(app_download *download);
 
 /* Checks what has arrived. LINK_REASON_NONE: *words is a valid block for this board, its length in
    announced.words; or LINK_REASON_ORDER, _CHECKSUM, _BLOCK, _GENERATION, _SCALE: in *detail the

@@ -11,6 +11,8 @@
 
 #include ACTUATOR_FILE(ACTUATOR_JOIN(ACTUATOR_NAME, _parameters).h)
 
+#define ACTUATOR_CALLED ACTUATOR_FILE(ACTUATOR_NAME)
+
 #define ACTUATOR_PARAMETERS ACTUATOR_JOIN(ACTUATOR_NAME, _parameters)
 
 /* An actuator without a name is called actuator: its own macros are these. */

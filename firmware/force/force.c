@@ -64,6 +64,8 @@ uint16_t app_body_target(app_body *body, int32_t position)
   return LINK_REASON_TYPE;
 }
 
+int32_t app_body_goal(const app_body *body) { return body->target; }
+
 void app_body_swap(app_body *body, const int16_t *words)
 {
   anhyst_compensator_swap(&body->compensator, words);

@@ -131,7 +131,8 @@ enum {
   LINK_SIGNAL_PHASE = 11, /* phase, as a number */
   LINK_SIGNAL_CURRENT_2 = 12, /* measured current of the second magnet, q30 */
   LINK_SIGNAL_DRIVE_2 = 13, /* current driven there, q31 */
-  LINK_SIGNAL_COUNT = 14
+  LINK_SIGNAL_FAULT = 14, /* latched reason of a fault, as a number */
+  LINK_SIGNAL_COUNT = 15
 };
 
 /* Low, high, value at the start, whether it may be written in the state run. */

@@ -97,6 +97,8 @@ uint16_t app_body_target(app_body *body, int32_t position)
   return LINK_REASON_NONE;
 }
 
+int32_t app_body_goal(const app_body *body) { return body->target; }
+
 void app_body_swap(app_body *body, const int16_t *words)
 {
   anhyst_position_swap_q31(&body->position, words);
@@ -196,7 +198,7 @@ void app_body_signals(const app_body *body, const port_sample *sample, int32_t *
   const anhyst_compensator *compensator = &body->magnet[0].compensator;
   signals[LINK_SIGNAL_DEMAND] = body->answer.demand;
   signals[LINK_SIGNAL_FORCE] = 0;
-  signals[LINK_SIGNAL_GAP] = body->position.gap[0];
+  signals[LINK_SIGNAL_GAP] = body->position.gap[0] / 2; /* q30 */
   signals[LINK_SIGNAL_CURRENT] = sample->current[0];
   signals[LINK_SIGNAL_DRIVE] = body->answer.current[0];
   signals[LINK_SIGNAL_FLUX] = compensator->flux_applied;

@@ -25,6 +25,7 @@ static int16_t scales[ANHYST_SCALE_WORDS];
 static app_body body;
 
 static app_board board = {
+    .name = "bench",
     .body = &body,
     .kernel = &fake_kernel,
     .words = bench_words,

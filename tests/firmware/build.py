@@ -19,7 +19,7 @@ SANITIZERS = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 SHARED = [
     *(
         file
-        for part in ("link", "app", "services")
+        for part in ("link", "app", "services", "xcp")
         for file in sorted(ROOT.glob(f"firmware/{part}/*.c"))
     ),
     ROOT / "core" / "src" / "control" / "supervisor.c",

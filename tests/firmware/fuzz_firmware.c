@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fuzzing harness: an input is a script of what a line, a PC and sensors may do to the firmware.
-   Parser, request handler and control task run on a compiled compensator; address and undefined
+/* Fuzzing harness: an input is a script of what a line, a PC, a master of XCP and sensors may do to
+   the firmware. Parser, request handler, slave and control task run on a compiled compensator;
+   address and undefined
    behaviour sanitizers watch the memory, `require` watches what must hold at any time. */
 #include "boards/actuator.h"
 #include "app/app.h"
 #include "force/force.h"
 #include "link/crc.h"
+#include "xcp/xcp.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -37,6 +39,7 @@ static app_body body;
 static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
 
 static const app_board board = {
+    .name = ACTUATOR_CALLED,
     .body = &body,
     .kernel = &ACTUATOR_KERNEL,
     .words = ACTUATOR_PARAMETERS,
@@ -63,6 +66,8 @@ static uint32_t answers;
 static uint32_t requests;
 static uint8_t sequence;
 static int locks;
+static xcp_slave slave;
+static uint32_t stamp; /* of the last sample of list 0 */
 
 static void require(int holds)
 {
@@ -172,6 +177,7 @@ static void tick(void)
   const int32_t before = drive;
   const int was_live = states->state == ANHYST_STATE_RUN || states->conditioning != 0U;
   app_tick(&firmware);
+  xcp_tick(&slave);
   require(drive >= limits.current_low && drive <= limits.current_high);
   require(states->state <= ANHYST_STATE_FAULT && states->fault < ANHYST_FAULT_COUNT);
   require((states->state == ANHYST_STATE_FAULT) == (states->fault != ANHYST_FAULT_NONE));
@@ -317,6 +323,99 @@ static void raw_bytes(script *s)
   poll();
 }
 
+/* A command of XCP and what may be said of its answer. */
+static uint16_t master(const uint8_t *command, uint16_t length, uint8_t *answer)
+{
+  const int listens = slave.connected != 0U || (length > 0U && command[0] == 0xFFU);
+  const uint16_t count = xcp_answer(&slave, command, length, answer);
+  require(count <= XCP_PACKET && (count > 0U) == (listens && length > 0U));
+  require(count == 0U || answer[0] == 0xFFU || answer[0] == 0xFEU);
+  check_session();
+  return count;
+}
+
+/* Shows the key, so that what is behind it is reached. */
+static void unlock(void)
+{
+  uint8_t answer[XCP_PACKET];
+  uint8_t command[6] = {0xF8, 0, 1};
+  if (master(command, 3, answer) == 6U) {
+    const uint32_t key = link_crc32(XCP_SECRET, answer + 2, 4);
+    command[0] = 0xF7;
+    command[1] = 4;
+    link_put_u32(command + 2, key);
+    require(master(command, 6, answer) == 2U && slave.unlocked != 0U);
+  }
+}
+
+/* One list of one part with a few signals, ready to be started: long to be found otherwise. */
+static void configure(script *s)
+{
+  static const uint8_t steps[][6] = {
+      {0xD6}, {0xD5, 0, 1, 0}, {0xD4, 0, 0, 0, 1}, {0xD3, 0, 0, 0, 0, 3}, {0xE2, 0, 0, 0, 0, 0}};
+  uint8_t answer[XCP_PACKET];
+  for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
+    (void)master(steps[i], 6, answer);
+  }
+  for (int i = 0; i < 3; i++) {
+    const uint8_t entry[8] = {0xE1, 0xFF, 4, 0, (uint8_t)(next8(s) & 0x3CU), 0, 1, 0};
+    (void)master(entry, 8, answer);
+  }
+}
+
+/* Samples come in the order of their ticks, whole. */
+static void take_samples(void)
+{
+  uint8_t packet[XCP_PACKET];
+  uint16_t count = xcp_take(&slave, packet);
+  for (; count > 0U; count = xcp_take(&slave, packet)) {
+    require(count <= XCP_PACKET && locks == 0);
+    require(packet[0] < XCP_ODTS || (packet[0] == 0xFDU && count == 2U));
+    if (packet[0] == 0U && packet[1] == 0U && count >= 6U) {
+      require(link_get_u32(packet + 2) - stamp <= sample.tick - stamp);
+      stamp = link_get_u32(packet + 2);
+    }
+  }
+}
+
+/* A command of XCP as a rule of its own length: codes from 0xC0 on, areas that there are. */
+static void xcp_command(script *s)
+{
+  uint8_t command[XCP_PACKET + 4];
+  uint8_t answer[XCP_PACKET];
+  const uint8_t what = next8(s);
+  uint16_t length = 8;
+  switch (what & 0xC3U) {
+  case 0x00:
+    unlock();
+    break;
+  case 0x40:
+    configure(s);
+    break;
+  case 0x80:
+    xcp_hang_up(&slave);
+    break;
+  case 0xC0:
+    command[0] = 0xF6; /* an address in an area that there is, perhaps off its end */
+    command[1] = 0;
+    command[2] = 0;
+    command[3] = 0;
+    link_put_u16(command + 4, next16(s));
+    link_put_u16(command + 6, (uint16_t)((what >> 2) & 7U));
+    (void)master(command, 8, answer);
+    break;
+  default:
+    command[0] = (uint8_t)(0xC0U | (what >> 2));
+    length = (what & 2U) != 0U ? (uint16_t)(next8(s) % sizeof command) : length;
+    for (uint16_t i = 1; i < length; i++) {
+      command[i] = (what & 1U) != 0U && i > 24U ? 0U : next8(s);
+    }
+    (void)master(command, length, answer);
+    break;
+  }
+  take_samples();
+}
+
 static void step(script *s)
 {
   const uint8_t what = next8(s);
@@ -344,6 +443,9 @@ static void step(script *s)
       command(s);
     }
     break;
+  case 6:
+    xcp_command(s);
+    break;
   default:
     quiet_ticks(s);
     break;
@@ -365,6 +467,8 @@ static void start(void)
   requests = 0;
   sequence = 0;
   locks = 0;
+  stamp = 0;
+  xcp_start(&slave, &firmware);
 }
 
 /* Without a session nothing but a hello is done. */
@@ -374,6 +478,13 @@ static void open_session(void)
   accepts = UINT16_MAX;
   put_frame(LINK_TYPE_HELLO, payload, sizeof payload, 0);
   poll();
+}
+
+static void open_xcp(void)
+{
+  static const uint8_t connect[2] = {0xFF, 0};
+  uint8_t answer[XCP_PACKET];
+  require(master(connect, 2, answer) == 8U);
 }
 
 int LLVMFuzzerInitialize(int *argc, char ***argv);
@@ -393,8 +504,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
   script s = {data, size, 0};
   start();
-  if ((next8(&s) & 7U) != 0U) {
+  const uint8_t begin = next8(&s);
+  if ((begin & 7U) != 0U) {
     open_session();
+  }
+  if ((begin & 0x18U) != 0U) {
+    open_xcp();
   }
   for (int i = 0; i < STEPS_MOST && s.at < s.size; i++) {
     step(&s);

@@ -15,9 +15,11 @@ PARTS = {
     "body of force": "sizeof(force)",
     "body of position": "sizeof(position)",
     "settings": "LINK_SETTING_COUNT * sizeof(int32_t)",
+    "signals of the last tick": "LINK_SIGNAL_COUNT * sizeof(int32_t)",
     "link: frame": "sizeof(app_session)",
     "recorder": "sizeof(app_recorder)",
     "two places for parameter blocks": "sizeof(app_download)",
+    "slave of XCP": "sizeof(xcp_slave)",
 }
 
 
@@ -49,7 +51,7 @@ def test_the_page_states_the_memory_that_is_used(tmp_path: Path) -> None:
     lines = [f"char part_{i}[{size}];" for i, size in enumerate(PARTS.values())]
     source = tmp_path / "parts.c"
     bodies = (
-        '#include "app/app.h"\n#include "force/force.h"\ntypedef app_body force;\n'
+        '#include "app/app.h"\n#include "xcp/xcp.h"\n#include "force/force.h"\ntypedef app_body force;\n'
         "#define app_body position_body\n"
         '#include "position/position.h"\ntypedef struct position_body position;\n'
     )

@@ -28,7 +28,7 @@ GROUPS = {
     "firmware": (
         sorted(
             file
-            for part in ("app", "link", "services", "force", "position")
+            for part in ("app", "link", "services", "xcp", "force", "position")
             for file in FIRMWARE.glob(f"{part}/*.c")
         ),
         (FIRMWARE, ROOT / "core" / "include", ROOT / "tests" / "firmware"),

@@ -14,6 +14,7 @@ from c_code import bus_header, flags_header, frames_header, states_header
 from firmware_page import page, page_with_tables
 from python_code import frames_module, states_module
 from tables import ROOT, read
+from xcp import map_header, map_module
 
 CORE = ROOT / "core" / "include" / "anhyst"
 PLANT = ROOT / "plant" / "include" / "anhyst_plant"
@@ -24,12 +25,14 @@ PAGE = ROOT / "docs" / "firmware.md"
 def wanted() -> dict[Path, str]:
     """Return every file that is made, with its text."""
     frames, signals = read("frames"), read("signals")
-    controller, block = read("controller"), read("block")
+    controller, block, xcp = read("controller"), read("block"), read("xcp")
     tables = page(frames, signals, controller)
     return {
         ROOT / "firmware" / "link" / "frames.h": frames_header(frames, signals),
         SOURCE / "link" / "frames.py": frames_module(frames, signals),
         PLANT / "bus_words.h": bus_header(frames["plant"]),
+        ROOT / "firmware" / "xcp" / "map.h": map_header(xcp, signals),
+        SOURCE / "compile" / "xcp_map.py": map_module(xcp, signals),
         CORE / "control" / "states.h": states_header(controller),
         CORE / "compensator" / "flags.h": flags_header(controller),
         SOURCE / "control" / "states.py": states_module(controller),

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The board that is a process: the firmware on a PC, bit for bit the one that a controller runs.
 
-     firmware LINK PLANT
+     firmware LINK PLANT [--xcp PORT]
 
    LINK: pty for a new pseudo-terminal, whose name is printed; the path of a terminal; or tcp:PORT
    to listen on, where port 0 takes a free one, which is printed. PLANT, which gives the ticks: fd:N
-   for an inherited stream, or tcp:PORT to connect to. Ports are those of 127.0.0.1. Ends when the
-   plant hangs up. */
+   for an inherited stream, or tcp:PORT to connect to. --xcp offers XCP on TCP; port 0 takes a free
+   one, which is printed. Ports are those of 127.0.0.1. Ends when the plant hangs up. */
 // NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): how POSIX is asked for
 #define _XOPEN_SOURCE 700
 #define _DEFAULT_SOURCE /* cfmakeraw */
@@ -27,6 +27,7 @@
 
 #include "lockstep.h"
 #include "port/port.h"
+#include "xcp_port.h"
 
 #define BAD_USAGE 2
 #define NONE (-1)
@@ -84,17 +85,19 @@ static void send_at_once(int fd)
   (void)setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
 }
 
-static void listen_on(int port)
+/* A socket that listens, whose port is printed. */
+static int listen_on(int port)
 {
   struct sockaddr_in address = local(port);
   socklen_t size = sizeof address;
-  listener = new_socket();
-  if (bind(listener, (const struct sockaddr *)&address, size) != 0 || listen(listener, 1) != 0 ||
-      getsockname(listener, (struct sockaddr *)&address, &size) != 0) {
-    quit("link", strerror(errno));
+  const int fd = new_socket();
+  if (bind(fd, (const struct sockaddr *)&address, size) != 0 || listen(fd, 1) != 0 ||
+      getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
+    quit("port", strerror(errno));
   }
   (void)printf("%d\n", ntohs(address.sin_port));
   (void)fflush(stdout);
+  return fd;
 }
 
 /* A terminal that passes bytes on as they are. */
@@ -130,7 +133,7 @@ static void open_link(const char *where)
 {
   const int port = number_after("tcp:", where);
   if (port != NONE) {
-    listen_on(port);
+    listener = listen_on(port);
   } else if (strcmp(where, "pty") == 0) {
     open_pty();
   } else {
@@ -232,15 +235,29 @@ static void receive_plant(void)
   }
 }
 
-/* Sleeps until the link or the plant has something. */
+/* Port 0 of XCP takes a free one. */
+static void open_xcp(app *firmware, const char *port)
+{
+  const int number = number_after("", port);
+  const int fd = listen_on(number);
+  if (fcntl(fd, F_SETFL, O_NONBLOCK) != 0) {
+    quit("xcp", strerror(errno));
+  }
+  xcp_port_start(firmware, fd);
+}
+
+void board_ticked(void) { xcp_port_tick(); }
+
+/* Sleeps until the link, XCP or the plant has something. */
 static void wait_and_serve(void)
 {
-  struct pollfd ends[2];
+  struct pollfd ends[3];
   ends[0].fd = link_fd != NONE ? link_fd : listener;
   ends[0].events = (short)(more_to_send ? POLLIN | POLLOUT : POLLIN);
   ends[1].fd = plant_fd;
   ends[1].events = POLLIN;
-  if (poll(ends, 2, -1) < 0) {
+  ends[2] = xcp_port_wanted();
+  if (poll(ends, 3, -1) < 0) {
     return;
   }
   if (link_fd == NONE && listener != NONE && (ends[0].revents & POLLIN) != 0) {
@@ -251,17 +268,22 @@ static void wait_and_serve(void)
   if (ends[1].revents != 0) {
     receive_plant();
   }
+  xcp_port_serve();
 }
 
 int main(int argc, char **argv)
 {
-  if (argc != 3) {
-    quit("usage", "firmware LINK PLANT");
+  const int with_xcp = argc == 5 && strcmp(argv[3], "--xcp") == 0;
+  if (argc != 3 && !with_xcp) {
+    quit("usage", "firmware LINK PLANT [--xcp PORT]");
   }
   (void)signal(SIGPIPE, SIG_IGN); /* write reports who hung up */
   open_link(argv[1]);
   open_plant(argv[2]);
-  lockstep_start();
+  app *firmware = lockstep_start();
+  if (with_xcp) {
+    open_xcp(firmware, argv[4]);
+  }
   for (;;) {
     lockstep_poll();
     wait_and_serve();

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "lockstep.h"
 
-#include "app/app.h"
 #include "port/port.h"
 
 static app firmware;
@@ -10,7 +9,11 @@ static uint16_t filled;
 static link_plant_sample sample;
 static link_plant_drive drive;
 
-void lockstep_start(void) { app_start(&firmware, &lockstep_board); }
+app *lockstep_start(void)
+{
+  app_start(&firmware, &lockstep_board);
+  return &firmware;
+}
 
 void lockstep_poll(void) { app_poll(&firmware); }
 
@@ -18,10 +21,7 @@ void lockstep_poll(void) { app_poll(&firmware); }
 static void answer(void)
 {
   uint8_t bytes[LINK_SIZE_PLANT_DRIVE];
-  int32_t signals[LINK_SIGNAL_COUNT];
-  port_sample seen;
-  port_sense(&seen);
-  app_signals(&firmware, &seen, signals);
+  const int32_t *signals = firmware.signals;
   drive.tick = sample.tick;
   drive.mode =
       (uint32_t)signals[LINK_SIGNAL_FLAGS] + (65536U * (uint32_t)signals[LINK_SIGNAL_PHASE]);
@@ -43,6 +43,7 @@ void lockstep_receive(uint8_t byte)
     filled = 0;
     app_tick(&firmware);
     answer();
+    board_ticked();
     return;
   }
   for (uint16_t i = 1; i < LINK_SIZE_PLANT_SAMPLE; ++i) {

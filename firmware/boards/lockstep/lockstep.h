@@ -9,7 +9,7 @@
 
 #include <stdint.h>
 
-#include "app/board.h"
+#include "app/app.h"
 
 /* Constants of the board: board_force.c or board_position.c. */
 extern const app_board lockstep_board;
@@ -17,8 +17,11 @@ extern const app_board lockstep_board;
 /* Board: sends bytes to the plant, all of them, waiting as long as it takes. */
 void board_plant_write(const uint8_t *bytes, uint16_t count);
 
-/* Starts the firmware. Once, first. */
-void lockstep_start(void);
+/* Board: a tick is over, what it drives was sent. */
+void board_ticked(void);
+
+/* Starts the firmware and returns it. Once, first. */
+app *lockstep_start(void);
 
 /* Answers what came over the link; as often as possible between bytes of the plant. */
 void lockstep_poll(void);

@@ -27,6 +27,7 @@ static app_body body;
 static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
 
 const app_board nucleo_board = {
+    .name = ACTUATOR_CALLED,
     .body = &body,
     .plan = &plan,
     .kernel = &ACTUATOR_KERNEL,

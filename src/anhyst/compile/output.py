@@ -23,6 +23,7 @@ from anhyst.compensate.budget import (
 )
 from anhyst.compensate.plan import ACCURACY, CompileRequest, Plan, make_plan, not_computed
 from anhyst.compensate.twin import Io
+from anhyst.compile.a2l import a2l
 from anhyst.compile.controller import Controller, read_fitting
 from anhyst.compile.folder import check_folder, write_folder
 from anhyst.compile.lifting import levitation_csv, levitation_vectors
@@ -144,6 +145,8 @@ def compile_model(
     if around is not None:
         files["controller.csv"] = levitation_csv(levitation_vectors(plan, around))
     described = manifest(plan, budget, sha256, version, around)
+    if request.io != "f32":  # a firmware computes in fixed point
+        files[f"{plan.name}.a2l"] = a2l(described)
     write_folder(out, files, described)
     return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"))
 

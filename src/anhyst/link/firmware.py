@@ -161,7 +161,9 @@ def _command(name: str, folder: Path, actuator: str) -> list[str]:
         # A compensator alone needs no states; the firmware around it does.
         sources.append(core_folder() / "src" / "control" / "supervisor.c")
         include.append(core_folder() / "include")
-    for place in (root / "app", root / "link", root / "services", root / body, *own):
+    for part in ("app", "link", "services", "xcp", body):
+        sources += sorted((root / part).glob("*.c"))
+    for place in own:
         sources += sorted(file for file in place.glob("*.c") if not _of_another(file, body))
     if not any(source.name == f"board_{body}.c" for source in sources):
         raise InputError(f"board {name}: has no controller of {body}; take another board")

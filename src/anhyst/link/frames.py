@@ -89,6 +89,7 @@ class RecorderSignal(IntEnum):
     PHASE = 11  # phase, as a number
     CURRENT_2 = 12  # measured current of the second magnet, q30
     DRIVE_2 = 13  # current driven there, q31
+    FAULT = 14  # latched reason of a fault, as a number
 
 
 class SettingRange(NamedTuple):

@@ -27,14 +27,19 @@ class Running:
         Its link, for :class:`anhyst.link.client.ControllerLink`.
     bus : PlantBus
         Its plant; without :meth:`PlantBus.step` no time passes for it.
+    xcp : int
+        Port of this machine on which a master of XCP may come in; 0: there is none.
     """
 
     url: str
     bus: PlantBus
+    xcp: int = 0
 
 
 @contextmanager
-def run_host(program: Path, plant: Plant, link: str = "pty") -> Iterator[Running]:
+def run_host(
+    program: Path, plant: Plant, link: str = "pty", xcp: int | None = None
+) -> Iterator[Running]:
     """Run a firmware built for the board ``host``.
 
     Parameters
@@ -45,6 +50,8 @@ def run_host(program: Path, plant: Plant, link: str = "pty") -> Iterator[Running
         What it drives.
     link : str, optional
         ``"pty"``, ``"tcp:0"`` for a free port of this machine, or the path of a terminal.
+    xcp : int, optional
+        Port of this machine for a master of XCP, 0 for a free one; none if left out.
 
     Yields
     ------
@@ -55,19 +62,21 @@ def run_host(program: Path, plant: Plant, link: str = "pty") -> Iterator[Running
     InputError
         It does not start.
     """
-    with start_host(program, link) as (url, ours):
-        yield Running(url, PlantBus(plant, ours))
+    with start_host(program, link, xcp) as (url, ours, port):
+        yield Running(url, PlantBus(plant, ours), port)
 
 
 @contextmanager
-def start_host(program: Path, link: str = "pty") -> Iterator[tuple[str, socket.socket]]:
+def start_host(
+    program: Path, link: str = "pty", xcp: int | None = None
+) -> Iterator[tuple[str, socket.socket, int]]:
     """Start a firmware built for the board ``host``, with nothing that drives its bus yet.
 
     Parameters
     ----------
     program : Path
         From :func:`anhyst.link.firmware.build`.
-    link : str, optional
+    link, xcp : optional
         As of :func:`run_host`.
 
     Yields
@@ -76,6 +85,8 @@ def start_host(program: Path, link: str = "pty") -> Iterator[tuple[str, socket.s
         Its link.
     bus : socket
         The plant's end of its bus.
+    xcp_port : int
+        Where XCP is offered; 0: nowhere.
 
     Raises
     ------
@@ -84,15 +95,22 @@ def start_host(program: Path, link: str = "pty") -> Iterator[tuple[str, socket.s
     """
     ours, theirs = socket.socketpair()
     command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
+    command += [] if xcp is None else ["--xcp", str(xcp)]
     with ours, _started(command, [theirs], stdout=subprocess.PIPE) as process:
         url = link
         if link == "pty" or link.startswith("tcp:"):
-            assert process.stdout is not None
-            place = process.stdout.readline().decode().strip()
-            if not place:
-                raise InputError(f"{program}: the firmware did not start")
+            place = _printed(process, program)
             url = place if link == "pty" else f"socket://127.0.0.1:{place}"
-        yield url, ours
+        yield url, ours, 0 if xcp is None else int(_printed(process, program))
+
+
+def _printed(process: subprocess.Popen[bytes], program: Path) -> str:
+    """Return the next line that a firmware prints: where it can be reached."""
+    assert process.stdout is not None
+    line = process.stdout.readline().decode().strip()
+    if not line:
+        raise InputError(f"{program}: the firmware did not start")
+    return line
 
 
 @contextmanager

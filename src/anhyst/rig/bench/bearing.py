@@ -107,7 +107,7 @@ class BearingBench:
         self._target: int | None = None
         self._open = ExitStack()
         try:
-            url, bus = self._open.enter_context(start_host(firmware))
+            url, bus, _ = self._open.enter_context(start_host(firmware))
             self._link = self._open.enter_context(ControllerLink(url))
             self._heartbeat = Heartbeat(self._link)
             wait_at_most(bus, _ANSWER_S)

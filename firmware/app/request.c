@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "app/request.h"
+
+#include <stddef.h>
+
+void app_alive(app *a)
+{
+  port_lock();
+  a->control.silent = 0;
+  port_unlock();
+}
+
+uint32_t app_last_tick(const app *a)
+{
+  port_lock();
+  const uint32_t tick = a->control.tick;
+  port_unlock();
+  return tick;
+}
+
+uint16_t app_word_in_force(const app *a, uint16_t number)
+{
+  const int16_t *words = app_body_compensator(a->control.body, 0)->words;
+  return words != NULL ? (uint16_t)words[number] : 0U;
+}
+
+uint16_t app_demand(app *a, int32_t force)
+{
+  port_lock();
+  const uint16_t reason = app_body_demand(a->control.body, force);
+  port_unlock();
+  return reason;
+}
+
+uint16_t app_target(app *a, int32_t position)
+{
+  port_lock();
+  const uint16_t reason = app_body_target(a->control.body, position);
+  port_unlock();
+  return reason;
+}
+
+uint16_t app_command(app *a, uint16_t command, uint16_t *state)
+{
+  port_lock();
+  const uint16_t reason = app_control_command(&a->control, command);
+  *state = app_body_states(a->control.body)->state;
+  port_unlock();
+  return reason;
+}
+
+uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *state)
+{
+  port_lock();
+  *state = app_body_states(a->control.body)->state;
+  const uint16_t reason = app_setting_obstacle(a->board, number, value, *state == ANHYST_STATE_RUN);
+  if (reason == LINK_REASON_NONE) {
+    a->settings[number] = value;
+  }
+  port_unlock();
+  return reason;
+}
+
+/* Puts a checked block in force. The swap itself is between two ticks; the check, which is long, is
+   not: nobody else writes to where the block stands. */
+static void swap(app *a, const int16_t *words)
+{
+  anhyst_compensator fresh;
+  const int first = app_body_compensator(a->control.body, 0)->words == NULL;
+  if (first) {
+    (void)anhyst_compensator_init(&fresh, a->board->kernel, words, a->download.announced.words);
+  }
+  port_lock();
+  if (first) {
+    *app_body_compensator(a->control.body, 0) = fresh;
+    anhyst_compensator *second = app_body_compensator(a->control.body, 1);
+    if (second != NULL) {
+      *second = fresh;
+    }
+  } else {
+    app_body_swap(a->control.body, words);
+  }
+  port_unlock();
+}
+
+uint16_t app_block_swap(app *a, uint16_t generation, uint16_t *detail)
+{
+  const int16_t *words = NULL;
+  *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
+  const uint16_t reason = app_download_check(&a->download, a->board, generation, &words, detail);
+  if (reason == LINK_REASON_NONE) {
+    swap(a, words);
+    a->download.under_way = APP_DOWNLOAD_NONE;
+    *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
+  }
+  return reason;
+}
+
+uint16_t app_block_edit(app *a, uint16_t at, const uint8_t *bytes, uint16_t count)
+{
+  const uint16_t reason =
+      app_download_edit(&a->download, app_body_compensator(a->control.body, 0)->words);
+  return reason == LINK_REASON_NONE ? app_download_change(&a->download, at, bytes, count) : reason;
+}
+
+const int16_t *app_block_edited(const app *a)
+{
+  return a->download.under_way == APP_DOWNLOAD_EDITED ? a->download.words[a->download.place] : NULL;
+}
+
+void app_block_forget(app *a)
+{
+  if (a->download.under_way == APP_DOWNLOAD_EDITED) {
+    a->download.under_way = APP_DOWNLOAD_NONE;
+  }
+}
+
+uint16_t app_block_swap_edited(app *a, uint16_t *detail)
+{
+  *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
+  if (a->download.under_way == APP_DOWNLOAD_ARRIVING) {
+    return LINK_REASON_ORDER;
+  }
+  if (a->download.under_way == APP_DOWNLOAD_NONE) {
+    return LINK_REASON_NONE;
+  }
+  app_download_seal(&a->download);
+  const uint16_t reason = app_block_swap(a, a->download.announced.generation, detail);
+  if (reason != LINK_REASON_NONE) {
+    a->download.under_way = APP_DOWNLOAD_EDITED;
+  }
+  return reason;
+}

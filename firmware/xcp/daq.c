@@ -1,0 +1,342 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "xcp/daq.h"
+
+#include "port/port.h"
+
+/* Stages of allocation: each may be gone on with, or left for the next. */
+enum { STAGE_FREE, STAGE_LISTS, STAGE_PARTS, STAGE_ENTRIES };
+
+void xcp_daq_free(xcp_daq *d)
+{
+  port_lock();
+  for (uint8_t i = 0; i < (uint8_t)XCP_LISTS; i++) {
+    d->list[i].running = 0;
+    d->list[i].selected = 0;
+  }
+  port_unlock();
+  d->stage = STAGE_FREE;
+  d->lists = 0;
+  d->parts = 0;
+  d->entries = 0;
+  d->at_list = 0;
+  d->at_part = 0;
+  d->at_entry = 0;
+}
+
+void xcp_daq_start(xcp_daq *d)
+{
+  xcp_daq_free(d);
+  port_lock();
+  d->lost = 0;
+  d->head = 0;
+  d->tail = 0;
+  port_unlock();
+}
+
+int xcp_daq_runs(const xcp_daq *d)
+{
+  int runs = 0;
+  for (uint8_t i = 0; i < d->lists; i++) {
+    runs = runs || d->list[i].running != 0U;
+  }
+  return runs;
+}
+
+/* The queue. */
+
+static uint16_t behind(uint16_t at) { return at + 1U < (uint16_t)XCP_QUEUE ? at + 1U : 0U; }
+
+static uint16_t room(const xcp_daq *d)
+{
+  const uint16_t used = d->head >= d->tail ? (uint16_t)(d->head - d->tail)
+                                           : (uint16_t)(d->head + (uint16_t)XCP_QUEUE - d->tail);
+  return (uint16_t)((uint16_t)XCP_QUEUE - 1U - used);
+}
+
+static void put(xcp_daq *d, uint8_t byte)
+{
+  d->queue[d->head] = byte;
+  d->head = behind(d->head);
+}
+
+static void put_u32(xcp_daq *d, uint32_t value)
+{
+  uint8_t bytes[4];
+  link_put_u32(bytes, value);
+  for (uint8_t i = 0; i < 4U; i++) {
+    put(d, bytes[i]);
+  }
+}
+
+uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet)
+{
+  port_lock();
+  const uint16_t head = d->head;
+  port_unlock();
+  uint16_t at = d->tail;
+  if (at == head) {
+    return 0;
+  }
+  const uint8_t length = d->queue[at];
+  at = behind(at);
+  for (uint8_t i = 0; i < length; i++) {
+    packet[i] = d->queue[at];
+    at = behind(at);
+  }
+  port_lock();
+  d->tail = at;
+  port_unlock();
+  return length;
+}
+
+/* Sampling. */
+
+static uint8_t size_of(const xcp_daq *d, uint8_t list, uint8_t part)
+{
+  const uint8_t number = (uint8_t)(d->list[list].parts.first + part);
+  const uint8_t stamp = part == 0U ? (uint8_t)XCP_DAQ_STAMP : 0U;
+  return (uint8_t)(XCP_DAQ_HEAD + stamp + 4U * d->part[number].count);
+}
+
+static void sample(xcp_daq *d, uint8_t number, uint32_t tick, const int32_t *signals)
+{
+  const xcp_list *list = &d->list[number];
+  uint16_t wanted = 0;
+  for (uint8_t part = 0; part < list->parts.count; part++) {
+    wanted = (uint16_t)(wanted + 1U + size_of(d, number, part));
+  }
+  if (wanted > room(d)) {
+    d->lost++;
+    return;
+  }
+  for (uint8_t part = 0; part < list->parts.count; part++) {
+    const xcp_range *entries = &d->part[list->parts.first + part];
+    put(d, size_of(d, number, part));
+    put(d, part);
+    put(d, number);
+    if (part == 0U) {
+      put_u32(d, tick);
+    }
+    for (uint8_t i = 0; i < entries->count; i++) {
+      put_u32(d, (uint32_t)signals[d->signal[entries->first + i]]);
+    }
+  }
+}
+
+void xcp_daq_tick(xcp_daq *d, uint32_t tick, const int32_t *signals)
+{
+  for (uint8_t i = 0; i < d->lists; i++) {
+    xcp_list *list = &d->list[i];
+    if (list->running == 0U) {
+      continue;
+    }
+    if (list->skip > 0U) {
+      list->skip--;
+    } else {
+      list->skip = (uint8_t)(list->prescaler - 1U);
+      sample(d, i, tick, signals);
+    }
+  }
+}
+
+/* Allocation. Nothing is changed while a list runs. */
+
+/* Whether allocation may go on with this stage, or why not. */
+static uint8_t enter(xcp_daq *d, uint8_t stage)
+{
+  if (xcp_daq_runs(d)) {
+    return XCP_DAQ_ACTIVE;
+  }
+  if (d->stage != stage && d->stage + 1U != stage) {
+    return XCP_SEQUENCE;
+  }
+  return XCP_FINE;
+}
+
+uint8_t xcp_daq_alloc_lists(xcp_daq *d, uint16_t count)
+{
+  if (d->stage != STAGE_FREE || d->lists != 0U) {
+    return XCP_SEQUENCE;
+  }
+  if (count > (uint16_t)XCP_LISTS) {
+    return XCP_NO_ROOM;
+  }
+  for (uint16_t i = 0; i < count; i++) {
+    const xcp_list fresh = {{0, 0}, 1, 0, 0, 0};
+    d->list[i] = fresh;
+  }
+  d->lists = (uint8_t)count;
+  d->stage = STAGE_LISTS;
+  return XCP_FINE;
+}
+
+uint8_t xcp_daq_alloc_parts(xcp_daq *d, uint16_t list, uint8_t count)
+{
+  const uint8_t wrong = enter(d, STAGE_PARTS);
+  if (wrong != XCP_FINE) {
+    return wrong;
+  }
+  if (list >= d->lists) {
+    return XCP_RANGE;
+  }
+  if (d->list[list].parts.count != 0U) {
+    return XCP_SEQUENCE;
+  }
+  if (count > (uint8_t)XCP_ODTS - d->parts) {
+    return XCP_NO_ROOM;
+  }
+  d->list[list].parts.first = d->parts;
+  d->list[list].parts.count = count;
+  for (uint8_t i = 0; i < count; i++) {
+    d->part[d->parts].first = 0;
+    d->part[d->parts].count = 0;
+    d->parts++;
+  }
+  d->stage = STAGE_PARTS;
+  return XCP_FINE;
+}
+
+uint8_t xcp_daq_alloc_entries(xcp_daq *d, uint16_t list, uint8_t part, uint8_t count)
+{
+  const uint8_t wrong = enter(d, STAGE_ENTRIES);
+  if (wrong != XCP_FINE) {
+    return wrong;
+  }
+  if (list >= d->lists || part >= d->list[list].parts.count) {
+    return XCP_RANGE;
+  }
+  xcp_range *entries = &d->part[d->list[list].parts.first + part];
+  if (entries->count != 0U) {
+    return XCP_SEQUENCE;
+  }
+  if (count > (uint8_t)XCP_ENTRIES - d->entries) {
+    return XCP_NO_ROOM;
+  }
+  entries->first = d->entries;
+  entries->count = count;
+  for (uint8_t i = 0; i < count; i++) {
+    d->signal[d->entries] = XCP_NO_SIGNAL;
+    d->entries++;
+  }
+  d->stage = STAGE_ENTRIES;
+  return XCP_FINE;
+}
+
+uint8_t xcp_daq_point(xcp_daq *d, uint16_t list, uint8_t part, uint8_t entry)
+{
+  if (xcp_daq_runs(d)) {
+    return XCP_DAQ_ACTIVE;
+  }
+  if (list >= d->lists || part >= d->list[list].parts.count ||
+      entry >= d->part[d->list[list].parts.first + part].count) {
+    return XCP_RANGE;
+  }
+  d->at_list = (uint8_t)list;
+  d->at_part = (uint8_t)(d->list[list].parts.first + part);
+  d->at_entry = entry;
+  return XCP_FINE;
+}
+
+uint8_t xcp_daq_write(xcp_daq *d, uint8_t signal)
+{
+  if (xcp_daq_runs(d)) {
+    return XCP_DAQ_ACTIVE;
+  }
+  if (d->at_part >= d->parts || d->at_entry >= d->part[d->at_part].count) {
+    return XCP_DAQ_CONFIG;
+  }
+  d->signal[d->part[d->at_part].first + d->at_entry] = signal;
+  d->at_entry++;
+  return XCP_FINE;
+}
+
+static void fill(xcp_daq *d, const xcp_range *entries, uint8_t signal)
+{
+  for (uint8_t i = 0; i < entries->count; i++) {
+    d->signal[entries->first + i] = signal;
+  }
+}
+
+static void run(xcp_daq *d, uint16_t list, uint8_t running)
+{
+  port_lock();
+  d->list[list].skip = 0;
+  d->list[list].running = running;
+  port_unlock();
+}
+
+uint8_t xcp_daq_clear(xcp_daq *d, uint16_t list)
+{
+  if (list >= d->lists) {
+    return XCP_RANGE;
+  }
+  run(d, list, 0);
+  for (uint8_t i = 0; i < d->list[list].parts.count; i++) {
+    fill(d, &d->part[d->list[list].parts.first + i], XCP_NO_SIGNAL);
+  }
+  return XCP_FINE;
+}
+
+uint8_t xcp_daq_set_prescaler(xcp_daq *d, uint16_t list, uint8_t prescaler)
+{
+  if (list >= d->lists || prescaler == 0U) {
+    return XCP_RANGE;
+  }
+  if (d->list[list].running != 0U) {
+    return XCP_DAQ_ACTIVE;
+  }
+  d->list[list].prescaler = prescaler;
+  return XCP_FINE;
+}
+
+/* Whether a list has something to send, and nothing that was never written. */
+static int is_complete(const xcp_daq *d, uint16_t list)
+{
+  const xcp_range *parts = &d->list[list].parts;
+  int complete = parts->count > 0U;
+  for (uint8_t i = 0; i < parts->count; i++) {
+    const xcp_range *entries = &d->part[parts->first + i];
+    for (uint8_t j = 0; j < entries->count; j++) {
+      complete = complete && d->signal[entries->first + j] != XCP_NO_SIGNAL;
+    }
+  }
+  return complete;
+}
+
+uint8_t xcp_daq_start_stop(xcp_daq *d, uint16_t list, uint8_t mode)
+{
+  if (list >= d->lists) {
+    return XCP_RANGE;
+  }
+  if (mode > 2U) {
+    return XCP_MODE;
+  }
+  if (mode != 0U && !is_complete(d, list)) {
+    return XCP_DAQ_CONFIG;
+  }
+  if (mode == 2U) {
+    d->list[list].selected = 1;
+  } else {
+    run(d, list, mode);
+  }
+  return XCP_FINE;
+}
+
+uint8_t xcp_daq_synchronise(xcp_daq *d, uint8_t mode)
+{
+  if (mode > 2U) {
+    return XCP_MODE;
+  }
+  /* In one piece, so that all lists begin with the same tick. */
+  port_lock();
+  for (uint8_t i = 0; i < d->lists; i++) {
+    xcp_list *list = &d->list[i];
+    if (mode == 0U || list->selected != 0U) {
+      list->skip = 0;
+      list->running = mode == 1U ? 1U : 0U;
+    }
+    list->selected = 0;
+  }
+  port_unlock();
+  return XCP_FINE;
+}

@@ -1,0 +1,98 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Lists of signals that are sampled at the end of a tick and wait in a queue until they are sent.
+
+   A list has parts (ODTs), one packet each, and a part has entries, one signal each. They are
+   allocated anew by every master: lists, then parts, then entries. A sample of a list is its
+   packets, whole: where the queue has no room for all of them none is kept, and that is counted.
+
+   The tick writes the queue, the poll reads it; the tick may interrupt the poll. */
+#ifndef ANHYST_XCP_DAQ_H
+#define ANHYST_XCP_DAQ_H
+
+#include "link/frames.h"
+#include "xcp/map.h"
+
+/* Answers of XCP to a command that is not done. */
+#define XCP_FINE 0U
+#define XCP_DAQ_ACTIVE 0x11U
+#define XCP_UNKNOWN 0x20U
+#define XCP_SYNTAX 0x21U
+#define XCP_RANGE 0x22U
+#define XCP_WRITE_PROTECTED 0x23U
+#define XCP_DENIED 0x24U
+#define XCP_LOCKED 0x25U
+#define XCP_PAGE 0x26U
+#define XCP_MODE 0x27U
+#define XCP_SEGMENT 0x28U
+#define XCP_SEQUENCE 0x29U
+#define XCP_DAQ_CONFIG 0x2AU
+#define XCP_NO_ROOM 0x30U
+
+/* Bytes in front of the signals of a packet: number of the part, number of the list. */
+#define XCP_DAQ_HEAD 2U
+#define XCP_DAQ_STAMP 4U /* in a list's first packet: the tick */
+
+typedef char xcp_all_entries_fit_into_a_packet[2 + 4 + 4 * XCP_ENTRIES <= XCP_PACKET ? 1 : -1];
+
+typedef struct {
+  uint8_t first;
+  uint8_t count;
+} xcp_range;
+
+typedef struct {
+  xcp_range parts;
+  uint8_t prescaler; /* samples every n-th tick */
+  uint8_t skip;      /* ticks until the next sample */
+  uint8_t selected;
+  uint8_t running;
+} xcp_list;
+
+typedef struct {
+  xcp_list list[XCP_LISTS];
+  xcp_range part[XCP_ODTS];    /* its entries */
+  uint8_t signal[XCP_ENTRIES]; /* number of the signal, or XCP_NO_SIGNAL */
+  uint8_t stage;               /* of allocation */
+  uint8_t lists;
+  uint8_t parts;
+  uint8_t entries;
+  uint8_t at_list; /* where the next entry is written */
+  uint8_t at_part;
+  uint8_t at_entry;
+  uint16_t lost; /* samples that found no room, modulo 65536 */
+  uint16_t head; /* where the tick writes */
+  uint16_t tail; /* where the poll reads */
+  uint8_t queue[XCP_QUEUE];
+} xcp_daq;
+
+#define XCP_NO_SIGNAL 0xFFU
+
+/* Nothing allocated, nothing waits. */
+void xcp_daq_start(xcp_daq *d);
+
+/* In the tick: samples the lists that run. */
+void xcp_daq_tick(xcp_daq *d, uint32_t tick, const int32_t *signals);
+
+/* The oldest packet that waits, XCP_PACKET bytes at the most; 0: none does. */
+uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet);
+
+/* Stops all lists and frees them. */
+void xcp_daq_free(xcp_daq *d);
+
+/* The rest answer XCP_FINE or why not; nothing has changed then. */
+uint8_t xcp_daq_alloc_lists(xcp_daq *d, uint16_t count);
+uint8_t xcp_daq_alloc_parts(xcp_daq *d, uint16_t list, uint8_t count);
+uint8_t xcp_daq_alloc_entries(xcp_daq *d, uint16_t list, uint8_t part, uint8_t count);
+uint8_t xcp_daq_point(xcp_daq *d, uint16_t list, uint8_t part, uint8_t entry);
+uint8_t xcp_daq_write(xcp_daq *d, uint8_t signal);
+uint8_t xcp_daq_clear(xcp_daq *d, uint16_t list);
+uint8_t xcp_daq_set_prescaler(xcp_daq *d, uint16_t list, uint8_t prescaler);
+
+/* mode: 0 stops, 1 starts, 2 selects for xcp_daq_synchronise. */
+uint8_t xcp_daq_start_stop(xcp_daq *d, uint16_t list, uint8_t mode);
+
+/* mode: 0 stops all, 1 starts the selected lists, 2 stops them; none is selected afterwards. */
+uint8_t xcp_daq_synchronise(xcp_daq *d, uint8_t mode);
+
+int xcp_daq_runs(const xcp_daq *d);
+
+#endif

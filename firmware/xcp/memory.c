@@ -1,0 +1,208 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "xcp/memory.h"
+
+#include <stddef.h>
+
+#include "app/request.h"
+
+static uint16_t area_of(uint32_t address) { return (uint16_t)(address >> 16); }
+
+static uint16_t offset_of(uint32_t address) { return (uint16_t)(address & 0xFFFFU); }
+
+/* Bytes of a value of an area. */
+static uint16_t width_of(uint16_t area)
+{
+  switch (area) {
+  case XCP_AREA_SIGNAL:
+  case XCP_AREA_SETTING:
+  case XCP_AREA_INPUT:
+    return 4;
+  case XCP_AREA_BLOCK:
+    return 2;
+  default:
+    return 1;
+  }
+}
+
+static uint8_t fetch_signal(const xcp_slave *x, uint16_t number, uint32_t *value)
+{
+  if (number >= (uint16_t)LINK_SIGNAL_COUNT) {
+    return XCP_RANGE;
+  }
+  port_lock();
+  *value = (uint32_t)x->firmware->signals[number];
+  port_unlock();
+  return XCP_FINE;
+}
+
+/* Whether the body takes this input: a force, a position. */
+static int takes(const xcp_slave *x, uint16_t number)
+{
+  const int levitates = x->firmware->board->plan != NULL;
+  return number == (uint16_t)XCP_INPUT_SET_TARGET ? levitates : !levitates;
+}
+
+static uint8_t fetch_input(const xcp_slave *x, uint16_t number, uint32_t *value)
+{
+  if (number >= (uint16_t)XCP_INPUT_COUNT) {
+    return XCP_RANGE;
+  }
+  if (number == (uint16_t)XCP_INPUT_COMMAND) {
+    *value = ANHYST_COMMAND_NONE;
+    return XCP_FINE;
+  }
+  if (!takes(x, number)) {
+    return XCP_DENIED;
+  }
+  port_lock();
+  *value = (uint32_t)app_body_goal(x->firmware->control.body);
+  port_unlock();
+  return XCP_FINE;
+}
+
+static uint8_t fetch_word(const xcp_slave *x, uint16_t number, uint32_t *value)
+{
+  const int16_t *next = x->page == 1U ? app_block_edited(x->firmware) : NULL;
+  const uint16_t length = next != NULL ? (uint16_t)ANHYST_BLOCK_MOST_WORDS
+                                       : app_word_in_force(x->firmware, ANHYST_WORD_LENGTH);
+  if (number >= length) {
+    return XCP_RANGE;
+  }
+  *value = next != NULL ? (uint16_t)next[number] : app_word_in_force(x->firmware, number);
+  return XCP_FINE;
+}
+
+static uint8_t fetch_letter(const char *text, uint16_t number, uint32_t *value)
+{
+  for (uint16_t i = 0; i <= number; i++) {
+    if (text[i] == '\0') {
+      return XCP_RANGE;
+    }
+  }
+  *value = (uint8_t)text[number];
+  return XCP_FINE;
+}
+
+/* The value with this number in an area. */
+static uint8_t fetch(const xcp_slave *x, uint16_t area, uint16_t number, uint32_t *value)
+{
+  switch (area) {
+  case XCP_AREA_SIGNAL:
+    return fetch_signal(x, number, value);
+  case XCP_AREA_SETTING:
+    if (number >= (uint16_t)LINK_SETTING_COUNT) {
+      return XCP_RANGE;
+    }
+    *value = (uint32_t)x->firmware->settings[number];
+    return XCP_FINE;
+  case XCP_AREA_INPUT:
+    return fetch_input(x, number, value);
+  case XCP_AREA_BLOCK:
+    return fetch_word(x, number, value);
+  case XCP_AREA_NAME:
+    return fetch_letter(x->firmware->board->name, number, value);
+  case XCP_AREA_EVENT:
+    return fetch_letter(XCP_EVENT, number, value);
+  default:
+    return XCP_DENIED;
+  }
+}
+
+uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t count)
+{
+  const uint16_t area = area_of(address);
+  const uint16_t width = width_of(area);
+  uint32_t value = 0;
+  if (count > 0x10000U - offset_of(address)) {
+    return XCP_RANGE;
+  }
+  for (uint32_t i = 0; i < count; i++) {
+    const uint16_t at = (uint16_t)(offset_of(address) + i);
+    const uint16_t byte = at % width;
+    if (i == 0U || byte == 0U) { /* a value in one piece */
+      const uint8_t wrong = fetch(x, area, at / width, &value);
+      if (wrong != XCP_FINE) {
+        return wrong;
+      }
+      for (uint16_t left = byte; left > 0U; left--) {
+        value >>= 8;
+      }
+    }
+    bytes[i] = (uint8_t)(value & 0xFFU);
+    value >>= 8;
+  }
+  return XCP_FINE;
+}
+
+/* An answer of XCP for what the firmware says. */
+static uint8_t refusal(uint16_t reason)
+{
+  switch (reason) {
+  case LINK_REASON_NONE:
+    return XCP_FINE;
+  case LINK_REASON_VALUE:
+    return XCP_RANGE;
+  default:
+    return XCP_DENIED;
+  }
+}
+
+static uint16_t write_input(xcp_slave *x, uint16_t number, int32_t value)
+{
+  app *a = x->firmware;
+  uint16_t state = 0;
+  switch (number) {
+  case XCP_INPUT_SET_DEMAND:
+    return app_demand(a, value);
+  case XCP_INPUT_SET_TARGET:
+    return app_target(a, value);
+  case XCP_INPUT_COMMAND:
+    return value >= 0 && value < (int32_t)ANHYST_COMMAND_COUNT
+               ? app_command(a, (uint16_t)value, &state)
+               : (uint16_t)LINK_REASON_VALUE;
+  default:
+    return LINK_REASON_VALUE;
+  }
+}
+
+uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t count,
+                  uint16_t *reason)
+{
+  const uint16_t area = area_of(address);
+  const uint16_t width = width_of(area);
+  const uint16_t number = offset_of(address) / width;
+  uint16_t state = 0;
+  *reason = LINK_REASON_NONE;
+  if (offset_of(address) % width != 0U || count % width != 0U || count == 0U ||
+      (width == 4U && count != 4U)) {
+    return XCP_RANGE;
+  }
+  switch (area) {
+  case XCP_AREA_SETTING:
+    *reason = app_setting_write(x->firmware, number, link_get_i32(bytes), &state);
+    break;
+  case XCP_AREA_INPUT:
+    *reason = write_input(x, number, link_get_i32(bytes));
+    break;
+  case XCP_AREA_BLOCK:
+    if (x->page != 1U) {
+      return XCP_WRITE_PROTECTED;
+    }
+    x->swapped = 0;
+    *reason = app_block_edit(x->firmware, number, bytes, count / 2U);
+    break;
+  default:
+    return XCP_WRITE_PROTECTED;
+  }
+  return refusal(*reason);
+}
+
+uint8_t xcp_signal_at(uint32_t address)
+{
+  const uint16_t number = offset_of(address) / 4U;
+  if (area_of(address) != (uint16_t)XCP_AREA_SIGNAL || offset_of(address) % 4U != 0U ||
+      number >= (uint16_t)LINK_SIGNAL_COUNT) {
+    return XCP_NO_SIGNAL;
+  }
+  return (uint8_t)number;
+}

@@ -1,0 +1,195 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Commands of XCP for lists of samples: one function each. */
+#include <stddef.h>
+
+#include "app/request.h"
+#include "xcp/command.h"
+#include "xcp/memory.h"
+
+#define DAQ_IS_DYNAMIC 0x01U
+#define DAQ_HAS_PRESCALER 0x02U
+#define DAQ_HAS_STAMP 0x10U
+#define DAQ_OVERLOAD_IS_EVENT 0x80U
+#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* two bytes in front of a sample */
+#define STAMP_IS_FIXED_4_BYTES 0x0CU
+#define EVENT_IS_DAQ 0x04U
+#define EVENT_WHOLE 0x80U /* all signals of a sample are of one tick */
+#define LIST_STIM_OR_NO_HEAD 0x23U
+
+/* The period of a tick as a number up to `most` and the power of ten of nanoseconds it counts in:
+   exact where that can be, else the nearest. */
+static uint16_t period(uint32_t rate, uint16_t most, uint8_t *power)
+{
+  uint32_t second = 1000000000U;
+  uint32_t ticks = (second + rate / 2U) / rate;
+  *power = 0;
+  while (ticks > most) {
+    second /= 10U;
+    ticks = (second + rate / 2U) / rate;
+    (*power)++;
+  }
+  return (uint16_t)ticks;
+}
+
+static uint8_t on_daq_processor(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)c;
+  (void)n;
+  to->bytes[1] = DAQ_IS_DYNAMIC | DAQ_HAS_PRESCALER | DAQ_HAS_STAMP | DAQ_OVERLOAD_IS_EVENT;
+  link_put_u16(to->bytes + 2, x->daq.lists);
+  link_put_u16(to->bytes + 4, 1); /* events */
+  to->bytes[6] = 0;               /* lists that always are */
+  to->bytes[7] = DAQ_RELATIVE_PART_BYTE_LIST;
+  to->length = 8;
+  return XCP_FINE;
+}
+
+static uint8_t on_daq_resolution(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  uint8_t power = 0;
+  (void)c;
+  (void)n;
+  const uint16_t ticks = period(x->firmware->board->rate, UINT16_MAX, &power);
+  to->bytes[1] = 4; /* an entry is a signal */
+  to->bytes[2] = 4;
+  to->bytes[3] = 0;
+  to->bytes[4] = 0;
+  to->bytes[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
+  link_put_u16(to->bytes + 6, ticks);
+  to->length = 8;
+  return XCP_FINE;
+}
+
+static uint8_t on_daq_event(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  uint8_t power = 0;
+  (void)n;
+  if (link_get_u16(c + 2) != 0U) {
+    return XCP_RANGE;
+  }
+  const uint16_t cycle = period(x->firmware->board->rate, 255, &power);
+  x->address = (uint32_t)XCP_AREA_EVENT << 16;
+  to->bytes[1] = EVENT_IS_DAQ | EVENT_WHOLE;
+  to->bytes[2] = XCP_LISTS;
+  to->bytes[3] = (uint8_t)(sizeof XCP_EVENT - 1U);
+  to->bytes[4] = (uint8_t)cycle;
+  to->bytes[5] = power;
+  to->bytes[6] = 0;
+  to->length = 7;
+  return XCP_FINE;
+}
+
+static uint8_t on_daq_clock(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)c;
+  (void)n;
+  link_put_u16(to->bytes + 1, 0);
+  to->bytes[3] = 0;
+  link_put_u32(to->bytes + 4, app_last_tick(x->firmware));
+  to->length = 8;
+  return XCP_FINE;
+}
+
+static uint8_t on_daq_free(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)c;
+  (void)n;
+  (void)to;
+  xcp_daq_free(&x->daq);
+  return XCP_FINE;
+}
+
+static uint8_t on_daq_alloc(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  (void)to;
+  return xcp_daq_alloc_lists(&x->daq, link_get_u16(c + 2));
+}
+
+static uint8_t on_daq_alloc_parts(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  (void)to;
+  return xcp_daq_alloc_parts(&x->daq, link_get_u16(c + 2), c[4]);
+}
+
+static uint8_t on_daq_alloc_entries(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  (void)to;
+  return xcp_daq_alloc_entries(&x->daq, link_get_u16(c + 2), c[4], c[5]);
+}
+
+static uint8_t on_daq_point(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  (void)to;
+  return xcp_daq_point(&x->daq, link_get_u16(c + 2), c[4], c[5]);
+}
+
+static uint8_t on_daq_write(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  const uint8_t signal = xcp_signal_at(link_get_u32(c + 4));
+  (void)n;
+  (void)to;
+  if (c[1] != 0xFFU || c[2] != 4U || c[3] != 0U || signal == XCP_NO_SIGNAL) {
+    return XCP_RANGE; /* no bits, whole signals */
+  }
+  return xcp_daq_write(&x->daq, signal);
+}
+
+static uint8_t on_daq_clear(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  (void)to;
+  return xcp_daq_clear(&x->daq, link_get_u16(c + 2));
+}
+
+static uint8_t on_daq_mode(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  (void)to;
+  if ((c[1] & LIST_STIM_OR_NO_HEAD) != 0U) {
+    return XCP_MODE;
+  }
+  if (link_get_u16(c + 4) != 0U) {
+    return XCP_RANGE;
+  }
+  return xcp_daq_set_prescaler(&x->daq, link_get_u16(c + 2), c[6]);
+}
+
+static uint8_t on_daq_start_stop(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  to->bytes[1] = 0; /* parts are counted in each list anew */
+  to->length = 2;
+  return xcp_daq_start_stop(&x->daq, link_get_u16(c + 2), c[1]);
+}
+
+static uint8_t on_daq_synchronise(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  (void)to;
+  return xcp_daq_synchronise(&x->daq, c[1]);
+}
+
+static const xcp_command list_commands[] = {
+    {0xE3, 4, 0, on_daq_clear},       {0xE2, 6, 0, on_daq_point},
+    {0xE1, 8, 0, on_daq_write},       {0xE0, 8, 0, on_daq_mode},
+    {0xDE, 4, 0, on_daq_start_stop},  {0xDD, 2, 0, on_daq_synchronise},
+    {0xDC, 1, 0, on_daq_clock},       {0xDA, 1, 0, on_daq_processor},
+    {0xD9, 1, 0, on_daq_resolution},  {0xD7, 4, 0, on_daq_event},
+    {0xD6, 1, 0, on_daq_free},        {0xD5, 4, 0, on_daq_alloc},
+    {0xD4, 5, 0, on_daq_alloc_parts}, {0xD3, 6, 0, on_daq_alloc_entries},
+};
+
+const xcp_command *xcp_daq_command(uint8_t code)
+{
+  const xcp_command *found = NULL;
+  for (size_t i = 0; i < sizeof list_commands / sizeof list_commands[0]; i++) {
+    if (list_commands[i].code == code) {
+      found = &list_commands[i];
+    }
+  }
+  return found;
+}

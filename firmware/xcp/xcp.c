@@ -1,0 +1,395 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Session, memory and pages: one function a command. Numbers are low byte first. */
+#include "xcp/xcp.h"
+
+#include <stddef.h>
+
+#include "app/request.h"
+#include "link/crc.h"
+#include "xcp/command.h"
+#include "xcp/memory.h"
+
+#define PACKET_ANSWER 0xFFU
+#define PACKET_ERROR 0xFEU
+#define PACKET_EVENT 0xFDU
+#define EVENT_OVERLOAD 0x06U
+
+#define MORE_TO_BE_ASKED 0x80U
+#define RESOURCE_CALIBRATION 0x01U
+#define RESOURCE_DAQ 0x04U
+#define STATUS_DAQ_RUNS 0x40U
+
+#define PAGE_OF_ECU 0x01U
+#define PAGE_OF_MASTER 0x02U
+#define PAGE_OF_ALL 0x80U
+
+#define CHECKSUM_CRC_32 0x09U
+#define KEY_BYTES 4U
+
+void xcp_hang_up(xcp_slave *x)
+{
+  x->connected = 0;
+  x->unlocked = 0;
+  x->asked = 0;
+  x->page = 0;
+  x->reported = 0;
+  xcp_daq_start(&x->daq);
+}
+
+void xcp_start(xcp_slave *x, app *firmware)
+{
+  x->firmware = firmware;
+  x->address = 0;
+  x->seed = 0;
+  x->swapped = 0;
+  xcp_hang_up(x);
+}
+
+void xcp_tick(xcp_slave *x)
+{
+  xcp_daq_tick(&x->daq, x->firmware->control.tick, x->firmware->signals);
+}
+
+uint16_t xcp_take(xcp_slave *x, uint8_t *packet)
+{
+  port_lock();
+  const uint16_t lost = x->daq.lost;
+  port_unlock();
+  if (lost != x->reported) {
+    x->reported = lost;
+    packet[0] = PACKET_EVENT;
+    packet[1] = EVENT_OVERLOAD;
+    return 2;
+  }
+  return xcp_daq_take(&x->daq, packet);
+}
+
+/* Session. */
+
+static uint8_t on_connect(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)c;
+  (void)n;
+  xcp_hang_up(x); /* a master that connects again begins anew */
+  x->connected = 1;
+  to->bytes[1] = RESOURCE_CALIBRATION | RESOURCE_DAQ;
+  to->bytes[2] = MORE_TO_BE_ASKED; /* low byte first, addresses count bytes, no blocks */
+  to->bytes[3] = XCP_PACKET;
+  link_put_u16(to->bytes + 4, XCP_PACKET);
+  to->bytes[6] = 1; /* versions of protocol and transport */
+  to->bytes[7] = 1;
+  to->length = 8;
+  return XCP_FINE;
+}
+
+static uint8_t on_disconnect(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)c;
+  (void)n;
+  (void)to;
+  xcp_hang_up(x);
+  return XCP_FINE;
+}
+
+static uint8_t protection(const xcp_slave *x)
+{
+  return (uint8_t)(x->unlocked != 0U ? 0U : RESOURCE_CALIBRATION);
+}
+
+static uint8_t on_status(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)c;
+  (void)n;
+  to->bytes[1] = xcp_daq_runs(&x->daq) ? (uint8_t)STATUS_DAQ_RUNS : (uint8_t)0;
+  to->bytes[2] = protection(x);
+  to->bytes[3] = 0;
+  link_put_u16(to->bytes + 4, 0);
+  to->length = 6;
+  return XCP_FINE;
+}
+
+/* The one command whose answer is always an error: it shows that both are in step again. */
+static uint8_t on_synch(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)x;
+  (void)c;
+  (void)n;
+  to->bytes[0] = PACKET_ERROR;
+  to->bytes[1] = 0;
+  to->length = 2;
+  return XCP_FINE;
+}
+
+/* No blocks of packets, no commands ahead of their answers. */
+static uint8_t on_more(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)c;
+  (void)n;
+  for (uint16_t i = 1; i < 7U; i++) {
+    to->bytes[i] = 0;
+  }
+  to->bytes[7] = (uint8_t)(x->firmware->board->firmware & 0xFFU);
+  to->length = 8;
+  return XCP_FINE;
+}
+
+static uint32_t length_of(const char *text)
+{
+  uint32_t length = 0;
+  while (text[length] != '\0') {
+    length++;
+  }
+  return length;
+}
+
+/* The name is fetched by UPLOAD. Types 0 and 1: text, and name of the file without its ending. */
+static uint8_t on_id(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  x->address = (uint32_t)XCP_AREA_NAME << 16;
+  to->bytes[1] = 0;
+  link_put_u16(to->bytes + 2, 0);
+  link_put_u32(to->bytes + 4, c[1] <= 1U ? length_of(x->firmware->board->name) : 0U);
+  to->length = 8;
+  return XCP_FINE;
+}
+
+static uint8_t on_seed(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  if (c[1] != 0U) {
+    return XCP_SEQUENCE; /* there is no second part */
+  }
+  to->length = 2;
+  if (x->unlocked != 0U || c[2] != RESOURCE_CALIBRATION) {
+    to->bytes[1] = 0;
+    return XCP_FINE;
+  }
+  uint8_t tick[KEY_BYTES];
+  link_put_u32(tick, app_last_tick(x->firmware));
+  x->seed = link_crc32(x->seed + 1U, tick, KEY_BYTES);
+  x->asked = 1;
+  to->bytes[1] = KEY_BYTES;
+  link_put_u32(to->bytes + 2, x->seed);
+  to->length = 2U + KEY_BYTES;
+  return XCP_FINE;
+}
+
+/* A wrong key ends the connection. */
+static uint8_t on_unlock(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  uint8_t seed[KEY_BYTES];
+  if (x->asked == 0U) {
+    return XCP_SEQUENCE;
+  }
+  x->asked = 0;
+  link_put_u32(seed, x->seed);
+  if (c[1] != KEY_BYTES || n < 2U + KEY_BYTES ||
+      link_get_u32(c + 2) != link_crc32(XCP_SECRET, seed, KEY_BYTES)) {
+    xcp_hang_up(x);
+    return XCP_LOCKED;
+  }
+  x->unlocked = 1;
+  to->bytes[1] = protection(x);
+  to->length = 2;
+  return XCP_FINE;
+}
+
+/* Memory. */
+
+static uint8_t on_address(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  (void)to;
+  if (c[3] != 0U) {
+    return XCP_RANGE; /* no extensions */
+  }
+  x->address = link_get_u32(c + 4);
+  return XCP_FINE;
+}
+
+static uint8_t upload(xcp_slave *x, uint8_t count, xcp_reply *to)
+{
+  if (count == 0U || count > XCP_PACKET - 1U) {
+    return XCP_RANGE;
+  }
+  const uint8_t wrong = xcp_read(x, x->address, to->bytes + 1, count);
+  if (wrong == XCP_FINE) {
+    x->address += count;
+    to->length = (uint16_t)(count + 1U);
+  }
+  return wrong;
+}
+
+static uint8_t on_upload(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  return upload(x, c[1], to);
+}
+
+static uint8_t on_short_upload(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  const uint8_t wrong = on_address(x, c, n, to);
+  return wrong == XCP_FINE ? upload(x, c[1], to) : wrong;
+}
+
+static uint8_t on_download(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  const uint16_t count = c[1];
+  if (count + 2U > n) {
+    return XCP_SYNTAX;
+  }
+  const uint8_t wrong = xcp_write(x, x->address, c + 2, count, &to->reason);
+  if (wrong == XCP_FINE) {
+    x->address += count;
+  }
+  return wrong;
+}
+
+static uint8_t on_checksum(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  const uint32_t size = link_get_u32(c + 4);
+  uint8_t bytes[32];
+  uint32_t sum = 0;
+  (void)n;
+  if (size == 0U || size > 0x10000U - (x->address & 0xFFFFU)) {
+    return XCP_RANGE;
+  }
+  for (uint32_t at = 0; at < size; at += sizeof bytes) {
+    const uint16_t part = (uint16_t)(size - at < sizeof bytes ? size - at : sizeof bytes);
+    const uint8_t wrong = xcp_read(x, x->address + at, bytes, part);
+    if (wrong != XCP_FINE) {
+      return wrong;
+    }
+    sum = link_crc32(sum, bytes, part);
+  }
+  x->address += size;
+  to->bytes[1] = CHECKSUM_CRC_32;
+  link_put_u16(to->bytes + 2, 0);
+  link_put_u32(to->bytes + 4, sum);
+  to->length = 8;
+  return XCP_FINE;
+}
+
+/* Pages of the one segment. */
+
+static uint8_t on_set_page(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  uint16_t detail = 0;
+  (void)n;
+  if ((c[1] & PAGE_OF_ALL) == 0U && c[2] != 0U) {
+    return XCP_SEGMENT;
+  }
+  if ((c[1] & (PAGE_OF_ECU | PAGE_OF_MASTER)) == 0U) {
+    return XCP_MODE;
+  }
+  if (c[3] > 1U) {
+    return XCP_PAGE;
+  }
+  if ((c[1] & PAGE_OF_ECU) != 0U) {
+    if (c[3] == 1U) {
+      to->reason = app_block_swap_edited(x->firmware, &detail);
+      if (to->reason != LINK_REASON_NONE) {
+        return XCP_PAGE;
+      }
+    }
+    x->swapped = c[3];
+  }
+  if ((c[1] & PAGE_OF_MASTER) != 0U) {
+    x->page = c[3];
+  }
+  return XCP_FINE;
+}
+
+static uint8_t on_page(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  if (c[2] != 0U) {
+    return XCP_SEGMENT;
+  }
+  if (c[1] != PAGE_OF_ECU && c[1] != PAGE_OF_MASTER) {
+    return XCP_MODE;
+  }
+  link_put_u16(to->bytes + 1, 0);
+  to->bytes[3] = c[1] == PAGE_OF_ECU ? x->swapped : x->page;
+  to->length = 4;
+  return XCP_FINE;
+}
+
+static uint8_t on_page_info(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)x;
+  (void)c;
+  (void)n;
+  to->bytes[1] = 1; /* segments */
+  to->bytes[2] = 0;
+  to->length = 3;
+  return XCP_FINE;
+}
+
+/* Page 0 to page 1: what was changed there is forgotten. */
+static uint8_t on_copy_page(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  (void)n;
+  (void)to;
+  if (c[1] != 0U || c[3] != 0U) {
+    return XCP_SEGMENT;
+  }
+  if (c[4] == 0U) {
+    return XCP_WRITE_PROTECTED;
+  }
+  if (c[2] != 0U || c[4] != 1U) {
+    return XCP_PAGE;
+  }
+  app_block_forget(x->firmware);
+  return XCP_FINE;
+}
+
+static const xcp_command commands[] = {
+    {0xFF, 2, 0, on_connect},   {0xFE, 1, 0, on_disconnect},   {0xFD, 1, 0, on_status},
+    {0xFC, 1, 0, on_synch},     {0xFB, 1, 0, on_more},         {0xFA, 2, 0, on_id},
+    {0xF8, 3, 0, on_seed},      {0xF7, 2, 0, on_unlock},       {0xF6, 8, 0, on_address},
+    {0xF5, 2, 0, on_upload},    {0xF4, 8, 0, on_short_upload}, {0xF3, 8, 0, on_checksum},
+    {0xF0, 2, 1, on_download},  {0xEB, 4, 1, on_set_page},     {0xEA, 3, 0, on_page},
+    {0xE9, 1, 0, on_page_info}, {0xE4, 5, 1, on_copy_page},
+};
+
+static uint8_t act_on(xcp_slave *x, const uint8_t *command, uint16_t length, xcp_reply *to)
+{
+  const xcp_command *found = xcp_daq_command(command[0]);
+  for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
+    if (commands[i].code == command[0]) {
+      found = &commands[i];
+    }
+  }
+  if (found == NULL) {
+    return XCP_UNKNOWN;
+  }
+  if (length < found->least || length > XCP_PACKET) {
+    return XCP_SYNTAX;
+  }
+  if (found->wants_key != 0U && x->unlocked == 0U) {
+    return XCP_LOCKED;
+  }
+  return found->act(x, command, length, to);
+}
+
+uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8_t *answer)
+{
+  xcp_reply to = {answer, 1, LINK_REASON_NONE};
+  if (length == 0U || (x->connected == 0U && command[0] != 0xFFU)) {
+    return 0;
+  }
+  if (x->unlocked != 0U) {
+    app_alive(x->firmware);
+  }
+  answer[0] = PACKET_ANSWER;
+  const uint8_t wrong = act_on(x, command, length, &to);
+  if (wrong == XCP_FINE) {
+    return to.length;
+  }
+  answer[0] = PACKET_ERROR;
+  answer[1] = wrong;
+  link_put_u16(answer + 2, to.reason);
+  return to.reason != LINK_REASON_NONE ? 4U : 2U;
+}
