@@ -1,0 +1,160 @@
+"""What every bench is to whoever operates it, virtual or of hardware."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol
+
+from anhyst.control.states import Command
+from anhyst.support.arrays import FloatArray
+
+
+class Signal(NamedTuple):
+    """A column of what a bench measures.
+
+    Attributes
+    ----------
+    name : str
+        In lower case, without its unit: ``gap``, ``command_2``.
+    unit : str
+        SI; empty for what is counted or named.
+    doc : str
+        What it is.
+    """
+
+    name: str
+    unit: str
+    doc: str
+
+
+class Parameter(NamedTuple):
+    """What may be changed while a bench runs.
+
+    Attributes
+    ----------
+    name : str
+        In lower case: ``load_damping``.
+    unit : str
+        SI; empty for what is counted or switched.
+    low, high : float
+        The range of its values, both ends in it.
+    doc : str
+        What it does.
+    value : float
+        In force now.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    doc: str
+    value: float
+
+
+class Bench(Protocol):
+    """A rig and its controller. One thread at a time.
+
+    Attributes
+    ----------
+    rate : float
+        Ticks a second.
+    signals : tuple of Signal
+        Columns of what :meth:`advance` returns, after the first, which is the number of the tick.
+    tick : int
+        Number of the last tick; 0 before the first.
+    """
+
+    rate: float
+    signals: tuple[Signal, ...]
+
+    @property
+    def tick(self) -> int:
+        """Number of the last tick."""
+        ...  # pragma: no cover
+
+    def advance(self, ticks: int) -> FloatArray:
+        """Go on by some ticks: a virtual bench computes them, one of hardware waits for them.
+
+        Parameters
+        ----------
+        ticks : int
+            At least 1.
+
+        Returns
+        -------
+        ndarray, shape (ticks, 1 + len(signals))
+            Number of the tick, and all signals at it. No tick is left out.
+
+        Raises
+        ------
+        InputError
+            The controller hung up or does not answer.
+        """
+        ...  # pragma: no cover
+
+    def keep_alive(self) -> None:
+        """Say to the controller that its operator is there, while no time passes."""
+        ...  # pragma: no cover
+
+    def command(self, command: Command) -> None:
+        """Give a command, which acts from the next tick on.
+
+        Raises
+        ------
+        Refused
+            The controller does not do it, and says why.
+        """
+        ...  # pragma: no cover
+
+    def commands(self) -> tuple[Command, ...]:
+        """Return the commands that this kind of controller has, in any state."""
+        ...  # pragma: no cover
+
+    def demand(self, value: float) -> None:
+        """Demand a gap, m, of a bearing, or a force, N, of a magnet, from the next tick on.
+
+        Raises
+        ------
+        InputError
+            The controller refuses it, beyond its limits.
+        """
+        ...  # pragma: no cover
+
+    def load(self, force: float) -> None:
+        """Command a force, N, to the load drive, from the next tick on.
+
+        Raises
+        ------
+        InputError
+            The bench has no load drive.
+        """
+        ...  # pragma: no cover
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return all that may be changed, with the values in force."""
+        ...  # pragma: no cover
+
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put some parameters in force together, or none of them.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            By name; others stay.
+
+        Returns
+        -------
+        int
+            Number of the first tick at which all of them are in force.
+
+        Raises
+        ------
+        InputError
+            No such parameter, a value out of its range, or one that may not be changed now.
+        """
+        ...  # pragma: no cover
+
+    def close(self) -> None:
+        """Let go of the rig."""
+        ...  # pragma: no cover
