@@ -93,10 +93,6 @@ class Bench(Protocol):
         """
         ...  # pragma: no cover
 
-    def keep_alive(self) -> None:
-        """Say to the controller that its operator is there, while no time passes."""
-        ...  # pragma: no cover
-
     def command(self, command: Command) -> None:
         """Give a command, which acts from the next tick on.
 
