@@ -1,0 +1,90 @@
+"""A bench, a server and a browser for the tests of the page."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from anhyst.live.recorder import StreamRecorder
+from anhyst.live.run import listen_on, make_server
+from anhyst.live.session import Session
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.study.bearing.on_board import build_firmware
+from tests.once import made_once
+from tests.study import bearings
+
+
+@pytest.fixture(scope="session")
+def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Firmware of the example for the board host."""
+
+    def make(folder: Path) -> None:
+        rig, file = bearings.example(), bearings.controller()
+        build_firmware(rig, file, bearings.knowledge(), "host", folder)
+
+    return made_once(tmp_path_factory, "live", make) / "firmware"
+
+
+@pytest.fixture
+def bench(firmware: Path) -> Iterator[BearingBench]:
+    opened = BearingBench(bearings.single(), firmware)
+    yield opened
+    opened.close()
+
+
+@dataclass(frozen=True)
+class Served:
+    """A session that is served."""
+
+    session: Session
+    port: int
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+
+Serve = Callable[..., Served]
+
+
+@pytest.fixture
+def serve(firmware: Path) -> Iterator[Serve]:
+    """Serve a session, with a token or a recording where asked, until the test ends."""
+    ends: list[Callable[[], None]] = []
+
+    def start(token: str = "", record: Path | None = None) -> Served:
+        opened = BearingBench(bearings.single(), firmware)
+        recorder = StreamRecorder(record, opened.signals, opened.rate) if record else None
+        session = Session(opened, recorder)
+        taken = listen_on("127.0.0.1", 0)
+        port = int(taken.getsockname()[1])
+        server = make_server(session, "bearing", ("127.0.0.1", port), token)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]})
+
+        def end() -> None:
+            server.should_exit = True
+            thread.join()
+            session.close()
+            taken.close()
+
+        session.start()
+        thread.start()
+        ends.append(end)
+        return Served(session, port)
+
+    yield start
+    for end in ends:
+        end()
+
+
+def wait_for(check: Callable[[], object], seconds: float = 30.0) -> None:
+    """Wait until something is true."""
+    end = time.monotonic() + seconds
+    while not check():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.01)
