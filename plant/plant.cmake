@@ -9,7 +9,8 @@ set(ANHYST_PLANT_SOURCES
   "${ANHYST_PLANT_DIR}/src/sensor.c"
   "${ANHYST_PLANT_DIR}/src/bearing.c"
   "${ANHYST_PLANT_DIR}/src/loop.c"
-  "${ANHYST_PLANT_DIR}/src/position.c")
+  "${ANHYST_PLANT_DIR}/src/position.c"
+  "${ANHYST_PLANT_DIR}/src/bus.c")
 
 add_library(anhyst_plant STATIC ${ANHYST_PLANT_SOURCES})
 target_include_directories(anhyst_plant PUBLIC "${ANHYST_PLANT_DIR}/include")

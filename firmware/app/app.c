@@ -29,14 +29,19 @@ void app_start(app *a, const app_board *board)
   app_download_start(&a->download);
 }
 
-static void record(app *a, const port_sample *sample)
+void app_signals(const app *a, const port_sample *sample, int32_t *signals)
 {
   const app_control *control = &a->control;
-  int32_t signals[LINK_SIGNAL_COUNT];
   app_body_signals(control->body, sample, signals);
   signals[LINK_SIGNAL_STATE] = app_body_states(control->body)->state;
   signals[LINK_SIGNAL_FLAGS] = control->flags;
-  app_recorder_tick(&a->recorder, control->tick, signals);
+}
+
+static void record(app *a, const port_sample *sample)
+{
+  int32_t signals[LINK_SIGNAL_COUNT];
+  app_signals(a, sample, signals);
+  app_recorder_tick(&a->recorder, a->control.tick, signals);
 }
 
 void app_tick(app *a)

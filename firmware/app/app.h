@@ -55,6 +55,9 @@ void app_start(app *a, const app_board *board);
    sample but for what the compensator's commit saves where the solved current was applied. */
 void app_tick(app *a);
 
+/* The signals after a tick, LINK_SIGNAL_COUNT of them; the sample is that of the tick. */
+void app_signals(const app *a, const port_sample *sample, int32_t *signals);
+
 /* Sends what is left of an answer; when all is sent, takes bytes from the port and answers the
    requests in them, until an answer has to wait for the port or no byte is left of one chunk. */
 void app_poll(app *a);

@@ -474,13 +474,19 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
          LINK_PLANT_MAGIC;
 }
 
-#define LINK_SIZE_PLANT_DRIVE 20
-/* Controller to plant: what is to flow from the beginning of the next tick on. */
+#define LINK_SIZE_PLANT_DRIVE 40
+/* Controller to plant: what is to flow from the beginning of the next tick on. Then signals that a
+   plant does not know by itself. */
 typedef struct {
   uint32_t tick; /* of the sample from which this was computed */
   int32_t drive; /* q31 of the full-scale current, of the first magnet */
   int32_t drive_2; /* of the second */
   uint32_t state; /* state + 256*fault */
+  uint32_t mode; /* flags + 65536*phase */
+  int32_t demand; /* demand in force, q31 of the full-scale force */
+  int32_t reference; /* position controlled to, q31 of the controller's full scale */
+  int32_t flux; /* flux of the model of the first magnet after the commit, q30 */
+  int32_t expected; /* force that this model expects, q31 */
 } link_plant_drive;
 static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
 {
@@ -488,8 +494,13 @@ static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
   link_put_u32(p + 4, (uint32_t)m->drive);
   link_put_u32(p + 8, (uint32_t)m->drive_2);
   link_put_u32(p + 12, m->state);
-  link_put_u32(p + 16,
-               link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ LINK_PLANT_MAGIC);
+  link_put_u32(p + 16, m->mode);
+  link_put_u32(p + 20, (uint32_t)m->demand);
+  link_put_u32(p + 24, (uint32_t)m->reference);
+  link_put_u32(p + 28, (uint32_t)m->flux);
+  link_put_u32(p + 32, (uint32_t)m->expected);
+  link_put_u32(p + 36,
+               link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28) ^ link_get_u32(p + 32) ^ LINK_PLANT_MAGIC);
 }
 
 #endif

@@ -77,6 +77,9 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     memset(&answer, 0, sizeof answer);
     take_sample(loop, events, i, &sample);
     loop->controller.tick(loop->controller.self, &sample, &answer);
+    if (answer.gone) {
+      return i;
+    }
     write_row(loop, &sample, &answer, record + i * ANHYST_LOOP_COLUMNS);
     memcpy(command, answer.current, sizeof command);
     if (loop->current_loop.gain > 0.0) {

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.interface import MethodName, NumberFormat
-from anhyst.control.controller_file import ControllerFile, ControllerTable, read_controller
+from anhyst.control.controller_file import (
+    ControllerFile,
+    ControllerTable,
+    read_controller,
+    write_controller,
+)
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
@@ -70,6 +75,21 @@ def pair_controller() -> ControllerTable:
     table = controller().settings
     limits = table.limits.model_copy(update={"force_low_N": -150.0, "force_high_N": 150.0})
     return table.model_copy(update={"limits": limits})
+
+
+def pair_file(path: Path, applied: str = "reference") -> ControllerFile:
+    """Write the controller of the pair as a file, which says of the magnets what the rig does."""
+    own, magnet = pair_controller(), pair_rig().settings.magnet
+    compensation = own.compensation.model_copy(update={"applied": applied})
+    table = type(own).model_validate(
+        own.model_dump(exclude_none=True)
+        | {
+            "pair": {"bias_force_N": magnet.bias_force_N, "gap_total_m": magnet.gap_total_m},
+            "compensation": compensation.model_dump(exclude_none=True),
+        }
+    )
+    write_controller(path, table, "a pair")
+    return ControllerFile(path, table)
 
 
 @cache

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.control.controller_file import ControllerFile, write_controller
+from anhyst.control.controller_file import write_controller
 from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import Refused
 from anhyst.link.frames import DemandRequest, Reason, Signal, StatusAnswer, TargetRequest
@@ -148,21 +148,11 @@ def test_a_million_ticks_differ_in_none(firmware: Path) -> None:
 @pytest.mark.parametrize("measured", [False, True])
 def test_a_pair_levitates_the_same(tmp_path: Path, measured: bool) -> None:
     """Two magnets, two currents over the bus; as measured they are applied too."""
-    rig, own = bearings.pair_rig(), bearings.pair_controller()
-    magnet = rig.settings.magnet
-    applied = own.compensation.model_copy(
-        update={"applied": "measured" if measured else "reference"}
-    )
-    pair = {"bias_force_N": magnet.bias_force_N, "gap_total_m": magnet.gap_total_m}
-    table = type(own).model_validate(
-        own.model_dump(exclude_none=True)
-        | {"pair": pair, "compensation": applied.model_dump(exclude_none=True)}
-    )
-    write_controller(tmp_path / "controller.toml", table, "a pair")
-    file = ControllerFile(tmp_path / "controller.toml", table)
+    rig = bearings.pair_rig()
+    file = bearings.pair_file(tmp_path / "controller.toml", "measured" if measured else "reference")
     setup, program = build_firmware(rig, file, bearings.knowledge(), "host", tmp_path)
     script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).step(GAP, 0.02)
-    scenario = script.command(Command.LAND).hold(land_time(rig, table)).build()
+    scenario = script.command(Command.LAND).hold(land_time(rig, file.settings)).build()
     simulated = SimulatedLoop(setup).run(scenario)
     with firmware_run(program, BearingPlant(setup), "host") as started:
         assert started.link.info.magnets == 2

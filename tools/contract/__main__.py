@@ -10,12 +10,13 @@ import sys
 from pathlib import Path
 
 from block import layout_header, layout_module
-from c_code import flags_header, frames_header, states_header
+from c_code import bus_header, flags_header, frames_header, states_header
 from firmware_page import page, page_with_tables
 from python_code import frames_module, states_module
 from tables import ROOT, read
 
 CORE = ROOT / "core" / "include" / "anhyst"
+PLANT = ROOT / "plant" / "include" / "anhyst_plant"
 SOURCE = ROOT / "src" / "anhyst"
 PAGE = ROOT / "docs" / "firmware.md"
 
@@ -28,6 +29,7 @@ def wanted() -> dict[Path, str]:
     return {
         ROOT / "firmware" / "link" / "frames.h": frames_header(frames, signals),
         SOURCE / "link" / "frames.py": frames_module(frames, signals),
+        PLANT / "bus_words.h": bus_header(frames["plant"]),
         CORE / "control" / "states.h": states_header(controller),
         CORE / "compensator" / "flags.h": flags_header(controller),
         SOURCE / "control" / "states.py": states_module(controller),

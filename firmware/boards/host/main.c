@@ -35,6 +35,7 @@ static int listener = NONE; /* where a link on TCP comes in */
 static int link_fd = NONE;
 static int plant_fd = NONE;
 static int more_to_send; /* the link took less than was offered */
+static int more_to_read; /* it has something that was not taken yet */
 
 static void quit(const char *what, const char *why)
 {
@@ -176,9 +177,10 @@ static int would_block(void) { return errno == EAGAIN || errno == EWOULDBLOCK ||
 
 uint16_t port_link_read(uint8_t *bytes, uint16_t most)
 {
-  if (link_fd == NONE) {
+  if (link_fd == NONE || !more_to_read) {
     return 0;
   }
+  more_to_read = 0; /* until the system says so again: a tick costs one call less */
   const ssize_t count = read(link_fd, bytes, most);
   if (count > 0) {
     return (uint16_t)count;
@@ -243,6 +245,8 @@ static void wait_and_serve(void)
   }
   if (link_fd == NONE && listener != NONE && (ends[0].revents & POLLIN) != 0) {
     accept_link();
+  } else {
+    more_to_read = ends[0].revents != 0;
   }
   if (ends[1].revents != 0) {
     receive_plant();

@@ -8,10 +8,29 @@ static app firmware;
 static uint8_t record[LINK_SIZE_PLANT_SAMPLE];
 static uint16_t filled;
 static link_plant_sample sample;
+static link_plant_drive drive;
 
 void lockstep_start(void) { app_start(&firmware, &lockstep_board); }
 
 void lockstep_poll(void) { app_poll(&firmware); }
+
+/* Sends what the tick drove, and the signals that the plant does not know. */
+static void answer(void)
+{
+  uint8_t bytes[LINK_SIZE_PLANT_DRIVE];
+  int32_t signals[LINK_SIGNAL_COUNT];
+  port_sample seen;
+  port_sense(&seen);
+  app_signals(&firmware, &seen, signals);
+  drive.tick = sample.tick;
+  drive.mode = (uint32_t)signals[LINK_SIGNAL_FLAGS] + 65536U * (uint32_t)signals[LINK_SIGNAL_PHASE];
+  drive.demand = signals[LINK_SIGNAL_DEMAND];
+  drive.reference = signals[LINK_SIGNAL_REFERENCE];
+  drive.flux = signals[LINK_SIGNAL_FLUX];
+  drive.expected = signals[LINK_SIGNAL_EXPECTED];
+  link_put_plant_drive(bytes, &drive);
+  board_plant_write(bytes, LINK_SIZE_PLANT_DRIVE);
+}
 
 void lockstep_receive(uint8_t byte)
 {
@@ -22,6 +41,7 @@ void lockstep_receive(uint8_t byte)
   if (link_get_plant_sample(&sample, record)) {
     filled = 0;
     app_tick(&firmware);
+    answer();
     return;
   }
   for (uint16_t i = 1; i < LINK_SIZE_PLANT_SAMPLE; ++i) {
@@ -43,10 +63,9 @@ void port_sense(port_sample *to)
 
 void port_drive(const int32_t *currents, uint32_t state)
 {
-  uint8_t bytes[LINK_SIZE_PLANT_DRIVE];
-  const link_plant_drive drive = {sample.tick, currents[0], currents[1], state};
-  link_put_plant_drive(bytes, &drive);
-  board_plant_write(bytes, LINK_SIZE_PLANT_DRIVE);
+  drive.drive = currents[0];
+  drive.drive_2 = currents[1];
+  drive.state = state;
 }
 
 /* app_tick and app_poll are called in turn. */

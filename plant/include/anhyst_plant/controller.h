@@ -27,6 +27,7 @@ typedef struct {
   double demand;     /* wanted net force, N */
   uint16_t state;    /* 16*state + phase, see levitation.h */
   uint16_t flags;    /* see flags.h, or-ed over the drives, and levitation.h */
+  int gone; /* there is no controller any more, and nothing else of this is to be believed */
 } anhyst_loop_answer;
 
 typedef struct {

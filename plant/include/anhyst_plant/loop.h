@@ -51,8 +51,8 @@ typedef struct {
   "t_s reference_m gap_m gap_read_m velocity_m_per_s demand_N force_N load_N command_A current_A " \
   "current_read_A voltage_V flux_Wb flux_density_T command_2_A current_2_A state flags"
 
-/* Runs n ticks and fills n rows. Stops early where a number ceases to be finite; returns the rows
-   filled. */
+/* Runs n ticks and fills n rows. Stops early where a number ceases to be finite, and before a tick
+   that the controller did not answer; returns the rows filled. */
 size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events *events, size_t n,
                              double *record);
 

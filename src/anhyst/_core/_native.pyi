@@ -478,6 +478,9 @@ class Bearing:
     def place(self, gap: float, velocity: float) -> None:
         """Put the armature somewhere, m and m/s."""
 
+    def set_load(self, damping: float, stiffness: float) -> None:
+        """Let the load drive render another damping, N s/m, and stiffness, N/m."""
+
     def hold(self, current: float, magnet: int) -> None:
         """Let a current flow that has come slowly, A."""
 
@@ -549,6 +552,17 @@ class FixedPosition(LoopController):
     ) -> tuple[float, float, float, float, int, int]: ...
     @property
     def fault(self) -> int: ...
+
+class BusController(LoopController):
+    """A controller at the other end of a plant bus, plant/include/anhyst_plant/bus.h."""
+
+    def __init__(self, socket: int, scales: Mapping[str, float]) -> None: ...
+    def take(self) -> NDArray[np.uint32]:
+        """Return its answers since the last time, a row of words a tick."""
+
+    @property
+    def tick(self) -> int:
+        """Number of the last sample; 0 before the first."""
 
 class BearingLoop:
     """A bearing and its controller in lock-step, plant/include/anhyst_plant/loop.h."""

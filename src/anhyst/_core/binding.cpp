@@ -116,5 +116,6 @@ NB_MODULE(_native, m)
   bind_force_controllers(m);
   bind_plant(m);
   bind_position(m);
+  bind_bus(m);
   bind_loop(m);
 }

@@ -79,6 +79,7 @@ void bind_plant(nb::module_ &m)
       .def("read", &Bearing::read)
       .def("advance", &Bearing::advance, "first"_a, "second"_a, "load"_a)
       .def("place", &Bearing::place, "gap"_a, "velocity"_a)
+      .def("set_load", &Bearing::set_load, "damping"_a, "stiffness"_a)
       .def("hold", &Bearing::hold, "current"_a, "magnet"_a)
       .def_prop_rw(
           "supply", [](const Bearing &b) { return b.settings()->amplifier.limit; },

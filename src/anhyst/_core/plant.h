@@ -145,6 +145,11 @@ public:
     anhyst_plant_hold(&bearing_, &state_, magnet, current);
   }
 
+  void set_load(double damping, double stiffness)
+  {
+    bearing_.load.damping = damping;
+    bearing_.load.stiffness = stiffness;
+  }
   void set_supply(double volts) { bearing_.amplifier.limit = volts; }
   const anhyst_plant_bearing *settings() const { return &bearing_; }
   anhyst_plant_state *state() { return &state_; }

@@ -503,14 +503,22 @@ class PlantSample(PlantRecord):
 
 @dataclass(frozen=True)
 class PlantDrive(PlantRecord):
-    """Controller to plant: what is to flow from the beginning of the next tick on."""
+    """Controller to plant: what is to flow from the beginning of the next tick on.
 
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiiI")
+    Then signals that a plant does not know by itself.
+    """
+
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiiIIiiii")
 
     tick: int  # of the sample from which this was computed
     drive: int  # q31 of the full-scale current, of the first magnet
     drive_2: int  # of the second
     state: int  # state + 256*fault
+    mode: int  # flags + 65536*phase
+    demand: int  # demand in force, q31 of the full-scale force
+    reference: int  # position controlled to, q31 of the controller's full scale
+    flux: int  # flux of the model of the first magnet after the commit, q30
+    expected: int  # force that this model expects, q31
 
 
 ANSWERS: dict[int, type[Message]] = {

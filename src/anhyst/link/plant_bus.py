@@ -20,7 +20,7 @@ Q30 = float(1 << 30)
 Q31 = float(1 << 31)
 _RESERVED = -(1 << 31)
 _LEAST, _MOST = _RESERVED + 1, (1 << 31) - 1
-_DRIVE_BYTES = 20
+_DRIVE_BYTES = PlantDrive.FIXED.size + 4
 
 
 class Reading(NamedTuple):
@@ -100,11 +100,7 @@ class PlantBus:
         self.state = State.INIT
         self.fault = Fault.NONE
         self._connection = connection
-        # Waited for inside the system: an emulated board sends byte by byte.
-        connection.settimeout(None)
-        wait = struct.pack("@ll", int(timeout), int(timeout % 1.0 * 1e6))
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, wait)
+        wait_at_most(connection, timeout)
 
     def step(self, ticks: int = 1) -> None:
         """Go on by some ticks, in lock-step with the controller.
@@ -149,6 +145,22 @@ class PlantBus:
     def drive(self) -> float:
         """The first of the currents that the controller wants."""
         return self.drives[0]
+
+
+def wait_at_most(connection: socket.socket, timeout: float) -> None:
+    """Wait inside the system, not in Python: an emulated board sends byte by byte.
+
+    Parameters
+    ----------
+    connection : socket
+        To a controller.
+    timeout : float
+        How long it may take for a tick, s of the clock on the wall.
+    """
+    connection.settimeout(None)
+    wait = struct.pack("@ll", int(timeout), int(timeout % 1.0 * 1e6))
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, wait)
 
 
 def _encode(tick: int, reading: Reading) -> PlantSample:

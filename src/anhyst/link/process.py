@@ -55,6 +55,33 @@ def run_host(program: Path, plant: Plant, link: str = "pty") -> Iterator[Running
     InputError
         It does not start.
     """
+    with start_host(program, link) as (url, ours):
+        yield Running(url, PlantBus(plant, ours))
+
+
+@contextmanager
+def start_host(program: Path, link: str = "pty") -> Iterator[tuple[str, socket.socket]]:
+    """Start a firmware built for the board ``host``, with nothing that drives its bus yet.
+
+    Parameters
+    ----------
+    program : Path
+        From :func:`anhyst.link.firmware.build`.
+    link : str, optional
+        As of :func:`run_host`.
+
+    Yields
+    ------
+    url : str
+        Its link.
+    bus : socket
+        The plant's end of its bus.
+
+    Raises
+    ------
+    InputError
+        It does not start.
+    """
     ours, theirs = socket.socketpair()
     command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
     with ours, _started(command, [theirs], stdout=subprocess.PIPE) as process:
@@ -65,7 +92,7 @@ def run_host(program: Path, plant: Plant, link: str = "pty") -> Iterator[Running
             if not place:
                 raise InputError(f"{program}: the firmware did not start")
             url = place if link == "pty" else f"socket://127.0.0.1:{place}"
-        yield Running(url, PlantBus(plant, ours))
+        yield url, ours
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,8 +84,7 @@ class BearingPlant:
 
     def position_code(self, gap: float) -> int:
         """Return the code of a gap, as the controller counts positions."""
-        part = (self._scales["gap_middle"] - gap) / self._scales["position_full"]
-        return max(-(1 << 31), min((1 << 31) - 1, math.floor(part * Q31 + 0.5)))
+        return position_code(self._scales, gap)
 
     def step(self, tick: int, currents: tuple[float, float]) -> Reading:
         """Go on with the currents of the tick before, and read the sensors."""
@@ -121,6 +120,12 @@ class BearingPlant:
             if abs(wanted) < loop["limit"]:
                 self._integral[i] += loop["reset"] * error
         return volts[0], volts[1]
+
+
+def position_code(scales: Mapping[str, float], gap: float) -> int:
+    """Return the code of a gap, as a controller with these scales counts positions."""
+    part = (scales["gap_middle"] - gap) / scales["position_full"]
+    return max(-(1 << 31), min((1 << 31) - 1, math.floor(part * Q31 + 0.5)))
 
 
 @dataclass

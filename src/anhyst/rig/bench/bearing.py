@@ -4,29 +4,61 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from anhyst._core import LOOP_COLUMNS, BearingLoop, BusController
 from anhyst.control.states import Command
-from anhyst.rig.bearing.board import BearingPlant, firmware_run
+from anhyst.link.client import ControllerLink
+from anhyst.link.frames import PlantDrive, StatusAnswer, TargetRequest
+from anhyst.link.plant_bus import Q30, Q31, wait_at_most
+from anhyst.link.process import start_host
+from anhyst.rig.bearing.board import position_code
+from anhyst.rig.bearing.plant import current_loop, make_bearing
+from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bench.load_drive import LoadDrive
 from anhyst.rig.bench.protocol import Parameter, Signal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
-_SIGNALS = (
-    Signal("gap", "m", "true gap"),
-    Signal("reference", "m", "gap that is demanded"),
-    Signal("velocity", "m/s", "of the gap"),
-    Signal("force", "N", "of the magnets, net"),
-    Signal("load", "N", "commanded to the load drive"),
-    Signal("current", "A", "that flows in the first magnet"),
-    Signal("command", "A", "that the controller asks for, of the first magnet"),
-    Signal("command_2", "A", "likewise, of the second"),
-    Signal("state", "", "of the controller: anhyst.control.states.State"),
-    Signal("fault", "", "its latched reason: anhyst.control.states.Fault"),
+_BEAT_S = 0.04
+"""Between two heartbeats while nothing else is said, s of virtual time; a controller waits 0.1 s."""
+
+_ANSWER_S = 10.0
+"""The longest that a controller may take for a tick, s of the clock on the wall."""
+
+_OF_PLANT = {
+    "gap_m": Signal("gap", "m", "true gap"),
+    "gap_read_m": Signal("gap_read", "m", "gap as its sensor says"),
+    "velocity_m_per_s": Signal("velocity", "m/s", "true, of the gap"),
+    "reference_m": Signal("reference", "m", "gap controlled to"),
+    "demand_N": Signal("demand", "N", "net force that the controller wants"),
+    "force_N": Signal("force", "N", "true net force of the magnets"),
+    "load_N": Signal("load", "N", "true force of the load drive"),
+    "command_A": Signal("command", "A", "current asked for, of the first magnet"),
+    "current_A": Signal("current", "A", "true current of the first magnet"),
+    "current_read_A": Signal("current_read", "A", "the same as its sensor says"),
+    "voltage_V": Signal("voltage", "V", "at the first winding"),
+    "flux_Wb": Signal("flux", "Wb", "linked with the first winding"),
+    "flux_density_T": Signal("flux_density", "T", "in the gap of the first magnet"),
+    "command_2_A": Signal("command_2", "A", "current asked for, of the second magnet"),
+    "current_2_A": Signal("current_2", "A", "true current of the second magnet"),
+}
+"""Columns of a simulated loop, and what they are called here."""
+
+_OF_FIRMWARE = (
+    Signal("expected", "N", "force that the first magnet's model expects after the tick"),
+    Signal("model_flux", "", "flux of this model, as a fraction of its full scale"),
+    Signal("state", "", "of the controller: State of anhyst.control.states"),
+    Signal("phase", "", "what its currents do: Phase"),
+    Signal("fault", "", "its latched reason: Fault"),
+    Signal("flags", "", "what was in the way: Flag"),
 )
+"""Signals that the controller alone knows."""
 
 _COMMANDS = (
     Command.CONDITION,
@@ -39,12 +71,17 @@ _COMMANDS = (
     Command.ARM,
 )
 
+_COLUMNS = tuple(LOOP_COLUMNS.split())
+_TAKEN = [_COLUMNS.index(name) for name in _OF_PLANT]
+_FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
+_WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}
+
 
 class BearingBench:
-    """A bearing and the firmware that levitates it, in lock-step; a :class:`Bench`.
+    """A bearing and the firmware that levitates it, in lock-step.
 
-    Virtual time passes in :meth:`advance` alone: between two calls it stands still, for the
-    firmware too, whose heartbeat counts ticks.
+    A :class:`anhyst.rig.bench.protocol.Bench`. Virtual time passes in :meth:`advance` alone: between
+    two calls it stands still for the firmware too, whose heartbeat counts ticks.
 
     Parameters
     ----------
@@ -54,47 +91,84 @@ class BearingBench:
         From :func:`anhyst.link.firmware.build`, for the board ``host``.
     seed : int, optional
         Of the sensors' noise; the seed of the rig file is added.
+
+    Attributes
+    ----------
+    load_drive : LoadDrive
+        What pulls at the armature.
     """
 
-    signals = _SIGNALS
+    signals: tuple[Signal, ...] = (*_OF_PLANT.values(), *_OF_FIRMWARE)
 
     def __init__(self, setup: Setup, firmware: Path, seed: int = 0) -> None:
-        self.rate = float(setup.rig.settings.timing.rate_Hz)
-        self._plant = BearingPlant(setup, seed)
+        rig = setup.rig
+        self.rate = float(rig.settings.timing.rate_Hz)
+        self._scales = position_control(setup).settings("fixed")
+        bearing = make_bearing(rig, seed)
+        self.load_drive = LoadDrive(rig, bearing)
+        self._target: int | None = None
+        self._beat = max(1, int(_BEAT_S * self.rate))
+        self._silent = 0
         self._open = ExitStack()
-        self._running = self._open.enter_context(firmware_run(firmware, self._plant, "host"))
-        self._target = setup.rig.settings.simulate.gap_m
-        self.demand(self._target)
+        try:
+            url, bus = self._open.enter_context(start_host(firmware))
+            self._link = self._open.enter_context(ControllerLink(url))
+            wait_at_most(bus, _ANSWER_S)
+            self._bus = BusController(bus.fileno(), {name: self._scales[name] for name in _FULL})
+            has_hall = rig.settings.hall_probe is not None
+            self._loop = BearingLoop(bearing, self._bus, current_loop(rig), has_hall)
+            self.demand(rig.settings.simulate.gap_m)
+        except BaseException:
+            self._open.close()
+            raise
 
     @property
     def tick(self) -> int:
         """Number of the last tick."""
-        return self._running.bus.tick
+        return self._bus.tick
 
     def advance(self, ticks: int) -> FloatArray:
         """Compute some ticks, one after the other."""
-        rows = np.empty((ticks, 1 + len(self.signals)))
-        bearing = self._plant.bearing
-        for row in rows:
-            _, gap, velocity, first, second, state, fault = self._running.tick()
-            row[:] = (
-                self.tick,
-                gap,
-                self._target,
-                velocity,
-                bearing.force,
-                self._plant.load,
-                bearing.current,
-                first,
-                second,
-                state,
-                fault,
+        parts = []
+        while ticks > 0:
+            if self._silent >= self._beat:
+                self._link.status()
+                self._silent = 0
+            count = min(ticks, self._beat - self._silent)
+            parts.append(self._run(count))
+            self._silent += count
+            ticks -= count
+        return np.concatenate(parts)
+
+    def _run(self, ticks: int) -> FloatArray:
+        first = self.tick + 1
+        nothing = np.zeros(ticks)
+        load = self.load_drive.forces(first, ticks)
+        plant = self._loop.run(nothing, load, nothing, nothing, np.zeros(ticks, dtype=np.uint32))
+        if len(plant) < ticks:
+            raise InputError(f"the controller did not answer tick {self.tick}; see its output")
+        numbers = np.arange(first, first + ticks, dtype=np.float64)
+        return np.column_stack((numbers, plant[:, _TAKEN], self._of_firmware(self._bus.take())))
+
+    def _of_firmware(self, words: NDArray[np.uint32]) -> FloatArray:
+        """Return what answers of the firmware say, column by column as the signals name them."""
+        signed = words.view(np.int32).astype(np.float64)
+        state, mode = words[:, _WORD["state"]], words[:, _WORD["mode"]]
+        return np.column_stack(
+            (
+                signed[:, _WORD["expected"]] / Q31 * self._scales["demand_full"],
+                signed[:, _WORD["flux"]] / Q30,
+                state & 0xFF,
+                mode >> 16,
+                state >> 8 & 0xFF,
+                mode & 0xFFFF,
             )
-        return rows
+        )
 
     def command(self, command: Command) -> None:
         """Give a command over the link."""
-        self._running.command(command)
+        self._link.command(command)
+        self._silent = 0
 
     def commands(self) -> tuple[Command, ...]:
         """Return the commands of a controller of position."""
@@ -102,21 +176,22 @@ class BearingBench:
 
     def demand(self, value: float) -> None:
         """Demand a gap, m."""
-        self._running.aim(value)
-        self._target = value
+        code = position_code(self._scales, value)
+        if code != self._target:
+            self._link.request(TargetRequest(code), StatusAnswer)
+            self._target, self._silent = code, 0
 
     def load(self, force: float) -> None:
         """Command a force to the load drive, N; positive pulls the gap open."""
-        self._plant.load = force
+        self.load_drive.force = force
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return what may be changed."""
-        return ()
+        """Return those of the load drive."""
+        return self.load_drive.parameters()
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force."""
-        for name in values:
-            raise InputError(f"{name}: is no parameter of this bench")
+        """Put parameters in force together, from the next tick on."""
+        self.load_drive.apply(values, self.tick + 1)
         return self.tick + 1
 
     def close(self) -> None:

@@ -1,0 +1,304 @@
+"""A bench paced to the clock.
+
+The pacer alone touches the bench, in a thread of its own. Ticks become due by the clock; those of
+about 10 ms are run together once the last of them is due, and handed on as one chunk. What is to be
+done to the bench is done between two chunks, so that all of it acts on one tick.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import TypeVar
+
+from anhyst.rig.bench.protocol import Bench
+from anhyst.rig.bench.subscription import Subscription
+from anhyst.support.errors import InputError
+
+SLOWEST, FASTEST = 0.01, 1.0
+"""Speeds that can be asked for, in units of the clock's."""
+
+CHUNK_S = 0.01
+"""Of the clock that the ticks of a chunk take."""
+
+BEHIND_S = 0.1
+"""Of the clock: a bench that is later gives up the time it lost instead of running after it."""
+
+_WINDOW_S = 1.0
+"""Over which speed and lateness are stated, s of the clock."""
+
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How a bench keeps up with the clock.
+
+    Attributes
+    ----------
+    tick : int
+        Number of the last tick.
+    paused : bool
+    speed : float
+        Asked for, in units of the clock's.
+    factor : float
+        Run in the last second, likewise; 0 while it is paused.
+    late, late_most : float
+        Mean and largest lateness of the chunks of the last second, s: from when the last tick of a
+        chunk was due until the chunk was handed on.
+    slips : int
+        How often time was given up since the start, because the bench was late by :data:`BEHIND_S`.
+    lost : float
+        All the time given up, s of the clock.
+    waits_for : str
+        Recorder that has no room for the next chunk, so that time stands; empty where none.
+    """
+
+    tick: int
+    paused: bool
+    speed: float
+    factor: float
+    late: float
+    late_most: float
+    slips: int
+    lost: float
+    waits_for: str
+
+
+class Pacer:
+    """Runs a bench by the clock, until it is closed.
+
+    Parameters
+    ----------
+    bench : Bench
+        Nobody else may touch it from now on; :meth:`do` does what is wanted of it.
+    speed : float, optional
+        In units of the clock's, :data:`SLOWEST` to :data:`FASTEST`.
+    paused : bool, optional
+        Whether time stands at first.
+
+    Attributes
+    ----------
+    error : InputError or None
+        Why it ended, where the bench did not go on.
+    """
+
+    def __init__(self, bench: Bench, speed: float = 1.0, paused: bool = False) -> None:
+        self.error: InputError | None = None
+        self._bench = bench
+        self._speed = _checked(speed)
+        self._paused = paused
+        self._steps = 0
+        self._closing = False
+        self._wake = threading.Condition()
+        self._todo: deque[Callable[[], None]] = deque()
+        self._subscriptions: list[Subscription] = []
+        self._window: deque[tuple[float, int, float]] = deque()
+        self._slips, self._lost, self._waits_for = 0, 0.0, ""
+        self._origin = (time.monotonic(), bench.tick)
+        self._tick = bench.tick
+        self._thread = threading.Thread(target=self._run, name="pacer", daemon=True)
+        self._thread.start()
+
+    def subscribe(self, name: str, most: int = 100, complete: bool = False) -> Subscription:
+        """Let somebody look on, from the next chunk on.
+
+        Parameters
+        ----------
+        name : str
+            Who.
+        most : int, optional
+            Chunks that wait for it at most.
+        complete : bool, optional
+            Whether every tick is wanted: see :class:`Subscription`.
+        """
+        subscription = Subscription(name, most, complete)
+        with self._wake:
+            if self._closing:
+                subscription.close()
+            self._subscriptions.append(subscription)
+        return subscription
+
+    def do(self, act: Callable[[Bench], _Result]) -> _Result:
+        """Do something to the bench between two chunks, and return what it returned.
+
+        Whatever it does acts from one tick on, also while time stands. What it raises is raised here.
+
+        Raises
+        ------
+        InputError
+            The bench does not go on any more.
+        """
+        done: Future[_Result] = Future()
+
+        def work() -> None:
+            try:
+                done.set_result(act(self._bench))
+            except BaseException as error:
+                done.set_exception(error)
+
+        with self._wake:
+            if self._closing:
+                raise self.error or InputError("the bench is closed")
+            self._todo.append(work)
+            self._wake.notify_all()
+        return done.result()
+
+    def set_speed(self, speed: float) -> None:
+        """Run at another speed from now on."""
+        with self._wake:
+            self._speed = _checked(speed)
+            self._begin()
+
+    def pause(self) -> None:
+        """Let time stand, after the chunk that is under way."""
+        with self._wake:
+            self._paused = True
+            self._window.clear()
+
+    def resume(self) -> None:
+        """Let time go on."""
+        with self._wake:
+            self._paused, self._steps = False, 0
+            self._begin()
+
+    def step(self, ticks: int = 1) -> None:
+        """Go on by some ticks and stand again; without effect unless paused."""
+        with self._wake:
+            if self._paused:
+                self._steps += ticks
+                self._wake.notify_all()
+
+    def pace(self) -> Pace:
+        """Say how it keeps up with the clock."""
+        with self._wake:
+            late = [one[2] for one in self._window]
+            return Pace(
+                tick=self._tick,
+                paused=self._paused,
+                speed=self._speed,
+                factor=self._factor(),
+                late=sum(late) / len(late) if late else 0.0,
+                late_most=max(late, default=0.0),
+                slips=self._slips,
+                lost=self._lost,
+                waits_for=self._waits_for,
+            )
+
+    def close(self) -> None:
+        """End it: the chunk under way is handed on, then all queues end. The bench stays open."""
+        with self._wake:
+            self._closing = True
+            self._wake.notify_all()
+        self._thread.join()
+
+    def _factor(self) -> float:
+        if len(self._window) < 2:
+            return 0.0
+        (begin, first, _), (end, last, _) = self._window[0], self._window[-1]
+        return (last - first) / self._bench.rate / (end - begin)
+
+    def _begin(self) -> None:
+        """Count time from here; under the lock."""
+        self._origin = (time.monotonic(), self._tick)
+        self._window.clear()
+        self._wake.notify_all()
+
+    def _due(self, tick: int) -> float:
+        """Return when a tick is due, by the clock."""
+        begin, first = self._origin
+        return begin + (tick - first) / (self._bench.rate * self._speed)
+
+    def _run(self) -> None:
+        try:
+            while True:
+                self._work_off()
+                ticks = self._wait()
+                if ticks is None:
+                    return
+                if ticks:
+                    self._advance(ticks)
+        except InputError as error:
+            self.error = error
+        finally:
+            self._end()
+
+    def _work_off(self) -> None:
+        """Do what was asked for."""
+        while True:
+            with self._wake:
+                if not self._todo:
+                    return
+                work = self._todo.popleft()
+            work()
+
+    def _wait(self) -> int | None:
+        """Wait until something is to be done; return the ticks to run, or None at the end."""
+        with self._wake:
+            if self._closing:
+                return None
+            if self._todo:
+                return 0
+            ticks, patience = self._next()
+            if ticks == 0:
+                self._wake.wait(patience)
+            return ticks
+
+    def _next(self) -> tuple[int, float | None]:
+        """Return the ticks to run now, or none and how long to wait; under the lock."""
+        slow = [one.name for one in self._subscriptions if one.is_waited_for()]
+        self._waits_for = slow[0] if slow else ""
+        if slow:
+            return 0, CHUNK_S
+        chunk = max(1, math.floor(CHUNK_S * self._bench.rate * self._speed))
+        if self._paused:
+            ticks = min(self._steps, chunk)
+            self._steps -= ticks
+            return ticks, None
+        left = self._due(self._tick + chunk) - time.monotonic()
+        return (0, left) if left > 0.0 else (chunk, None)
+
+    def _advance(self, ticks: int) -> None:
+        rows = self._bench.advance(ticks)
+        with self._wake:
+            self._tick = self._bench.tick
+            self._subscriptions = [one for one in self._subscriptions if not one.ended]
+            subscriptions = list(self._subscriptions)
+        for one in subscriptions:
+            one.give(rows)
+        with self._wake:
+            if not self._paused:
+                self._note()
+
+    def _note(self) -> None:
+        """Note how late the chunk was; give up the time where that is too much."""
+        now = time.monotonic()
+        late = now - self._due(self._tick)
+        self._window.append((now, self._tick, late))
+        while self._window[0][0] < now - _WINDOW_S and len(self._window) > 2:
+            self._window.popleft()
+        if late > BEHIND_S:
+            self._slips += 1
+            self._lost += late
+            self._origin = (now, self._tick)
+
+    def _end(self) -> None:
+        with self._wake:
+            self._closing = True
+            left, self._todo = self._todo, deque()
+            subscriptions = list(self._subscriptions)
+        for one in subscriptions:
+            one.close()
+        for work in left:
+            work()
+
+
+def _checked(speed: float) -> float:
+    if not SLOWEST <= speed <= FASTEST:
+        raise InputError(f"speed {speed:g}: choose one from {SLOWEST:g} to {FASTEST:g}")
+    return speed

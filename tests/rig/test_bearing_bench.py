@@ -1,0 +1,189 @@
+"""The virtual bench: what the lock-step run in Python gives, bit for bit, however it is advanced."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.control.states import Command, Fault, Phase, State
+from anhyst.link.client import Refused
+from anhyst.rig.bearing.board import BearingPlant, firmware_run
+from anhyst.rig.bearing.scenario import Scenario, Script, land_time
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.study.bearing.on_board import build_firmware
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from tests.once import made_once
+from tests.study import bearings
+from tests.study.bearings import GAP
+
+TICKS = 5000
+UP, LIFTED = 120, 9000
+"""Ticks until the self-test has passed, and until the armature hovers."""
+
+
+@pytest.fixture(scope="module")
+def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    def make(folder: Path) -> None:
+        rig, file = bearings.example(), bearings.controller()
+        build_firmware(rig, file, bearings.knowledge(), "host", folder)
+
+    return made_once(tmp_path_factory, "running", make) / "firmware"
+
+
+@pytest.fixture
+def bench(firmware: Path) -> Iterator[BearingBench]:
+    opened = BearingBench(bearings.single(), firmware)
+    yield opened
+    opened.close()
+
+
+def lift(bench: BearingBench) -> None:
+    bench.advance(UP)
+    bench.command(Command.DEMAGNETISED)
+    bench.command(Command.LIFT)
+    rows = bench.advance(LIFTED)
+    assert column(bench, rows, "phase")[-1] == Phase.HOVER
+
+
+def column(bench: BearingBench, rows: FloatArray, name: str) -> FloatArray:
+    at = [signal.name for signal in bench.signals].index(name)
+    found: FloatArray = rows[:, 1 + at]
+    return found
+
+
+def follow(bench: BearingBench, scenario: Scenario, pieces: np.random.Generator) -> FloatArray:
+    """Run a scenario in pieces of any length between what happens in it."""
+    happens = np.flatnonzero(
+        (scenario.command != 0)
+        | (np.diff(scenario.target, prepend=np.nan) != 0.0)
+        | (np.diff(scenario.load, prepend=np.nan) != 0.0)
+    )
+    rows = []
+    for begin, end in zip(happens, [*happens[1:], scenario.ticks], strict=True):
+        if scenario.command[begin]:
+            bench.command(Command(int(scenario.command[begin])))
+        bench.demand(float(scenario.target[begin]))
+        bench.load(float(scenario.load[begin]))
+        left = int(end - begin)
+        while left:
+            count = min(left, int(pieces.integers(1, 700)))
+            rows.append(bench.advance(count))
+            left -= count
+    return np.concatenate(rows)
+
+
+def check_same_bits(setup: Setup, firmware: Path) -> None:
+    """Hold a run on the bench, in pieces, to the same run tick by tick in Python."""
+    load = setup.rig.settings.load.force_N
+    script = Script(setup.rig, GAP).hold(0.006).command(Command.DEMAGNETISED).hold(0.001)
+    script.command(Command.LIFT).hold(0.15).step(GAP - 20e-6, 0.03).set_load(load + 20.0)
+    scenario = script.hold(0.02).step(GAP, 0.02).command(Command.LAND).hold(0.024).build()
+    assert scenario.ticks >= TICKS
+    with firmware_run(firmware, BearingPlant(setup), "host") as running:
+        wanted = running.run(scenario)
+    bench = BearingBench(setup, firmware)
+    rows = follow(bench, scenario, np.random.default_rng(1))
+    bench.close()
+    assert (rows[:, 0] == np.arange(1, scenario.ticks + 1)).all()
+    names = ("gap", "velocity", "command", "command_2", "state", "fault")
+    found = np.column_stack([column(bench, rows, name) for name in names])
+    assert (found == wanted[:, 1:]).all()
+    assert State.RUN in found[:, 4]
+
+
+def test_a_bench_gives_what_the_lock_step_run_gives(firmware: Path) -> None:
+    check_same_bits(bearings.single(), firmware)
+
+
+@pytest.mark.slow
+def test_a_bench_of_a_pair_does_so_too(tmp_path: Path) -> None:
+    file = bearings.pair_file(tmp_path / "controller.toml")
+    check_same_bits(
+        *build_firmware(bearings.pair_rig(), file, bearings.knowledge(), "host", tmp_path)
+    )
+
+
+def test_all_signals_of_a_hover_are_those_of_the_physics(bench: BearingBench) -> None:
+    lift(bench)
+    rows = bench.advance(4000)
+    mean = {signal.name: column(bench, rows, signal.name).mean() for signal in bench.signals}
+    assert mean["gap"] == pytest.approx(GAP, abs=0.5e-6)
+    assert mean["gap_read"] == pytest.approx(mean["gap"], abs=0.2e-6)
+    assert mean["reference"] == pytest.approx(GAP, abs=1e-9)
+    assert mean["force"] == pytest.approx(mean["load"], rel=0.01)
+    assert mean["expected"] == pytest.approx(mean["demand"], rel=0.01)
+    assert mean["expected"] == pytest.approx(mean["force"], rel=0.1)
+    assert mean["current"] == pytest.approx(mean["command"], rel=0.01)
+    assert (column(bench, rows, "state") == State.RUN).all()
+    assert (column(bench, rows, "fault") == Fault.NONE).all()
+
+
+def test_a_load_and_parameters_act_from_one_tick_on(bench: BearingBench) -> None:
+    lift(bench)
+    before = bench.tick
+    bench.load(170.0)
+    first = bench.apply({"disturbance_force": 10.0, "disturbance_frequency": 20.0})
+    assert first == before + 1
+    rows = bench.advance(2000)
+    load = column(bench, rows, "load")
+    assert load[0] == pytest.approx(150.0, abs=1.0)  # at the beginning of the first tick
+    assert abs(load[1] - load[0]) > 10.0 * abs(load[0] - 150.0)
+    assert np.ptp(load[1000:]) > 15.0
+    assert {one.name: one.value for one in bench.parameters()}["disturbance_force"] == 10.0
+
+
+def test_the_load_drive_renders_the_stiffness_that_was_applied(bench: BearingBench) -> None:
+    lift(bench)
+    bench.apply({"load_stiffness": 1e5})
+    bench.demand(GAP - 20e-6)
+    rows = bench.advance(6000)[4000:]
+    assert column(bench, rows, "load").mean() == pytest.approx(150.0 + 1e5 * 20e-6, abs=0.05)
+
+
+def test_of_parameters_that_do_not_fit_none_is_applied(bench: BearingBench) -> None:
+    before = bench.parameters()
+    with pytest.raises(InputError, match=r"load_damping: is 1e\+09 N s/m; choose a value from"):
+        bench.apply({"disturbance_force": 5.0, "load_damping": 1e9})
+    with pytest.raises(InputError, match="nonsense: is no parameter of this bench"):
+        bench.apply({"disturbance_force": 5.0, "nonsense": 1.0})
+    with pytest.raises(InputError, match="load_damping: is nan"):
+        bench.apply({"load_damping": float("nan")})
+    assert bench.parameters() == before
+
+
+def test_a_refused_command_says_why_and_changes_nothing(bench: BearingBench) -> None:
+    bench.advance(UP)
+    with pytest.raises(Refused, match="not in the state idle"):
+        bench.command(Command.LIFT)
+    assert column(bench, bench.advance(1), "state")[0] == State.IDLE
+
+
+def test_the_heartbeat_counts_ticks_and_stands_with_them(bench: BearingBench) -> None:
+    lift(bench)
+    bench.advance(UP)
+    time.sleep(0.3)  # three times what the controller waits, of the clock
+    rows = bench.advance(8000)  # four times, of virtual time
+    assert (column(bench, rows, "state") == State.RUN).all()
+
+
+def test_an_armature_lands_and_can_be_lifted_again(bench: BearingBench) -> None:
+    setup = bearings.single()
+    lift(bench)
+    bench.command(Command.LAND)
+    rows = bench.advance(round(land_time(setup.rig, setup.controller) * bench.rate))
+    assert column(bench, rows, "state")[-1] == State.READY
+    bench.command(Command.LIFT)
+    assert column(bench, bench.advance(LIFTED), "phase")[-1] == Phase.HOVER
+
+
+def test_a_firmware_that_ends_is_said_with_the_tick(bench: BearingBench) -> None:
+    bench.advance(10)
+    bench.close()
+    with pytest.raises(InputError, match="the controller did not answer tick 11"):
+        bench.advance(5)
