@@ -21,8 +21,8 @@ from anhyst.link.frames import (
     Recorder,
     RecorderDataAnswer,
     RecorderReadRequest,
+    RecorderSignal,
     Setting,
-    Signal,
     Trigger,
 )
 from anhyst.link.process import Running, run_host
@@ -149,8 +149,8 @@ def test_a_recording_holds_the_ticks_around_its_trigger(
     board: Running, controller: ControllerLink
 ) -> None:
     run(board, controller)
-    when = When(Trigger.RISING, Signal.DEMAND, TENTH, before=5)
-    start_recording(controller, [Signal.DEMAND, Signal.DRIVE], when, records=100)
+    when = When(Trigger.RISING, RecorderSignal.DEMAND, TENTH, before=5)
+    start_recording(controller, [RecorderSignal.DEMAND, RecorderSignal.DRIVE], when, records=100)
     board.bus.step(20)
     assert recorder_state(controller) is Recorder.WAITING
     with pytest.raises(InputError, match="recorder is waiting"):
@@ -164,11 +164,11 @@ def test_a_recording_holds_the_ticks_around_its_trigger(
     assert recording.trigger == 5
     assert np.array_equal(recording.ticks, begin - 5 + np.arange(100))
     expected = np.where(np.arange(100) < 5, 0, 2 * TENTH)
-    assert np.array_equal(recording.signals[Signal.DEMAND], expected)
+    assert np.array_equal(recording.signals[RecorderSignal.DEMAND], expected)
     plant = board.bus.plant
     assert isinstance(plant, NoisyPlant)
     drives = np.array(plant.drives[begin : begin + 90]) * 2.0**31
-    assert np.array_equal(recording.signals[Signal.DRIVE][5:95], drives)
+    assert np.array_equal(recording.signals[RecorderSignal.DRIVE][5:95], drives)
 
 
 def test_demands_stream_in_order(board: Running, controller: ControllerLink) -> None:

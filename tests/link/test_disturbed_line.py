@@ -12,7 +12,7 @@ import pytest
 from anhyst.control.states import Command, State
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink
-from anhyst.link.frames import Setting, Signal, Trigger
+from anhyst.link.frames import RecorderSignal, Setting, Trigger
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, start_recording
 from anhyst.support.errors import InputError
@@ -108,13 +108,15 @@ def test_blocks_settings_and_recordings_arrive_whole(host_firmware: Path) -> Non
             assert controller.read_block() == regenerate(words, generation)
         for value in range(100, 120):
             assert controller.write_setting(Setting.HEARTBEAT_TICKS, value) == value
-        start_recording(controller, [Signal.DRIVE, Signal.FORCE], When(Trigger.NOW), records=200)
+        start_recording(
+            controller, [RecorderSignal.DRIVE, RecorderSignal.FORCE], When(Trigger.NOW), records=200
+        )
         board.bus.step()
         for _ in range(10):
             board.bus.step(30)
             controller.status()
         recording = read_recording(controller)
-    assert len(recording.signals[Signal.FORCE]) == 200
+    assert len(recording.signals[RecorderSignal.FORCE]) == 200
     assert sum(line.done.values()) > 10
 
 

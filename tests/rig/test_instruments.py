@@ -9,7 +9,7 @@ import pytest
 
 from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.data import History, Loop, LoopSet
-from anhyst.rig.force.bench import Bench, read_gaps, run_open_loop
+from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop
 from anhyst.rig.force.demand import LEAD_IN, moving_gap, triangle, with_lead_in
 from anhyst.rig.force.file import MovingTable, Rig, TriangleTable, read_rig
 from anhyst.support.errors import InputError
@@ -108,7 +108,7 @@ def test_loops_that_do_not_reach_the_largest_force_are_refused() -> None:
 
 
 def test_a_reference_flows_one_tick_later(rig: Rig) -> None:
-    bench = Bench(rig, np.full(5, 1e-3), [3], unknown_past=False)
+    bench = ActuatorBench(rig, np.full(5, 1e-3), [3], unknown_past=False)
     reference = np.array([0.5, 0.5, 0.0, 0.0, 0.0])
     record = run_open_loop(bench, reference)
     assert record.reference.tolist() == reference.tolist()
@@ -122,7 +122,8 @@ def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(rig: Ri
     gap = np.linspace(1e-3, 2e-3, 40)
     reference = np.linspace(0.0, 1.0, 40)
     one, two, other = (
-        run_open_loop(Bench(rig, gap, [seed], unknown_past=True), reference) for seed in (1, 1, 2)
+        run_open_loop(ActuatorBench(rig, gap, [seed], unknown_past=True), reference)
+        for seed in (1, 1, 2)
     )
     assert one.read_force.tolist() == two.read_force.tolist()
     assert one.force.tolist() != other.force.tolist()  # another unknown past
@@ -136,7 +137,7 @@ def test_the_start_up_sequence_makes_the_past_forgotten(rig: Rig) -> None:
     reference, gap = np.linspace(0.0, 1.0, 30), np.full(30, 1.5e-3)
     forces = []
     for seed in (1, 2, 3):
-        bench = Bench(rig, gap, [seed], unknown_past=True)
+        bench = ActuatorBench(rig, gap, [seed], unknown_past=True)
         bench.condition([1.2, 0.0])
         forces.append(run_open_loop(bench, reference).force)
     assert np.ptp(forces, axis=0).max() < 1e-9

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Command
-from anhyst.rig.bench.pace import BEHIND_S, Pacer
+from anhyst.rig.bench.pace import BEHIND_S, PacedBench
 from anhyst.rig.bench.protocol import Parameter, Signal
 from anhyst.rig.bench.subscription import Subscription
 from anhyst.support.arrays import FloatArray
@@ -65,11 +65,11 @@ class Counter:
 
 
 @pytest.fixture
-def paced() -> Iterator[Callable[..., Pacer]]:
+def paced() -> Iterator[Callable[..., PacedBench]]:
     pacers = []
 
-    def start(bench: Counter, speed: float = 1.0, paused: bool = False) -> Pacer:
-        pacers.append(Pacer(bench, speed, paused))
+    def start(bench: Counter, speed: float = 1.0, paused: bool = False) -> PacedBench:
+        pacers.append(PacedBench(bench, speed, paused))
         return pacers[-1]
 
     yield start
@@ -92,7 +92,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.002)
 
 
-def test_a_recorder_gets_every_tick_in_order(paced: Callable[..., Pacer]) -> None:
+def test_a_recorder_gets_every_tick_in_order(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
     recorder = pacer.subscribe("recorder", complete=True)
     pacer.resume()
@@ -105,7 +105,7 @@ def test_a_recorder_gets_every_tick_in_order(paced: Callable[..., Pacer]) -> Non
 
 
 def test_who_looks_on_slowly_loses_the_oldest_and_stalls_nobody(
-    paced: Callable[..., Pacer],
+    paced: Callable[..., PacedBench],
 ) -> None:
     pacer = paced(Counter(), paused=True)
     viewer = pacer.subscribe("viewer", most=3)  # never asks while it runs
@@ -120,7 +120,7 @@ def test_who_looks_on_slowly_loses_the_oldest_and_stalls_nobody(
     assert viewer.missed > 0
 
 
-def test_time_waits_for_a_recorder_that_has_no_room(paced: Callable[..., Pacer]) -> None:
+def test_time_waits_for_a_recorder_that_has_no_room(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
     recorder = pacer.subscribe("disk", most=3, complete=True)
     pacer.resume()
@@ -137,7 +137,7 @@ def test_time_waits_for_a_recorder_that_has_no_room(paced: Callable[..., Pacer])
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.1, 0.01])
-def test_time_goes_as_fast_as_it_is_told_to(speed: float, paced: Callable[..., Pacer]) -> None:
+def test_time_goes_as_fast_as_it_is_told_to(speed: float, paced: Callable[..., PacedBench]) -> None:
     bench = Counter()
     began = time.monotonic()
     pacer = paced(bench, speed)
@@ -148,7 +148,9 @@ def test_time_goes_as_fast_as_it_is_told_to(speed: float, paced: Callable[..., P
     assert pacer.pace().factor == pytest.approx(speed, rel=0.5)
 
 
-def test_a_pause_stops_virtual_time_and_a_step_is_one_tick(paced: Callable[..., Pacer]) -> None:
+def test_a_pause_stops_virtual_time_and_a_step_is_one_tick(
+    paced: Callable[..., PacedBench],
+) -> None:
     pacer = paced(Counter())
     wait_for(lambda: pacer.pace().tick > 0)
     pacer.pause()
@@ -168,7 +170,7 @@ def test_a_pause_stops_virtual_time_and_a_step_is_one_tick(paced: Callable[..., 
     assert pacer.pace().slips == 0  # the pause is not made up for
 
 
-def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., Pacer]) -> None:
+def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., PacedBench]) -> None:
     bench = Counter()
     pacer = paced(bench, paused=True)
     recorder = pacer.subscribe("recorder", most=1000, complete=True)
@@ -194,7 +196,7 @@ def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., Pacer])
         assert tick == 1 or rows[tick - 2, 1] == given - 1
 
 
-def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., Pacer]) -> None:
+def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., PacedBench]) -> None:
     bench = Counter(cost=2.0 / RATE)  # twice as long as there is time
     pacer = paced(bench, paused=True)
     recorder = pacer.subscribe("recorder", most=10_000, complete=True)
@@ -216,7 +218,7 @@ def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., P
     assert (rows[:, 0] == np.arange(1, len(rows) + 1)).all()
 
 
-def test_what_is_refused_is_refused_to_who_asked(paced: Callable[..., Pacer]) -> None:
+def test_what_is_refused_is_refused_to_who_asked(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter())
     with pytest.raises(InputError, match="refused LIFT"):
         pacer.do(lambda bench: bench.command(Command.LIFT))
@@ -226,7 +228,7 @@ def test_what_is_refused_is_refused_to_who_asked(paced: Callable[..., Pacer]) ->
     wait_for(lambda: pacer.pace().tick > tick)
 
 
-def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., Pacer]) -> None:
+def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., PacedBench]) -> None:
     bench = Counter()
     bench.ends = 1000
     pacer = paced(bench, paused=True)
@@ -239,7 +241,7 @@ def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., Pac
     assert str(pacer.error) == "the controller did not answer tick 1000"
 
 
-def test_many_may_ask_at_once(paced: Callable[..., Pacer]) -> None:
+def test_many_may_ask_at_once(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter())
     seen: list[int] = []
     lock = threading.Lock()

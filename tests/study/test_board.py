@@ -10,7 +10,7 @@ import pytest
 from anhyst.control.controller_file import write_controller
 from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import Refused
-from anhyst.link.frames import DemandRequest, Reason, Signal, StatusAnswer, TargetRequest
+from anhyst.link.frames import DemandRequest, Reason, RecorderSignal, StatusAnswer, TargetRequest
 from anhyst.link.recorder import read_recording, start_recording
 from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware, firmware_run
 from anhyst.rig.bearing.loop import SimulatedLoop
@@ -163,7 +163,12 @@ def test_a_pair_levitates_the_same(tmp_path: Path, measured: bool) -> None:
 
 
 def test_the_recorder_follows_position_reference_and_phase(running: LevitatingFirmware) -> None:
-    wanted = (Signal.POSITION, Signal.REFERENCE, Signal.PHASE, Signal.DRIVE)
+    wanted = (
+        RecorderSignal.POSITION,
+        RecorderSignal.REFERENCE,
+        RecorderSignal.PHASE,
+        RecorderSignal.DRIVE,
+    )
     hover(running)
     running.aim(GAP - 20e-6)
     start_recording(running.link, wanted, records=400)

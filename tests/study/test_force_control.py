@@ -19,7 +19,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.link.firmware import build
 from anhyst.model.file import read_model
 from anhyst.report.force.figures import draw, figure_constant_gap, figure_moving, figure_positions
-from anhyst.rig.force.bench import Bench
+from anhyst.rig.force.bench import ActuatorBench
 from anhyst.rig.force.demand import with_lead_in
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import Program, Session, ticks_that_differ
@@ -190,7 +190,7 @@ def short_session(small: Path, program: Program, board: str) -> Session:
     demand = with_lead_in("short", np.linspace(0.0, 30.0, 60), 500.0)
     rig = read_rig(small)
     gap = np.full(demand.force.size, 1.0e-3)
-    bench = Bench(rig, gap, [9], unknown_past=False)
+    bench = ActuatorBench(rig, gap, [9], unknown_past=False)
     return run_firmware(program, bench, demand, board, True)[1]
 
 

@@ -32,7 +32,12 @@ def is_request(frame: Entry) -> bool:
 def link_enums(frames: Entry, signals: Entry) -> list[Entry]:
     """Return the lists of names with numbers that the link alone knows."""
     settings = {"name": "setting", "doc": "Settings.", "values": signals["setting"]}
-    recorded = {"name": "signal", "doc": "What can be recorded.", "values": signals["signal"]}
+    recorded = {
+        "name": "signal",
+        "class": "RecorderSignal",  # of Python, where a bench has signals of its own
+        "doc": "What can be recorded.",
+        "values": signals["signal"],
+    }
     return [*frames["enum"], settings, recorded]
 
 

@@ -72,7 +72,7 @@ class Setting(IntEnum):
     FOLLOW = 4  # what the memory follows. 0: the current driven; 1: the current measured
 
 
-class Signal(IntEnum):
+class RecorderSignal(IntEnum):
     """What can be recorded."""
 
     DEMAND = 0  # demand in force, q31 of the full-scale force

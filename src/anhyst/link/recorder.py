@@ -16,7 +16,7 @@ from anhyst.link.frames import (
     RecorderQueryRequest,
     RecorderReadRequest,
     RecorderSetupRequest,
-    Signal,
+    RecorderSignal,
     Trigger,
 )
 from anhyst.support.errors import InputError
@@ -42,7 +42,7 @@ class FirmwareRecording:
 
     ticks: NDArray[np.int64]
     trigger: int
-    signals: dict[Signal, NDArray[np.int32]]
+    signals: dict[RecorderSignal, NDArray[np.int32]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class When:
     ----------
     trigger : Trigger, optional
         At once, or as a signal rises or falls through a level.
-    signal : Signal, optional
+    signal : RecorderSignal, optional
         Which.
     level : int, optional
         In the code of the signal.
@@ -62,14 +62,14 @@ class When:
     """
 
     trigger: Trigger = Trigger.NOW
-    signal: Signal = Signal.DEMAND
+    signal: RecorderSignal = RecorderSignal.DEMAND
     level: int = 0
     before: int = 0
 
 
 def start_recording(
     controller: ControllerLink,
-    signals: Sequence[Signal],
+    signals: Sequence[RecorderSignal],
     when: When | None = None,
     decimation: int = 1,
     records: int = 0,
@@ -80,7 +80,7 @@ def start_recording(
     ----------
     controller : ControllerLink
         Whose.
-    signals : sequence of Signal
+    signals : sequence of RecorderSignal
         What to record.
     when : When, optional
         What starts it; at once if left out.
@@ -128,7 +128,7 @@ def read_recording(controller: ControllerLink) -> FirmwareRecording:
     if info.recorder != Recorder.DONE:
         state = Recorder(info.recorder).name.lower()
         raise InputError(f"{controller.url}: the recorder is {state}; wait until it is done")
-    signals = [signal for signal in Signal if info.mask >> signal & 1]
+    signals = [signal for signal in RecorderSignal if info.mask >> signal & 1]
     total = info.records * len(signals)
     values: list[int] = []
     while len(values) < total:

@@ -36,7 +36,7 @@ _Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class Pacing:
     """How a bench keeps up with the clock.
 
     Attributes
@@ -70,7 +70,7 @@ class Pace:
     waits_for: str
 
 
-class Pacer:
+class PacedBench:
     """Runs a bench by the clock, until it is closed.
 
     Parameters
@@ -174,11 +174,11 @@ class Pacer:
                 self._steps += ticks
                 self._wake.notify_all()
 
-    def pace(self) -> Pace:
+    def pace(self) -> Pacing:
         """Say how it keeps up with the clock."""
         with self._wake:
             late = [one[2] for one in self._window]
-            return Pace(
+            return Pacing(
                 tick=self._tick,
                 paused=self._paused,
                 speed=self._speed,

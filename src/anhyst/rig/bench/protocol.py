@@ -65,8 +65,15 @@ class Bench(Protocol):
         Number of the last tick; 0 before the first.
     """
 
-    rate: float
-    signals: tuple[Signal, ...]
+    @property
+    def rate(self) -> float:
+        """Ticks a second."""
+        ...  # pragma: no cover
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """Columns of what is measured, after the number of the tick."""
+        ...  # pragma: no cover
 
     @property
     def tick(self) -> int:

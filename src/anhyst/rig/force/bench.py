@@ -53,7 +53,7 @@ class BenchRecording:
     read_current: FloatArray
 
 
-class Bench:
+class ActuatorBench:
     """A bench in use.
 
     Parameters
@@ -137,12 +137,12 @@ def read_gaps(rig: Rig, gap: FloatArray, seed: list[int]) -> FloatArray:
     return np.array([sensor.read(one) for one in gap.tolist()])
 
 
-def run_open_loop(bench: Bench, reference: FloatArray) -> BenchRecording:
+def run_open_loop(bench: ActuatorBench, reference: FloatArray) -> BenchRecording:
     """Put out currents that were computed before.
 
     Parameters
     ----------
-    bench : Bench
+    bench : ActuatorBench
         At its beginning.
     reference : ndarray, shape (n,)
         What the controller asks for at every tick, A.

@@ -10,7 +10,7 @@ from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import PlantBus, Reading
 from anhyst.link.process import Running, run_host, run_qemu
-from anhyst.rig.force.bench import Bench, BenchRecording
+from anhyst.rig.force.bench import ActuatorBench, BenchRecording
 from anhyst.rig.force.demand import Demand
 from anhyst.rig.force.programs import ONE, Program, Session
 from anhyst.support.errors import NegativeResult
@@ -33,7 +33,7 @@ _Q30 = 1 << 30
 class _Plant:
     """The bench as the plant bus knows it: signals as fractions of full scale."""
 
-    def __init__(self, bench: Bench, program: Program) -> None:
+    def __init__(self, bench: ActuatorBench, program: Program) -> None:
         self.bench = bench
         self.gaps: list[int] = []
         self.drives: list[int] = []
@@ -55,7 +55,7 @@ class _Plant:
 
 
 def run_firmware(
-    program: Program, bench: Bench, demand: Demand, board: str, demagnetised: bool
+    program: Program, bench: ActuatorBench, demand: Demand, board: str, demagnetised: bool
 ) -> tuple[BenchRecording, Session]:
     """Run a demand through a firmware: one command over the link at every tick.
 
@@ -63,7 +63,7 @@ def run_firmware(
     ----------
     program : Program
         What runs.
-    bench : Bench
+    bench : ActuatorBench
         What it drives, at its beginning.
     demand : Demand
         What is demanded.

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from anhyst.compensate.interface import Compensator
-from anhyst.rig.force.bench import Bench, BenchRecording, read_gaps, run_open_loop
+from anhyst.rig.force.bench import ActuatorBench, BenchRecording, read_gaps, run_open_loop
 from anhyst.rig.force.demand import Demand, moving_gap
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, ticks_that_differ
@@ -150,8 +150,8 @@ def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOut
     simulated: dict[str, FloatArray] = {}
     differing: dict[str, int] = {}
 
-    def bench() -> Bench:
-        return Bench(rig, gap, seed, unknown_past=not demagnetised)
+    def bench() -> ActuatorBench:
+        return ActuatorBench(rig, gap, seed, unknown_past=not demagnetised)
 
     for program in controllers.programs:
         recording, session = run_firmware(
