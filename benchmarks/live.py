@@ -1,0 +1,169 @@
+"""The virtual bench against the clock: how fast it could go, how late it is, what it loses."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from anhyst.control.states import Command, State
+from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.scenario import Scenario, Script, land_time
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.bench.pace import PacedBench, Pacing
+from anhyst.study.bearing.on_board import build_firmware
+from anhyst.study.bearing.ready import make_ready, read_files
+from rows import ROOT, Row, Stopwatch
+
+RIG = ROOT / "examples" / "bearing" / "rig.toml"
+RUN_S = 10.0
+PACED_S = 60.0
+TICKS = 1_000_000
+LATE_S = 0.02
+
+
+def rows() -> list[Row]:
+    """Build the firmware of the bundled bearing, and run it on the bench."""
+    rig, controller = read_files(RIG, None)
+    ready = make_ready(rig, controller)
+    with tempfile.TemporaryDirectory() as place:
+        setup, firmware = build_firmware(
+            ready.rig, controller, ready.knowledge(), "host", Path(place)
+        )
+        with one_core():
+            alone = unpaced("one core", setup, firmware)
+        return [
+            alone,
+            unpaced(f"{os.cpu_count()} cores", setup, firmware),
+            paced(setup, firmware),
+            million(setup, firmware),
+        ]
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Let this process and what it starts run on one core alone."""
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
+
+
+def unpaced(where: str, setup: Setup, firmware: Path) -> Row:
+    """Hover as fast as it goes."""
+    watch = Stopwatch()
+    bench = BearingBench(setup, firmware)
+    lift(bench)
+    began = time.perf_counter()
+    ticks = round(RUN_S * bench.rate)
+    for _ in range(ticks // 200):
+        bench.advance(200)
+    took = time.perf_counter() - began
+    bench.close()
+    factor = RUN_S / took
+    return Row(
+        f"virtual bearing, {bench.rate:g} Hz, independent iron, full, 4 sub-steps, {where}",
+        ">= 1 times the clock",
+        f"{factor:.2f} times, {1e6 * took / ticks:.1f} us a tick, "
+        f"{1e6 * watch.processor / bench.tick:.1f} us of processor time of plant and firmware",
+        factor >= 1.0,
+        watch.processor,
+    )
+
+
+def lift(bench: BearingBench) -> None:
+    """Take it into the air."""
+    bench.advance(200)
+    bench.command(Command.DEMAGNETISED)
+    bench.command(Command.LIFT)
+    bench.advance(round(0.5 * bench.rate))
+
+
+def paced(setup: Setup, firmware: Path) -> Row:
+    """Hover by the clock, with a recorder and one that looks on."""
+    bench = BearingBench(setup, firmware)
+    lift(bench)
+    first = bench.tick + 1
+    pacer = PacedBench(bench, paused=True)
+    recorder, numbers = pacer.subscribe("recorder", complete=True), []
+    pacer.subscribe("viewer", most=3)
+
+    def record() -> None:
+        while (chunk := recorder.get()) is not None:
+            numbers.append(chunk[:, 0])
+
+    thread = threading.Thread(target=record)
+    thread.start()
+    began, tick = time.monotonic(), bench.tick
+    pacer.resume()
+    seen: list[Pacing] = []
+    while time.monotonic() < began + PACED_S:
+        time.sleep(0.5)
+        seen.append(pacer.pace())
+    took, done = time.monotonic() - began, seen[-1].tick - tick
+    pacer.close()
+    thread.join()
+    bench.close()
+    row = np.concatenate(numbers)
+    whole = bool((row == np.arange(first, first + row.size)).all())
+    worst = max(one.late_most for one in seen)
+    factor = done / bench.rate / took
+    return Row(
+        f"the same by the clock for {PACED_S:g} s, recorded",
+        f"1 times the clock, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
+        f"{factor:.3f} times, late by {1e3 * float(np.mean([one.late for one in seen])):.1f} ms in "
+        f"the mean and {1e3 * worst:.1f} ms at most, {seen[-1].slips} times given up, "
+        f"{'none' if whole else 'some'} lost",
+        whole and worst <= LATE_S and factor >= 0.99,
+    )
+
+
+def million(setup: Setup, firmware: Path) -> Row:
+    """Run many ticks on the bench, and the same in the simulated loop."""
+    script = Script(setup.rig, setup.rig.settings.simulate.gap_m).lift_off(setup.controller)
+    landing = script.count(land_time(setup.rig, setup.controller))
+    while script.ticks < TICKS - landing:
+        for gap, load in ((0.41e-3, 130.0), (0.49e-3, 165.0), (0.45e-3, 150.0)):
+            script.set_load(load).step(gap, 0.1)
+    scenario = script.command(Command.LAND).hold(landing * setup.rig.dt).build()
+    watch = Stopwatch()
+    bench = BearingBench(setup, firmware)
+    recorded = follow(bench, scenario)
+    bench.close()
+    simulated = SimulatedLoop(setup).run(scenario)
+    at = [signal.name for signal in bench.signals].index
+    differ = np.zeros(scenario.ticks, dtype=bool)
+    for name, column in (("gap", "gap_m"), ("command", "command_A"), ("force", "force_N")):
+        differ |= recorded[:, 1 + at(name)] != simulated[column]
+    landed = recorded[-1, 1 + at("state")] == State.READY
+    return Row(
+        f"{scenario.ticks} ticks of steps on the bench against the simulated loop",
+        "no tick lost, no tick differs",
+        f"{scenario.ticks - len(recorded)} lost, {np.count_nonzero(differ)} differ",
+        len(recorded) == scenario.ticks and not differ.any() and bool(landed),
+        watch.processor,
+    )
+
+
+def follow(bench: BearingBench, scenario: Scenario) -> np.ndarray:
+    """Let happen on the bench what a scenario says."""
+    events = (scenario.command != 0) | (np.diff(scenario.target, prepend=np.nan) != 0.0)
+    events |= np.diff(scenario.load, prepend=np.nan) != 0.0
+    begins = np.flatnonzero(events)
+    found = []
+    for begin, end in zip(begins, [*begins[1:], scenario.ticks], strict=True):
+        if scenario.command[begin]:
+            bench.command(Command(int(scenario.command[begin])))
+        bench.demand(float(scenario.target[begin]))
+        bench.load(float(scenario.load[begin]))
+        found.append(bench.advance(int(end - begin)))
+    return np.concatenate(found)
