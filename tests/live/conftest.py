@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -17,6 +19,9 @@ from anhyst.rig.bench.bearing import BearingBench
 from anhyst.study.bearing.on_board import build_firmware
 from tests.once import made_once
 from tests.study import bearings
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 
 @pytest.fixture(scope="session")
@@ -80,6 +85,44 @@ def serve(firmware: Path) -> Iterator[Serve]:
     yield start
     for end in ends:
         end()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """The system's Chromium."""
+    api = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed: pip install playwright"
+    )
+    with api.sync_playwright() as started:
+        chromium = started.chromium.launch(
+            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
+        )
+        yield chromium
+        chromium.close()
+
+
+Show = Callable[[Served], "Page"]
+
+
+@pytest.fixture
+def show(browser: Browser) -> Iterator[Show]:
+    """Open the page of a session; at the end nothing may have gone wrong in it."""
+    opened, wrong = [], []
+
+    def start(served: Served) -> Page:
+        context = browser.new_context(viewport={"width": 1440, "height": 860})
+        page = context.new_page()
+        page.set_default_timeout(30_000)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+        page.goto(served.address)
+        opened.append(context)
+        return page
+
+    yield start
+    for context in opened:
+        context.close()
+    assert wrong == []
 
 
 def wait_for(check: Callable[[], object], seconds: float = 30.0) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
@@ -9,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from anhyst.cli.app import main
 from anhyst.control.states import Command
@@ -58,13 +61,22 @@ def test_a_killed_server_leaves_a_recording_that_inspect_reads(
 ) -> None:
     path = tmp_path / "run.csv"
     command = [sys.executable, "-m", "anhyst.cli.app", "live", str(EXAMPLE), "--listen", "0"]
-    with subprocess.Popen([*command, "--record", str(path)], stdout=subprocess.PIPE) as process:
+    with subprocess.Popen(
+        [*command, "--record", str(path)], stdout=subprocess.PIPE, text=True
+    ) as process:
         try:
-            wait_for(lambda: path.exists() and path.stat().st_size > 200_000, 120.0)
+            assert process.stdout is not None
+            address = process.stdout.readline().split()[0].removesuffix("/")
+            with connect(f"ws{address[4:]}/live", origin=Origin(address), max_size=None) as line:
+                for name in ("demagnetised", "lift"):
+                    wait_for(lambda: path.stat().st_size > 1e6)
+                    line.send(json.dumps({"do": "command", "name": name, "id": 1}))
+                wait_for(lambda: path.stat().st_size > 8e6, 60.0)
         finally:
             process.send_signal(signal.SIGKILL)
     assert path.read_bytes().endswith(b"\n")
     ticks = numbers(path)[:, 0]
     assert np.array_equal(ticks, np.arange(1, len(ticks) + 1))
+    assert "browser 1: lift" in path.read_text()
     assert main(["inspect", str(path)]) == 0
     assert "run.csv" in capsys.readouterr().out

@@ -15,7 +15,7 @@ SHAPES: Mapping[str, Callable[[float], float]] = {
 }
 """Each over a period from 0 to 1, between -1 and 1."""
 
-LOWEST_HZ, HIGHEST_HZ = 0.01, 100.0
+LOWEST_HZ, HIGHEST_HZ = 0.01, 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Generator:
     amplitude : float
         From the target to the peak, m or N as the target is; 0 or more.
     frequency : float
-        Hz, 0.01 to 100.
+        Hz, 0.01 to 50.
     begin : int
         Tick at which the first period begins.
 
@@ -59,3 +59,11 @@ class Generator:
         return self.amplitude * SHAPES[self.shape](
             ((tick - self.begin) * self.frequency / rate) % 1.0
         )
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Return what a page shows of it."""
+        return {
+            "shape": self.shape,
+            "amplitude": self.amplitude,
+            "frequency": self.frequency,
+        }

@@ -59,14 +59,14 @@ def _command(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
 
 def _target(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
     value = finite(fields, "value")
-    session.aim(value)
+    session.bench.demand(value)
     session.note(who, f"target {value:g}")
     return {}
 
 
 def _load(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
     value = finite(fields, "value")
-    session.push(value)
+    session.bench.load(value)
     session.note(who, f"load {value:g} N")
     return {}
 
@@ -94,13 +94,21 @@ def _apply(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
 
 
 def _pace(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
-    del who
     if "speed" in fields:
-        session.pacer.set_speed(finite(fields, "speed"))
-    if "paused" in fields:
-        session.pacer.pause(bool(fields["paused"]))
+        speed = finite(fields, "speed")
+        session.paced.set_speed(speed)
+        session.note(who, f"speed {speed:g} times real time")
+    if fields.get("paused") is True:
+        session.paced.pause()
+        session.note(who, "time stands")
+    elif fields.get("paused") is False:
+        session.paced.resume()
+        session.note(who, "time goes on")
     if "steps" in fields:
-        session.pacer.step(int(finite(fields, "steps")))
+        steps = finite(fields, "steps")
+        if not 1 <= steps <= session.bench.rate:
+            raise InputError(f"steps: is not within 1 to {session.bench.rate:g}")
+        session.paced.step(int(steps))
     return {}
 
 

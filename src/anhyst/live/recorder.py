@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -59,6 +60,7 @@ class StreamRecorder:
         self.path = path
         self.rows = 0
         self._rate = rate
+        self._lock = threading.Lock()
         kinds = ["%d" if signal.name in _WHOLE else "%r" for signal in signals]
         self._row = ",".join(["%d", "%r", *kinds]) + "\n"
         heads = [HEADERS.get(one.name, _header(one)) for one in signals]
@@ -82,8 +84,9 @@ class StreamRecorder:
 
     def _write(self, text: str) -> None:
         data = memoryview(text.encode())
-        while data:
-            data = data[os.write(self._file, data) :]
+        with self._lock:
+            while data:
+                data = data[os.write(self._file, data) :]
 
 
 def _header(signal: Signal) -> str:

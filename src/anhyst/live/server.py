@@ -6,9 +6,9 @@ import asyncio
 import json
 import secrets
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from starlette.applications import Starlette
 from starlette.responses import FileResponse
@@ -40,6 +40,8 @@ _HELLO_S = 10.0
 _ANSWERS = 64
 _RATE, _AT_ONCE = 60.0, 60
 _BAD, _FULL = 1008, 1013
+
+_Result = TypeVar("_Result")
 
 
 class Client:
@@ -105,7 +107,6 @@ class LiveServer:
         self._token = token
         self._clients: dict[int, Client] = {}
         self._count = 0
-        self._doing: set[asyncio.Task[None]] = set()
         routes = [
             Route("/", _page),
             Mount("/assets", StaticFiles(directory=ASSETS)),
@@ -193,9 +194,7 @@ class LiveServer:
             if not allowance.take():
                 await client.socket.close(_BAD, "too many messages")
                 return
-            task = asyncio.create_task(self._do(client, message))
-            self._doing.add(task)
-            task.add_done_callback(self._doing.discard)
+            await self._do(client, message)
 
     async def _do(self, client: Client, message: Mapping[str, Any]) -> None:
         """Do what a browser asks for, and answer; the emergency stop is anybody's."""
@@ -209,7 +208,7 @@ class LiveServer:
     async def _perform(self, client: Client, message: Mapping[str, Any]) -> Mapping[str, Any]:
         what = message.get("do")
         if what == "stop now":
-            self.session.stop_now(client.name)
+            await self._between_chunks(lambda: self.session.stop(client.name))
             return {}
         if what == "ask":
             self.desk.ask(client.number)
@@ -219,8 +218,10 @@ class LiveServer:
             return {}
         if self.desk.operator != client.number:
             raise InputError("another browser operates; ask to take over")
-        future = self.session.call(lambda: perform(self.session, client.name, message))
-        return dict(await asyncio.wrap_future(future))
+        return await self._between_chunks(lambda: perform(self.session, client.name, message))
+
+    async def _between_chunks(self, act: Callable[[], _Result]) -> _Result:
+        return await asyncio.to_thread(self.session.do, act)
 
 
 async def _page(_request: object) -> FileResponse:

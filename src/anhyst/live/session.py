@@ -1,33 +1,28 @@
-"""A bench that runs in a thread of its own: orders between two stretches, rows to who listens."""
+"""A bench by the clock, and all that looks on: pages, a recorder, a log of what was changed."""
 
 from __future__ import annotations
 
 import math
-import queue
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.states import Command
+from anhyst.live.drive import DrivenBench
 from anhyst.live.generator import Generator
-from anhyst.live.pacing import Pacer
 from anhyst.live.recorder import StreamRecorder
+from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.bench.protocol import Bench
+from anhyst.rig.bench.subscription import Subscription
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-
-STRETCH_S = 0.002
-"""Between two looks at orders and generator, s of the bench."""
-
-_ORDERS = 256
-"""That wait; more are refused."""
 
 _LOG = 500
 """Entries of the log that are kept."""
 
 Listener = Callable[[FloatArray], None]
+_Result = TypeVar("_Result")
 
 
 class Entry(NamedTuple):
@@ -39,58 +34,65 @@ class Entry(NamedTuple):
 
 
 class Session:
-    """Runs a bench; everything that touches it happens in one thread.
+    """Runs a bench until it is closed.
+
+    Methods that touch the bench are to be called within :meth:`do`.
 
     Parameters
     ----------
     bench : Bench
         Closed with the session.
     recorder : StreamRecorder, optional
-        Gets every row from the first tick on; closed with the session.
+        Gets every row from the first tick on; the bench waits for it. Closed with the session.
 
     Attributes
     ----------
-    bench : Bench
+    bench : DrivenBench
         The bench.
-    target : float or None
-        Last target, m or N; None before the first.
-    load : float or None
-        Last load, N; None before the first.
-    generator : Generator or None
-        What is added to the target.
+    paced : PacedBench
+        What runs it.
+    recorder : StreamRecorder or None
+    log : deque of Entry
+        What was changed of late.
+    logged : int
+        Entries since the start.
     parameters : tuple of Parameter
         With the values in force; another tuple after each change.
-    ended : str
-        Why the bench runs no more; empty while it does.
     """
 
     def __init__(self, bench: Bench, recorder: StreamRecorder | None = None) -> None:
-        self.bench = bench
+        self.bench = DrivenBench(bench)
         self.recorder = recorder
-        self.target: float | None = None
-        self.load: float | None = None
-        self.generator: Generator | None = None
         self.log: deque[Entry] = deque(maxlen=_LOG)
         self.logged = 0
-        self.ended = ""
-        self.pacer = Pacer(bench.rate)
-        self.values: dict[str, float] = {}
         self.parameters = bench.parameters()
         self._names = [signal.name for signal in bench.signals]
-        self._orders: queue.Queue[tuple[Callable[[], Any], Future[Any]]] = queue.Queue(_ORDERS)
-        self._emergency = ""
-        self._closing = False
+        self._values: dict[str, float] = {}
+        self._trouble = ""
         self._listeners: tuple[Listener, ...] = ()
-        self._thread = threading.Thread(target=self._run, name="bench", daemon=True)
+        self.paced = PacedBench(self.bench, paused=True)
+        self._threads = [self._look_on(self._hand_on, self.paced.subscribe("pages"))]
+        if recorder is not None:
+            complete = self.paced.subscribe("the recording", complete=True)
+            self._threads.append(self._look_on(recorder.put, complete))
 
     def start(self) -> None:
-        """Let the bench run."""
-        self._thread.start()
+        """Let time go on."""
+        self.paced.resume()
 
     def close(self) -> None:
         """End the bench and the recording."""
-        self._closing = True
-        self._thread.join()
+        self.paced.close()
+        for thread in self._threads:
+            thread.join()
+        self.bench.close()
+        if self.recorder is not None:
+            self.recorder.close()
+
+    @property
+    def ended(self) -> str:
+        """Why the bench or the recording goes on no more; empty while they do."""
+        return str(self.paced.error or self._trouble)
 
     def listen(self, listener: Listener) -> Callable[[], None]:
         """Give every row to a listener, which must not wait; returns what ends it."""
@@ -101,127 +103,84 @@ class Session:
 
         return leave
 
-    def call(self, act: Callable[[], Any]) -> Future[Any]:
-        """Do something between two stretches; raises where too much waits already."""
-        future: Future[Any] = Future()
-        if self.ended:
-            raise InputError(self.ended)
-        try:
-            self._orders.put_nowait((act, future))
-        except queue.Full:
-            raise InputError("too many orders wait; try again") from None
-        return future
+    def do(self, act: Callable[[], _Result]) -> _Result:
+        """Do something between two chunks of ticks, and return what it returned.
 
-    def stop_now(self, who: str) -> None:
-        """Stop at the next stretch, before anything else that waits."""
-        self._emergency = who
+        Raises
+        ------
+        InputError
+            What it raised, or the bench does not go on any more.
+        """
+        return self.paced.do(lambda _: act())
 
     def note(self, who: str, text: str) -> None:
         """Keep what was changed, in the log and in the recording."""
         self.log.append(Entry(self.bench.tick, who, text))
         self.logged += 1
         if self.recorder is not None:
-            self.recorder.note(f"tick {self.bench.tick}, {who}: {text}")
+            self.recorder.note(f"after tick {self.bench.tick}, {who}: {text}")
 
-    def aim(self, target: float) -> None:
-        """Set the target, m or N; the generator goes on around it."""
-        if self.generator is None:
-            self.bench.demand(target)
-        self.target = target
+    def stop(self, who: str) -> None:
+        """Stop the rig, and time does not stand over it; a refusal is kept too."""
+        self.note(who, "emergency stop")
+        try:
+            self.bench.command(Command.STOP)
+        finally:
+            self.generate(None)
+            self.paced.resume()
 
     def generate(self, generator: Generator | None) -> None:
         """Start a generator around the target, or stop it and go back to the target."""
-        if self.target is None:
-            self.target = self.values.get("reference", 0.0)
-        self.generator = generator
-        if generator is None:
-            self.bench.demand(self.target)
-
-    def push(self, force: float) -> None:
-        """Set the load drive, N."""
-        self.bench.load(force)
-        self.load = force
+        if generator is not None and self.bench.target is None:
+            self.bench.demand(self._values.get("reference", 0.0))
+        self.bench.generate(generator)
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force together; returns the first tick that used them."""
+        """Put parameters in force together; returns the first tick that uses them."""
         tick = self.bench.apply(values)
         self.parameters = self.bench.parameters()
         return tick
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows beside the signals."""
-        generator, recorder = self.generator, self.recorder
+        pacing, generator, recorder = self.paced.pace(), self.bench.generator, self.recorder
+        shown = {} if generator is None else generator.as_dict()
+        written = {} if recorder is None else {"file": recorder.path.name, "rows": recorder.rows}
         return {
-            "tick": self.bench.tick,
-            "target": self.target,
-            "load": self.load,
-            "speed": self.pacer.speed,
-            "paused": self.pacer.paused,
-            "factor": self.pacer.factor,
-            "lateness": self.pacer.lateness,
-            "state": int(self.values.get("state", 0)),
-            "fault": int(self.values.get("fault", 0)),
-            "generator": None
-            if generator is None
-            else {
-                "shape": generator.shape,
-                "amplitude": generator.amplitude,
-                "frequency": generator.frequency,
-            },
-            "recording": None
-            if recorder is None
-            else {"file": recorder.path.name, "rows": recorder.rows},
+            "tick": pacing.tick,
+            "speed": pacing.speed,
+            "paused": pacing.paused,
+            "factor": pacing.factor,
+            "lateness": pacing.late_most,
+            "slips": pacing.slips,
+            "waits_for": pacing.waits_for,
+            "target": self.bench.target,
+            "load": self.bench.pulled,
+            "state": int(self._values.get("state", 0)),
+            "fault": int(self._values.get("fault", 0)),
+            "generator": shown or None,
+            "recording": written or None,
             "ended": self.ended,
         }
 
-    def _run(self) -> None:
-        try:
-            while not self._closing:
-                self._between()
-                self._stretch()
-        except Exception as error:
-            self.ended = f"the bench ended: {error}"
-            self._refuse_orders()
-        finally:
-            self.bench.close()
-            if self.recorder is not None:
-                self.recorder.close()
+    def _look_on(self, listener: Listener, subscription: Subscription) -> threading.Thread:
+        def run() -> None:
+            try:
+                while (rows := subscription.get()) is not None:
+                    listener(rows)
+            except OSError as error:
+                self._trouble = f"{subscription.name}: {error.strerror}"
+            finally:
+                subscription.close()
 
-    def _stretch(self) -> None:
-        ticks = self.pacer.wait(STRETCH_S)
-        if not ticks:
-            return
-        generator = self.generator
-        if generator is not None and self.target is not None:
-            offset = generator.at(self.bench.tick + 1, self.bench.rate)
-            self.bench.demand(self.target + offset)
-        rows = self.bench.advance(ticks)
-        if self.recorder is not None:
-            self.recorder.put(rows)
+        thread = threading.Thread(target=run, name=subscription.name, daemon=True)
+        thread.start()
+        return thread
+
+    def _hand_on(self, rows: FloatArray) -> None:
         for listener in self._listeners:
             listener(rows)
-        self.values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
-
-    def _between(self) -> None:
-        """Do what waits; the emergency stop first."""
-        if self._emergency:
-            who, self._emergency = self._emergency, ""
-            self.generator = None
-            try:
-                self.bench.command(Command.STOP)
-                self.note(who, "emergency stop")
-            except InputError as refused:
-                self.note(who, f"emergency stop: {refused}")
-        for _ in range(self._orders.qsize()):
-            act, future = self._orders.get_nowait()
-            try:
-                future.set_result(act())
-            except InputError as error:
-                future.set_exception(error)
-
-    def _refuse_orders(self) -> None:
-        while not self._orders.empty():
-            self._orders.get_nowait()[1].set_exception(InputError(self.ended))
+        self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
 
 
 def finite(fields: Mapping[str, Any], key: str) -> float:

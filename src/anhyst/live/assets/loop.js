@@ -1,10 +1,10 @@
-// The loop view: force over current as it is drawn, over the measured loops, and the error of the
-// gap (or force) against what is demanded, over the demand.
+// The loop view: force over current as it is drawn, over the measured loops; and what the force is
+// off what the controller demands, over the demand.
 
 import { Plane, limits } from "./canvas.js";
 import { field, make, select } from "./dom.js";
 import { ink } from "./strip.js";
-import { seconds, shown } from "./units.js";
+import { seconds } from "./units.js";
 
 const POINTS = 4000;
 const WINDOWS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
@@ -16,8 +16,7 @@ export class LoopView {
     const find = (name) => bench.signals.findIndex((signal) => signal.name === name);
     this.current = find("current");
     this.force = find("force");
-    this.reference = find("reference");
-    this.actual = find("gap") >= 0 ? find("gap") : this.force;
+    this.demand = find("demand");
     this.windows = select(
       WINDOWS.map((one) => [String(one), seconds(one)]),
       "2",
@@ -27,14 +26,8 @@ export class LoopView {
     const right = make("figure");
     const bar = make("div", { className: "bar" }, field("of the last", this.windows), this.note);
     place.replaceChildren(bar, make("div", { className: "pair" }, left, right));
-    const followed = bench.signals[this.actual];
-    this.shown = shown(followed.unit);
     this.loop = new Plane(left, "current / A", "force / N");
-    this.error = new Plane(
-      right,
-      `reference / ${this.shown.name}`,
-      `${followed.name} − reference / ${this.shown.name}`,
-    );
+    this.error = new Plane(right, "demand / N", "force − demand / N");
   }
 
   draw() {
@@ -44,16 +37,9 @@ export class LoopView {
     const every = Math.max(1, Math.ceil((store.count - from) / POINTS));
     const rows = [];
     for (let row = from; row < store.count; row += every) rows.push(row);
-    const column = (n, factor = 1) => rows.map((row) => store.value(n, row) * factor);
+    const column = (n) => rows.map((row) => store.value(n, row));
     this.#drawLoop(column(this.current), column(this.force));
-    if (this.reference >= 0) {
-      const wanted = column(this.reference, this.shown.factor);
-      const actual = column(this.actual, this.shown.factor);
-      this.#drawError(
-        wanted,
-        actual.map((value, i) => value - wanted[i]),
-      );
-    }
+    if (this.demand >= 0) this.#drawError(column(this.demand), column(this.force));
   }
 
   #drawLoop(currents, forces) {
@@ -66,11 +52,12 @@ export class LoopView {
     this.loop.dot(currents.at(-1), forces.at(-1), "#d55e00");
   }
 
-  #drawError(wanted, errors) {
+  #drawError(wanted, forces) {
+    const errors = forces.map((force, i) => force - wanted[i]);
     this.error.begin([...limits(wanted), ...limits(errors)]);
     this.error.line(wanted, errors, "#0072b2", 1.5);
     this.error.dot(wanted.at(-1), errors.at(-1), "#d55e00");
     const rms = Math.sqrt(errors.reduce((sum, one) => sum + one * one, 0) / errors.length);
-    this.note.textContent = `error rms ${Number(rms.toPrecision(3))} ${this.shown.name}`;
+    this.note.textContent = `force − demand: rms ${Number(rms.toPrecision(3))} N`;
   }
 }

@@ -74,12 +74,14 @@ function status(now) {
   facts({
     time: `${(now.tick / bench.rate).toFixed(2)} s`,
     "real time": now.paused ? "paused" : `× ${now.factor.toFixed(2)}`,
-    late: `${(1e3 * now.lateness).toFixed(1)} ms`,
+    "late at most": `${(1e3 * now.lateness).toFixed(1)} ms`,
+    slips: String(now.slips),
     recorded: now.recording ? `${now.recording.rows} ticks, ${now.recording.file}` : "no",
   });
   role(now);
   for (const entry of now.log) write(entry);
   if (now.ended) notify(now.ended);
+  else if (now.waits_for) notify(`the bench waits for ${now.waits_for}`);
 }
 
 function facts(values) {

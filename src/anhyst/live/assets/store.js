@@ -1,6 +1,6 @@
 // The last rows of all signals, and what of them falls on each pixel.
 
-const CAPACITY = 1 << 20;
+const CAPACITY = 1 << 19;
 
 export class Store {
   newest = 0;
