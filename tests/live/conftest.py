@@ -48,6 +48,7 @@ class Served:
 
     session: Session
     port: int
+    end: Callable[[], None]
 
     @property
     def address(self) -> str:
@@ -72,6 +73,7 @@ def serve(firmware: Path) -> Iterator[Serve]:
         thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]})
 
         def end() -> None:
+            ends.remove(end)
             server.should_exit = True
             thread.join()
             session.close()
@@ -80,10 +82,10 @@ def serve(firmware: Path) -> Iterator[Serve]:
         session.start()
         thread.start()
         ends.append(end)
-        return Served(session, port)
+        return Served(session, port, end)
 
     yield start
-    for end in ends:
+    for end in tuple(ends):
         end()
 
 
@@ -114,7 +116,14 @@ def show(browser: Browser) -> Iterator[Show]:
         page = context.new_page()
         page.set_default_timeout(30_000)
         page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+        page.on(
+            "console",
+            lambda said: (
+                wrong.append(said.text)
+                if said.type == "error" and "REFUSED" not in said.text
+                else None
+            ),
+        )
         page.goto(served.address)
         opened.append(context)
         return page

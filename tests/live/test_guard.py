@@ -31,7 +31,8 @@ def get(served: Served, path: str = "/", **headers: str) -> http.client.HTTPResp
 
 def meet(served: Served, **options: Any) -> ClientConnection:
     options.setdefault("origin", Origin(f"http://127.0.0.1:{served.port}"))
-    return connect(f"ws://127.0.0.1:{served.port}/live", max_size=None, **options)
+    line: ClientConnection = connect(f"ws://127.0.0.1:{served.port}/live", max_size=None, **options)
+    return line
 
 
 def next_message(line: ClientConnection, kind: str) -> dict[str, Any]:

@@ -29,14 +29,17 @@ def seen(page: Page, text: str) -> Any:
     return page.evaluate(f"(() => {{ const page = window.anhyst; return {text}; }})()")
 
 
+def until(page: Page, condition: str) -> None:
+    """Wait for something in the page; its policy forbids what Playwright would wait by."""
+    wait_for(lambda: page.evaluate(condition))
+
+
 def ready(page: Page) -> None:
-    page.wait_for_function("window.anhyst?.store.count > 1000")
+    until(page, "window.anhyst?.store.count > 1000")
 
 
 def state_is(page: Page, name: str) -> None:
-    page.wait_for_function(
-        "name => document.getElementById('state').textContent === name", arg=name
-    )
+    until(page, f"document.getElementById('state').textContent === '{name}'")
 
 
 def lift(page: Page, served: Served) -> None:
@@ -59,15 +62,16 @@ def test_the_armature_is_lifted_and_stopped_by_one_key(serve: Serve, show: Show)
     served = serve()
     page = show(served)
     lift(page, served)
-    page.wait_for_function(
-        "() => { const s = window.anhyst.store; return Math.abs(s.value(0, s.count - 1) - 450e-6) < 1e-6 }"
+    until(
+        page,
+        "(() => { const s = window.anhyst.store; return Math.abs(s.value(0, s.count - 1) - 450e-6) < 1e-6 })()",
     )
     assert abs(last(page, "gap") - GAP) < 1e-6
     assert page.locator("#stop").is_visible()
     page.locator("#target").focus()  # from anywhere, a field too
     page.keyboard.press("Escape")
     state_is(page, "fault")
-    page.wait_for_function("document.getElementById('fault').textContent === 'stopped'")
+    until(page, "document.getElementById('fault').textContent === 'stopped'")
     assert served.session.status()["state"] == State.FAULT
     assert served.session.status()["fault"] == Fault.STOPPED
 
@@ -77,8 +81,8 @@ def test_a_refused_command_says_why(serve: Serve, show: Show) -> None:
     ready(page)
     state_is(page, "idle")
     press(page, "lift")
-    page.wait_for_function("document.getElementById('notice').textContent.includes('state')")
-    assert "not in the state it is in" in page.locator("#notice").inner_text()
+    until(page, "document.getElementById('notice').textContent.includes('state')")
+    assert "in the state idle" in page.locator("#notice").inner_text()
 
 
 def test_a_watcher_may_stop_and_takes_over_when_asked(serve: Serve, show: Show) -> None:
@@ -87,15 +91,15 @@ def test_a_watcher_may_stop_and_takes_over_when_asked(serve: Serve, show: Show) 
     ready(first)
     second = show(served)
     ready(second)
-    second.wait_for_function("document.body.classList.contains('watching')")
+    until(second, "document.body.classList.contains('watching')")
     press(second, "demagnetised")
-    second.wait_for_function(
-        "document.getElementById('notice').textContent.includes('another browser operates')"
+    until(
+        second, "document.getElementById('notice').textContent.includes('another browser operates')"
     )
     press(second, "take over")
     press(first, "hand over to browser 2")
-    first.wait_for_function("document.body.classList.contains('watching')")
-    second.wait_for_function("!document.body.classList.contains('watching')")
+    until(first, "document.body.classList.contains('watching')")
+    until(second, "!document.body.classList.contains('watching')")
     lift(second, served)
     first.keyboard.press("Escape")  # watches, and stops all the same
     state_is(second, "fault")
@@ -111,7 +115,7 @@ def test_a_trigger_shows_the_sample_that_crossed(serve: Serve, show: Show) -> No
     page.select_option("#trigger-mode", "single")
     page.locator("#target").fill("430")
     page.locator("#go").click()
-    page.wait_for_function("window.anhyst.scope.held !== null && window.anhyst.scope.shot")
+    until(page, "window.anhyst.scope.held !== null && window.anhyst.scope.shot")
     hit, end = seen(page, "[page.scope.shot.hit, page.scope.shot.end]")
     before, at = seen(page, f"[-1, 0].map((n) => page.store.value(0, page.store.find({hit}) + n))")
     assert at <= 440e-6 < before
@@ -130,7 +134,7 @@ def test_steps_show_the_figures_of_the_recording(serve: Serve, show: Show, tmp_p
     page.get_by_role("tab", name="3 steps").click()
     page.wait_for_selector("#steps tbody tr")
     shown = float(page.locator("#steps tbody tr td").nth(3).inner_text().split()[0])
-    served.session.close()
+    served.end()
     rows = numbers(record)
     gap, reference = rows[:, 2], rows[:, 5]
     (jump,) = np.flatnonzero(np.abs(np.diff(reference)) > 19e-6) + 1
@@ -144,17 +148,17 @@ def test_staged_values_are_applied_on_one_tick(serve: Serve, show: Show) -> None
     ready(page)
     page.get_by_role("tab", name="4 parameters").click()
     old = {one.name: one.value for one in served.session.parameters}
-    names = list(old)[:2]
-    for name in names:
-        page.get_by_label(name, exact=True).fill("3")
+    staged = {one.name: 0.5 * one.high for one in served.session.parameters[:2]}
+    for name, value in staged.items():
+        page.get_by_label(name, exact=True).fill(str(value))
         page.get_by_label(name, exact=True).press("Tab")
     assert {one.name: one.value for one in served.session.parameters} == old
     page.get_by_role("button", name="apply 2 staged").click()
-    page.wait_for_function("document.getElementById('confirmed').textContent.includes('tick')")
+    until(page, "document.getElementById('confirmed').textContent.includes('tick')")
     now = {one.name: one.value for one in served.session.parameters}
-    assert {name for name in old if now[name] != old[name]} == set(names)
-    (entry,) = [one for one in served.session.log if names[0] in one.text]
-    assert all(f"{name} = 3" in entry.text for name in names)
+    assert {name: now[name] for name in old if now[name] != old[name]} == staged
+    (entry,) = [one for one in served.session.log if " = " in one.text]
+    assert all(name in entry.text for name in staged)
     assert str(entry.tick + 1) in page.locator("#confirmed").inner_text()
     page.keyboard.press("Tab")
     page.get_by_role("button", name="roll back").click()
@@ -167,17 +171,17 @@ def test_what_is_drawn_equals_the_recording(serve: Serve, show: Show, tmp_path: 
     page = show(served)
     lift(page, served)
     page.keyboard.press("Space")
-    columns, newest = seen(page, "[page.bench.signals.length, page.store.newest]")
+    columns = seen(page, "page.bench.signals.length")
     pick = "Array.from({length: 2000}, (_, i) => page.store.count - 2000 + i)"
     ticks = seen(page, f"{pick}.map((row) => page.store.tick(row))")
+    assert ticks == list(range(int(ticks[0]), int(ticks[0]) + 2000))
+    many = "Array.from({length: 2000}, (_, i) => i)"
     table = [
-        seen(page, f"page.store.find({ticks[0]}) === 0 ? [] : Array.from({{length: 2000}}, "
-                   f"(_, i) => page.store.value({n}, page.store.find({ticks[0]}) + i))")
+        seen(page, f"{many}.map((i) => page.store.value({n}, page.store.find({ticks[0]}) + i))")
         for n in range(columns)
-    ]  # fmt: skip
-    served.session.close()
+    ]
+    served.end()
     rows = numbers(record)
-    assert newest >= ticks[-1]
     assert np.array_equal(rows[:, 0], np.arange(1, len(rows) + 1))
     wanted = rows[int(ticks[0]) - 1 : int(ticks[-1]), 2:]
     assert np.array_equal(np.array(table).T, wanted.astype("f4").astype(float))

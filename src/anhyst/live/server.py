@@ -142,6 +142,7 @@ class LiveServer:
         client = Client(self._count, socket)
         self._clients[client.number] = client
         self.desk.join(client.number)
+        client.parameters = self.session.parameters
         await client.say(describe(self.session, self._title, client.number))
         leave = self.session.listen(client.outbox.put)
         sender = asyncio.create_task(self._send(client))

@@ -60,9 +60,9 @@ export class Parameters {
       className: "number",
     });
     input.setAttribute("aria-label", one.name);
-    input.onchange = () => this.#stage(one, Number(input.value));
+    input.oninput = () => this.#stage(one, Number(input.value));
     input.onkeydown = (event) =>
-      event.key === "Enter" && event.ctrlKey && (input.onchange(), this.apply());
+      event.key === "Enter" && event.ctrlKey && (input.oninput(), this.apply());
     this.#inputs.set(one.name, input);
     const range = `${short(one.low)} to ${short(one.high)} ${one.unit}`;
     return make(
