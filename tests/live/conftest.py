@@ -66,7 +66,7 @@ def serve(firmware: Path) -> Iterator[Serve]:
     def start(token: str = "", record: Path | None = None) -> Served:
         opened = BearingBench(bearings.single(), firmware)
         recorder = StreamRecorder(record, opened.signals, opened.rate) if record else None
-        session = Session(opened, recorder)
+        session = Session(opened, recorder, bearings.GAP)
         taken = listen_on("127.0.0.1", 0)
         port = int(taken.getsockname()[1])
         server = make_server(session, "bearing", ("127.0.0.1", port), token)

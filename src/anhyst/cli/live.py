@@ -56,6 +56,7 @@ def live(
     from anhyst.live.recorder import StreamRecorder
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import Session
+    from anhyst.rig.bearing.file import read_bearing
     from anhyst.study.bench import open_bench
 
     taken = listen_on(*read_address(listen, token))
@@ -71,6 +72,7 @@ def live(
     def started(address: str) -> None:
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
-    serve(Session(bench, recorder), rig.resolve().parent.name, taken, shown, started)
+    target = read_bearing(rig).settings.simulate.gap_m
+    serve(Session(bench, recorder, target), rig.resolve().parent.name, taken, shown, started)
     if recorder is not None:
         show(f"written: {recorder.path}, {recorder.rows} ticks")

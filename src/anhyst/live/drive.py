@@ -22,6 +22,8 @@ class DrivenBench:
     ----------
     bench : Bench
         What does the work.
+    target : float, optional
+        With which it was opened.
 
     Attributes
     ----------
@@ -31,10 +33,10 @@ class DrivenBench:
         Last force commanded to the load drive, N; None before the first.
     """
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: Bench, target: float | None = None) -> None:
         self.rate: float = bench.rate
         self.signals: tuple[Signal, ...] = bench.signals
-        self.target: float | None = None
+        self.target = target
         self.pulled: float | None = None
         self._bench = bench
         self._generator: Generator | None = None

@@ -44,6 +44,8 @@ class Session:
         Closed with the session.
     recorder : StreamRecorder, optional
         Gets every row from the first tick on; the bench waits for it. Closed with the session.
+    target : float, optional
+        Target with which the bench was opened, m or N.
 
     Attributes
     ----------
@@ -60,8 +62,13 @@ class Session:
         With the values in force; another tuple after each change.
     """
 
-    def __init__(self, bench: Bench, recorder: StreamRecorder | None = None) -> None:
-        self.bench = DrivenBench(bench)
+    def __init__(
+        self,
+        bench: Bench,
+        recorder: StreamRecorder | None = None,
+        target: float | None = None,
+    ) -> None:
+        self.bench = DrivenBench(bench, target)
         self.recorder = recorder
         self.log: deque[Entry] = deque(maxlen=_LOG)
         self.logged = 0
@@ -132,7 +139,7 @@ class Session:
     def generate(self, generator: Generator | None) -> None:
         """Start a generator around the target, or stop it and go back to the target."""
         if generator is not None and self.bench.target is None:
-            self.bench.demand(self._values.get("reference", 0.0))
+            raise InputError("generator: set a target first")
         self.bench.generate(generator)
 
     def apply(self, values: Mapping[str, float]) -> int:

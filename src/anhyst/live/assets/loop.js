@@ -6,7 +6,7 @@ import { field, make, select } from "./dom.js";
 import { ink } from "./strip.js";
 import { seconds } from "./units.js";
 
-const POINTS = 4000;
+const POINTS = 12000;
 const WINDOWS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
 
 export class LoopView {
@@ -19,7 +19,7 @@ export class LoopView {
     this.demand = find("demand");
     this.windows = select(
       WINDOWS.map((one) => [String(one), seconds(one)]),
-      "2",
+      "0.5",
     );
     this.note = make("output", { className: "reading" });
     const left = make("figure");

@@ -139,9 +139,9 @@ export class Panel {
 
   // Shows what the bench says; fields in which somebody types are left alone.
   status(status, values) {
-    const target = status.target ?? values.reference;
+    const { target } = status;
     this.targetNow.textContent = `now ${show(target, this.unit)}`;
-    if (this.target.value === "" && target !== undefined)
+    if (this.target.value === "" && target !== null)
       this.target.value = Number((target * this.shown.factor).toPrecision(6));
     const { generator } = status;
     this.generatorNow.textContent = generator
