@@ -14,7 +14,7 @@ import pytest
 
 from anhyst.live.recorder import StreamRecorder
 from anhyst.live.run import listen_on, make_server
-from anhyst.live.session import Session
+from anhyst.live.session import LiveSession
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.study.bearing.on_board import build_firmware
 from tests.once import made_once
@@ -46,7 +46,7 @@ def bench(firmware: Path) -> Iterator[BearingBench]:
 class Served:
     """A session that is served."""
 
-    session: Session
+    session: LiveSession
     port: int
     end: Callable[[], None]
 
@@ -66,7 +66,7 @@ def serve(firmware: Path) -> Iterator[Serve]:
     def start(token: str = "", record: Path | None = None) -> Served:
         opened = BearingBench(bearings.single(), firmware)
         recorder = StreamRecorder(record, opened.signals, opened.rate) if record else None
-        session = Session(opened, recorder, bearings.GAP)
+        session = LiveSession(opened, recorder, bearings.GAP)
         taken = listen_on("127.0.0.1", 0)
         port = int(taken.getsockname()[1])
         server = make_server(session, "bearing", ("127.0.0.1", port), token)

@@ -14,6 +14,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
+from anhyst.cli.app import main
 from anhyst.live.guard import POLICY, read_address
 from anhyst.live.server import CLIENTS_MOST
 from anhyst.support.errors import InputError
@@ -209,3 +210,11 @@ def test_a_refusal_says_why(serve: Serve, what: str, fields: dict[str, Any], why
     with meet(serve()) as line:
         next_message(line, "bench")
         assert why in order(line, what, **fields)["reason"]
+
+
+def test_without_the_extra_its_name_is_said(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["live", "rig.toml"]) == 2
+    assert "pip install 'anhyst[live]'" in capsys.readouterr().err

@@ -55,7 +55,7 @@ def live(
     from anhyst.live.guard import read_address
     from anhyst.live.recorder import StreamRecorder
     from anhyst.live.run import listen_on, serve
-    from anhyst.live.session import Session
+    from anhyst.live.session import LiveSession
     from anhyst.rig.bearing.file import read_bearing
     from anhyst.study.bench import open_bench
 
@@ -73,6 +73,6 @@ def live(
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
     target = read_bearing(rig).settings.simulate.gap_m
-    serve(Session(bench, recorder, target), rig.resolve().parent.name, taken, shown, started)
+    serve(LiveSession(bench, recorder, target), rig.resolve().parent.name, taken, shown, started)
     if recorder is not None:
         show(f"written: {recorder.path}, {recorder.rows} ticks")

@@ -9,15 +9,15 @@ from typing import Any
 from anhyst.control.states import Fault, State
 from anhyst.live.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
 from anhyst.live.orders import parameters_of
-from anhyst.live.session import Session
+from anhyst.live.session import LiveSession
 
 
-def describe(session: Session, title: str, you: int) -> Mapping[str, Any]:
+def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
     """Return the first message to a page.
 
     Parameters
     ----------
-    session : Session
+    session : LiveSession
     title : str
         What the rig is called.
     you : int

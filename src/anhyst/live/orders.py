@@ -7,22 +7,22 @@ from typing import Any
 
 from anhyst.control.states import Command
 from anhyst.live.generator import Generator
-from anhyst.live.session import Session, finite
+from anhyst.live.session import LiveSession, finite
 from anhyst.support.errors import InputError
 
 Fields = Mapping[str, Any]
-Act = Callable[[Session, str, Fields], Mapping[str, Any]]
+Act = Callable[[LiveSession, str, Fields], Mapping[str, Any]]
 
 _SWITCHES_MOST = 200
 """Parameters in one message."""
 
 
-def perform(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
+def perform(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     """Do what a message asks for; to be called in the thread of the bench.
 
     Parameters
     ----------
-    session : Session
+    session : LiveSession
     who : str
         For the log.
     fields : mapping
@@ -44,7 +44,7 @@ def perform(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
     return {"tick": session.bench.tick, **act(session, who, fields)}
 
 
-def _command(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
+def _command(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     name = str(fields.get("name"))
     commands = {command.name.lower(): command for command in session.bench.commands()}
     if name not in commands:
@@ -57,21 +57,21 @@ def _command(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
     return {}
 
 
-def _target(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
+def _target(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     value = finite(fields, "value")
     session.bench.demand(value)
     session.note(who, f"target {value:g}")
     return {}
 
 
-def _load(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
+def _load(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     value = finite(fields, "value")
     session.bench.load(value)
     session.note(who, f"load {value:g} N")
     return {}
 
 
-def _generator(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
+def _generator(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     if fields.get("shape") is None:
         session.generate(None)
         session.note(who, "generator off")
@@ -83,7 +83,7 @@ def _generator(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
     return {}
 
 
-def _apply(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
+def _apply(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     staged = fields.get("values")
     if not isinstance(staged, dict) or not 1 <= len(staged) <= _SWITCHES_MOST:
         raise InputError("values: names no parameter")
@@ -93,7 +93,7 @@ def _apply(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
     return {"applied": tick, "parameters": parameters_of(session)}
 
 
-def _pace(session: Session, who: str, fields: Fields) -> Mapping[str, Any]:
+def _pace(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     if "speed" in fields:
         speed = finite(fields, "speed")
         session.paced.set_speed(speed)
@@ -122,6 +122,6 @@ _ACTS: Mapping[str, Act] = {
 }
 
 
-def parameters_of(session: Session) -> list[dict[str, Any]]:
+def parameters_of(session: LiveSession) -> list[dict[str, Any]]:
     """Return the parameters as a page gets them."""
     return [parameter._asdict() for parameter in session.parameters]

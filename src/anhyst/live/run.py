@@ -9,7 +9,7 @@ import uvicorn
 
 from anhyst.live.guard import names_of
 from anhyst.live.server import MESSAGE_MOST, LiveServer
-from anhyst.live.session import Session
+from anhyst.live.session import LiveSession
 from anhyst.support.errors import InputError
 
 _HTTP_MOST = 64
@@ -40,13 +40,13 @@ def listen_on(host: str, port: int) -> socket.socket:
 
 
 def make_server(
-    session: Session, title: str, address: tuple[str, int], token: str = ""
+    session: LiveSession, title: str, address: tuple[str, int], token: str = ""
 ) -> uvicorn.Server:
     """Return the server of a page for a session.
 
     Parameters
     ----------
-    session : Session
+    session : LiveSession
     title : str
         What the page calls the rig.
     address : tuple of str and int
@@ -71,7 +71,7 @@ def make_server(
 
 
 def serve(
-    session: Session,
+    session: LiveSession,
     title: str,
     taken: socket.socket,
     token: str = "",
@@ -81,7 +81,7 @@ def serve(
 
     Parameters
     ----------
-    session : Session
+    session : LiveSession
         Not started yet.
     title, token : str
         As of :func:`make_server`.

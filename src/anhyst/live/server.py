@@ -21,7 +21,7 @@ from anhyst.live.desk import Desk
 from anhyst.live.frames import Outbox, encode
 from anhyst.live.guard import Allowance, Guard
 from anhyst.live.orders import parameters_of, perform
-from anhyst.live.session import Session
+from anhyst.live.session import LiveSession
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.json_text import plain
@@ -88,7 +88,7 @@ class LiveServer:
 
     Parameters
     ----------
-    session : Session
+    session : LiveSession
         Running.
     title : str
         What the page calls the rig.
@@ -99,7 +99,7 @@ class LiveServer:
     """
 
     def __init__(
-        self, session: Session, title: str, names: frozenset[str], token: str = ""
+        self, session: LiveSession, title: str, names: frozenset[str], token: str = ""
     ) -> None:
         self.session = session
         self.desk = Desk()

@@ -25,7 +25,7 @@ Listener = Callable[[FloatArray], None]
 _Result = TypeVar("_Result")
 
 
-class Entry(NamedTuple):
+class Change(NamedTuple):
     """What was changed."""
 
     tick: int
@@ -33,7 +33,7 @@ class Entry(NamedTuple):
     text: str
 
 
-class Session:
+class LiveSession:
     """Runs a bench until it is closed.
 
     Methods that touch the bench are to be called within :meth:`do`.
@@ -54,7 +54,7 @@ class Session:
     paced : PacedBench
         What runs it.
     recorder : StreamRecorder or None
-    log : deque of Entry
+    log : deque of Change
         What was changed of late.
     logged : int
         Entries since the start.
@@ -70,7 +70,7 @@ class Session:
     ) -> None:
         self.bench = DrivenBench(bench, target)
         self.recorder = recorder
-        self.log: deque[Entry] = deque(maxlen=_LOG)
+        self.log: deque[Change] = deque(maxlen=_LOG)
         self.logged = 0
         self.parameters = bench.parameters()
         self._names = [signal.name for signal in bench.signals]
@@ -122,7 +122,7 @@ class Session:
 
     def note(self, who: str, text: str) -> None:
         """Keep what was changed, in the log and in the recording."""
-        self.log.append(Entry(self.bench.tick, who, text))
+        self.log.append(Change(self.bench.tick, who, text))
         self.logged += 1
         if self.recorder is not None:
             self.recorder.note(f"after tick {self.bench.tick}, {who}: {text}")
