@@ -25,7 +25,7 @@ Listener = Callable[[FloatArray], None]
 _Result = TypeVar("_Result")
 
 
-class Change(NamedTuple):
+class LogEntry(NamedTuple):
     """What was changed."""
 
     tick: int
@@ -54,7 +54,7 @@ class LiveSession:
     paced : PacedBench
         What runs it.
     recorder : StreamRecorder or None
-    log : deque of Change
+    log : deque of LogEntry
         What was changed of late.
     logged : int
         Entries since the start.
@@ -70,7 +70,7 @@ class LiveSession:
     ) -> None:
         self.bench = DrivenBench(bench, target)
         self.recorder = recorder
-        self.log: deque[Change] = deque(maxlen=_LOG)
+        self.log: deque[LogEntry] = deque(maxlen=_LOG)
         self.logged = 0
         self.parameters = bench.parameters()
         self._names = [signal.name for signal in bench.signals]
@@ -122,7 +122,7 @@ class LiveSession:
 
     def note(self, who: str, text: str) -> None:
         """Keep what was changed, in the log and in the recording."""
-        self.log.append(Change(self.bench.tick, who, text))
+        self.log.append(LogEntry(self.bench.tick, who, text))
         self.logged += 1
         if self.recorder is not None:
             self.recorder.note(f"after tick {self.bench.tick}, {who}: {text}")
