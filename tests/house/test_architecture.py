@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections import defaultdict
@@ -26,7 +27,8 @@ def test_no_file_is_longer_than_600_lines(folder: str) -> None:
     sources = [
         path
         for path in (ROOT / folder).rglob("*")
-        if path.suffix in {".py", ".pyi", ".c", ".h", ".cpp", ".j2"}
+        if path.suffix in {".py", ".pyi", ".c", ".h", ".cpp", ".j2", ".js", ".css", ".html"}
+        and path.parent.name != "uplot"  # taken over as it is
     ]
     lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in sources}
     assert lengths
@@ -49,3 +51,18 @@ def test_no_public_class_name_stands_in_two_modules() -> None:
                 places[node.name].append(str(path.relative_to(ROOT)))
     assert places
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
+def test_the_page_loads_nothing_from_elsewhere() -> None:
+    assets = ROOT / "src" / "anhyst" / "live" / "assets"
+    own = [path for path in assets.iterdir() if path.suffix in {".js", ".css", ".html"}]
+    assert own
+    assert [path.name for path in own if "//" in _without_comments(path)] == []
+    assert (assets / "uplot" / "LICENSE").is_file()
+
+
+def _without_comments(path: Path) -> str:
+    """Return a source without its comments, and without the address made of the page's own."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    text = "\n".join(line for line in lines if not line.lstrip().startswith("//"))
+    return re.sub(r"\s// .*|\$\{scheme\}://\$\{location\.host\}", "", text)

@@ -188,7 +188,7 @@ def test_a_master_commands_a_run_and_keeps_it_alive(xcp_board: Running) -> None:
         assert bus.state is State.RUN
         assert read(master, "demand") == FULL // 2
         with pytest.raises(XcpResponseError) as error:
-            write(master, "compensation", 0)  # not in run
+            write(master, "follow", 1)  # not in run
         assert refused(error.value) == "ERR_ACCESS_DENIED"
         bus.step(RATE // 10 + 2)
     assert (bus.state, bus.fault) == (State.FAULT, Fault.LINK_LOST)

@@ -18,6 +18,7 @@ from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
 from anhyst.cli.init import init
 from anhyst.cli.inspect import inspect
+from anhyst.cli.live import live
 from anhyst.cli.report import report
 from anhyst.cli.simulate import simulate
 from anhyst.cli.tune import tune
@@ -51,6 +52,7 @@ app.command(no_args_is_help=True)(verify)
 app.command(no_args_is_help=True)(force_control)
 app.command(no_args_is_help=True)(simulate)
 app.command(no_args_is_help=True)(tune)
+app.command(no_args_is_help=True)(live)
 
 
 def _print_version(wanted: bool) -> None:

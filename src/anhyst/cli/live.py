@@ -1,0 +1,78 @@
+"""The verb ``live``."""
+
+from __future__ import annotations
+
+import importlib.util
+import secrets
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anhyst.cli.console import show
+from anhyst.cli.progress import progress_bar
+from anhyst.support.errors import InputError
+
+_PACKAGES = ("starlette", "uvicorn", "websockets")
+
+
+def live(
+    rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.")],
+    controller: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Controller file; 'controller.toml' beside the rig file if left out.",
+        ),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write every tick to a new CSV, from the first on."),
+    ] = None,
+    listen: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="HOST:PORT in digits, or PORT on this machine. Beyond this machine with --token "
+            "only.",
+        ),
+    ] = "127.0.0.1:8642",
+    token: Annotated[
+        bool,
+        typer.Option("--token", help="Let in only browsers that show a token, which is printed."),
+    ] = False,
+) -> None:
+    """See, touch and record a bearing in a browser while it runs.
+
+    The controller is compiled and built into the firmware, which levitates the virtual bearing in
+    real time; the page shows its signals and operates it. Ctrl-C ends it.
+
+    Example: anhyst live examples/bearing/rig.toml
+    """
+    for name in _PACKAGES:
+        if importlib.util.find_spec(name) is None:
+            raise InputError(f"live: {name} is not installed: pip install 'anhyst[live]'")
+    from anhyst.live.guard import read_address
+    from anhyst.live.recorder import StreamRecorder
+    from anhyst.live.run import listen_on, serve
+    from anhyst.live.session import LiveSession
+    from anhyst.rig.bearing.file import read_bearing
+    from anhyst.study.bench import open_bench
+
+    taken = listen_on(*read_address(listen, token))
+    with progress_bar("live") as progress:
+        bench = open_bench(rig, controller, progress)
+    try:
+        recorder = None if record is None else StreamRecorder(record, bench.signals, bench.rate)
+    except BaseException:
+        bench.close()
+        raise
+    shown = secrets.token_urlsafe(16) if token else ""
+
+    def started(address: str) -> None:
+        show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
+
+    target = read_bearing(rig).settings.simulate.gap_m
+    serve(LiveSession(bench, recorder, target), rig.resolve().parent.name, taken, shown, started)
+    if recorder is not None:
+        show(f"written: {recorder.path}, {recorder.rows} ticks")

@@ -1,0 +1,1 @@
+"""A bench in a browser: server, page and recorder behind ``anhyst live``."""

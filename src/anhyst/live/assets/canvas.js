@@ -1,0 +1,119 @@
+// A plot of one quantity over another on a canvas: axes, and lines in their units.
+
+import { ink } from "./strip.js";
+
+const MARGIN = { left: 62, right: 12, top: 12, bottom: 40 };
+
+export class Plane {
+  constructor(place, xLabel, yLabel) {
+    this.canvas = document.createElement("canvas");
+    place.append(this.canvas);
+    this.context = this.canvas.getContext("2d");
+    this.labels = [xLabel, yLabel];
+  }
+
+  // Begins a picture within limits [x low, x high, y low, y high].
+  begin([left, right, low, high]) {
+    const { canvas, context } = this;
+    const width = canvas.parentElement.clientWidth;
+    const height = canvas.parentElement.clientHeight;
+    const ratio = devicePixelRatio;
+    canvas.width = width * ratio;
+    canvas.height = height * ratio;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, width, height);
+    const inner = {
+      width: width - MARGIN.left - MARGIN.right,
+      height: height - MARGIN.top - MARGIN.bottom,
+    };
+    this.x = (value) => MARGIN.left + ((value - left) / (right - left)) * inner.width;
+    this.y = (value) => MARGIN.top + ((high - value) / (high - low)) * inner.height;
+    this.#axes(left, right, low, high, width, height);
+  }
+
+  line(xs, ys, colour, width = 1.5, alpha = 1) {
+    const { context } = this;
+    context.save();
+    context.beginPath();
+    context.rect(
+      MARGIN.left,
+      MARGIN.top,
+      this.canvas.clientWidth,
+      this.canvas.clientHeight - MARGIN.top - MARGIN.bottom,
+    );
+    context.clip();
+    context.beginPath();
+    for (let i = 0; i < xs.length; i++) context.lineTo(this.x(xs[i]), this.y(ys[i]));
+    context.strokeStyle = colour;
+    context.lineWidth = width;
+    context.globalAlpha = alpha;
+    context.stroke();
+    context.restore();
+  }
+
+  dot(x, y, colour) {
+    const { context } = this;
+    context.beginPath();
+    context.arc(this.x(x), this.y(y), 4, 0, 7);
+    context.fillStyle = colour;
+    context.fill();
+  }
+
+  #axes(left, right, low, high, width, height) {
+    const { context } = this;
+    context.font = "12px system-ui, sans-serif";
+    context.fillStyle = ink("--ink");
+    context.strokeStyle = ink("--line");
+    context.lineWidth = 1;
+    context.beginPath();
+    context.textAlign = "center";
+    for (const value of marks(left, right)) {
+      context.moveTo(this.x(value), MARGIN.top);
+      context.lineTo(this.x(value), height - MARGIN.bottom);
+      context.fillText(label(value), this.x(value), height - MARGIN.bottom + 16);
+    }
+    context.fillText(this.labels[0], (MARGIN.left + width) / 2, height - 6);
+    context.textAlign = "right";
+    for (const value of marks(low, high)) {
+      context.moveTo(MARGIN.left, this.y(value));
+      context.lineTo(width - MARGIN.right, this.y(value));
+      context.fillText(label(value), MARGIN.left - 6, this.y(value) + 4);
+    }
+    context.stroke();
+    context.save();
+    context.translate(14, (height - MARGIN.bottom) / 2);
+    context.rotate(-Math.PI / 2);
+    context.textAlign = "center";
+    context.fillText(this.labels[1], 0, 0);
+    context.restore();
+  }
+}
+
+function label(value) {
+  return String(Number(value.toPrecision(6)));
+}
+
+// Round numbers within a range, about six of them.
+export function marks(low, high) {
+  const raw = (high - low) / 6;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].find((one) => one * power >= raw) * power;
+  const found = [];
+  for (let n = Math.ceil(low / step); n * step <= high; n++) found.push(n * step);
+  return found;
+}
+
+// The range of some columns with a margin.
+export function limits(...columns) {
+  let low = Infinity;
+  let high = -Infinity;
+  for (const column of columns) {
+    for (const value of column) {
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+  }
+  if (!(low <= high)) return [0, 1];
+  const margin = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;
+  return [low - margin, high + margin];
+}

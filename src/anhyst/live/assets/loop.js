@@ -1,0 +1,63 @@
+// The loop view: force over current as it is drawn, over the measured loops; and what the force is
+// off what the controller demands, over the demand.
+
+import { Plane, limits } from "./canvas.js";
+import { field, make, select } from "./dom.js";
+import { ink } from "./strip.js";
+import { seconds } from "./units.js";
+
+const POINTS = 12000;
+const WINDOWS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
+
+export class LoopView {
+  constructor(place, bench, store) {
+    this.bench = bench;
+    this.store = store;
+    const find = (name) => bench.signals.findIndex((signal) => signal.name === name);
+    this.current = find("current");
+    this.force = find("force");
+    this.demand = find("demand");
+    this.windows = select(
+      WINDOWS.map((one) => [String(one), seconds(one)]),
+      "0.5",
+    );
+    this.note = make("output", { className: "reading" });
+    const left = make("figure");
+    const right = make("figure");
+    const bar = make("div", { className: "bar" }, field("of the last", this.windows), this.note);
+    place.replaceChildren(bar, make("div", { className: "pair" }, left, right));
+    this.loop = new Plane(left, "current / A", "force / N");
+    this.error = new Plane(right, "demand / N", "force − demand / N");
+  }
+
+  draw() {
+    const { store, bench } = this;
+    if (!store.count) return;
+    const from = store.find(store.newest - Number(this.windows.value) * bench.rate);
+    const every = Math.max(1, Math.ceil((store.count - from) / POINTS));
+    const rows = [];
+    for (let row = from; row < store.count; row += every) rows.push(row);
+    const column = (n) => rows.map((row) => store.value(n, row));
+    this.#drawLoop(column(this.current), column(this.force));
+    if (this.demand >= 0) this.#drawError(column(this.demand), column(this.force));
+  }
+
+  #drawLoop(currents, forces) {
+    const measured = this.bench.loops ?? [];
+    const x = limits(currents, ...measured.map((one) => one.current));
+    const y = limits(forces, ...measured.map((one) => one.force));
+    this.loop.begin([...x, ...y]);
+    for (const one of measured) this.loop.line(one.current, one.force, ink("--soft"), 1, 0.6);
+    this.loop.line(currents, forces, "#0072b2", 2);
+    this.loop.dot(currents.at(-1), forces.at(-1), "#d55e00");
+  }
+
+  #drawError(wanted, forces) {
+    const errors = forces.map((force, i) => force - wanted[i]);
+    this.error.begin([...limits(wanted), ...limits(errors)]);
+    this.error.line(wanted, errors, "#0072b2", 1.5);
+    this.error.dot(wanted.at(-1), errors.at(-1), "#d55e00");
+    const rms = Math.sqrt(errors.reduce((sum, one) => sum + one * one, 0) / errors.length);
+    this.note.textContent = `force − demand: rms ${Number(rms.toPrecision(3))} N`;
+  }
+}

@@ -1,0 +1,208 @@
+// Brings link, views and controls together.
+
+import { kept, make } from "./dom.js";
+import { Link } from "./link.js";
+import { LoopView } from "./loop.js";
+import { Panel } from "./panel.js";
+import { Parameters } from "./parameters.js";
+import { Scope } from "./scope.js";
+import { StepView } from "./steps.js";
+import { Store } from "./store.js";
+
+const VIEWS = ["scope", "loop", "steps", "parameters", "log"];
+const NOTICE_MS = 8000;
+
+const at = (id) => document.getElementById(id);
+const link = new Link(askToken);
+let page = null; // views and what they draw, once the bench is known
+let view = "scope";
+
+link.addEventListener("bench", (event) => open(event.detail));
+link.addEventListener("frame", (event) => feed(event.detail));
+link.addEventListener("status", (event) => status(event.detail));
+link.addEventListener("parameters", (event) => page?.parameters.show(event.detail.parameters));
+link.addEventListener("lost", (event) => lost(event.detail));
+
+// Sends an order; a refusal is shown, and then there is no answer.
+async function order(what, fields) {
+  try {
+    return await link.order(what, fields);
+  } catch (refused) {
+    notify(refused.message);
+    return null;
+  }
+}
+
+function open(bench) {
+  const store = new Store(bench.signals.length);
+  const parameters = new Parameters(at("parameters"), order);
+  parameters.show(bench.parameters);
+  page = {
+    bench,
+    store,
+    parameters,
+    scope: new Scope(at("scope"), bench, store),
+    loop: new LoopView(at("loop"), bench, store),
+    steps: new StepView(at("steps"), bench, () => parameters.label()),
+    panel: new Panel(at("panel"), bench, order),
+  };
+  at("title").textContent = bench.title;
+  document.title = `${bench.title} – anhyst live`;
+  at("log").replaceChildren(make("ol"));
+  document.body.classList.remove("lost");
+  window.anhyst = page;
+}
+
+function feed(frame) {
+  if (!page) return;
+  page.store.push(frame);
+  page.scope.feed(frame);
+  page.steps.feed(frame);
+}
+
+function status(now) {
+  const { bench, store } = page;
+  const last = (name) => {
+    const column = bench.signals.findIndex((signal) => signal.name === name);
+    return column < 0 || !store.count ? undefined : store.value(column, store.count - 1);
+  };
+  page.panel.status(now, { load: last("load") });
+  const state = bench.states[now.state] ?? now.state;
+  at("state").textContent = state;
+  at("state").dataset.state = state;
+  at("fault").textContent = now.fault ? bench.faults[now.fault] : "";
+  facts({
+    time: `${(now.tick / bench.rate).toFixed(2)} s`,
+    "real time": now.paused ? "paused" : `× ${now.factor.toFixed(2)}`,
+    "late at most": `${(1e3 * now.lateness).toFixed(1)} ms`,
+    slips: String(now.slips),
+    recorded: now.recording ? `${now.recording.rows} ticks, ${now.recording.file}` : "no",
+  });
+  role(now);
+  for (const entry of now.log) write(entry);
+  if (now.ended) notify(now.ended);
+  else if (now.waits_for) notify(`the bench waits for ${now.waits_for}`);
+}
+
+function facts(values) {
+  const items = Object.entries(values).map(([name, text]) =>
+    make("div", {}, make("dt", { textContent: name }), make("dd", { textContent: text })),
+  );
+  at("facts").replaceChildren(...items);
+}
+
+// Who operates: this browser, another, and who asks.
+function role({ operator, asking, browsers }) {
+  const mine = operator === page.bench.you;
+  document.body.classList.toggle("watching", !mine);
+  const key = [mine, asking, operator, browsers].join();
+  if (at("role").dataset.key === key) return;
+  at("role").dataset.key = key;
+  const parts = [
+    make("b", { textContent: mine ? "you operate" : `browser ${operator} operates, you watch` }),
+  ];
+  if (browsers > 1) parts.push(` (${browsers} browsers) `);
+  const button = (text, act) => parts.push(make("button", { textContent: text, onclick: act }));
+  if (!mine && !asking) button("take over", () => order("ask"));
+  if (!mine && asking === page.bench.you) parts.push(" asked; waits 10 s at most");
+  if (mine && asking) {
+    button(`hand over to browser ${asking}`, () => order("hand over", { yes: true }));
+    button("keep", () => order("hand over", { yes: false }));
+  }
+  at("role").replaceChildren(...parts);
+}
+
+function write({ tick, who, text }) {
+  const time = `${(tick / page.bench.rate).toFixed(3)} s, tick ${tick}`;
+  at("log").firstChild.prepend(
+    make("li", {}, make("b", { textContent: text }), ` ${time}, ${who}`),
+  );
+}
+
+let forget = 0;
+function notify(text) {
+  at("notice").textContent = text;
+  at("notice").hidden = false;
+  clearTimeout(forget);
+  forget = setTimeout(() => (at("notice").hidden = true), NOTICE_MS);
+}
+
+function lost(reason) {
+  document.body.classList.add("lost");
+  at("state").textContent = "not connected";
+  notify(`not connected${reason ? `: ${reason}` : ""}; trying again`);
+}
+
+function askToken() {
+  const dialog = at("token");
+  const input = dialog.querySelector("input");
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.onclose = () => resolve(input.value);
+  });
+}
+
+function choose(name) {
+  view = name;
+  for (const one of VIEWS) at(one).hidden = one !== name;
+  for (const tab of at("tabs").children)
+    tab.setAttribute("aria-selected", tab.dataset.view === name);
+}
+
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  kept.set("theme", name);
+  page?.scope.restyle();
+}
+
+const turnTheme = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+const stop = () => order("stop now");
+
+const KEYS = {
+  " ": () => page?.scope.toggle(),
+  "+": () => page?.scope.widen(-1),
+  "-": () => page?.scope.widen(1),
+  b: () => page?.parameters.rollBack(),
+  t: turnTheme,
+};
+
+document.addEventListener(
+  "keydown",
+  (event) => {
+    if (event.key === "Escape") {
+      event.preventDefault();
+      stop();
+      return;
+    }
+    if (event.target.matches("input, select") || event.ctrlKey || event.altKey || event.metaKey)
+      return;
+    const act =
+      KEYS[event.key.toLowerCase()] ??
+      (VIEWS[event.key - 1] && (() => choose(VIEWS[event.key - 1])));
+    if (act) {
+      event.preventDefault();
+      act();
+    }
+  },
+  true,
+);
+
+function draw() {
+  if (page?.[view]?.draw) page[view].draw();
+  requestAnimationFrame(draw);
+}
+
+for (const [n, name] of VIEWS.entries()) {
+  const tab = make("button", {
+    textContent: `${n + 1} ${name}`,
+    role: "tab",
+    onclick: () => choose(name),
+  });
+  tab.dataset.view = name;
+  at("tabs").append(tab);
+}
+at("theme").onclick = turnTheme;
+at("stop").onclick = stop;
+theme(kept.get("theme", matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+choose("scope");
+draw();

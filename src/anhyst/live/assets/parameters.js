@@ -1,0 +1,134 @@
+// Parameters as a tree: edited values are staged, applied together, confirmed by a tick.
+
+import { make } from "./dom.js";
+
+export class Parameters {
+  #staged = new Map();
+  #before = null; // values in force before the last that were applied
+  #inputs = new Map();
+
+  constructor(place, order) {
+    this.order = order;
+    this.confirmed = make("output", { className: "reading", id: "confirmed" });
+    this.applyButton = make("button", { id: "apply", onclick: () => this.apply() });
+    this.discardButton = make("button", { textContent: "discard", onclick: () => this.discard() });
+    this.backButton = make("button", {
+      textContent: "roll back (B)",
+      onclick: () => this.rollBack(),
+    });
+    const bar = make(
+      "div",
+      { className: "bar" },
+      this.applyButton,
+      this.discardButton,
+      this.backButton,
+      this.confirmed,
+    );
+    this.tree = make("div", { className: "tree scroll" });
+    place.replaceChildren(bar, this.tree);
+  }
+
+  // Takes what is in force; what is staged stays so.
+  show(parameters) {
+    this.parameters = parameters;
+    this.#inputs.clear();
+    const groups = Map.groupBy
+      ? Map.groupBy(parameters, group)
+      : parameters.reduce(
+          (all, one) => all.set(group(one), [...(all.get(group(one)) ?? []), one]),
+          new Map(),
+        );
+    const branches = [...groups].map(([name, members]) =>
+      make("details", { open: true }, make("summary", { textContent: name }), this.#table(members)),
+    );
+    this.tree.replaceChildren(...branches);
+    if (!parameters.length)
+      this.tree.textContent = "this bench has no parameters that may be changed while it runs";
+    this.#refresh();
+  }
+
+  #table(members) {
+    const rows = members.map((one) => this.#row(one));
+    return make("table", {}, make("tbody", {}, ...rows));
+  }
+
+  #row(one) {
+    const input = make("input", {
+      type: "number",
+      step: "any",
+      value: this.#staged.get(one.name) ?? one.value,
+      className: "number",
+    });
+    input.setAttribute("aria-label", one.name);
+    input.oninput = () => this.#stage(one, Number(input.value));
+    input.onkeydown = (event) =>
+      event.key === "Enter" && event.ctrlKey && (input.oninput(), this.apply());
+    this.#inputs.set(one.name, input);
+    const range = `${short(one.low)} to ${short(one.high)} ${one.unit}`;
+    return make(
+      "tr",
+      {},
+      make("th", { textContent: one.name, scope: "row" }),
+      make("td", {}, input),
+      make("td", { textContent: `now ${short(one.value)} ${one.unit}` }),
+      make("td", { className: "soft", textContent: range }),
+      make("td", { className: "soft", textContent: one.doc }),
+    );
+  }
+
+  #stage(one, value) {
+    if (value === one.value) this.#staged.delete(one.name);
+    else this.#staged.set(one.name, value);
+    this.#refresh();
+  }
+
+  #refresh() {
+    const count = this.#staged.size;
+    this.applyButton.textContent = count ? `apply ${count} staged (Ctrl+Enter)` : "nothing staged";
+    this.applyButton.disabled = !count;
+    this.discardButton.disabled = !count;
+    this.backButton.disabled = !this.#before;
+    for (const [name, input] of this.#inputs)
+      input.classList.toggle("staged", this.#staged.has(name));
+  }
+
+  discard() {
+    this.#staged.clear();
+    this.show(this.parameters);
+  }
+
+  async apply() {
+    if (!this.#staged.size) return;
+    await this.#put(Object.fromEntries(this.#staged));
+  }
+
+  async rollBack() {
+    if (this.#before) await this.#put(this.#before);
+  }
+
+  async #put(values) {
+    const old = this.parameters
+      .filter((one) => one.name in values)
+      .map((one) => [one.name, one.value]);
+    const answer = await this.order("apply", { values });
+    if (!answer) return;
+    this.#before = Object.fromEntries(old);
+    this.#staged.clear();
+    this.confirmed.textContent = `in force from tick ${answer.applied} on`;
+    this.show(answer.parameters);
+  }
+
+  // What is in force, in the few words that tell steps apart.
+  label() {
+    const choice = (this.parameters ?? []).filter((one) => one.name.startsWith("compensation"));
+    return choice.map((one) => `${one.name} ${short(one.value)}`).join(", ") || "as compiled";
+  }
+}
+
+function group(one) {
+  return one.name.split(/[._]/)[0];
+}
+
+function short(value) {
+  return String(Number(value.toPrecision(6)));
+}

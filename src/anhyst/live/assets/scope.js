@@ -1,0 +1,306 @@
+// The scope: chosen signals over time, a strip for each unit; hold, zoom, cursors, trigger.
+
+import { field, kept, make, select } from "./dom.js";
+import { COLOURS, Strip, ink } from "./strip.js";
+import { Trigger } from "./trigger.js";
+import { seconds, show, shown } from "./units.js";
+
+const WINDOWS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
+const USUAL = ["gap", "reference", "force", "current"];
+
+export class Scope {
+  held = null; // last tick of a picture that is held
+  #anchor = null; // where differences begin, s
+  #cursor = null;
+  #trigger = null;
+
+  constructor(place, bench, store) {
+    this.place = place;
+    this.bench = bench;
+    this.store = store;
+    this.signals = bench.signals.map((signal, n) => ({
+      ...signal,
+      column: n,
+      colour: COLOURS[n % COLOURS.length],
+    }));
+    const usual = USUAL.filter((name) => this.signals.some((signal) => signal.name === name));
+    this.chosen = new Set(kept.get("signals", usual));
+    this.window = kept.get("window", 0.5);
+    this.#controls();
+    this.#build();
+  }
+
+  feed(frame) {
+    this.#trigger?.feed(frame);
+  }
+
+  isLast(unit) {
+    return this.units.at(-1) === unit;
+  }
+
+  // --- what is seen -------------------------------------------------------------------------
+
+  draw() {
+    const { rate } = this.bench;
+    const to = this.#end();
+    const from = to - this.window * rate;
+    this.#resize();
+    for (const strip of this.strips) {
+      const columns = strip.signals.map((signal) => signal.column);
+      const pixels = Math.max(50, Math.round(strip.plot.bbox.width / devicePixelRatio));
+      const { ticks, columns: data } = this.store.envelope(columns, from, to, pixels);
+      strip.show(
+        Array.from(ticks, (tick) => tick / rate),
+        data,
+        from / rate,
+        to / rate,
+      );
+    }
+    this.#read();
+  }
+
+  // The last tick to be seen: of the hold, of the trigger, or the newest.
+  #end() {
+    if (this.held !== null) return this.held;
+    const trigger = this.#trigger;
+    if (!trigger) return this.store.newest;
+    const after = (1 - trigger.settings.pre) * this.window * this.bench.rate;
+    if (trigger.hit !== null && this.store.newest >= trigger.hit + after) {
+      this.shot = { hit: trigger.hit, end: Math.round(trigger.hit + after) };
+      if (trigger.settings.mode === "single") this.hold(this.shot.end);
+      else trigger.rearm();
+    }
+    if (this.shot && (trigger.settings.mode !== "auto" || this.#fresh())) return this.shot.end;
+    return trigger.settings.mode === "auto"
+      ? this.store.newest
+      : (this.shot?.end ?? this.store.newest);
+  }
+
+  #fresh() {
+    return this.store.newest - this.shot.end < (this.window + 0.5) * this.bench.rate;
+  }
+
+  hold(tick = this.store.newest) {
+    this.held = tick;
+    this.holdButton.textContent = "follow";
+    this.place.classList.add("held");
+  }
+
+  follow() {
+    this.held = null;
+    this.shot = null;
+    this.#trigger?.rearm();
+    this.window = kept.get("window", 0.5);
+    this.holdButton.textContent = "hold";
+    this.place.classList.remove("held");
+  }
+
+  toggle() {
+    if (this.held === null) this.hold();
+    else this.follow();
+  }
+
+  zoom(plot) {
+    const { left, width } = plot.select;
+    if (width < 4) return;
+    const from = plot.posToVal(left, "x");
+    const to = plot.posToVal(left + width, "x");
+    plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+    this.window = to - from;
+    this.hold(Math.round(to * this.bench.rate));
+  }
+
+  widen(way) {
+    const at = WINDOWS.findIndex((one) => one >= this.window * 0.999);
+    this.setWindow(WINDOWS[Math.max(0, Math.min(WINDOWS.length - 1, (at < 0 ? 99 : at) + way))]);
+  }
+
+  setWindow(value) {
+    this.window = value;
+    this.widths.value = String(value);
+    kept.set("window", value);
+  }
+
+  // --- cursors ------------------------------------------------------------------------------
+
+  point(plot) {
+    if (plot.cursor.left >= 0) this.#cursor = plot.posToVal(plot.cursor.left, "x");
+  }
+
+  anchor() {
+    this.#anchor = this.#anchor === null ? this.#cursor : null;
+  }
+
+  #read() {
+    const { rate } = this.bench;
+    const chosen = this.signals.filter((signal) => this.chosen.has(signal.name));
+    if (!this.store.count) return;
+    const at = this.#cursor === null ? null : this.store.find(this.#cursor * rate);
+    const row = at === null ? this.store.count - 1 : Math.min(at, this.store.count - 1);
+    const base = this.#anchor === null ? null : this.store.find(this.#anchor * rate);
+    for (const signal of chosen) {
+      const value = this.store.value(signal.column, row);
+      let text = show(value, signal.unit);
+      if (base !== null)
+        text += `  Δ ${show(value - this.store.value(signal.column, base), signal.unit)}`;
+      this.readings.get(signal.name).textContent = text;
+    }
+    const difference =
+      base === null ? "" : `  Δ ${seconds((this.store.tick(row) - this.store.tick(base)) / rate)}`;
+    this.timeReading.textContent = `t ${(this.store.tick(row) / rate).toFixed(5)} s${difference}`;
+  }
+
+  // Lines of the anchor and the trigger, and bands where ticks are missing.
+  mark(plot) {
+    const { ctx, bbox } = plot;
+    const { rate } = this.bench;
+    const line = (time, colour) => {
+      const x = plot.valToPos(time, "x", true);
+      if (x < bbox.left || x > bbox.left + bbox.width) return;
+      ctx.fillStyle = colour;
+      ctx.fillRect(Math.round(x), bbox.top, devicePixelRatio, bbox.height);
+    };
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.fillStyle = "rgba(176, 0, 32, 0.35)";
+    for (const [first, last] of this.store.missing) {
+      const x = plot.valToPos(first / rate, "x", true);
+      ctx.fillRect(
+        x,
+        bbox.top,
+        Math.max(2, plot.valToPos((last + 1) / rate, "x", true) - x),
+        bbox.height,
+      );
+    }
+    if (this.#anchor !== null) line(this.#anchor, ink("--ink"));
+    if (this.shot && this.#trigger) line(this.shot.hit / rate, ink("--bad"));
+    ctx.restore();
+  }
+
+  // --- controls -----------------------------------------------------------------------------
+
+  #controls() {
+    this.holdButton = make("button", {
+      textContent: "hold",
+      title: "Space",
+      onclick: () => this.toggle(),
+    });
+    this.widths = select(
+      WINDOWS.map((one) => [String(one), seconds(one)]),
+      String(this.window),
+    );
+    this.widths.onchange = () => this.setWindow(Number(this.widths.value));
+    this.timeReading = make("output", { className: "reading" });
+    this.readings = new Map();
+    const legend = make("div", { className: "legend" });
+    for (const signal of this.signals) legend.append(this.#choice(signal));
+    const bar = make("div", { className: "bar" }, this.holdButton, field("window", this.widths));
+    bar.append(...this.#triggerControls(), this.timeReading);
+    this.stripsPlace = make("div", { className: "strips" });
+    this.place.replaceChildren(bar, legend, this.stripsPlace);
+  }
+
+  #choice(signal) {
+    const box = make("input", { type: "checkbox", checked: this.chosen.has(signal.name) });
+    box.onchange = () => {
+      if (box.checked) this.chosen.add(signal.name);
+      else this.chosen.delete(signal.name);
+      kept.set("signals", [...this.chosen]);
+      this.#build();
+    };
+    const reading = make("output", { className: "reading" });
+    this.readings.set(signal.name, reading);
+    const swatch = make("i", { className: "swatch" });
+    swatch.style.background = signal.colour;
+    return make("label", { title: signal.doc }, box, swatch, signal.name, reading);
+  }
+
+  #triggerControls() {
+    const mode = select(
+      [
+        ["off", "off"],
+        ["auto", "auto"],
+        ["normal", "normal"],
+        ["single", "single"],
+      ],
+      "off",
+    );
+    const signal = select(
+      this.signals.map((one) => [one.name, one.name]),
+      "force",
+    );
+    const edge = select(
+      [
+        ["rising", "↗"],
+        ["falling", "↘"],
+      ],
+      "rising",
+    );
+    const level = make("input", { type: "number", step: "any", value: "0", className: "number" });
+    const pre = make("input", {
+      type: "number",
+      min: 0,
+      max: 100,
+      value: "20",
+      className: "number",
+    });
+    const unit = make("span", { className: "unit" });
+    const arm = () => {
+      const chosen = this.signals.find((one) => one.name === signal.value);
+      const { name, factor } = shown(chosen.unit);
+      unit.textContent = name;
+      this.follow();
+      this.#trigger =
+        mode.value === "off"
+          ? null
+          : new Trigger({
+              column: chosen.column,
+              level: Number(level.value) / factor,
+              rising: edge.value === "rising",
+              pre: Math.min(1, Math.max(0, Number(pre.value) / 100)),
+              mode: mode.value,
+            });
+    };
+    for (const one of [mode, signal, edge, level, pre]) one.onchange = arm;
+    mode.id = "trigger-mode";
+    signal.id = "trigger-signal";
+    level.id = "trigger-level";
+    edge.id = "trigger-edge";
+    pre.id = "trigger-pre";
+    arm();
+    return [
+      field("trigger", mode),
+      signal,
+      edge,
+      field("at", level, unit),
+      field("before", pre, "%"),
+    ];
+  }
+
+  #build() {
+    this.stripsPlace.replaceChildren();
+    const chosen = this.signals.filter((signal) => this.chosen.has(signal.name));
+    this.units = [...new Set(chosen.map((signal) => signal.unit))];
+    this.strips = this.units.map(
+      (unit) =>
+        new Strip(
+          this.stripsPlace,
+          unit,
+          chosen.filter((signal) => signal.unit === unit),
+          this,
+        ),
+    );
+  }
+
+  #resize() {
+    const { clientWidth, clientHeight } = this.stripsPlace;
+    const height = Math.max(90, Math.floor(clientHeight / Math.max(1, this.strips.length)));
+    for (const strip of this.strips) strip.resize(clientWidth, height);
+  }
+
+  restyle() {
+    for (const strip of this.strips) strip.plot.redraw();
+  }
+}

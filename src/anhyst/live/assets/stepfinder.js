@@ -1,0 +1,84 @@
+// Finds steps of the reference in what comes in, and their figures.
+
+const BEFORE_S = 0.01; // the reference must have rested so long
+const AFTER_S = 0.06; // and rest so long afterwards
+const LEAST = 1e-3; // of the reference itself, or it is no step
+const BAND = 0.05; // of the step, within which it counts as settled
+
+export class StepFinder {
+  #rate;
+  #columns;
+  #rows = []; // [tick, reference, actual], of the last while
+  #since = 0; // rows since the reference last changed
+  #jump = null; // row of a jump that is being watched
+
+  constructor(rate, reference, actual) {
+    this.#rate = rate;
+    this.#columns = [reference, actual];
+  }
+
+  // Returns the steps that ended within a frame.
+  feed(frame) {
+    if (frame.thinned) {
+      this.#reset();
+      return [];
+    }
+    const [references, actuals] = this.#columns.map((n) => frame.data[n]);
+    const found = [];
+    for (let i = 0; i < frame.ticks.length; i++) {
+      const step = this.#row(frame.ticks[i], references[i], actuals[i]);
+      if (step) found.push(step);
+    }
+    return found;
+  }
+
+  #reset() {
+    this.#rows = [];
+    this.#since = 0;
+    this.#jump = null;
+  }
+
+  #row(tick, reference, actual) {
+    const rows = this.#rows;
+    const last = rows.at(-1);
+    if (last && tick !== last[0] + 1) this.#reset();
+    if (last && reference !== last[1]) {
+      const rested = this.#since >= BEFORE_S * this.#rate;
+      const high = Math.abs(reference - last[1]) > LEAST * Math.abs(last[1]);
+      this.#jump = rested && high ? rows.length : null;
+      this.#since = 0;
+    } else this.#since++;
+    rows.push([tick, reference, actual]);
+    const before = Math.round(BEFORE_S * this.#rate);
+    if (this.#jump === null) {
+      if (rows.length > 4 * before) rows.splice(0, rows.length - 2 * before);
+      return null;
+    }
+    if (this.#since < AFTER_S * this.#rate) return null;
+    const step = measure(rows.slice(this.#jump - before), before, this.#rate);
+    this.#rows = rows.slice(-before);
+    this.#jump = null;
+    return step;
+  }
+}
+
+// Figures of a step: overshoot, % of its height; rise from 10 to 90 %, s; settling to 5 %, s.
+export function measure(rows, at, rate) {
+  const from = rows[at - 1][1];
+  const to = rows[at][1];
+  const height = to - from;
+  const part = rows.map((row) => (row[2] - from) / height);
+  const after = part.slice(at);
+  const reach = (level) => after.findIndex((value) => value >= level);
+  const [low, high] = [reach(0.1), reach(0.9)];
+  const outside = after.findLastIndex((value) => Math.abs(value - 1) > BAND);
+  return {
+    tick: rows[at][0],
+    height,
+    times: part.map((_, i) => (i - at) / rate),
+    part,
+    overshoot: 100 * Math.max(0, Math.max(...after) - 1),
+    rise: high < 0 ? NaN : (high - low) / rate,
+    settling: outside === after.length - 1 ? NaN : (outside + 1) / rate,
+  };
+}

@@ -1,0 +1,113 @@
+// The step view: the last steps overlaid, by what was in force, and their figures.
+
+import { Plane } from "./canvas.js";
+import { make } from "./dom.js";
+import { StepFinder } from "./stepfinder.js";
+import { COLOURS } from "./strip.js";
+import { show } from "./units.js";
+
+const KEPT = 24;
+
+export class StepView {
+  #steps = [];
+  #dirty = true;
+
+  constructor(place, bench, inForce) {
+    this.inForce = inForce;
+    const find = (name) => bench.signals.findIndex((signal) => signal.name === name);
+    const actual = find("gap") >= 0 ? find("gap") : find("force");
+    this.unit = bench.signals[actual].unit;
+    this.finder =
+      find("reference") >= 0 ? new StepFinder(bench.rate, find("reference"), actual) : null;
+    const clear = make("button", { textContent: "clear", onclick: () => this.clear() });
+    this.hint = make("output", {
+      className: "reading",
+      textContent: "steps of the target appear here: set a target, or start the generator's step",
+    });
+    const figure = make("figure");
+    this.rows = make("tbody");
+    const heads = ["", "in force", "height", "overshoot", "rise 10–90 %", "settling to 5 %"];
+    const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text })));
+    const table = make("table", {}, make("thead", {}, head), this.rows);
+    place.replaceChildren(
+      make("div", { className: "bar" }, clear, this.hint),
+      make("div", { className: "stack" }, figure, make("div", { className: "scroll" }, table)),
+    );
+    this.plane = new Plane(figure, "t / ms", "step / %");
+  }
+
+  feed(frame) {
+    for (const step of this.finder?.feed(frame) ?? []) {
+      this.#steps = [...this.#steps, { ...step, label: this.inForce() }].slice(-KEPT);
+      this.#dirty = true;
+    }
+  }
+
+  clear() {
+    this.#steps = [];
+    this.#dirty = true;
+  }
+
+  draw() {
+    this.plane.begin([-5, 60, -20, 150]);
+    this.plane.line([-5, 0, 0, 60], [0, 0, 100, 100], "#8c8c8c", 1);
+    const labels = [...new Set(this.#steps.map((step) => step.label))];
+    for (const step of this.#steps) {
+      const colour = COLOURS[labels.indexOf(step.label) % COLOURS.length];
+      this.plane.line(
+        step.times.map((t) => 1e3 * t),
+        step.part.map((p) => 100 * p),
+        colour,
+        1.3,
+        0.8,
+      );
+    }
+    if (this.#dirty) this.#table(labels);
+    this.#dirty = false;
+  }
+
+  #table(labels) {
+    this.hint.hidden = this.#steps.length > 0;
+    const rows = labels.map((label, n) => {
+      const mine = this.#steps.filter((step) => step.label === label);
+      const swatch = make("i", { className: "swatch" });
+      swatch.style.background = COLOURS[n % COLOURS.length];
+      const cells = [
+        `${label} (${mine.length})`,
+        spread(
+          mine.map((step) => Math.abs(step.height)),
+          (value) => show(value, this.unit, 3),
+        ),
+        spread(
+          mine.map((step) => step.overshoot),
+          (value) => `${value.toFixed(1)} %`,
+        ),
+        spread(
+          mine.map((step) => step.rise),
+          (value) => `${(1e3 * value).toFixed(2)} ms`,
+        ),
+        spread(
+          mine.map((step) => step.settling),
+          (value) => `${(1e3 * value).toFixed(1)} ms`,
+        ),
+      ];
+      return make(
+        "tr",
+        {},
+        make("td", {}, swatch),
+        ...cells.map((text) => make("td", { textContent: text })),
+      );
+    });
+    this.rows.replaceChildren(...rows);
+  }
+}
+
+// The mean, and from where to where the values lie.
+function spread(values, write) {
+  const finite = values.filter(Number.isFinite);
+  if (!finite.length) return "–";
+  const mean = finite.reduce((sum, one) => sum + one, 0) / finite.length;
+  const low = Math.min(...finite);
+  const high = Math.max(...finite);
+  return low === high ? write(mean) : `${write(mean)} (${write(low)} to ${write(high)})`;
+}

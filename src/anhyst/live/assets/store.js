@@ -1,0 +1,124 @@
+// The last rows of all signals, and what of them falls on each pixel.
+
+const CAPACITY = 1 << 19;
+
+export class Store {
+  newest = 0;
+  missing = []; // stretches [first, last] of ticks that never came
+
+  #ticks = new Float64Array(CAPACITY);
+  #data;
+  #begin = 0;
+  #count = 0;
+
+  constructor(columns) {
+    this.#data = Array.from({ length: columns }, () => new Float32Array(CAPACITY));
+  }
+
+  get count() {
+    return this.#count;
+  }
+
+  get oldest() {
+    return this.#count ? this.#ticks[this.#begin] : 0;
+  }
+
+  push(frame) {
+    if (this.#count && frame.first > this.newest + 1) this.#lose(this.newest + 1, frame.first - 1);
+    const rows = frame.ticks.length;
+    for (let i = 0; i < rows; i++) {
+      const at = this.#place(frame.ticks[i]);
+      for (let n = 0; n < this.#data.length; n++) this.#data[n][at] = frame.data[n][i];
+    }
+    this.newest = frame.last;
+  }
+
+  #lose(first, last) {
+    this.missing = [...this.missing.slice(-99), [first, last]];
+    const at = this.#place(first);
+    for (const column of this.#data) column[at] = NaN;
+  }
+
+  #place(tick) {
+    let at = this.#begin + this.#count;
+    if (this.#count < CAPACITY) this.#count++;
+    else this.#begin = (this.#begin + 1) % CAPACITY;
+    at %= CAPACITY;
+    this.#ticks[at] = tick;
+    return at;
+  }
+
+  // Number of the first row at or after a tick.
+  find(tick) {
+    let low = 0;
+    let high = this.#count;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.#ticks[(this.#begin + middle) % CAPACITY] < tick) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  tick(row) {
+    return this.#ticks[(this.#begin + row) % CAPACITY];
+  }
+
+  value(column, row) {
+    return this.#data[column][(this.#begin + row) % CAPACITY];
+  }
+
+  // Ticks and columns of rows to draw: all, or smallest and largest of each pixel in the order in
+  // which they came, so that no spike is lost.
+  envelope(columns, from, to, pixels) {
+    const first = Math.max(0, this.find(from) - 1);
+    const last = Math.min(this.#count, this.find(to) + 1);
+    const rows = last - first;
+    if (rows <= 2 * pixels) return this.#plain(columns, first, rows);
+    const edges = Array.from(
+      { length: pixels + 1 },
+      (_, p) => first + Math.floor((p * rows) / pixels),
+    );
+    const ticks = new Float64Array(2 * pixels);
+    for (let p = 0; p < pixels; p++) {
+      ticks[2 * p] = this.tick(edges[p]);
+      ticks[2 * p + 1] = this.tick((edges[p] + edges[p + 1]) >> 1);
+    }
+    return { ticks, columns: columns.map((n) => this.#extremes(this.#data[n], edges)) };
+  }
+
+  #plain(columns, first, rows) {
+    const ticks = Float64Array.from({ length: rows }, (_, i) => this.tick(first + i));
+    const take = (n) =>
+      Array.from({ length: rows }, (_, i) => {
+        const value = this.value(n, first + i);
+        return Number.isNaN(value) ? null : value;
+      });
+    return { ticks, columns: columns.map(take) };
+  }
+
+  #extremes(column, edges) {
+    const out = new Array(2 * (edges.length - 1));
+    for (let p = 0; p + 1 < edges.length; p++) {
+      let at = (this.#begin + edges[p]) % CAPACITY;
+      let low = column[at];
+      let high = low;
+      let lowFirst = true;
+      let holed = Number.isNaN(low);
+      for (let i = edges[p] + 1; i < edges[p + 1]; i++) {
+        if (++at === CAPACITY) at = 0;
+        const value = column[at];
+        if (value < low) {
+          low = value;
+          lowFirst = false;
+        } else if (value > high) {
+          high = value;
+          lowFirst = true;
+        } else if (value !== value) holed = true;
+      }
+      out[2 * p] = holed ? null : lowFirst ? low : high;
+      out[2 * p + 1] = holed ? null : lowFirst ? high : low;
+    }
+    return out;
+  }
+}

@@ -1,0 +1,27 @@
+// Units in which numbers are shown: SI is what arrives, the eye prefers micrometres.
+
+// Name, factor from SI, and the least range of an axis, so that noise at rest stays small.
+const SHOWN = {
+  m: ["µm", 1e6, 0.02],
+  "m/s": ["mm/s", 1e3, 0.01],
+  N: ["N", 1, 0.1],
+  A: ["A", 1, 1e-3],
+};
+
+export function shown(unit) {
+  const [name, factor, least] = SHOWN[unit] ?? [unit, 1, 1];
+  return { name, factor, least };
+}
+
+export function show(value, unit, digits = 5) {
+  if (value === null || value === undefined || Number.isNaN(value)) return "–";
+  const { name, factor } = shown(unit);
+  return `${Number((value * factor).toPrecision(digits))}${name ? ` ${name}` : ""}`;
+}
+
+export function seconds(value) {
+  const size = Math.abs(value);
+  if (size < 1e-3) return `${Number((value * 1e6).toPrecision(4))} µs`;
+  if (size < 1) return `${Number((value * 1e3).toPrecision(4))} ms`;
+  return `${Number(value.toPrecision(6))} s`;
+}

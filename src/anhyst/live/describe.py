@@ -1,0 +1,43 @@
+"""What a page learns of a bench when it comes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import Any
+
+from anhyst.control.states import Fault, State
+from anhyst.live.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
+from anhyst.live.orders import parameters_of
+from anhyst.live.session import LiveSession
+
+
+def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
+    """Return the first message to a page.
+
+    Parameters
+    ----------
+    session : LiveSession
+    title : str
+        What the rig is called.
+    you : int
+        Number of the browser.
+    """
+    bench = session.bench
+    return {
+        "kind": "bench",
+        "title": title,
+        "you": you,
+        "rate": bench.rate,
+        "signals": [signal._asdict() for signal in bench.signals],
+        "commands": [command.name.lower() for command in bench.commands()],
+        "states": _names(State),
+        "faults": _names(Fault),
+        "parameters": parameters_of(session),
+        "shapes": list(SHAPES),
+        "frequencies": [LOWEST_HZ, HIGHEST_HZ],
+    }
+
+
+def _names(kind: type[IntEnum]) -> dict[str, str]:
+    return {str(int(one)): one.name.lower().replace("_", " ") for one in kind}

@@ -1,0 +1,69 @@
+"""The signal generator: what is added to the target."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from anhyst.support.errors import InputError
+
+SHAPES: Mapping[str, Callable[[float], float]] = {
+    "step": lambda part: 1.0 if part < 0.5 else -1.0,
+    "triangle": lambda part: 1.0 - abs(4.0 * ((part + 0.25) % 1.0) - 2.0),
+    "sine": lambda part: math.sin(2.0 * math.pi * part),
+}
+"""Each over a period from 0 to 1, between -1 and 1."""
+
+LOWEST_HZ, HIGHEST_HZ = 0.01, 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class Generator:
+    """A shape around the target.
+
+    Parameters
+    ----------
+    shape : str
+        One of :data:`SHAPES`.
+    amplitude : float
+        From the target to the peak, m or N as the target is; 0 or more.
+    frequency : float
+        Hz, 0.01 to 50.
+    begin : int
+        Tick at which the first period begins.
+
+    Raises
+    ------
+    InputError
+        No such shape, or a number out of its range.
+    """
+
+    shape: str
+    amplitude: float
+    frequency: float
+    begin: int
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            raise InputError(f"generator: no shape '{self.shape}'; take {', '.join(SHAPES)}")
+        if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
+            raise InputError("generator: the amplitude is not 0 or more")
+        if not LOWEST_HZ <= self.frequency <= HIGHEST_HZ:
+            raise InputError(
+                f"generator: the frequency is not within {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
+            )
+
+    def at(self, tick: int, rate: float) -> float:
+        """Return what is added to the target at a tick."""
+        return self.amplitude * SHAPES[self.shape](
+            ((tick - self.begin) * self.frequency / rate) % 1.0
+        )
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Return what a page shows of it."""
+        return {
+            "shape": self.shape,
+            "amplitude": self.amplitude,
+            "frequency": self.frequency,
+        }

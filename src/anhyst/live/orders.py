@@ -1,0 +1,127 @@
+"""What a page may ask for, and what each of it does; run between two stretches of the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from anhyst.control.states import Command
+from anhyst.live.generator import Generator
+from anhyst.live.session import LiveSession, finite
+from anhyst.support.errors import InputError
+
+Fields = Mapping[str, Any]
+Act = Callable[[LiveSession, str, Fields], Mapping[str, Any]]
+
+_SWITCHES_MOST = 200
+"""Parameters in one message."""
+
+
+def perform(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    """Do what a message asks for; to be called in the thread of the bench.
+
+    Parameters
+    ----------
+    session : LiveSession
+    who : str
+        For the log.
+    fields : mapping
+        The message; ``do`` says what.
+
+    Returns
+    -------
+    mapping
+        The answer.
+
+    Raises
+    ------
+    InputError
+        Not known, not of the right form, or refused by the bench, which says why.
+    """
+    act = _ACTS.get(str(fields.get("do")))
+    if act is None:
+        raise InputError(f"no order '{str(fields.get('do'))[:40]}'")
+    return {"tick": session.bench.tick, **act(session, who, fields)}
+
+
+def _command(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    name = str(fields.get("name"))
+    commands = {command.name.lower(): command for command in session.bench.commands()}
+    if name not in commands:
+        raise InputError(f"this controller has no command '{name[:40]}'")
+    command = commands[name]
+    if command in (Command.STOP, Command.LAND):
+        session.generate(None)
+    session.bench.command(command)
+    session.note(who, name)
+    return {}
+
+
+def _target(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    value = finite(fields, "value")
+    session.bench.demand(value)
+    session.note(who, f"target {value:g}")
+    return {}
+
+
+def _load(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    value = finite(fields, "value")
+    session.bench.load(value)
+    session.note(who, f"load {value:g} N")
+    return {}
+
+
+def _generator(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    if fields.get("shape") is None:
+        session.generate(None)
+        session.note(who, "generator off")
+        return {}
+    amplitude, frequency = finite(fields, "amplitude"), finite(fields, "frequency")
+    shape = str(fields["shape"])
+    session.generate(Generator(shape, amplitude, frequency, session.bench.tick + 1))
+    session.note(who, f"generator {shape}, {amplitude:g}, {frequency:g} Hz")
+    return {}
+
+
+def _apply(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    staged = fields.get("values")
+    if not isinstance(staged, dict) or not 1 <= len(staged) <= _SWITCHES_MOST:
+        raise InputError("values: names no parameter")
+    values = {str(name): finite(staged, name) for name in staged}
+    tick = session.apply(values)
+    session.note(who, ", ".join(f"{name} = {value:g}" for name, value in values.items()))
+    return {"applied": tick, "parameters": parameters_of(session)}
+
+
+def _pace(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    if "speed" in fields:
+        speed = finite(fields, "speed")
+        session.paced.set_speed(speed)
+        session.note(who, f"speed {speed:g} times real time")
+    if fields.get("paused") is True:
+        session.paced.pause()
+        session.note(who, "time stands")
+    elif fields.get("paused") is False:
+        session.paced.resume()
+        session.note(who, "time goes on")
+    if "steps" in fields:
+        steps = finite(fields, "steps")
+        if not 1 <= steps <= session.bench.rate:
+            raise InputError(f"steps: is not within 1 to {session.bench.rate:g}")
+        session.paced.step(int(steps))
+    return {}
+
+
+_ACTS: Mapping[str, Act] = {
+    "command": _command,
+    "target": _target,
+    "load": _load,
+    "generator": _generator,
+    "apply": _apply,
+    "pace": _pace,
+}
+
+
+def parameters_of(session: LiveSession) -> list[dict[str, Any]]:
+    """Return the parameters as a page gets them."""
+    return [parameter._asdict() for parameter in session.parameters]

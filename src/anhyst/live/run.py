@@ -1,0 +1,104 @@
+"""Serve a session until somebody ends it."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+
+import uvicorn
+
+from anhyst.live.guard import names_of
+from anhyst.live.server import MESSAGE_MOST, LiveServer
+from anhyst.live.session import LiveSession
+from anhyst.support.errors import InputError
+
+_HTTP_MOST = 64
+"""Connections at a time, of pages that load and of those that are open."""
+
+_GO_S = 2
+"""For browsers to go when the server ends, s."""
+
+
+def listen_on(host: str, port: int) -> socket.socket:
+    """Take an address.
+
+    Raises
+    ------
+    InputError
+        It is taken, or not of this machine.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    taken = socket.socket(family, socket.SOCK_STREAM)
+    taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        taken.bind((host, port))
+        taken.listen()
+    except OSError as error:
+        taken.close()
+        raise InputError(f"--listen {host}:{port}: {error.strerror}; name another port") from None
+    return taken
+
+
+def make_server(
+    session: LiveSession, title: str, address: tuple[str, int], token: str = ""
+) -> uvicorn.Server:
+    """Return the server of a page for a session.
+
+    Parameters
+    ----------
+    session : LiveSession
+    title : str
+        What the page calls the rig.
+    address : tuple of str and int
+        That it will listen on.
+    token : str, optional
+        That browsers have to show; empty for none.
+    """
+    return uvicorn.Server(
+        uvicorn.Config(
+            LiveServer(session, title, names_of(*address), token).app,
+            ws="websockets-sansio",
+            ws_max_size=MESSAGE_MOST,
+            ws_per_message_deflate=False,
+            limit_concurrency=_HTTP_MOST,
+            timeout_graceful_shutdown=_GO_S,
+            lifespan="off",
+            log_level="critical",
+            access_log=False,
+            server_header=False,
+        )
+    )
+
+
+def serve(
+    session: LiveSession,
+    title: str,
+    taken: socket.socket,
+    token: str = "",
+    started: Callable[[str], None] | None = None,
+) -> None:
+    """Serve a page for a session until ctrl-C; the session is ended then.
+
+    Parameters
+    ----------
+    session : LiveSession
+        Not started yet.
+    title, token : str
+        As of :func:`make_server`.
+    taken : socket
+        From :func:`listen_on`; closed at the end.
+    started : callable, optional
+        Called with the address of the page before it is served.
+    """
+    host, port = taken.getsockname()[:2]
+    server = make_server(session, title, (host, port), token)
+    session.start()
+    try:
+        if started is not None:
+            started(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
+        server.run(sockets=[taken])
+    except KeyboardInterrupt:
+        pass  # the way to end it
+    finally:
+        session.close()
+        taken.close()

@@ -1,0 +1,244 @@
+"""The server: the page, its assets, and one WebSocket."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from starlette.applications import Starlette
+from starlette.responses import FileResponse
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from anhyst.live.describe import describe
+from anhyst.live.desk import Desk
+from anhyst.live.frames import Outbox, encode
+from anhyst.live.guard import Allowance, Guard
+from anhyst.live.orders import parameters_of, perform
+from anhyst.live.session import LiveSession
+from anhyst.rig.bench.protocol import Parameter
+from anhyst.support.errors import InputError
+from anhyst.support.json_text import plain
+
+ASSETS = Path(__file__).with_name("assets")
+
+MESSAGE_MOST = 16 * 1024
+"""Bytes of a message from a page."""
+
+CLIENTS_MOST = 8
+"""Browsers at a time."""
+
+_FRAMES_HZ = 60.0
+_STATUS_S = 0.1
+_HELLO_S = 10.0
+_ANSWERS = 64
+_RATE, _AT_ONCE = 60.0, 60
+_BAD, _FULL = 1008, 1013
+
+_Result = TypeVar("_Result")
+
+
+class Client:
+    """A browser: what waits for it, and who it is.
+
+    Parameters
+    ----------
+    number : int
+        From 1 on, in the order in which they came.
+    socket : WebSocket
+    """
+
+    def __init__(self, number: int, socket: WebSocket) -> None:
+        self.number = number
+        self.socket = socket
+        self.outbox = Outbox()
+        self.logged = 0
+        self.parameters: tuple[Parameter, ...] = ()
+        self._answers: deque[Mapping[str, Any]] = deque(maxlen=_ANSWERS)
+
+    @property
+    def name(self) -> str:
+        """For the log."""
+        return f"browser {self.number}"
+
+    def answer(self, message: Mapping[str, Any]) -> None:
+        """Send a message with the next frame."""
+        self._answers.append(message)
+
+    async def send_waiting(self) -> None:
+        """Send all that waits; takes as long as the browser does."""
+        while self._answers:
+            await self.say(self._answers.popleft())
+        for run in self.outbox.take():
+            await self.socket.send_bytes(encode(run))
+
+    async def say(self, message: Mapping[str, Any]) -> None:
+        """Send a message."""
+        await self.socket.send_text(json.dumps(plain(message), allow_nan=False))
+
+
+class LiveServer:
+    """Brings browsers and a session together.
+
+    Parameters
+    ----------
+    session : LiveSession
+        Running.
+    title : str
+        What the page calls the rig.
+    names : frozenset of str
+        What browsers may call the server; :func:`anhyst.live.guard.names_of`.
+    token : str, optional
+        That browsers have to show first; empty for none.
+    """
+
+    def __init__(
+        self, session: LiveSession, title: str, names: frozenset[str], token: str = ""
+    ) -> None:
+        self.session = session
+        self.desk = Desk()
+        self._title = title
+        self._token = token
+        self._clients: dict[int, Client] = {}
+        self._count = 0
+        routes = [
+            Route("/", _page),
+            Mount("/assets", StaticFiles(directory=ASSETS)),
+            WebSocketRoute("/live", self._meet),
+        ]
+        self.app = Guard(Starlette(routes=routes), names)
+
+    async def _meet(self, socket: WebSocket) -> None:
+        await socket.accept()
+        try:
+            if len(self._clients) >= CLIENTS_MOST:
+                await socket.close(_FULL, "too many browsers")
+            elif not await self._known(socket):
+                await socket.close(_BAD, "the token is not right")
+            else:
+                await self._serve(socket)
+        except (WebSocketDisconnect, TimeoutError):
+            return
+
+    async def _known(self, socket: WebSocket) -> bool:
+        """Whether a browser shows the token, where one is needed."""
+        if not self._token:
+            return True
+        await socket.send_text(json.dumps({"kind": "token"}))
+        shown = str((await asyncio.wait_for(_receive(socket), _HELLO_S)).get("token"))
+        if secrets.compare_digest(shown.encode(), self._token.encode()):
+            return True
+        await asyncio.sleep(1.0)
+        return False
+
+    async def _serve(self, socket: WebSocket) -> None:
+        self._count += 1
+        client = Client(self._count, socket)
+        self._clients[client.number] = client
+        self.desk.join(client.number)
+        client.parameters = self.session.parameters
+        await client.say(describe(self.session, self._title, client.number))
+        leave = self.session.listen(client.outbox.put)
+        sender = asyncio.create_task(self._send(client))
+        try:
+            await self._listen(client)
+        finally:
+            leave()
+            sender.cancel()
+            self.desk.leave(client.number)
+            del self._clients[client.number]
+
+    async def _send(self, client: Client) -> None:
+        """Send frames as fast as the browser takes them, and the status now and then."""
+        clock = asyncio.get_running_loop().time
+        due = 0.0
+        try:
+            while True:
+                if clock() >= due:
+                    due = clock() + _STATUS_S
+                    self.desk.wait()
+                    await self._say_status(client)
+                await client.send_waiting()
+                await asyncio.sleep(1.0 / _FRAMES_HZ)
+        except (WebSocketDisconnect, RuntimeError):
+            return  # the browser went while something was on its way; the reader sees it too
+
+    async def _say_status(self, client: Client) -> None:
+        await client.say(self._status(client))
+        if client.parameters is not self.session.parameters:
+            client.parameters = self.session.parameters
+            await client.say({"kind": "parameters", "parameters": parameters_of(self.session)})
+
+    def _status(self, client: Client) -> Mapping[str, Any]:
+        entries = list(self.session.log)
+        new = min(self.session.logged - client.logged, len(entries))
+        client.logged = self.session.logged
+        return {
+            "kind": "status",
+            **self.session.status(),
+            "operator": self.desk.operator,
+            "asking": self.desk.asking,
+            "browsers": len(self._clients),
+            "log": [entry._asdict() for entry in entries[len(entries) - new :]],
+        }
+
+    async def _listen(self, client: Client) -> None:
+        allowance = Allowance(_RATE, _AT_ONCE)
+        while True:
+            message = await _receive(client.socket)
+            if not allowance.take():
+                await client.socket.close(_BAD, "too many messages")
+                return
+            await self._do(client, message)
+
+    async def _do(self, client: Client, message: Mapping[str, Any]) -> None:
+        """Do what a browser asks for, and answer; the emergency stop is anybody's."""
+        number = message.get("id")
+        try:
+            result = await self._perform(client, message)
+        except InputError as error:
+            result = {"reason": str(error)}
+        client.answer({"kind": "answer", "id": number if isinstance(number, int) else 0, **result})
+
+    async def _perform(self, client: Client, message: Mapping[str, Any]) -> Mapping[str, Any]:
+        what = message.get("do")
+        if what == "stop now":
+            await self._between_chunks(lambda: self.session.stop(client.name))
+            return {}
+        if what == "ask":
+            self.desk.ask(client.number)
+            return {}
+        if what == "hand over":
+            self.desk.answer(client.number, message.get("yes") is True)
+            return {}
+        if self.desk.operator != client.number:
+            raise InputError("another browser operates; ask to take over")
+        return await self._between_chunks(lambda: perform(self.session, client.name, message))
+
+    async def _between_chunks(self, act: Callable[[], _Result]) -> _Result:
+        return await asyncio.to_thread(self.session.do, act)
+
+
+async def _page(_request: object) -> FileResponse:
+    return FileResponse(ASSETS / "index.html")
+
+
+async def _receive(socket: WebSocket) -> dict[str, Any]:
+    """Return the next message; one that is no JSON object ends the connection."""
+    text = await socket.receive()
+    if text["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(text.get("code", 1005))
+    try:
+        message = json.loads(text.get("text") or "")
+    except (ValueError, RecursionError):
+        message = None
+    if not isinstance(message, dict):
+        await socket.close(_BAD, "no JSON object")
+        raise WebSocketDisconnect(_BAD)
+    return message

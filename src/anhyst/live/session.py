@@ -1,0 +1,204 @@
+"""A bench by the clock, and all that looks on: pages, a recorder, a log of what was changed."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, TypeVar
+
+from anhyst.control.states import Command
+from anhyst.live.drive import DrivenBench
+from anhyst.live.generator import Generator
+from anhyst.live.recorder import StreamRecorder
+from anhyst.rig.bench.pace import PacedBench
+from anhyst.rig.bench.protocol import Bench
+from anhyst.rig.bench.subscription import Subscription
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+_LOG = 500
+"""Entries of the log that are kept."""
+
+Listener = Callable[[FloatArray], None]
+_Result = TypeVar("_Result")
+
+
+class LogEntry(NamedTuple):
+    """What was changed."""
+
+    tick: int
+    who: str
+    text: str
+
+
+class LiveSession:
+    """Runs a bench until it is closed.
+
+    Methods that touch the bench are to be called within :meth:`do`.
+
+    Parameters
+    ----------
+    bench : Bench
+        Closed with the session.
+    recorder : StreamRecorder, optional
+        Gets every row from the first tick on; the bench waits for it. Closed with the session.
+    target : float, optional
+        Target with which the bench was opened, m or N.
+
+    Attributes
+    ----------
+    bench : DrivenBench
+        The bench.
+    paced : PacedBench
+        What runs it.
+    recorder : StreamRecorder or None
+    log : deque of LogEntry
+        What was changed of late.
+    logged : int
+        Entries since the start.
+    parameters : tuple of Parameter
+        With the values in force; another tuple after each change.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        recorder: StreamRecorder | None = None,
+        target: float | None = None,
+    ) -> None:
+        self.bench = DrivenBench(bench, target)
+        self.recorder = recorder
+        self.log: deque[LogEntry] = deque(maxlen=_LOG)
+        self.logged = 0
+        self.parameters = bench.parameters()
+        self._names = [signal.name for signal in bench.signals]
+        self._values: dict[str, float] = {}
+        self._trouble = ""
+        self._listeners: tuple[Listener, ...] = ()
+        self.paced = PacedBench(self.bench, paused=True)
+        self._threads = [self._look_on(self._hand_on, self.paced.subscribe("pages"))]
+        if recorder is not None:
+            complete = self.paced.subscribe("the recording", complete=True)
+            self._threads.append(self._look_on(recorder.put, complete))
+
+    def start(self) -> None:
+        """Let time go on."""
+        self.paced.resume()
+
+    def close(self) -> None:
+        """End the bench and the recording."""
+        self.paced.close()
+        for thread in self._threads:
+            thread.join()
+        self.bench.close()
+        if self.recorder is not None:
+            self.recorder.close()
+
+    @property
+    def ended(self) -> str:
+        """Why the bench or the recording goes on no more; empty while they do."""
+        return str(self.paced.error or self._trouble)
+
+    def listen(self, listener: Listener) -> Callable[[], None]:
+        """Give every row to a listener, which must not wait; returns what ends it."""
+        self._listeners = (*self._listeners, listener)
+
+        def leave() -> None:
+            self._listeners = tuple(one for one in self._listeners if one is not listener)
+
+        return leave
+
+    def do(self, act: Callable[[], _Result]) -> _Result:
+        """Do something between two chunks of ticks, and return what it returned.
+
+        Raises
+        ------
+        InputError
+            What it raised, or the bench does not go on any more.
+        """
+        return self.paced.do(lambda _: act())
+
+    def note(self, who: str, text: str) -> None:
+        """Keep what was changed, in the log and in the recording."""
+        self.log.append(LogEntry(self.bench.tick, who, text))
+        self.logged += 1
+        if self.recorder is not None:
+            self.recorder.note(f"after tick {self.bench.tick}, {who}: {text}")
+
+    def stop(self, who: str) -> None:
+        """Stop the rig, and time does not stand over it; a refusal is kept too."""
+        self.note(who, "emergency stop")
+        try:
+            self.bench.command(Command.STOP)
+        finally:
+            self.generate(None)
+            self.paced.resume()
+
+    def generate(self, generator: Generator | None) -> None:
+        """Start a generator around the target, or stop it and go back to the target."""
+        if generator is not None and self.bench.target is None:
+            raise InputError("generator: set a target first")
+        self.bench.generate(generator)
+
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put parameters in force together; returns the first tick that uses them."""
+        tick = self.bench.apply(values)
+        self.parameters = self.bench.parameters()
+        return tick
+
+    def status(self) -> Mapping[str, Any]:
+        """Return what a page shows beside the signals."""
+        pacing, generator, recorder = self.paced.pace(), self.bench.generator, self.recorder
+        shown = {} if generator is None else generator.as_dict()
+        written = {} if recorder is None else {"file": recorder.path.name, "rows": recorder.rows}
+        return {
+            "tick": pacing.tick,
+            "speed": pacing.speed,
+            "paused": pacing.paused,
+            "factor": pacing.factor,
+            "lateness": pacing.late_most,
+            "slips": pacing.slips,
+            "waits_for": pacing.waits_for,
+            "target": self.bench.target,
+            "load": self.bench.pulled,
+            "state": int(self._values.get("state", 0)),
+            "fault": int(self._values.get("fault", 0)),
+            "generator": shown or None,
+            "recording": written or None,
+            "ended": self.ended,
+        }
+
+    def _look_on(self, listener: Listener, subscription: Subscription) -> threading.Thread:
+        def run() -> None:
+            try:
+                while (rows := subscription.get()) is not None:
+                    listener(rows)
+            except OSError as error:
+                self._trouble = f"{subscription.name}: {error.strerror}"
+            finally:
+                subscription.close()
+
+        thread = threading.Thread(target=run, name=subscription.name, daemon=True)
+        thread.start()
+        return thread
+
+    def _hand_on(self, rows: FloatArray) -> None:
+        for listener in self._listeners:
+            listener(rows)
+        self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
+
+
+def finite(fields: Mapping[str, Any], key: str) -> float:
+    """Return a number of a message.
+
+    Raises
+    ------
+    InputError
+        It is missing, or no finite number.
+    """
+    value = fields.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{key}: is no number")
+    return float(value)

@@ -1,0 +1,142 @@
+"""A bench, a server and a browser for the tests of the page."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from anhyst.live.recorder import StreamRecorder
+from anhyst.live.run import listen_on, make_server
+from anhyst.live.session import LiveSession
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.study.bearing.on_board import build_firmware
+from tests.once import made_once
+from tests.study import bearings
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+
+@pytest.fixture(scope="session")
+def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Firmware of the example for the board host."""
+
+    def make(folder: Path) -> None:
+        rig, file = bearings.example(), bearings.controller()
+        build_firmware(rig, file, bearings.knowledge(), "host", folder)
+
+    return made_once(tmp_path_factory, "live", make) / "firmware"
+
+
+@pytest.fixture
+def bench(firmware: Path) -> Iterator[BearingBench]:
+    opened = BearingBench(bearings.single(), firmware)
+    yield opened
+    opened.close()
+
+
+@dataclass(frozen=True)
+class Served:
+    """A session that is served."""
+
+    session: LiveSession
+    port: int
+    end: Callable[[], None]
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+
+Serve = Callable[..., Served]
+
+
+@pytest.fixture
+def serve(firmware: Path) -> Iterator[Serve]:
+    """Serve a session, with a token or a recording where asked, until the test ends."""
+    ends: list[Callable[[], None]] = []
+
+    def start(token: str = "", record: Path | None = None) -> Served:
+        opened = BearingBench(bearings.single(), firmware)
+        recorder = StreamRecorder(record, opened.signals, opened.rate) if record else None
+        session = LiveSession(opened, recorder, bearings.GAP)
+        taken = listen_on("127.0.0.1", 0)
+        port = int(taken.getsockname()[1])
+        server = make_server(session, "bearing", ("127.0.0.1", port), token)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]})
+
+        def end() -> None:
+            ends.remove(end)
+            server.should_exit = True
+            thread.join()
+            session.close()
+            taken.close()
+
+        session.start()
+        thread.start()
+        ends.append(end)
+        return Served(session, port, end)
+
+    yield start
+    for end in tuple(ends):
+        end()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """The system's Chromium."""
+    api = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed: pip install playwright"
+    )
+    with api.sync_playwright() as started:
+        chromium = started.chromium.launch(
+            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
+        )
+        yield chromium
+        chromium.close()
+
+
+Show = Callable[[Served], "Page"]
+
+
+@pytest.fixture
+def show(browser: Browser) -> Iterator[Show]:
+    """Open the page of a session; at the end nothing may have gone wrong in it."""
+    opened, wrong = [], []
+
+    def start(served: Served) -> Page:
+        context = browser.new_context(viewport={"width": 1440, "height": 860})
+        page = context.new_page()
+        page.set_default_timeout(30_000)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on(
+            "console",
+            lambda said: (
+                wrong.append(said.text)
+                if said.type == "error" and "REFUSED" not in said.text
+                else None
+            ),
+        )
+        page.goto(served.address)
+        opened.append(context)
+        return page
+
+    yield start
+    for context in opened:
+        context.close()
+    assert wrong == []
+
+
+def wait_for(check: Callable[[], object], seconds: float = 30.0) -> None:
+    """Wait until something is true."""
+    end = time.monotonic() + seconds
+    while not check():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.01)

@@ -1,0 +1,82 @@
+"""A recording: bit for bit what was measured, on the disk at once, read by the other verbs."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from anhyst.cli.app import main
+from anhyst.control.states import Command
+from anhyst.live.recorder import StreamRecorder
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from tests.live.conftest import wait_for
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
+
+
+def numbers(path: Path) -> FloatArray:
+    lines = path.read_text().splitlines()[1:]
+    return np.array([[float(x) for x in one.split(",")] for one in lines if one[0] != "#"])
+
+
+def test_a_recording_reads_back_bit_for_bit(bench: BearingBench, tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    recorder = StreamRecorder(path, bench.signals, bench.rate)
+    rows = [bench.advance(500)]
+    bench.command(Command.DEMAGNETISED)
+    rows.append(bench.advance(500))
+    recorder.put(rows[0])
+    recorder.note("a\nnote")
+    recorder.put(rows[1])
+    recorder.close()
+    wanted = np.concatenate(rows)
+    got = numbers(path)
+    assert np.array_equal(np.delete(got, 1, axis=1), wanted)
+    assert np.array_equal(got[:, 1], wanted[:, 0] / bench.rate)
+    assert "# a note\n" in path.read_text()
+
+
+def test_a_recording_does_not_write_over_a_file(bench: BearingBench, tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("precious")
+    with pytest.raises(InputError, match="is there already"):
+        StreamRecorder(path, bench.signals, bench.rate)
+    assert path.read_text() == "precious"
+    with pytest.raises(InputError, match=r"written as \.csv"):
+        StreamRecorder(tmp_path / "run.mf4", bench.signals, bench.rate)
+
+
+def test_a_killed_server_leaves_a_recording_that_inspect_reads(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.csv"
+    command = [sys.executable, "-m", "anhyst.cli.app", "live", str(EXAMPLE), "--listen", "0"]
+    with subprocess.Popen(
+        [*command, "--record", str(path)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().split()[0].removesuffix("/")
+            with connect(f"ws{address[4:]}/live", origin=Origin(address), max_size=None) as line:
+                for name in ("demagnetised", "lift"):
+                    wait_for(lambda: path.stat().st_size > 1e6)
+                    line.send(json.dumps({"do": "command", "name": name, "id": 1}))
+                wait_for(lambda: path.stat().st_size > 8e6, 60.0)
+        finally:
+            process.send_signal(signal.SIGKILL)
+    assert path.read_bytes().endswith(b"\n")
+    ticks = numbers(path)[:, 0]
+    assert np.array_equal(ticks, np.arange(1, len(ticks) + 1))
+    assert "browser 1: lift" in path.read_text()
+    assert main(["inspect", str(path)]) == 0
+    assert "run.csv" in capsys.readouterr().out
