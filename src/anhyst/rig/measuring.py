@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,6 +15,9 @@ from anhyst.data.loop_set import Loop
 from anhyst.rig.parts.sensors import Sensor
 from anhyst.rig.tables import MeasurementTable
 from anhyst.support.arrays import FloatArray
+
+_WHOLE = 1e-6
+"""Of a step: so much more than a whole number of them is rounding."""
 
 
 class Pull(Protocol):
@@ -54,10 +58,11 @@ class Held(Protocol):
 
 
 def straight(turns: Sequence[float], step: float) -> FloatArray:
-    """Go straight from turning point to turning point, in steps of at most about this size."""
+    """Go straight from turning point to turning point, in steps of at most this size."""
     parts = [np.array(turns[:1])]
     for begin, end in pairwise(turns):
-        parts.append(np.linspace(begin, end, max(round(abs(end - begin) / step), 1) + 1)[1:])
+        count = math.ceil(abs(end - begin) / step - _WHOLE)
+        parts.append(np.linspace(begin, end, max(count, 1) + 1)[1:])
     return np.concatenate(parts)
 
 
@@ -100,8 +105,8 @@ def measure_place(
     loops = []
     for number, record in enumerate(campaign.records):
         specimen = held.magnet() if magnet is None else magnet
-        for current in past:
-            specimen.step(current, gap)
+        for turn in past:
+            specimen.step(turn, gap)
         path = straight([campaign.current_max_A * turn for turn in record.turns], step)
         sensors = held.sensors([place, number], campaign.sample_s)
         current, force = take(specimen, sensors, gap, path)
