@@ -21,10 +21,13 @@ from anhyst.support.errors import InputError
 
 MAJOR = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25)
 """Upper ends of nested major loops from no current."""
-REVERSALS = (0.8, 0.6, 0.4, 0.2)
-"""Where first-order reversal curves turn, coming from the largest current."""
-SWINGS = (0.2, 0.1, 0.05)
-"""Of inner loops about the operating point, to either side."""
+REVERSALS = (0.9, 0.75, 0.5, 0.25)
+"""From where first-order reversal curves come, and where they turn. Those of the rising side are the
+major loops, which turn at each of their upper ends."""
+BELOW = (0.3, 0.2, 0.1, 0.05)
+"""Swings of inner loops about the operating point, to either side, coming from no current."""
+ABOVE = (0.35, 0.25, 0.15, 0.1)
+"""The same after the largest current."""
 INNER = (0.2, 0.8)
 """Least and largest operating current about which they are run."""
 DEMAGNETISE = (0.85, 0.01)
@@ -114,27 +117,33 @@ def records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
     else:
         before = [0.0, *[peak, 0.0] * specimen.cycles]
         approach, history = straight(before, step), History("conditioned", tuple(before))
+    first, *reversals = (share * peak for share in REVERSALS)
+    major = [turn for share in MAJOR for turn in (share * peak, 0.0)]
+    curves = [turn for reversal in reversals for turn in (reversal, first)]
     paths = {
-        "major": straight([0.0, *(turn for share in MAJOR for turn in (share * peak, 0.0))], step),
-        "reversal": straight(
-            [0.0, *(turn for share in REVERSALS for turn in (peak, share * peak)), peak, 0.0], step
-        ),
-        "inner": _inner(peak, operating, step),
+        "major": straight([0.0, *major], step),
+        "reversal": straight([0.0, first, *curves, 0.0], step),
+        "above": straight([0.0, peak, 0.0, *_inner(peak, operating, ABOVE), 0.0], step),
+        "below": _below(peak, operating, step),
     }
     return [Record(name, tuple(before), approach, path, history) for name, path in paths.items()]
 
 
-def _inner(peak: float, operating: float, step: float) -> FloatArray:
-    """Run inner loops about a current, come to from below, from above and by a decaying sine."""
+def _inner(peak: float, operating: float, swings: Sequence[float]) -> list[float]:
+    """Swing about a current, less and less, as far as there is room."""
     room = min(operating, peak - operating)
-    swings = [min(share * peak, room) for share in SWINGS]
-    upwards = [operating + side * swing for swing in swings for side in (1, -1, 1, -1)]
-    downwards = [operating - side * swing for swing in swings for side in (1, -1, 1, -1)]
-    smallest = swings[-1]
-    there = straight([0.0, *upwards, peak, *downwards, operating], step)
+    sizes = [min(share * peak, room) for share in swings]
+    return [operating + side * size for size in sizes for side in (1.0, -1.0)]
+
+
+def _below(peak: float, operating: float, step: float) -> FloatArray:
+    """Swing about a current coming from below, settle there by a decaying sine, swing a little."""
+    inner = _inner(peak, operating, BELOW)
+    room = min(operating, peak - operating)
+    there = straight([0.0, *inner, operating], step)
     settled = swinging([operating, *decaying(operating, room, SETTLE)], step)
-    back = [operating, operating + smallest, operating - smallest, operating + smallest, 0.0]
-    return np.concatenate([there, settled[1:], straight(back, step)[1:]])
+    back = straight([operating, *inner[-2:], *inner[-2:], 0.0], step)
+    return np.concatenate([there, settled[1:], back[1:]])
 
 
 def coolest_peak(specimen: Specimen) -> Limit:
