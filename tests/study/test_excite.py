@@ -70,7 +70,7 @@ def check_limits(found: Excitation) -> None:
     for current in played.current.tolist():
         warmth += share * ((current / specimen.winding.continuous) ** 2 - warmth)
         most = max(most, warmth)
-    assert 0.8 < most < 1.0
+    assert 0.5 < most < 1.0  # not by staying cold
 
 
 def test_a_drive_keeps_to_current_rate_force_and_the_warmth_of_the_winding(tmp_path: Path) -> None:
