@@ -16,7 +16,7 @@ from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.measuring import HeldBearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.measuring import HeldActuator
-from anhyst.rig.measuring import Held, measure_place, straight
+from anhyst.rig.measuring import HeldRig, measure_place, straight
 from anhyst.rig.tables import MeasurementTable
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -44,7 +44,7 @@ class MeasuredRig:
 
     kind: str
     path: Path
-    held: Held
+    held: HeldRig
     campaign: MeasurementTable
     zero: float
     """What its shunt reads at no current, A."""

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from anhyst.data.reading import read_loops
-from anhyst.rig.measuring import Held, Pull, Sensors
+from anhyst.rig.measuring import HeldRig, Pull, Sensors
 from anhyst.study.excite.excite import Excitation, excite, measure
-from anhyst.study.excite.limits import Limit, Specimen
+from anhyst.study.excite.limits import Bound, Specimen
 from anhyst.study.excite.reading import read_specimen
 from anhyst.study.excite.winding import Winding
 from anhyst.support.errors import InputError
@@ -32,7 +32,7 @@ thermal_s = 15.0
 class Watched:
     """A rig whose armature is held, and all the forces that it ever felt."""
 
-    rig: Held
+    rig: HeldRig
     forces: list[float] = field(default_factory=list)
 
     def magnet(self) -> Pull:
@@ -113,10 +113,10 @@ def test_the_bundled_rigs_are_measured_within_what_they_have(kind: str, tmp_path
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"force": Limit(60.0, "excite.force_max_N")}, "excite.force_max_N leaves"),
-        ({"force": Limit(0.05, "excite.force_max_N")}, "no room for a loop"),
-        ({"current": Limit(1.0, "excite.current_max_A")}, "excite.current_max_A leaves"),
-        ({"rate": Limit(-1.0, "amplifier.supply_V")}, "amplifier.supply_V: the supply"),
+        ({"force": Bound(60.0, "excite.force_max_N")}, "excite.force_max_N leaves"),
+        ({"force": Bound(0.05, "excite.force_max_N")}, "no room for a loop"),
+        ({"current": Bound(1.0, "excite.current_max_A")}, "excite.current_max_A leaves"),
+        ({"rate": Bound(-1.0, "amplifier.supply_V")}, "amplifier.supply_V: the supply"),
         ({"winding": Winding(0.3, 5.0)}, "excite.continuous_A: a winding for 0.3 A"),
     ],
 )

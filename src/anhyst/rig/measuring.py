@@ -47,7 +47,7 @@ class Sensors:
         return self.current.read(self.gain * current), self.force.read(force)
 
 
-class Held(Protocol):
+class HeldRig(Protocol):
     """A rig whose armature is held."""
 
     def magnet(self) -> Pull:
@@ -86,13 +86,13 @@ def take(
 
 
 def measure_place(
-    held: Held, campaign: MeasurementTable, place: int, magnet: Pull | None = None
+    held: HeldRig, campaign: MeasurementTable, place: int, magnet: Pull | None = None
 ) -> list[Loop]:
     """Measure all records of a campaign at one of its gaps.
 
     Parameters
     ----------
-    held : Held
+    held : HeldRig
     campaign : MeasurementTable
     place : int
         Of the gap in the campaign.

@@ -14,7 +14,7 @@ import numpy as np
 
 from anhyst.data.history import DEMAGNETISED, History
 from anhyst.rig.measuring import straight
-from anhyst.study.excite.limits import Limit, Specimen
+from anhyst.study.excite.limits import Bound, Specimen
 from anhyst.study.excite.winding import MARGIN
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -146,7 +146,7 @@ def _below(peak: float, operating: float, step: float) -> FloatArray:
     return np.concatenate([there, settled[1:], back[1:]])
 
 
-def coolest_peak(specimen: Specimen) -> Limit:
+def coolest_peak(specimen: Specimen) -> Bound:
     """Return the largest current at which every record can be run, A, and what limits it.
 
     Raises
@@ -168,7 +168,7 @@ def coolest_peak(specimen: Specimen) -> Limit:
         hottest = records(specimen, peak, INNER[1] * peak)
         if all(winding.start(one.whole, specimen.sample) >= COOL for one in hottest):
             key = specimen.current.key if peak == wanted else "excite.continuous_A"
-            return Limit(peak, key)
+            return Bound(peak, key)
         peak *= SHORTER
     raise InputError(
         f"excite.continuous_A: a winding for {winding.continuous:g} A with a time constant of "

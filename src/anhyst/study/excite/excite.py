@@ -20,7 +20,7 @@ from anhyst.study.excite.design import (
     records,
     step_of,
 )
-from anhyst.study.excite.limits import Limit, Specimen
+from anhyst.study.excite.limits import Bound, Specimen
 from anhyst.study.excite.reading import read_specimen
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
@@ -43,7 +43,7 @@ class Place:
     ----------
     gap : float
         m.
-    peak : Limit
+    peak : Bound
         Largest current, A, and what limits it.
     force : float
         Largest force that was read on the way there, N.
@@ -54,7 +54,7 @@ class Place:
     """
 
     gap: float
-    peak: Limit
+    peak: Bound
     force: float
     operating: float
     reached: bool
@@ -226,7 +226,7 @@ def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
 
 
 def _probe(
-    specimen: Specimen, magnet: Pull, clock: _Clock, gap: float, number: int, cool: Limit
+    specimen: Specimen, magnet: Pull, clock: _Clock, gap: float, number: int, cool: Bound
 ) -> Place:
     """Raise the current once until something is at its limit, and take it back."""
     path = straight([0.0, cool.value], step_of(specimen))
@@ -243,7 +243,7 @@ def _probe(
     peak = cool
     if forces[-1] >= HEADROOM * specimen.force.value:
         # One sample back: what was there is below the limit for certain.
-        peak = Limit(float(gone[max(gone.size - 2, 0)]), specimen.force.key)
+        peak = Bound(float(gone[max(gone.size - 2, 0)]), specimen.force.key)
     if gone.size < 3:
         raise InputError(
             f"{specimen.force.key}: at {1e3 * gap:g} mm {specimen.force.value:g} N are reached at "

@@ -8,7 +8,7 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.measuring import HeldBearing
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.measuring import HeldActuator
-from anhyst.rig.measuring import Held
+from anhyst.rig.measuring import HeldRig
 from anhyst.rig.tables import ExciteTable, MeasurementTable
 from anhyst.study.excite.winding import Winding
 
@@ -23,7 +23,7 @@ CYCLES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Limit:
+class Bound:
     """A bound, and the key of the rig file that sets it.
 
     Parameters
@@ -43,13 +43,13 @@ class Specimen:
 
     Parameters
     ----------
-    held : Held
+    held : HeldRig
         The rig, its armature held.
     gaps : tuple of float
         Where it is held, m.
-    operating : Limit
+    operating : Bound
         Force about which inner loops are run, N.
-    current, rate, force : Limit
+    current, rate, force : Bound
         Largest current, A; its fastest change, A/s; largest force, N.
     lowest : float
         Lowest current of the amplifier, A.
@@ -65,12 +65,12 @@ class Specimen:
         To set the next gap, s.
     """
 
-    held: Held
+    held: HeldRig
     gaps: tuple[float, ...]
-    operating: Limit
-    current: Limit
-    rate: Limit
-    force: Limit
+    operating: Bound
+    current: Bound
+    rate: Bound
+    force: Bound
     lowest: float
     winding: Winding | None
     sweep: float
@@ -91,14 +91,14 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
         gaps,
         excite,
         campaign,
-        operating=Limit(abs(rig.load), "load.force_N"),
+        operating=Bound(abs(rig.load), "load.force_N"),
         currents=[
-            Limit(amplifier.current_high_A, "amplifier.current_high_A"),
-            Limit(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
+            Bound(amplifier.current_high_A, "amplifier.current_high_A"),
+            Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
         ],
         lowest=max(amplifier.current_low_A, SENSOR * settings.current_sensor.low_A),
-        rate=Limit(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
-        sensor=Limit(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
+        rate=Bound(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
+        sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
     )
 
 
@@ -114,32 +114,32 @@ def force_specimen(rig: Rig) -> Specimen:
         tuple(excite.gaps_m or usual),
         excite,
         campaign,
-        operating=Limit(0.5 * cases.force_max_N, "force_control.force_max_N"),
+        operating=Bound(0.5 * cases.force_max_N, "force_control.force_max_N"),
         currents=[
-            Limit(amplifier.current_max_A, "amplifier.current_max_A"),
-            Limit(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
+            Bound(amplifier.current_max_A, "amplifier.current_max_A"),
+            Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
         ],
         lowest=0.0,
-        rate=Limit(amplifier.slew_A_per_s, "amplifier.slew_A_per_s"),
-        sensor=Limit(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
+        rate=Bound(amplifier.slew_A_per_s, "amplifier.slew_A_per_s"),
+        sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
     )
 
 
 def _specimen(
-    held: Held,
+    held: HeldRig,
     gaps: tuple[float, ...],
     excite: ExciteTable,
     campaign: MeasurementTable | None,
     *,
-    operating: Limit,
-    currents: list[Limit],
+    operating: Bound,
+    currents: list[Bound],
     lowest: float,
-    rate: Limit,
-    sensor: Limit,
+    rate: Bound,
+    sensor: Bound,
 ) -> Specimen:
     """Take the tightest of what the instruments, [measurement] and [excite] say."""
     if campaign is not None:
-        currents.append(Limit(campaign.current_max_A, "measurement.current_max_A"))
+        currents.append(Bound(campaign.current_max_A, "measurement.current_max_A"))
     currents += _given(excite.current_max_A, "current_max_A")
     current = min(currents, key=lambda one: one.value)
     rates = [rate, *_given(excite.rate_max_A_per_s, "rate_max_A_per_s")]
@@ -164,5 +164,5 @@ def _specimen(
     )
 
 
-def _given(value: float | None, key: str) -> list[Limit]:
-    return [] if value is None else [Limit(value, f"excite.{key}")]
+def _given(value: float | None, key: str) -> list[Bound]:
+    return [] if value is None else [Bound(value, f"excite.{key}")]
