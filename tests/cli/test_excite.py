@@ -20,7 +20,8 @@ ALLOWED = {"bearing": 0.005, "solenoid": 0.03}
 """Of the largest force, rms at gaps that were not measured."""
 
 
-@pytest.mark.parametrize("kind", ["bearing", pytest.param("solenoid", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["bearing", "solenoid"])
 def test_measure_identify_compile_verify_without_a_further_flag(kind: str, tmp_path: Path) -> None:
     rig = measured_rig(kind, tmp_path, more=f"\n[excite]\ngaps_m = {GAPS[kind]}\n")
     made = quick("excite", "rig.toml", "--out", "new.csv", "--plot", "new.png", cwd=tmp_path)
@@ -71,14 +72,11 @@ def test_the_same_rig_gives_the_same_loops_and_json_says_how(tmp_path: Path) -> 
     assert figures["limits"]["current_A"] == {"value": 4.5, "key": "amplifier.current_high_A"}
 
 
-def test_a_recording_is_watched(tmp_path: Path) -> None:
-    rig = measured_rig("solenoid", tmp_path)
-    loops = rig.usual_loops().at([1.0e-3, 1.6e-3, 2.8e-3])
-    (tmp_path / "three").mkdir()
-    loops.to_csv(tmp_path / "three" / "loops.csv")
-    past = ("--history", "conditioned:0,1.2,0,1.2,0,1.2,0", "--law", "play-cells")
-    given = ("--gap-map", "reluctance", "--out", "model-3.toml")
-    assert quick("identify", "three", *past, *given, cwd=tmp_path).returncode == 0
+def test_what_was_measured_is_identified_and_watched(tmp_path: Path) -> None:
+    rig = measured_rig("solenoid", tmp_path, more="\n[excite]\ngaps_m = [1.0e-3, 1.6e-3]\n")
+    assert quick("excite", "rig.toml", "--out", "two.csv", cwd=tmp_path).returncode == 0
+    given = ("--law", "play-cells", "--gap-map", "reluctance", "--out", "model.toml")
+    assert quick("identify", "two.csv", *given, cwd=tmp_path).returncode == 0
     magnet, rng = rig.held.magnet(), np.random.default_rng(1)
     time = np.arange(25 * 200) / 200.0
     current = 0.5 - 0.4 * np.cos(2.0 * np.pi * time)
@@ -92,14 +90,14 @@ def test_a_recording_is_watched(tmp_path: Path) -> None:
         (tmp_path / name).write_text(text)
 
     record("good.csv")
-    good = quick("watch", "model-3.toml", "good.csv", cwd=tmp_path)
+    good = quick("watch", "model.toml", "good.csv", cwd=tmp_path)
     assert (good.returncode, good.stdout.strip()) == (0, "the model fits, over 23 cycles")
     force[18 * 200 :] -= 0.4
     record("bad.csv")
-    bad = quick("watch", "model-3.toml", "bad.csv", "--json", cwd=tmp_path)
+    bad = quick("watch", "model.toml", "bad.csv", "--json", cwd=tmp_path)
     assert bad.returncode == 1
     assert "has drifted by -0.4" in bad.stderr
     assert json.loads(bad.stdout)["since_s"] == pytest.approx(18.0, abs=1.1)
     time, current, force = time[:1000], current[:1000], force[:1000]
     record("short.csv")
-    assert "too short to say" in refused("watch", "model-3.toml", "short.csv", cwd=tmp_path)
+    assert "too short to say" in refused("watch", "model.toml", "short.csv", cwd=tmp_path)
