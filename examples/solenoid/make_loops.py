@@ -13,13 +13,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
 from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.parts.solenoid import Solenoid
+from anhyst.rig.force.measuring import HeldActuator
+from anhyst.rig.measuring import conditioning, measure_place
+from anhyst.rig.tables import MeasurementTable
 
 HERE = Path(__file__).resolve().parent
 NOTES = """\
@@ -30,44 +29,34 @@ t_s,I_A,F_N,gap_m,loop
 """
 
 
-def path(turns: list[float], step: float) -> list[float]:
-    """Go straight from turning point to turning point, in steps of at most about this size."""
-    samples = turns[:1]
-    for begin, end in pairwise(turns):
-        count = round(abs(end - begin) / step)
-        samples += np.linspace(begin, end, count + 1)[1:].tolist()
-    return samples
-
-
-def rows(rig: Rig, solenoid: Solenoid) -> Iterator[str]:
+def rows(rig: Rig) -> Iterator[str]:
     """Measure every record at every position, in the order of the file."""
-    campaign = rig.solenoid.measurement
-    sample, largest = campaign["sample_s"], campaign["current_max_A"]
-    step = campaign["sweep_A_per_s"] * sample
-    conditioning = [largest, 0.0] * campaign["conditioning_cycles"]
+    held, campaign = HeldActuator(rig), campaign_of(rig)
+    solenoid, sample = held.magnet(), campaign.sample_s
+    step = campaign.sweep_A_per_s * sample
     clock = 0.0
-    for place, gap in enumerate(campaign["gaps_m"]):
-        for number, record in enumerate(campaign["records"]):
-            sensors = rig.instruments([0, place, number], sample)
-            for current in conditioning:
-                solenoid.step(current, gap)
-            clock += sum(conditioning) / step * 2.0 * sample
-            for current in path([largest * turn for turn in record["turns"]], step):
-                force = sensors.force.read(solenoid.step(current, gap))
-                read = sensors.current.read(current)
-                label = f"{gap * 1e3:.2f}mm-{record['name']}"
-                yield f"{clock:.2f},{read:.5f},{force:.4f},{gap:.5f},{label}"
+    for place in range(len(campaign.gaps_m)):
+        for loop in measure_place(held, campaign, place, solenoid):
+            clock += sum(conditioning(campaign)) / step * 2.0 * sample
+            gap = campaign.gaps_m[place]
+            for current, force in zip(loop.input.tolist(), loop.output.tolist(), strict=True):
+                yield f"{clock:.2f},{current:.5f},{force:.4f},{gap:.5f},{loop.label}"
                 clock += sample
-        clock += campaign["pause_s"]
+        clock += campaign.pause_s
+
+
+def campaign_of(rig: Rig) -> MeasurementTable:
+    """Return how the loops are to be measured."""
+    assert rig.solenoid.measurement is not None
+    return rig.solenoid.measurement
 
 
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Text of every file of the example, by name."""
     rig = read_rig(path)
-    campaign = rig.solenoid.measurement
-    turns = [0.0] + [campaign["current_max_A"], 0.0] * campaign["conditioning_cycles"]
+    turns = [0.0, *conditioning(campaign_of(rig))]
     history = f"conditioned:{','.join(str(turn) for turn in turns)}"
-    text = NOTES + "\n".join(rows(rig, rig.solenoid.solenoid())) + "\n"
+    text = NOTES + "\n".join(rows(rig)) + "\n"
     return {"loops.csv": text, "loops.toml": f'history = "{history}"\n'}
 
 

@@ -15,6 +15,7 @@ from anhyst.cli import app as cli
 from anhyst.support.errors import InputError, NegativeResult
 
 VERBS = (
+    "excite",
     "inspect",
     "identify",
     "predict",
@@ -26,6 +27,7 @@ VERBS = (
     "force-control",
     "simulate",
     "tune",
+    "watch",
 )
 
 

@@ -14,6 +14,7 @@ import typer
 from anhyst.cli.compile import compile_
 from anhyst.cli.console import one_line, say_error, warn
 from anhyst.cli.diff import diff
+from anhyst.cli.excite import excite
 from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
 from anhyst.cli.init import init
@@ -24,6 +25,7 @@ from anhyst.cli.simulate import simulate
 from anhyst.cli.tune import tune
 from anhyst.cli.use import invert, predict
 from anhyst.cli.verify import verify
+from anhyst.cli.watch import watch
 from anhyst.support.errors import InputError, Interrupted, NegativeResult, RenamedWarning
 
 BAD_INPUT = 2
@@ -45,7 +47,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _verb in (init, inspect, identify, predict, invert, report, diff):
+for _verb in (init, excite, inspect, identify, predict, invert, report, diff):
     app.command(no_args_is_help=True)(_verb)
 app.command("compile", no_args_is_help=True)(compile_)
 app.command(no_args_is_help=True)(verify)
@@ -53,6 +55,7 @@ app.command(no_args_is_help=True)(force_control)
 app.command(no_args_is_help=True)(simulate)
 app.command(no_args_is_help=True)(tune)
 app.command(no_args_is_help=True)(live)
+app.command(no_args_is_help=True)(watch)
 
 
 def _print_version(wanted: bool) -> None:

@@ -56,7 +56,7 @@ def inspect(
     from anhyst.data.inspection import inspect as look_at
 
     if plot is not None:
-        _check_plot(plot)
+        check_plot(plot)
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     # Thinning would hide noise and skew, which are what is looked for.
     options = replace(options, clean=tuple(step for step in options.clean if step != "thin"))
@@ -73,7 +73,8 @@ def inspect(
         show(f"{plot} written")
 
 
-def _check_plot(path: Path) -> None:
+def check_plot(path: Path) -> None:
+    """Refuse a plot that could not be written in the end."""
     from anhyst.support.atomic import check_writable
     from anhyst.support.errors import InputError
 

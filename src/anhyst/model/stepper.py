@@ -184,6 +184,42 @@ class Stepper:
         self._output = float(circuit.output(flux)[0])
         return self._output
 
+    def follow(self, applied: FloatArray, schedule: FloatArray) -> FloatArray:
+        """Advance the state along a row of drives, as :meth:`commit` does one by one.
+
+        Parameters
+        ----------
+        applied : ndarray, shape (n,)
+            In units of the input.
+        schedule : ndarray, shape (n,)
+            Scheduling variable at each, SI.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Outputs, in units of the output.
+
+        Raises
+        ------
+        InputError
+            As :meth:`commit`, or a model with eddy currents, which needs times.
+        """
+        given = as_samples(applied, "applied drive")
+        at = as_samples(schedule, "schedule", given.size)
+        if np.any(self.model.over_schedule("gamma", at) > 0.0):
+            raise InputError("the model has eddy currents (gamma); commit one by one, with dt")
+        for end in (at.min(), at.max()):
+            self._at(float(end))
+        circuit = self.model.circuit(at, np.zeros(given.size))
+        core = circuit.magnetomotive(given)
+        flux, _, state, status, index = self._iron.forward(
+            core, circuit.rho, circuit.eddy, self._state
+        )
+        check(status, "applied drive", index, given)
+        output = circuit.output(flux)
+        self._state, self._schedule, self._output = state, float(at[-1]), float(output[-1])
+        return output
+
     def _at(self, schedule: float | None) -> float:
         if schedule is None:
             return self._schedule

@@ -1,21 +1,45 @@
-"""Loops of a virtual magnet, measured with the rig's own sensors while the armature is held."""
+"""Loops of the magnet of a virtual bearing, its armature held."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
-
-import numpy as np
-
-from anhyst._core import Coil
 from anhyst.data import LoopSet
-from anhyst.data.history import History
-from anhyst.data.loop_set import Loop
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_magnet
+from anhyst.rig.measuring import Sensors, measure_place
+from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.parts.sensors import Converter, Sensor
-from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
+
+
+class HeldBearing:
+    """A bearing whose armature is held; of a pair, the magnet that closes the gap pulls alone.
+
+    Parameters
+    ----------
+    rig : BearingRig
+        Its magnet is whole.
+    """
+
+    def __init__(self, rig: BearingRig) -> None:
+        self._rig = rig
+        self._magnet = make_magnet(rig)
+
+    def magnet(self) -> Electromagnet:
+        """Return what pulls, demagnetised."""
+        return Electromagnet(self._magnet)
+
+    def sensors(self, seed: list[int], sample: float) -> Sensors:
+        """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
+        settings = self._rig.settings
+        current, force = settings.current_sensor, settings.force_sensor
+        own = [settings.seed, *seed]
+        shunt = Converter(current.low_A, current.high_A, current.adc_bits)
+        cell = Converter(force.low_N, force.high_N, force.adc_bits)
+        return Sensors(
+            Sensor(shunt, current.noise_A, [*own, 0], sample),
+            Sensor(cell, force.noise_N, [*own, 1], sample, bandwidth=force.bandwidth_Hz),
+            1.0 + current.gain_error,
+        )
 
 
 def measure_loops(rig: BearingRig) -> LoopSet:
@@ -34,58 +58,7 @@ def measure_loops(rig: BearingRig) -> LoopSet:
     LoopSet
         Force over current; the current is the true one behind its sensor.
     """
-    campaign = rig.settings.measurement
-    step = campaign.sweep_A_per_s * campaign.sample_s
-    past = [0.0, *[campaign.current_max_A, 0.0] * campaign.conditioning_cycles]
-    magnet = make_magnet(rig)
-    gain = 1.0 + rig.settings.current_sensor.gain_error
-    loops = []
-    for place, gap in enumerate(campaign.gaps_m):
-        for number, record in enumerate(campaign.records):
-            coil = Coil(magnet)
-            for current in past:
-                coil.hold(current, gap)
-            drive = _path([campaign.current_max_A * turn for turn in record.turns], step)
-            force = coil.run(drive, np.full(drive.size, gap))[:, 0]
-            shunt, cell = _sensors(rig, [rig.settings.seed, place, number])
-            loops.append(
-                Loop(
-                    label=f"{gap * 1e3:.2f}mm-{record.name}",
-                    input=np.array([shunt.read(gain * value) for value in drive.tolist()]),
-                    output=np.array([cell.read(value) for value in force.tolist()]),
-                    schedule=np.full(drive.size, gap),
-                    history=History("conditioned", tuple(past)),
-                )
-            )
+    held, campaign = HeldBearing(rig), rig.settings.measurement
+    places = range(len(campaign.gaps_m))
+    loops = [loop for place in places for loop in measure_place(held, campaign, place)]
     return LoopSet(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
-
-
-def _path(turns: list[float], step: float) -> FloatArray:
-    """Go straight from turning point to turning point, in steps of at most about this size."""
-
-    def parts() -> Iterator[FloatArray]:
-        yield np.array(turns[:1])
-        for begin, end in pairwise(turns):
-            yield np.linspace(begin, end, max(round(abs(end - begin) / step), 1) + 1)[1:]
-
-    return np.concatenate(list(parts()))
-
-
-def _sensors(rig: BearingRig, seed: list[int]) -> tuple[Sensor, Sensor]:
-    current, force = rig.settings.current_sensor, rig.settings.force_sensor
-    dt = rig.settings.measurement.sample_s
-    return (
-        Sensor(
-            Converter(current.low_A, current.high_A, current.adc_bits),
-            current.noise_A,
-            [*seed, 0],
-            dt,
-        ),
-        Sensor(
-            Converter(force.low_N, force.high_N, force.adc_bits),
-            force.noise_N,
-            [*seed, 1],
-            dt,
-            bandwidth=force.bandwidth_Hz,
-        ),
-    )

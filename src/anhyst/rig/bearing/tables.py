@@ -14,8 +14,14 @@ from pydantic import Field, model_validator
 
 from anhyst.rig.loop_files import FileList
 from anhyst.rig.magnet_table import ElectromagnetTable
-from anhyst.rig.tables import ForceSensorTable, Name, RigTable, ShuntTable, ordered
-from anhyst.support.toml_file import Bits, NotNegative, Number, Positive, Share, Table
+from anhyst.rig.tables import (
+    ForceSensorTable,
+    MeasurementTable,
+    RigTable,
+    ShuntTable,
+    ordered,
+)
+from anhyst.support.toml_file import Bits, NotNegative, Number, Positive, Table
 
 MOST_SEED = 1 << 31
 """Seeds are below it."""
@@ -223,24 +229,6 @@ class HallTable(Table):
     noise_T: NotNegative
     bandwidth_Hz: Positive
     gain_error: GainError = 0.0
-
-
-class RecordTable(Table):
-    """One of ``measurement.records``: straight from turning point to turning point."""
-
-    name: Name
-    turns: Annotated[list[Share], Field(min_length=2)]
-
-
-class MeasurementTable(Table):
-    """``[measurement]``: how the loops are measured, with armature held."""
-
-    gaps_m: Annotated[list[Positive], Field(min_length=1)]
-    current_max_A: Positive
-    sweep_A_per_s: Positive
-    sample_s: Positive
-    conditioning_cycles: Annotated[int, Field(ge=1, le=20)]
-    records: Annotated[list[RecordTable], Field(min_length=1)]
 
 
 class TrajectoryTable(Table):

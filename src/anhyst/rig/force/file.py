@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, Tag, model_validator
@@ -25,7 +25,14 @@ from anhyst.rig.parts.amplifier import Amplifier
 from anhyst.rig.parts.magnet import Electromagnet, iron_magnet
 from anhyst.rig.parts.sensors import Converter, Sensor
 from anhyst.rig.parts.solenoid import Geometry, Solenoid
-from anhyst.rig.tables import ForceSensorTable, Name, RigTable, ShuntTable, ordered
+from anhyst.rig.tables import (
+    ForceSensorTable,
+    MeasurementTable,
+    Name,
+    RigTable,
+    ShuntTable,
+    ordered,
+)
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.toml_file import (
@@ -90,7 +97,7 @@ class SolenoidFile(Table):
 
     iron: IronEntry
     circuit: CircuitTable
-    measurement: dict[str, Any] = Field(default_factory=dict)
+    measurement: MeasurementTable | None = None
 
     def solenoid(self) -> Solenoid:
         """Return it demagnetised."""

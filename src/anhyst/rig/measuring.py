@@ -1,0 +1,122 @@
+"""Loops of a virtual magnet, measured with the rig's own sensors while the armature is held."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from anhyst.data.history import History
+from anhyst.data.loop_set import Loop
+from anhyst.rig.parts.sensors import Sensor
+from anhyst.rig.tables import MeasurementTable
+from anhyst.support.arrays import FloatArray
+
+_WHOLE = 1e-6
+"""Of a step: so much more than a whole number of them is rounding."""
+
+
+class Pull(Protocol):
+    """A magnet with the memory of its iron, moved so slowly that nothing is induced."""
+
+    def step(self, current: float, gap: float) -> float:
+        """Move to a current, A, at a gap, m, and return the pull, N."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What measures loops: a shunt and a load cell.
+
+    Parameters
+    ----------
+    current, force : Sensor
+    gain : float, optional
+        What the shunt reads at 1 A.
+    """
+
+    current: Sensor
+    force: Sensor
+    gain: float = 1.0
+
+    def read(self, current: float, force: float) -> tuple[float, float]:
+        """Return what they say of a current, A, and a force, N, one sample on."""
+        return self.current.read(self.gain * current), self.force.read(force)
+
+
+class HeldRig(Protocol):
+    """A rig whose armature is held."""
+
+    def magnet(self) -> Pull:
+        """Return what pulls, demagnetised."""
+
+    def sensors(self, seed: list[int], sample: float) -> Sensors:
+        """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
+
+
+def straight(turns: Sequence[float], step: float) -> FloatArray:
+    """Go straight from turning point to turning point, in steps of at most this size."""
+    parts = [np.array(turns[:1])]
+    for begin, end in pairwise(turns):
+        count = math.ceil(abs(end - begin) / step - _WHOLE)
+        parts.append(np.linspace(begin, end, max(count, 1) + 1)[1:])
+    return np.concatenate(parts)
+
+
+def conditioning(campaign: MeasurementTable) -> list[float]:
+    """Return the turning points before every record, A: from zero to the largest current and back."""
+    return [campaign.current_max_A, 0.0] * campaign.conditioning_cycles
+
+
+def take(
+    magnet: Pull, sensors: Sensors, gap: float, path: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Move along currents, A, at a gap, m.
+
+    Returns
+    -------
+    current, force : ndarray
+        As the sensors read them, A and N.
+    """
+    rows = np.array([sensors.read(one, magnet.step(one, gap)) for one in path.tolist()])
+    return rows[:, 0], rows[:, 1]
+
+
+def measure_place(
+    held: HeldRig, campaign: MeasurementTable, place: int, magnet: Pull | None = None
+) -> list[Loop]:
+    """Measure all records of a campaign at one of its gaps.
+
+    Parameters
+    ----------
+    held : HeldRig
+    campaign : MeasurementTable
+    place : int
+        Of the gap in the campaign.
+    magnet : Pull, optional
+        Goes on with whatever it remembers; without one, every record begins with a demagnetised
+        magnet. Before every record it is conditioned anyway.
+    """
+    gap, past = campaign.gaps_m[place], conditioning(campaign)
+    step = campaign.sweep_A_per_s * campaign.sample_s
+    loops = []
+    for number, record in enumerate(campaign.records):
+        specimen = held.magnet() if magnet is None else magnet
+        for turn in past:
+            specimen.step(turn, gap)
+        path = straight([campaign.current_max_A * turn for turn in record.turns], step)
+        sensors = held.sensors([place, number], campaign.sample_s)
+        current, force = take(specimen, sensors, gap, path)
+        loops.append(
+            Loop(
+                label=f"{gap * 1e3:.2f}mm-{record.name}",
+                input=current,
+                output=force,
+                schedule=np.full(path.size, gap),
+                history=History("conditioned", (0.0, *past)),
+            )
+        )
+    return loops

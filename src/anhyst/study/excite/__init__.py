@@ -1,0 +1,1 @@
+"""A drive that measures loops: designed within limits, run on the rig, written as a measurement."""

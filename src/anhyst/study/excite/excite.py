@@ -1,0 +1,371 @@
+"""Measure the loops of a rig's magnet: find how far it may be driven, design, run, write."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.sidecar import is_sidecar
+from anhyst.rig.measuring import Pull, Sensors, straight, take
+from anhyst.study.excite.design import (
+    INNER,
+    Record,
+    coolest_peak,
+    demagnetises,
+    records,
+    step_of,
+)
+from anhyst.study.excite.limits import Bound, Specimen
+from anhyst.study.excite.reading import read_specimen
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+from anhyst.support.toml_text import toml_key, toml_value
+from anhyst.support.units import QUANTITIES
+
+HEADROOM = 0.95
+"""Share of the largest force at which the current is taken back."""
+_PROBE = 1000
+"""Number of the probe among the records, for the seed of its noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What was found at a gap before loops were measured there.
+
+    Parameters
+    ----------
+    gap : float
+        m.
+    peak : Bound
+        Largest current, A, and what limits it.
+    force : float
+        Largest force that was read on the way there, N.
+    operating : float
+        Current about which inner loops are run, A.
+    reached : bool
+        Whether it gives the operating force.
+    """
+
+    gap: float
+    peak: Bound
+    force: float
+    operating: float
+    reached: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """All that the amplifier was asked for, rests included; one value a sample.
+
+    Parameters
+    ----------
+    time : ndarray
+        s.
+    current : ndarray
+        A.
+    gap : ndarray
+        m.
+    warmth : ndarray
+        Of the winding, 1 where it just may stay for ever; not a number where nothing is known.
+    """
+
+    time: FloatArray
+    current: FloatArray
+    gap: FloatArray
+    warmth: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """Measured loops, and how they were measured.
+
+    Parameters
+    ----------
+    loops : LoopSet
+    specimen : Specimen
+    places : tuple of Place
+        In the order in which they were measured: from the largest gap to the smallest.
+    played : Played
+    notes : tuple of str
+        What was designed down, and why.
+    """
+
+    loops: LoopSet
+    specimen: Specimen
+    places: tuple[Place, ...]
+    played: Played
+    notes: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as what is printed as JSON."""
+        played, specimen = self.played, self.specimen
+        return {
+            "loops": len(self.loops),
+            "samples": sum(loop.n for loop in self.loops.loops),
+            "duration_s": float(played.time[-1]),
+            "begins": "demagnetised" if self.demagnetised else "conditioned",
+            "rate_A_per_s": step_of(specimen) / specimen.sample,
+            "limits": {
+                name: {"value": limit.value, "key": limit.key}
+                for name, limit in (
+                    ("current_A", specimen.current),
+                    ("rate_A_per_s", specimen.rate),
+                    ("force_N", specimen.force),
+                )
+            },
+            "warmth": None if specimen.winding is None else float(played.warmth.max()),
+            "gaps": [
+                {
+                    "gap_m": place.gap,
+                    "current_max_A": place.peak.value,
+                    "limited_by": place.peak.key,
+                    "force_N": place.force,
+                    "operating_A": place.operating,
+                    "operating_reached": place.reached,
+                }
+                for place in self.places
+            ],
+            "notes": list(self.notes),
+        }
+
+    @property
+    def demagnetised(self) -> bool:
+        """Whether every record begins with demagnetised iron."""
+        return all(loop.history.kind == "demagnetised" for loop in self.loops.loops)
+
+
+@dataclass(slots=True)
+class _Clock:
+    """What has been played so far."""
+
+    specimen: Specimen
+    time: float = 0.0
+    warmth: float = 0.0
+    parts: list[tuple[FloatArray, ...]] = field(default_factory=list)
+
+    def play(self, current: FloatArray, gap: float) -> FloatArray:
+        """Take a path into the account; return the times of its samples, s."""
+        sample, winding = self.specimen.sample, self.specimen.winding
+        time: FloatArray = self.time + sample * np.arange(1.0, current.size + 1.0)
+        if winding is None:
+            warmth = np.full(current.size, np.nan)
+        else:
+            warmth = winding.along(current, sample, self.warmth)
+            self.warmth = float(warmth[-1])
+        self.parts.append((time, current, np.full(current.size, gap), warmth))
+        self.time = float(time[-1])
+        return time
+
+    def rest(self, seconds: float, gap: float) -> None:
+        """Wait without current."""
+        count = int(np.ceil(seconds / self.specimen.sample))
+        if count > 0:
+            self.play(np.zeros(count), gap)
+
+    def cool(self, current: FloatArray, gap: float) -> None:
+        """Wait until a path can be played without the winding becoming too warm."""
+        winding = self.specimen.winding
+        if winding is not None:
+            allowed = winding.start(current, self.specimen.sample)
+            self.rest(winding.rest(self.warmth, allowed), gap)
+
+    def played(self) -> Played:
+        return Played(*(np.concatenate(column) for column in zip(*self.parts, strict=True)))
+
+
+def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
+    """Measure loops at every gap, within the limits.
+
+    From the largest gap to the smallest: the flux rises from gap to gap, so that conditioning wipes
+    out what was before. At each gap the current is first raised once, until it, the force or the
+    winding is at its limit: that is the largest current of the records there.
+
+    Parameters
+    ----------
+    specimen : Specimen
+    progress : callable, optional
+        Called with records done and to be done.
+
+    Raises
+    ------
+    InputError
+        The limits leave nothing that is worth measuring; says which one.
+    """
+    cool = coolest_peak(specimen)
+    magnet, clock = specimen.held.magnet(), _Clock(specimen)
+    gaps = sorted(specimen.gaps, reverse=True)
+    loops: list[Loop] = []
+    places = []
+    for number, gap in enumerate(gaps):
+        if number:
+            clock.rest(specimen.pause, gap)
+        place = _probe(specimen, magnet, clock, gap, number, cool)
+        places.append(place)
+        wanted = records(specimen, place.peak.value, place.operating)
+        for count, record in enumerate(wanted):
+            sensors = specimen.held.sensors([number, count], specimen.sample)
+            loops.append(_take(specimen, magnet, sensors, clock, gap, record))
+            if progress is not None:
+                progress(number * len(wanted) + count + 1, len(gaps) * len(wanted))
+    _check_operating(specimen, places)
+    names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
+    return Excitation(
+        LoopSet(tuple(loops), *names),
+        specimen,
+        tuple(places),
+        clock.played(),
+        tuple(_notes(specimen, places)),
+    )
+
+
+def _probe(
+    specimen: Specimen, magnet: Pull, clock: _Clock, gap: float, number: int, cool: Bound
+) -> Place:
+    """Raise the current once until something is at its limit, and take it back."""
+    path = straight([0.0, cool.value], step_of(specimen))
+    clock.cool(np.concatenate([path, path[::-1]]), gap)
+    sensors = specimen.held.sensors([number, _PROBE], specimen.sample)
+    forces: list[float] = []
+    for current in path.tolist():
+        forces.append(sensors.read(current, magnet.step(current, gap))[1])
+        if forces[-1] >= HEADROOM * specimen.force.value:
+            break
+    magnet.step(0.0, gap)
+    gone = path[: len(forces)]
+    clock.play(np.concatenate([gone, gone[::-1]]), gap)
+    peak = cool
+    if forces[-1] >= HEADROOM * specimen.force.value:
+        # One sample back: what was there is below the limit for certain.
+        peak = Bound(float(gone[max(gone.size - 2, 0)]), specimen.force.key)
+    if gone.size < 3:
+        raise InputError(
+            f"{specimen.force.key}: at {1e3 * gap:g} mm {specimen.force.value:g} N are reached at "
+            f"{gone[-1]:.3g} A; there is no room for a loop"
+        )
+    enough = np.flatnonzero(np.array(forces) >= specimen.operating.value)
+    least, most = (share * peak.value for share in INNER)
+    wanted = float(gone[enough[0]]) if enough.size else np.inf
+    operating = min(max(wanted, least), most)
+    return Place(gap, peak, max(forces), operating, wanted == operating)
+
+
+def _take(
+    specimen: Specimen, magnet: Pull, sensors: Sensors, clock: _Clock, gap: float, record: Record
+) -> Loop:
+    """Bring the iron into the state that a record begins with, and record."""
+    clock.cool(record.whole, gap)
+    clock.play(record.approach, gap)
+    for turn in record.before:
+        magnet.step(turn, gap)
+    time = clock.play(record.path, gap)
+    current, force = take(magnet, sensors, gap, record.path)
+    label = f"{1e3 * gap:g}mm-{record.name}"
+    above = np.flatnonzero(force > specimen.force.value)
+    if above.size:
+        raise InputError(
+            f"{specimen.force.key}: {label} reads {force[above[0]]:.4g} N at "
+            f"{current[above[0]]:.4g} A, more than {specimen.force.value:g} N and more than the "
+            "first rise at this gap showed; lower excite.current_max_A"
+        )
+    return Loop(label, current, force, np.full(time.size, gap), time, record.history)
+
+
+def _check_operating(specimen: Specimen, places: list[Place]) -> None:
+    if any(place.reached for place in places):
+        return
+    best = max(places, key=lambda place: place.force)
+    raise InputError(
+        f"{specimen.operating.key}: inner loops are wanted about {specimen.operating.value:g} N, "
+        f"and at no gap is that between {100 * INNER[0]:.0f} and {100 * INNER[1]:.0f} % of the "
+        f"largest current; {best.peak.key} leaves {best.peak.value:.3g} A and {best.force:.4g} N at "
+        f"{1e3 * best.gap:g} mm; give excite.operating_N, or raise that limit"
+    )
+
+
+def _notes(specimen: Specimen, places: list[Place]) -> list[str]:
+    """Say what was designed down, and why."""
+    notes = []
+    if specimen.sweep > specimen.rate.value:
+        notes.append(
+            f"current changes by {specimen.rate.value:.4g} A/s instead of {specimen.sweep:.4g} A/s: "
+            f"{specimen.rate.key}"
+        )
+    for place in places:
+        at = f"{1e3 * place.gap:g} mm"
+        if place.peak.value < specimen.current.value:
+            notes.append(
+                f"{at}: largest current {place.peak.value:.4g} A instead of "
+                f"{specimen.current.value:.4g} A: {place.peak.key}"
+            )
+        if not place.reached:
+            notes.append(
+                f"{at}: inner loops about {place.operating:.4g} A, which does not give the "
+                f"{specimen.operating.value:.4g} N of {specimen.operating.key}"
+            )
+    if not all(demagnetises(specimen, place.peak.value) for place in places):
+        notes.append(
+            "the amplifier does not drive as far below zero as above: records begin after "
+            f"{specimen.cycles} cycles from 0 to the largest current instead of demagnetised"
+        )
+    if specimen.winding is None:
+        notes.append(
+            "the rig file does not say what the winding stands (excite.continuous_A, thermal_s): "
+            "its temperature is not looked at"
+        )
+    return notes
+
+
+def excite(rig: PathLike, out: PathLike, progress: Progress | None = None) -> Excitation:
+    """Measure the loops of a rig and write them, with a sidecar that says how they begin.
+
+    Parameters
+    ----------
+    rig : path-like
+        Rig file, of a bearing or of force control.
+    out : path-like
+        CSV; the sidecar is the TOML of the same name.
+    progress : callable, optional
+        Called with records done and to be done.
+
+    Returns
+    -------
+    Excitation
+
+    Raises
+    ------
+    InputError
+        The rig file does not fit its schema, nothing can be measured within its limits, or a file
+        cannot be written.
+    """
+    place = Path(out)
+    if place.suffix.lower() != ".csv":
+        raise InputError(f"{place}: loops are written as .csv; change the ending")
+    found = read_specimen(rig)
+    sidecar = place.with_suffix(".toml")
+    for path in (place, sidecar):
+        check_writable(path, reads=found.reads)
+    if sidecar.exists() and not is_sidecar(sidecar):
+        raise InputError(f"{sidecar}: is no description of loops; write to another file")
+    try:
+        measured = measure(found.specimen, progress)
+    except InputError as error:
+        raise InputError(f"{rig}: {error}") from error
+    histories = {loop.label: str(loop.history) for loop in measured.loops.loops}
+    with atomic_writer(sidecar) as file:
+        file.write(_sidecar(Path(rig), histories, measured.notes))
+    measured.loops.to_csv(place)
+    return measured
+
+
+def _sidecar(rig: Path, histories: Mapping[str, str], notes: tuple[str, ...]) -> str:
+    lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in notes)]
+    lines += ["", "[history]"]
+    lines += [f"{toml_key(label)} = {toml_value(past)}" for label, past in histories.items()]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,168 @@
+"""What a drive must keep to, and which key of the rig file says so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.measuring import HeldBearing
+from anhyst.rig.force.file import Rig
+from anhyst.rig.force.measuring import HeldActuator
+from anhyst.rig.measuring import HeldRig
+from anhyst.rig.tables import ExciteTable, MeasurementTable
+from anhyst.study.excite.winding import Winding
+
+SENSOR = 0.95
+"""Share of the range of a sensor that is used."""
+SWEEP_S = 1.0
+"""From no current to the largest one, where no [measurement] says how fast."""
+SAMPLES = 100
+"""Of such a sweep."""
+CYCLES = 3
+"""Of conditioning, where no [measurement] says how many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """A bound, and the key of the rig file that sets it.
+
+    Parameters
+    ----------
+    value : float
+        In SI units.
+    key : str
+    """
+
+    value: float
+    key: str
+
+
+@dataclass(frozen=True, slots=True)
+class Specimen:
+    """What is measured, and within what.
+
+    Parameters
+    ----------
+    held : HeldRig
+        The rig, its armature held.
+    gaps : tuple of float
+        Where it is held, m.
+    operating : Bound
+        Force about which inner loops are run, N.
+    current, rate, force : Bound
+        Largest current, A; its fastest change, A/s; largest force, N.
+    lowest : float
+        Lowest current of the amplifier, A.
+    winding : Winding or None
+        None where the rig file says nothing about its temperature.
+    sweep : float
+        Wanted rate of the current, A/s.
+    sample : float
+        Wanted time from row to row, s.
+    cycles : int
+        Of conditioning.
+    pause : float
+        To set the next gap, s.
+    """
+
+    held: HeldRig
+    gaps: tuple[float, ...]
+    operating: Bound
+    current: Bound
+    rate: Bound
+    force: Bound
+    lowest: float
+    winding: Winding | None
+    sweep: float
+    sample: float
+    cycles: int
+    pause: float
+
+
+def bearing_specimen(rig: BearingRig) -> Specimen:
+    """Return the magnet of a bearing that closes the gap; its own magnet must be whole."""
+    settings = rig.settings
+    amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
+    poles = settings.magnet.poles
+    spare = amplifier.supply_V - poles.resistance * campaign.current_max_A
+    gaps = tuple(excite.gaps_m or campaign.gaps_m)
+    return _specimen(
+        HeldBearing(rig),
+        gaps,
+        excite,
+        campaign,
+        operating=Bound(abs(rig.load), "load.force_N"),
+        currents=[
+            Bound(amplifier.current_high_A, "amplifier.current_high_A"),
+            Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
+        ],
+        lowest=max(amplifier.current_low_A, SENSOR * settings.current_sensor.low_A),
+        rate=Bound(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
+        sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
+    )
+
+
+def force_specimen(rig: Rig) -> Specimen:
+    """Return the actuator of a force rig; its magnet must be whole."""
+    settings = rig.settings
+    amplifier, excite, cases = settings.amplifier, settings.excite, settings.force_control
+    file = rig.solenoid_file
+    campaign = None if file is None else file.measurement
+    usual = sorted({cases.end_m, *cases.positions_m}) if campaign is None else campaign.gaps_m
+    return _specimen(
+        HeldActuator(rig),
+        tuple(excite.gaps_m or usual),
+        excite,
+        campaign,
+        operating=Bound(0.5 * cases.force_max_N, "force_control.force_max_N"),
+        currents=[
+            Bound(amplifier.current_max_A, "amplifier.current_max_A"),
+            Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
+        ],
+        lowest=0.0,
+        rate=Bound(amplifier.slew_A_per_s, "amplifier.slew_A_per_s"),
+        sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
+    )
+
+
+def _specimen(
+    held: HeldRig,
+    gaps: tuple[float, ...],
+    excite: ExciteTable,
+    campaign: MeasurementTable | None,
+    *,
+    operating: Bound,
+    currents: list[Bound],
+    lowest: float,
+    rate: Bound,
+    sensor: Bound,
+) -> Specimen:
+    """Take the tightest of what the instruments, [measurement] and [excite] say."""
+    if campaign is not None:
+        currents.append(Bound(campaign.current_max_A, "measurement.current_max_A"))
+    currents += _given(excite.current_max_A, "current_max_A")
+    current = min(currents, key=lambda one: one.value)
+    rates = [rate, *_given(excite.rate_max_A_per_s, "rate_max_A_per_s")]
+    forces = [sensor, *_given(excite.force_max_N, "force_max_N")]
+    winding = None
+    if excite.continuous_A is not None and excite.thermal_s is not None:
+        winding = Winding(excite.continuous_A, excite.thermal_s)
+    operatings = [*_given(excite.operating_N, "operating_N"), operating]
+    return Specimen(
+        held=held,
+        gaps=gaps,
+        operating=operatings[0],
+        current=current,
+        rate=min(rates, key=lambda one: one.value),
+        force=min(forces, key=lambda one: one.value),
+        lowest=lowest,
+        winding=winding,
+        sweep=current.value / SWEEP_S if campaign is None else campaign.sweep_A_per_s,
+        sample=SWEEP_S / SAMPLES if campaign is None else campaign.sample_s,
+        cycles=CYCLES if campaign is None else campaign.conditioning_cycles,
+        pause=0.0 if campaign is None else campaign.pause_s,
+    )
+
+
+def _given(value: float | None, key: str) -> list[Bound]:
+    return [] if value is None else [Bound(value, f"excite.{key}")]

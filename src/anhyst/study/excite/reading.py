@@ -1,0 +1,65 @@
+"""From a rig file of either kind to what is measured."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.force.file import read_rig
+from anhyst.rig.from_loops import complete_rig
+from anhyst.study.excite.limits import Specimen, bearing_specimen, force_specimen
+from anhyst.support.atomic import PathLike
+
+FORCE = "anhyst-rig"
+"""Format of the rig file of force control; any other is read as that of a bearing, or refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadSpecimen:
+    """What is measured, and the files that say so.
+
+    Parameters
+    ----------
+    specimen : Specimen
+    reads : tuple of Path
+        Must not be written over.
+    """
+
+    specimen: Specimen
+    reads: tuple[Path, ...]
+
+
+def read_specimen(path: PathLike) -> ReadSpecimen:
+    """Read a rig file of a bearing or of force control.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read or does not fit its schema.
+    """
+    place = Path(path)
+    if _format(place) == FORCE:
+        rig = read_rig(place)
+        named = rig.settings.solenoid
+        files = [place] if named is None else [place, place.parent / named]
+        magnet = rig.settings.magnet
+        if magnet is not None and magnet.from_loops:
+            files += rig.measured.files
+            rig = complete_rig(rig, rig.measured.read())
+        return ReadSpecimen(force_specimen(rig), tuple(files))
+    bearing = read_bearing(place)
+    files = [one for one in (place, bearing.model, bearing.flux_table) if one is not None]
+    if bearing.settings.magnet.from_loops:
+        files += bearing.measured.files
+        bearing = complete_rig(bearing, bearing.measured.read())
+    return ReadSpecimen(bearing_specimen(bearing), tuple(files))
+
+
+def _format(place: Path) -> object:
+    """Return what a file says it is; whatever is wrong with it, its schema reports."""
+    try:
+        return tomllib.loads(place.read_text(encoding="utf-8")).get("format")
+    except (OSError, ValueError, RecursionError):
+        return None

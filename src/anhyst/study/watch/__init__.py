@@ -1,0 +1,1 @@
+"""Whether a model still fits its magnet, watched while the magnet moves."""

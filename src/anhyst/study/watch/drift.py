@@ -1,0 +1,242 @@
+"""Predicted against measured force, cycle by cycle: whether the model still fits.
+
+What a model leaves of a force is not white: it goes with the path, and comes again in every cycle
+of the current. So a cycle is reduced to two numbers: the mean of what is left over rise and fall
+(the level: gain, saturation, a sensor), and half the difference between fall and rise (the width:
+pinning). While the model is known to fit, the first cycles show what these two are and how they
+scatter, correlation from cycle to cycle included; after that each runs through a chart of
+cumulative sums.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from anhyst.data.history import History
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.stepper import Stepper
+from anhyst.study.watch.cusum import Chart, Reference
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+Name = Literal["level", "width"]
+
+LEARN = 10
+"""Cycles from which the reference is taken."""
+RUN_LENGTH = 1e5
+"""Mean number of cycles to a false alarm."""
+LEAST = 0.001
+"""Smallest drift worth an alarm, in parts of the largest output of the model."""
+TURN = 0.1
+"""A cycle of the current reverses by more than this share of the model's range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drifted:
+    """A drift that was found.
+
+    Parameters
+    ----------
+    name : str
+        ``"level"`` or ``"width"``.
+    shift : float
+        Of its mean against the first cycles, in units of the output (N).
+    since : int
+        Tick at which it began, as far as can be said: the end of the last cycle before.
+    found : int
+        Tick at which it was found.
+    """
+
+    name: Name
+    shift: float
+    since: int
+    found: int
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What is known of a model by now.
+
+    Parameters
+    ----------
+    cycles : int
+        Complete ones.
+    learning : bool
+        Whether there are too few of them yet to say anything.
+    drifted : Drifted or None
+        The first drift; None while the model fits.
+    """
+
+    cycles: int
+    learning: bool
+    drifted: Drifted | None
+
+    def text(self, rate: float) -> str:
+        """Say it in a sentence; ticks are turned into seconds by `rate`, Hz."""
+        if self.drifted is not None:
+            one = self.drifted
+            return (
+                f"the {one.name} has drifted by {one.shift:+.3g} N since {one.since / rate:.1f} s "
+                f"(found at {one.found / rate:.1f} s); measure again"
+            )
+        if self.learning:
+            return f"learning: {self.cycles} of {LEARN} cycles of the current seen"
+        return f"the model fits, over {self.cycles} cycles"
+
+
+@dataclass(slots=True)
+class _Cycles:
+    """Cuts a row of samples at the turning points of the current, whatever pieces it comes in."""
+
+    turn: float
+    _rising: bool | None = None
+    _extreme: float = 0.0
+    _at: int = 0
+    _total: float = 0.0
+    _count: int = 0
+    _marked: tuple[float, int] | None = None
+    _since: tuple[float, int] = (0.0, 0)
+    _first: bool = True
+
+    def add(self, tick: int, current: float, left: float) -> tuple[bool, float, int] | None:
+        """Take a sample; return a branch that it completes: rising or not, mean, last tick."""
+        self._total += left
+        self._count += 1
+        if self._first:
+            self._first, self._extreme, self._at = False, current, tick
+            return None
+        if self._rising is None:
+            if abs(current - self._extreme) > self.turn:
+                self._rising = current > self._extreme
+                self._mark(tick, current)
+            return None
+        if (current >= self._extreme) if self._rising else (current <= self._extreme):
+            self._mark(tick, current)
+            return None
+        if abs(current - self._extreme) <= self.turn:
+            return None
+        total, count = self._since
+        before = self._marked
+        done = None
+        if before is not None and count > before[1]:
+            mean = (total - before[0]) / (count - before[1])
+            done = self._rising, mean, self._at
+        self._marked, self._rising = self._since, not self._rising
+        self._mark(tick, current)
+        return done
+
+    def _mark(self, tick: int, current: float) -> None:
+        self._extreme, self._at, self._since = current, tick, (self._total, self._count)
+
+
+@dataclass(slots=True)
+class DriftWatch:
+    """Watches one model, chunk by chunk; what comes out does not depend on how it is cut.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Of force over current, and gap.
+    gap : float
+        Where the armature is at the beginning, m.
+    history : History, optional
+        Of the iron before the first sample; as the model says, if left out. What it gets wrong
+        must be wiped out by the first cycle.
+    run_length : float, optional
+        Mean number of cycles of the current to a false alarm.
+    least : float, optional
+        Smallest drift worth an alarm, N; a thousandth of the model's largest output if
+        left out.
+    """
+
+    model: ActuatorModel
+    gap: float
+    history: History | str | None = None
+    run_length: float = RUN_LENGTH
+    least: float | None = None
+    finding: Finding = field(default=Finding(0, True, None), init=False)
+    _stepper: Stepper = field(init=False)
+    _cycles: _Cycles = field(init=False)
+    _rows: dict[Name, list[float]] = field(init=False)
+    _charts: dict[Name, Chart] = field(default_factory=dict, init=False)
+    _rise: float | None = field(default=None, init=False)
+    _ends: list[int] = field(default_factory=list, init=False)
+    _tick: int | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        if self.model.valid is None:
+            raise InputError("the model has no valid range; identify it again")
+        low, high = self.model.valid.input
+        self._stepper = Stepper(self.model, self.gap, self.history)
+        self._cycles = _Cycles(TURN * (high - low))
+        self._rows = {"level": [], "width": []}
+        if self.least is None:
+            self.least = LEAST * max(abs(end) for end in self.model.valid.output)
+
+    def take(
+        self, ticks: FloatArray, current: FloatArray, gap: FloatArray, force: FloatArray
+    ) -> Finding:
+        """Go on by a chunk.
+
+        Parameters
+        ----------
+        ticks : ndarray, shape (n,)
+            Rising; every tick, or every so many.
+        current, gap, force : ndarray, shape (n,)
+            As they were measured, A, m, N.
+
+        Returns
+        -------
+        Finding
+            After the first drift it stays as it is.
+
+        Raises
+        ------
+        InputError
+            Ticks that do not rise, or values that are none.
+        """
+        if ticks.size == 0 or self.finding.drifted is not None:
+            return self.finding
+        if np.any(np.diff(ticks) <= 0) or (self._tick is not None and ticks[0] <= self._tick):
+            raise InputError("ticks do not rise; give the chunks in their order")
+        self._tick = int(ticks[-1])
+        left = force - self._stepper.follow(current, gap)
+        for tick, drive, rest in zip(ticks.tolist(), current.tolist(), left.tolist(), strict=True):
+            branch = self._cycles.add(int(tick), drive, rest)
+            if branch is not None:
+                self._branch(*branch)
+            if self.finding.drifted is not None:
+                break
+        return self.finding
+
+    def _branch(self, rising: bool, mean: float, tick: int) -> None:
+        if rising:
+            self._rise = mean
+        elif self._rise is not None:
+            values: dict[Name, float] = {
+                "level": 0.5 * (mean + self._rise),
+                "width": 0.5 * (mean - self._rise),
+            }
+            self._rise = None
+            self._cycle(values, tick)
+
+    def _cycle(self, values: dict[Name, float], tick: int) -> None:
+        self._ends.append(tick)
+        drifted = None
+        for name, value in values.items():
+            if not self._charts.get(name):
+                self._rows[name].append(value)
+            elif drifted is None and (alarm := self._charts[name].add(value)) is not None:
+                shift, count = alarm
+                drifted = Drifted(name, shift, self._ends[-1 - count], tick)
+        if not self._charts and len(self._ends) == LEARN + 1:
+            # The first cycle wipes out what the model does not know of the past.
+            assert self.least is not None
+            self._charts = {
+                name: Chart(Reference.of(rows[1:]), self.least, 2.0 * self.run_length)
+                for name, rows in self._rows.items()
+            }
+        self.finding = Finding(len(self._ends), not self._charts, drifted)

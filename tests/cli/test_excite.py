@@ -1,0 +1,103 @@
+"""``anhyst excite`` and ``anhyst watch``: one after the other as an engineer types them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.model.file import read_model
+from tests.cli.command import contents, quick, refused
+from tests.study.measured_rigs import GAP_MAP, INNER, WIDE, measured_rig
+
+GAPS = {
+    "bearing": "[0.35e-3, 0.45e-3, 0.55e-3]",
+    "solenoid": "[1.0e-3, 1.35e-3, 2.0e-3, 2.8e-3]",
+}
+ALLOWED = {"bearing": 0.005, "solenoid": 0.03}
+"""Of the largest force, rms at gaps that were not measured."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["bearing", "solenoid"])
+def test_measure_identify_compile_verify_without_a_further_flag(kind: str, tmp_path: Path) -> None:
+    rig = measured_rig(kind, tmp_path, more=f"\n[excite]\ngaps_m = {GAPS[kind]}\n")
+    made = quick("excite", "rig.toml", "--out", "new.csv", "--plot", "new.png", cwd=tmp_path)
+    assert made.returncode == 0, made
+    assert "limited by" in made.stdout
+    assert (tmp_path / "new.png").read_bytes().startswith(b"\x89PNG")
+    seen = json.loads(quick("inspect", "new.csv", "--json", cwd=tmp_path).stdout)
+    assert {loop["history"].split(":")[0] for loop in seen["loops"]} == {"conditioned"}
+    law = ("--law", "play-cells", "--gap-map", GAP_MAP[kind])
+    found = quick("identify", "new.csv", "--out", "new-model.toml", *law, cwd=tmp_path)
+    assert found.returncode == 0, found
+    model = read_model(tmp_path / "new-model.toml")
+    largest = max(rig.truth((0.0, 1.0), min(rig.campaign.gaps_m))[1])
+    for turns in (WIDE, INNER):
+        assert rig.errors(model, turns) < ALLOWED[kind] * largest
+    compiled = quick("compile", "new-model.toml", "--rate", "1e3", "--out", "c", cwd=tmp_path)
+    assert compiled.returncode == 0, compiled
+    verified = quick("verify", "c", "--on", "host", cwd=tmp_path)
+    assert verified.returncode == 0, verified
+
+
+def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
+    measured_rig("bearing", tmp_path, more="\n[excite]\nforce_max_N = 60.0\n")
+    said = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
+    assert "rig.toml: load.force_N: inner loops are wanted about 150 N" in said
+    assert "excite.force_max_N leaves" in said
+    said = refused("excite", "rig.toml", "--out", "rig.csv", cwd=tmp_path)
+    assert "rig.toml: is read by this command" in said
+    said = refused("excite", "rig.toml", "--out", "controller.csv", cwd=tmp_path)
+    assert "controller.toml: is no description of loops" in said
+    said = refused("excite", "rig.toml", "--out", "new.txt", cwd=tmp_path)
+    assert "written as .csv" in said
+    text = (tmp_path / "rig.toml").read_text()
+    (tmp_path / "rig.toml").write_text(text + "continuous_A = 1.0\n")
+    said = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
+    assert "continuous_A and thermal_s belong together" in said
+
+
+def test_the_same_rig_gives_the_same_loops_and_json_says_how(tmp_path: Path) -> None:
+    measured_rig("bearing", tmp_path, more="\n[excite]\ngaps_m = [0.4e-3]\n")
+    first = quick("excite", "rig.toml", "-o", "one.csv", "--json", cwd=tmp_path)
+    quick("excite", "rig.toml", "-o", "two.csv", cwd=tmp_path)
+    made = contents(tmp_path)
+    assert made["one.csv"] == made["two.csv"]
+    assert made["one.toml"] == made["two.toml"]
+    figures = json.loads(first.stdout)
+    assert figures["loops"] == 4
+    assert figures["limits"]["current_A"] == {"value": 4.5, "key": "amplifier.current_high_A"}
+
+
+def test_what_was_measured_is_identified_and_watched(tmp_path: Path) -> None:
+    rig = measured_rig("solenoid", tmp_path, more="\n[excite]\ngaps_m = [1.0e-3, 1.6e-3]\n")
+    assert quick("excite", "rig.toml", "--out", "two.csv", cwd=tmp_path).returncode == 0
+    given = ("--law", "play-cells", "--gap-map", "reluctance", "--out", "model.toml")
+    assert quick("identify", "two.csv", *given, cwd=tmp_path).returncode == 0
+    magnet, rng = rig.held.magnet(), np.random.default_rng(1)
+    time = np.arange(25 * 200) / 200.0
+    current = 0.5 - 0.4 * np.cos(2.0 * np.pi * time)
+    force = np.array([magnet.step(one, 1.3e-3) for one in current.tolist()])
+    force += 0.06 * rng.standard_normal(force.size)
+
+    def record(name: str) -> None:
+        rows = zip(time, current + rig.zero, force, strict=True)
+        lines = [f"{t:.4f},{i:.6f},{f:.5f},0.0013" for t, i, f in rows]
+        text = "\n".join(["t_s,I_A,F_N,gap_m", *lines]) + "\n"
+        (tmp_path / name).write_text(text)
+
+    record("good.csv")
+    good = quick("watch", "model.toml", "good.csv", cwd=tmp_path)
+    assert (good.returncode, good.stdout.strip()) == (0, "the model fits, over 23 cycles")
+    force[18 * 200 :] -= 0.4
+    record("bad.csv")
+    bad = quick("watch", "model.toml", "bad.csv", "--json", cwd=tmp_path)
+    assert bad.returncode == 1
+    assert "has drifted by -0.4" in bad.stderr
+    assert json.loads(bad.stdout)["since_s"] == pytest.approx(18.0, abs=1.1)
+    time, current, force = time[:1000], current[:1000], force[:1000]
+    record("short.csv")
+    assert "too short to say" in refused("watch", "model.toml", "short.csv", cwd=tmp_path)
