@@ -28,6 +28,7 @@ demo: build
 	@echo "make: the bearing: in the air with each compensation, in a minute"
 	@mkdir -p demo/bearing
 	@$(BIN)/anhyst simulate examples/bearing/rig.toml --out demo/bearing/run.csv
+	@echo "make: to operate that bearing in a browser: .venv/bin/anhyst live examples/bearing/rig.toml"
 
 test: build
 	@$(BIN)/python -m pytest $(PARALLEL) -m "not slow"

@@ -210,7 +210,7 @@ FAULTS = [
     Fault(
         "cells that part and take nothing along",
         "src/compensator/cells.c",
-        "rest = between(here, here.at + (along->active - cell) * along->stride);",
+        "rest = between(here, here.at + rows_on(along, (int16_t)(along->active - cell)));",
         "rest = 0;",
         "test_fixed_cells",
     ),

@@ -49,6 +49,9 @@ def test_options_of_the_readme_exist() -> None:
         "force-control",
         "simulate",
         "tune",
+        "live",
+        "excite",
+        "watch",
     }
     for verb, options in shown.items():
         found = subprocess.run(
