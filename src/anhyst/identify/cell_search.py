@@ -28,6 +28,13 @@ _ROUGH, _CLOSE = 1e-3, 1e-5
 _PINNINGS = (1.0, 0.4)
 """Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
 
+_STUCK = 10.0
+"""Pinning over width of the curve beyond which a law of Jiles and Atherton hardly moves at all: that
+its loops are narrow, and nothing of thresholds."""
+
+_NARROW = (0.25, 8.0, 0.1, 2.0)
+"""Share and width of the reversible part, pinning and spread of cells with narrow loops."""
+
 _LANGEVIN = {"langevin": 1.0, "tanh": 3.0}
 """Width of each curve that has the slope of Langevin's of width 1 at its middle."""
 
@@ -94,6 +101,8 @@ def first_population(found: FoundModel, form: ResponseForm, records: FitRecords)
         for kept in (1.0, 0.0)
         if kept or min(local.omega for local in found.sets) < 0.0
     ]
+    if max(local.kappa for local in found.sets) > _STUCK:
+        begins.append([_begun_narrow(local, form.power, wide) for local in found.sets])
     return _best(found, form, records, begins)
 
 
@@ -116,6 +125,18 @@ def _begun(local: Local, power: int, wide: float, slope: float, part: float, kep
         law=(reversible, 1.0, part * local.kappa / (wide * steeper), 2.0),
         omega=omega / all_of_it,
         scale=local.scale * wide * steeper,
+        gain=local.gain / all_of_it**power,
+    )
+
+
+def _begun_narrow(local: Local, power: int, wide: float) -> Local:
+    """Make cells with narrow loops instead; the initial slope stays as it is."""
+    all_of_it = 1.0 + _NARROW[0] / _NARROW[1]
+    return replace(
+        local,
+        law=_NARROW,
+        omega=max(local.omega, 0.0) / (wide * all_of_it),
+        scale=local.scale * wide,
         gain=local.gain / all_of_it**power,
     )
 
