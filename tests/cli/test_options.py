@@ -23,7 +23,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["precict"], "No such command 'precict'. Did you mean 'predict'? See 'anhyst --help'."),
+        (["predikt"], "No such command 'predikt'. Did you mean 'predict'? See 'anhyst --help'."),
         (["--frce"], "No such option: --frce"),
         ([*IDENTIFY, "--gap", "scaling"], "No such option: --gap (Possible options: --gap-map"),
         ([*IDENTIFY, "--law", "preisach"], "Invalid value for '--law': 'preisach' is not one of "
