@@ -108,7 +108,8 @@ def expected(path: str, value: Any) -> Any:
 def test_every_processor_records_the_same_run_bit_for_bit(force: str, tmp_path: Path) -> None:
     write_files(tmp_path, force)
     recordings, figures = [], []
-    for level in batch_levels():
+    levels = batch_levels()
+    for level in dict.fromkeys((levels[0], levels[-1])):
         out = tmp_path / level
         out.mkdir()
         done = anhyst(

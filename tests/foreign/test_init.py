@@ -12,6 +12,7 @@ import pytest
 from anhyst.control.controller_file import read_controller
 from anhyst.rig.bearing.controller_check import check_controller
 from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.force.file import read_rig
 from tests.cli.command import anhyst, quick
 from tests.foreign.magnets import MAGNETS
 
@@ -25,6 +26,9 @@ GIVEN: dict[str, tuple[object, ...]] = {
     "soft": ("--mass", 0.1, "--load", 1, "--gap", 0.25e-3),
 }
 """What is said of a machine; of the others nothing at all."""
+
+LAGGING = ("hard", "u", "electromagnet")
+"""Those whose hysteresis is more than what drafted instruments and plant are off."""
 
 
 @pytest.fixture(scope="module", params=[*sorted(MAGNETS), *BUNDLED])
@@ -82,5 +86,11 @@ def test_the_force_of_any_magnet_is_controlled_at_once(tmp_path: Path, name: str
         loops = MAGNETS[name].write_loops(tmp_path / f"{name}.csv")
     done = quick("init", loops, "--force-control", "--out", "my", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    rig = read_rig(tmp_path / "my" / "rig.toml").settings.force_control
+    ends = [rig.positions_m[0], rig.positions_m[-1]]
+    shortened(tmp_path / "my" / "rig.toml", positions_m=f"{ends}")
     done = anhyst("force-control", "my/rig.toml", "--out", "run", cwd=tmp_path, patience=PATIENCE)
     assert done.returncode == 0, done.stderr
+    figures: dict[str, Any] = json.loads((tmp_path / "run" / "figures.json").read_text())
+    assert figures["ticks_that_differ"] == 0
+    assert figures["summary"]["positions"]["full"]["of_single"] < (1.0 if name in LAGGING else 1.6)

@@ -112,21 +112,6 @@ def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
     assert "errors of that size are those of the plant" in (tmp_path / "report.html").read_text()
 
 
-@pytest.mark.slow
-def test_the_force_of_a_magnet_is_controlled_from_its_loops_alone(tmp_path: Path) -> None:
-    write_force_control(MAGNETS["hard"], tmp_path)
-    result = anhyst("force-control", "rig.toml", "--out", "out", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    figures = json.loads((tmp_path / "out" / "figures.json").read_text())
-    assert figures["ticks_that_differ"] == 0
-    assert figures["plant"]["plant"]["mean_percent"] < CLOSE["hard"]
-    assert "plant against its loops: mean" in result.stdout
-    assert figures["summary"]["positions"]["full"]["of_single"] < 1.0
-    kept = {path.name for path in (tmp_path / "out").iterdir()}
-    assert {"figures.json", "fig7.svg", "end", "stroke"} <= kept
-    assert not any(name.startswith(".") for name in kept)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

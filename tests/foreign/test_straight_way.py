@@ -65,17 +65,9 @@ def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> N
 
 @pytest.mark.parametrize("magnet", ["hard", "soft"], indirect=True)
 @pytest.mark.slow
-def test_a_bearing_is_set_up_simulated_and_tuned(magnet: Path) -> None:
+def test_a_bearing_is_set_up_and_tuned(magnet: Path) -> None:
     name = magnet.name.rstrip("0123456789")
     mass, load, gap = BEARINGS[name]
     where = ("--mass", mass, "--load", load, "--gap", gap)
     run(magnet, "init", "loops.csv", *where, "--out", "bearing")
-    run(magnet, "simulate", "bearing/rig.toml", "--out", "run.csv")
     run(magnet, "tune", "bearing/rig.toml", "--out", "tuned")
-
-
-@pytest.mark.parametrize("magnet", ["u"], indirect=True)  # all magnets, untuned: test_init.py
-@pytest.mark.slow
-def test_a_force_rig_is_set_up_and_controlled(magnet: Path) -> None:
-    run(magnet, "init", "loops.csv", "--force-control", "--out", "force")
-    run(magnet, "force-control", "force/rig.toml", "--out", "forced")
