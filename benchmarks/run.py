@@ -32,7 +32,7 @@ from machine import Machine, this_machine
 from rows import ROOT, Row, Stopwatch, measurements
 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
-           "families", "solenoids", "levitation", "live", "closed_loop", "tuned", "measured",
+           "families", "solenoids", "levitation", "live", "page", "closed_loop", "tuned", "measured",
            "laws")  # fmt: skip
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 

@@ -1,0 +1,179 @@
+"""The live page in a real browser: frames a second, the server's share, delays, and a long run.
+
+``python benchmarks/page.py`` prints its lines; ``ANHYST_SOAK_S`` says how long the long run takes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import statistics
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from anhyst.control.states import Command
+from anhyst.live.recorder import StreamRecorder
+from anhyst.live.run import listen_on, make_server
+from anhyst.live.session import LiveSession
+from anhyst.study.bench import open_bench
+from rows import ROOT, Row
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+RIG = ROOT / "examples" / "bearing" / "rig.toml"
+GAP = 0.45e-3
+SIGNALS = 16
+DRAWN_S = 20.0
+ORDERS = 40
+SOAK_S = float(os.environ.get("ANHYST_SOAK_S", "60"))
+LATE_S = 0.02
+TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
+
+FRAMES = """seconds => new Promise(resolve => {
+  let frames = 0;
+  const began = performance.now();
+  const next = now => {
+    frames += 1;
+    if (now - began > 1e3 * seconds) resolve(1e3 * frames / (now - began));
+    else requestAnimationFrame(next);
+  };
+  requestAnimationFrame(next);
+})"""
+
+DELAY = """([name, value]) => new Promise(resolve => {
+  const input = document.querySelector(`[aria-label="${name}"]`);
+  const shown = document.getElementById("confirmed");
+  const seen = new MutationObserver(() => {
+    seen.disconnect();
+    requestAnimationFrame(now => resolve(performance.now() - began));
+  });
+  seen.observe(shown, {childList: true, characterData: true, subtree: true});
+  const began = performance.now();
+  input.value = value;
+  input.oninput();
+  document.getElementById("apply").click();
+})"""
+
+
+def rows() -> list[Row]:
+    """Levitate the bundled bearing with a page open."""
+    with tempfile.TemporaryDirectory() as place, served(Path(place)) as (session, page):
+        return [drawn(session, page), delay(page), soak(session)]
+
+
+@contextmanager
+def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
+    """Serve the bearing, recorded, to a browser that shows many signals, and lift it."""
+    from playwright.sync_api import sync_playwright
+
+    bench = open_bench(RIG)
+    session = LiveSession(bench, StreamRecorder(place / "run.csv", bench.signals, bench.rate), GAP)
+    taken = listen_on("127.0.0.1", 0)
+    port = int(taken.getsockname()[1])
+    server = make_server(session, "bearing", ("127.0.0.1", port))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]}, name="server")
+    session.start()
+    thread.start()
+    names = json.dumps([signal.name for signal in bench.signals[:SIGNALS]])
+    try:
+        with sync_playwright() as api:
+            chromium = api.chromium.launch(
+                executable_path=shutil.which("chromium"), args=["--no-sandbox"]
+            )
+            page = chromium.new_page(viewport={"width": 1440, "height": 860})
+            page.add_init_script(f"localStorage.setItem('anhyst.signals', {json.dumps(names)})")
+            page.goto(f"http://127.0.0.1:{port}/")
+            page.wait_for_function("window.anhyst !== undefined && window.anhyst.store.count > 0")
+            session.do(lambda: session.bench.command(Command.DEMAGNETISED))
+            session.do(lambda: session.bench.command(Command.LIFT))
+            time.sleep(2.0)
+            yield session, page
+            chromium.close()
+    finally:
+        server.should_exit = True
+        thread.join()
+        session.close()
+        taken.close()
+
+
+def shares() -> dict[str, float]:
+    """Return the processor time of each thread of this process, s."""
+    found = {}
+    for thread in threading.enumerate():
+        fields = Path(f"/proc/self/task/{thread.native_id}/stat").read_text().rpartition(")")[2]
+        user, system = fields.split()[11:13]
+        found[thread.name] = TICK_S * (int(user) + int(system))
+    return found
+
+
+def drawn(session: LiveSession, page: Page) -> Row:
+    """Draw many signals at full rate."""
+    before, began = shares(), time.perf_counter()
+    frames = page.evaluate(FRAMES, DRAWN_S)
+    took, after = time.perf_counter() - began, shares()
+    used = {name: (after[name] - before.get(name, 0.0)) / took for name in after}
+    server = used["server"] + used["pages"]
+    return Row(
+        f"{SIGNALS} signals at {session.bench.rate:g} Hz in Chromium",
+        ">= 55 frames a second; server <= 15 % of a core",
+        f"{frames:.1f} frames a second; server {100 * server:.1f} %, recording "
+        f"{100 * used['the recording']:.1f} %, plant {100 * used['pacer']:.1f} % of a core",
+        frames >= 55.0 and server <= 0.15,
+    )
+
+
+def delay(page: Page) -> Row:
+    """Change a parameter, until the page shows the tick that used it."""
+    page.get_by_role("tab", name="4 parameters").click()
+    took = []
+    for n in range(ORDERS):
+        took.append(page.evaluate(DELAY, ["load_damping", str(5.0 + n)]))
+        time.sleep(0.1)
+    page.get_by_role("tab", name="1 scope").click()
+    median = statistics.median(took)
+    return Row(
+        "changed value until its first tick is shown",
+        "<= 60 ms, median",
+        f"{median:.0f} ms, {max(took):.0f} ms at most, of {ORDERS}",
+        median <= 60.0,
+    )
+
+
+def soak(session: LiveSession) -> Row:
+    """Levitate for long, recorded, the page open."""
+    began, first = time.monotonic(), session.bench.tick
+    slips, worst = session.paced.pace().slips, 0.0
+    sizes = []
+    while (passed := time.monotonic() - began) < SOAK_S:
+        time.sleep(0.5)
+        worst = max(worst, session.paced.pace().late_most)
+        if passed > 0.1 * SOAK_S:  # buffers are full by then
+            sizes.append(resident())
+    pace = session.paced.pace()
+    factor = (pace.tick - first) / session.bench.rate / (time.monotonic() - began)
+    grown = statistics.median(sizes[-10:]) / statistics.median(sizes[:10]) - 1.0
+    return Row(
+        f"levitates for {SOAK_S:g} s, recorded, page open",
+        f"1 times the clock, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
+        f"{factor:.4f} times, late by {1e3 * worst:.1f} ms at most, {pace.slips - slips} times "
+        f"given up; memory {100 * grown:+.1f} % of {sizes[0]:.0f} MB",
+        factor >= 0.999 and worst <= LATE_S and abs(grown) <= 0.05,
+    )
+
+
+def resident() -> float:
+    """Return the memory in use by this process, MB."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+if __name__ == "__main__":
+    for row in rows():
+        print(f"{row.what}: {row.measured} (to reach: {row.reach})")
