@@ -45,3 +45,12 @@ def test_cells_that_no_loop_switches_back_show_in_the_first_rise_alone() -> None
 @pytest.mark.parametrize(("kind", "guessed"), [("settled", True), ("demagnetised", False)])
 def test_a_loop_that_begins_demagnetised_shows_it(kind: Kind, guessed: bool) -> None:
     assert is_guessed(loops(model(0.0), kind)) is guessed
+
+
+def test_a_law_of_jiles_and_atherton_that_hardly_moves_fails_like_any_other() -> None:
+    """Pinned a thousand times as strongly as its curve is wide, it keeps all that it once took up."""
+    quantities = QUANTITIES["current"], QUANTITIES["force"]
+    numbers = {"M_s": 1e6, "a": 1000.0, "c": 0.5, "alpha": 0.0, "c_H": 4000.0, "c_out": 200.0}
+    usual, stuck = (ActuatorModel("magnet", *quantities, numbers | {"k": k}) for k in (500.0, 5e5))
+    assert first_rise(usual, loops(usual, "settled")) < 0.5 * FARTHEST
+    assert first_rise(stuck, loops(stuck, "settled")) > 2.0 * FARTHEST

@@ -26,6 +26,7 @@ AROUND: dict[GapMap, dict[str, Parameter]] = {
     "none": {"alpha": -0.02, "c_H": 7000.0, "rho": 0.0},
     "scaling": {"alpha": -0.02, "c_H": (9000.0, 7000.0, 5000.0)},
     "reluctance": {"c_H": 9000.0, "rho": (0.004, 0.0053, 0.008)},
+    "circuit": {"c_H": 9000.0, "rho": (0.004, 0.0053, 0.008)},
     "free": {"alpha": -0.02, "c_H": (9000.0, 7000.0, 5000.0), "k": (300.0, 280.0, 250.0)},
 }
 MOVING: tuple[GapMap, ...] = ("none", "scaling", "reluctance")
@@ -320,6 +321,20 @@ def test_model_that_overshoots_between_the_gaps_is_refused() -> None:
     assert not model.is_monotone_over_gap()
     assert check.gap == pytest.approx(GAPS[0])
     assert "falls as the gap closes: by" in check.text("A")
+
+
+def test_offsets_of_sensors_that_differ_from_gap_to_gap_are_no_fall_of_the_force() -> None:
+    """As far as sensors have such offsets; what is called an offset beyond that is the model's."""
+    sensors = {"in_0": (0.01, 0.03, -0.01), "out_0": (-0.5, 0.7, 0.3)}
+    plain, dirty = (magnet("circuit", **one).check_over_gap() for one in ({"in_0": 0.0}, sensors))
+    assert plain is not None
+    assert dirty is not None
+    assert plain.passed
+    assert dirty.passed, dirty.text("A")
+    for large in ({"out_0": (-9.0, 9.0, 0.0)}, {"in_0": (0.5, 0.0, 0.0)}):
+        check = magnet("circuit", **{"in_0": 0.0} | large).check_over_gap()
+        assert check is not None
+        assert not check.passed
 
 
 @pytest.mark.parametrize("changes", [{"schedule": None, "nodes": ()}, {"valid": None}, {}])

@@ -45,20 +45,20 @@ def rig_of(name: str) -> BearingRig:
 
 
 @cache
-def knowledge(name: str) -> IdentifiedMagnet:
-    return identify_magnet(measure_loops(rig_of(name)), IdentifyTable(law="play-cells"))
+def knowledge(name: str, law: str = "play-cells") -> IdentifiedMagnet:
+    return identify_magnet(measure_loops(rig_of(name)), IdentifyTable(law=law))
 
 
 @cache
-def setup_of(name: str, variant: MethodName) -> Setup:
+def setup_of(name: str, variant: MethodName, law: str = "play-cells") -> Setup:
     settings = bearings.controller().settings
-    return make_setup(rig_of(name), settings, knowledge(name), variant, "fixed")
+    return make_setup(rig_of(name), settings, knowledge(name, law), variant, "fixed")
 
 
-def triangle_error(name: str, variant: MethodName) -> float:
+def triangle_error(name: str, variant: MethodName, law: str = "play-cells") -> float:
     """Rms of the force error on a triangle of 20 um at 1 Hz, N."""
     slow = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
-    setups = {variant: quiet(setup_of(name, variant))}
+    setups = {variant: quiet(setup_of(name, variant, law))}
     found = experiments.of_all(experiments.follow, setups, range(2), slow)[variant]
     assert found["lost"] == 0
     return float(found["force_error_rms_N"]["mean"])
@@ -77,13 +77,20 @@ def test_an_iron_of_relays_leaves_less_than_half_of_what_the_best_curve_leaves()
 
 
 @pytest.mark.slow
-def test_cells_of_narrow_loops_start_near_what_was_measured() -> None:
-    """A search from a law of Jiles and Atherton alone, which hardly moves there, ends at 26 N."""
-    known = knowledge("duhem-soft")
+@pytest.mark.parametrize("law", ["play-cells", "auto"])
+def test_cells_of_narrow_loops_start_near_what_was_measured(law: str) -> None:
+    """A search from a law of Jiles and Atherton alone, which hardly moves there, ends at 26 N.
+
+    That law itself fits the loops to 0.3 % and puts the first rise at 67 times their width below;
+    its tables do not go into 16 bits. Offsets of the force sensor differ from gap to gap there.
+    """
+    known = knowledge("duhem-soft", law)
+    assert known.model.law == "play-cells"
     assert known.model.fit is not None
     assert known.model.fit.rms < 0.0025 * known.model.fit.largest_output
     assert first_rise(known.model, known.loops) < 0.5
-    assert triangle_error("duhem-soft", "full") < 1.0
+    make_plan(known.model, CompileRequest("full", "q15", RATE), 0)
+    assert triangle_error("duhem-soft", "full", law) < 1.0
 
 
 @pytest.mark.slow

@@ -121,22 +121,25 @@ def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
     left_out = folds(inner(gaps), nested=len(tried) > 1 or bool(run.cells))
     run.total = 1 + len(tried) + len(left_out) + run.dead_band + _is_thinned(run)
     run.total += len(run.cells) + 3 if run.cells else 0
-    alone, known = _known(run)
+    fits, known = _known(run)
     if gaps == 1:
         one = ModelCandidate("none", run.held)
-        contest = Contest([one], {one: alone}, {}, ())
+        contest = Contest([one], {one: fits}, {}, ())
     else:
         contest = _compared_maps(run, loopset, tried, known, left_out)
     best = _accepted(contest, loopset)
     why = _why(contest, best, wanted, gaps)
     if unable := [one.gap_map for one in tried if one not in contest.entrants]:
         why += (
-            "; passed over, because it cannot be compiled or fails the acceptance test: "
+            "; passed over, because it cannot be compiled, fails the acceptance test or starts far "
+            "from what was measured: "
             f"{', '.join(dict.fromkeys(unable))}"
         )
     candidates: tuple[CandidateFit, ...] = ()
     why_law = ""
-    if run.cells and (run.only_cells or _leaves_something(contest.fits[best].found, loopset)):
+    alone = contest.fits[best].found
+    enough = _is_usable(alone, loopset) and not _leaves_something(alone, loopset)
+    if run.cells and (run.only_cells or not enough):
         maps = contest.errors_of_maps(best)
         best = _compare_cells(run, loopset, contest, best)
         candidates = _listed(run, contest, best)
@@ -162,8 +165,8 @@ def _compared_maps(
 ) -> Contest:
     """Fit every gap map, to all gaps and without some."""
     fits = {one: _joined(run, one, known) for one in tried}
-    able = [one for one in tried if obstacle(model_of(fits[one].found, loopset)) is None]
-    contest = Contest(list(able or tried), fits, {}, inner(run.searched.gaps))
+    usable = [one for one in tried if _is_usable(fits[one].found, loopset)]
+    contest = Contest(list(usable or tried), fits, {}, inner(run.searched.gaps))
     for fold in left_out:
         contest.refits[fold] = _without(run, contest, loopset, fold)
     return contest
@@ -198,11 +201,9 @@ def _compare_cells(
         new.append(further)
     else:
         run.total -= 2
-    usable = [one for one in new if _is_usable(contest.fits[one].found, loopset)]
-    if run.only_cells:
-        contest.entrants[:] = usable or new
-    else:
-        contest.entrants += usable
+    every = new if run.only_cells else [*contest.entrants, *new]
+    usable = [one for one in every if _is_usable(contest.fits[one].found, loopset)]
+    contest.entrants[:] = usable or every
     return _accepted(contest, loopset)
 
 

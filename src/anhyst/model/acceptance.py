@@ -26,7 +26,8 @@ best force sensors resolve, and far above rounding where all gaps share one rema
 
 OFFSET = 0.02
 """Offset, in parts of the range, that a sensor may have; a force that falls beyond it is a fault of
-the model, however it is called."""
+the model, however it is called. As much may offsets differ from gap to gap: they are no property of
+the magnet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +39,14 @@ class GapCheck:
     gaps : ndarray, shape (g,)
         The dense grid of gaps, ascending, m.
     drive : ndarray, shape (n,)
-        Settled cycle: the rising branch, then the falling one, in units of the input.
+        Settled cycle: the rising branch, then the falling one, in units of the input, as the sensor
+        reads it at the gap with the largest offset.
     output : ndarray, shape (g, n)
-        Output over that cycle at each gap; NaN where the model could not be computed.
+        Output over that cycle at each gap, with the offset of its sensor; NaN where the model could
+        not be computed.
+    offset : ndarray, shape (g,)
+        By how much the offset of its sensor lies above the least one. It is taken off the output
+        before that is judged, as far as sensors have such offsets (:data:`OFFSET`).
     fall : float
         Largest fall of the output towards a smaller gap, in parts of the largest output.
     gap : float
@@ -58,6 +64,7 @@ class GapCheck:
     gaps: FloatArray
     drive: FloatArray
     output: FloatArray
+    offset: FloatArray
     fall: float
     gap: float
     at_drive: float
@@ -68,7 +75,8 @@ class GapCheck:
     @property
     def failing(self) -> tuple[float, ...]:
         """Gaps where the output has fallen, or could not be computed, m."""
-        fallen = np.fmax.reduce(_falls(self.towards * self.output), axis=1, initial=0.0) > TOLERANCE
+        falls = _falls(self.towards * self.output, self.towards * self.offset)
+        fallen = np.fmax.reduce(falls, axis=1, initial=0.0) > TOLERANCE
         return tuple(self.gaps[fallen | np.isnan(self.output).any(axis=1)].tolist())
 
     @property
@@ -219,7 +227,9 @@ def check_over_gap(
 
     The settled cycle between zero (less the offset of the input: below it, what remains in the iron
     is demagnetised, most at the smallest gap) and the largest measured drive is computed on a dense
-    grid of gaps over and between all nodes, at 100 drives on each branch.
+    grid of gaps over and between all nodes, at 100 drives on each branch. Compared is the magnet
+    itself: by how much offsets of its sensors differ from gap to gap does not count, as far as
+    sensors have such offsets (:data:`OFFSET`).
 
     Parameters
     ----------
@@ -247,21 +257,20 @@ def check_over_gap(
         -1.0 if not output_map(model.output).even and half[-1] < 0.0 else 1.0
     )  # "rises" means: in magnitude
     output = np.full((gaps.size, drive.size), np.nan)
+    offset = np.zeros(gaps.size)
     troubles: list[tuple[float, str]] = []
     for place, gap in enumerate(gaps.tolist()):
         try:
-            if at is None:
-                found = predict(model, drive, gap, _slow(drive.size), "settled")
-            else:
-                found = predict(at(gap), drive, None, _slow(drive.size), "settled")
+            one, schedule = (model, gap) if at is None else (at(gap), None)
+            offset[place] = one.over_schedule("out_0", gap)[0] - np.min(model.parameters["out_0"])
+            seen = drive - _lower(model, one, gap)
+            output[place] = predict(one, seen, schedule, _slow(drive.size), "settled").output
         except (InputError, NegativeResult) as error:
             troubles.append((gap, str(error)))
-        else:
-            output[place] = found.output
     if troubles:
         gap, trouble = troubles[0]
-        return GapCheck(gaps, drive, output, np.inf, gap, 0.0, "rising", towards, trouble)
-    return _judge(gaps, drive, output, towards)
+        return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", towards, trouble)
+    return _judge(gaps, drive, output, offset, towards)
 
 
 def _largest_drive(model: ActuatorRecord) -> float:
@@ -277,28 +286,40 @@ def _rest(model: ActuatorRecord, most: float = 0.5) -> float:
     return largest * float(np.clip(shares.max(), 0.0, most))
 
 
+def _lower(model: ActuatorRecord, at_gap: ActuatorRecord, gap: float) -> float:
+    """By how much a sensor of the drive reads less at a gap than where its offset is largest."""
+    largest = _largest_drive(model)
+    shares = np.atleast_1d(model.parameters["in_0"]) / largest
+    share = at_gap.over_schedule("in_0", gap)[0] / largest
+    return largest * float(np.clip(shares.max() - share, 0.0, OFFSET))
+
+
 def _slow(size: int) -> FloatArray:
     """Return times so far apart that eddy currents do not count."""
     return 1e9 * np.arange(size, dtype=np.float64)
 
 
-def _falls(output: FloatArray) -> FloatArray:
+def _falls(output: FloatArray, offset: FloatArray) -> FloatArray:
     """How far the output lies below that of any wider gap, in parts of the largest output."""
-    closing = output[::-1]
-    best = np.fmax.accumulate(closing, axis=0)
     largest = max(
         float(np.fmax.reduce(np.abs(output), axis=None, initial=0.0)), np.finfo(np.float64).tiny
     )
+    reach = OFFSET * largest
+    closing = (output - np.clip(offset, -reach, reach)[:, None])[::-1]
+    best = np.fmax.accumulate(closing, axis=0)
     return (best - closing)[::-1] / largest
 
 
-def _judge(gaps: FloatArray, drive: FloatArray, output: FloatArray, towards: float) -> GapCheck:
-    fall = _falls(towards * output)
+def _judge(
+    gaps: FloatArray, drive: FloatArray, output: FloatArray, offset: FloatArray, towards: float
+) -> GapCheck:
+    fall = _falls(towards * output, towards * offset)
     gap, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
     return GapCheck(
         gaps=gaps,
         drive=drive,
         output=output,
+        offset=offset,
         fall=float(fall[gap, sample]),
         gap=float(gaps[gap]),
         at_drive=float(drive[sample]),
