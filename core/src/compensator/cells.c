@@ -131,6 +131,13 @@ static int follows(const cell_path *along, int16_t cell)
   return (((uint32_t)turned(along->frozen, along->falling) >> (uint16_t)cell) & 1U) != 0U;
 }
 
+/* What is missing of the target at the beginning of a segment. */
+static int32_t missing_before(const cell_path *along, const equation *solve, int16_t segment)
+{
+  const anhyst_spot spot = {along->row + segment, 0};
+  return missing_at(along, solve, node(along, segment), spot);
+}
+
 /* The last segment of first..end at the beginning of which the target is not reached, or first.
    Steps double, then halve. */
 static int16_t segment_with_target(const cell_path *along, const equation *solve, int16_t first,
@@ -139,8 +146,7 @@ static int16_t segment_with_target(const cell_path *along, const equation *solve
   int16_t step = 1;
   while (first + step <= end) {
     const int16_t next = (int16_t)(first + step);
-    const anhyst_spot spot = {along->row + next, 0};
-    if (missing_at(along, solve, node(along, next), spot) <= 0) {
+    if (missing_before(along, solve, next) <= 0) {
       end = (int16_t)(next - 1);
       break;
     }
@@ -149,8 +155,7 @@ static int16_t segment_with_target(const cell_path *along, const equation *solve
   }
   while (first < end) {
     const int16_t middle = (int16_t)((first + end + 1) / 2);
-    const anhyst_spot spot = {along->row + middle, 0};
-    if (missing_at(along, solve, node(along, middle), spot) <= 0) {
+    if (missing_before(along, solve, middle) <= 0) {
       end = (int16_t)(middle - 1);
     } else {
       first = middle;
@@ -201,40 +206,56 @@ static void find_left(cell_path *along)
   along->moved = cell;
 }
 
-/* Lets the cells join that a path the other way has left in one place, as far as they do so before
-   the target is reached; the first of them does. They do it one after the other: how many is found
-   by halving. */
-static void gather_left(cell_path *along, const equation *solve, int32_t place)
+/* Lets the cells join that a path the other way has left in one place, *next, as far as they do so
+   before the target is reached; the first of them does. They do it one after the other: how many is
+   found by halving, once it is more than one. Gives the next that joins at *next, and whether the
+   target is known to lie before that. */
+static int gather_left(cell_path *along, const equation *solve, int32_t *next)
 {
+  const int32_t place = *next;
   int16_t least = (int16_t)(along->active + 1);
   int16_t most = along->moved;
+  int16_t cell = least;
+  int met = 0;
   along->low = place;
   while (least < most) {
-    const int16_t cell = (int16_t)((least + most) / 2);
     let_move(along, cell);
-    const int32_t next = joins_at(along, along->active, place);
-    if (passes(along, solve, next)) {
-      along->low = next;
+    const int32_t there = joins_at(along, cell, place);
+    if (passes(along, solve, there)) {
+      along->low = there;
       least = (int16_t)(cell + 1);
     } else {
+      *next = there;
+      met = there > along->low;
       most = cell;
     }
+    cell = (int16_t)((least + most) / 2);
   }
-  let_move(along, least);
+  if (along->active != least) {
+    let_move(along, least);
+  }
+  if (met == 0) {
+    *next = joins_at(along, least, along->low);
+  }
+  return met;
 }
 
-/* Lets the cells join that a path of this direction has left in one place, which is here. */
-static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
+/* Lets the cells join that a path of this direction has left in one place, which is here. Gives
+   where the next one joins. */
+static int32_t gather_here(cell_path *along, anhyst_spot here, int32_t place)
 {
-  const int16_t before = along->active;
+  int16_t cell = along->active;
+  int32_t next = place;
   do {
-    along->active = (int16_t)(along->active + 1);
-  } while (along->active <= along->cells && follows(along, along->active) &&
-           joins_at(along, along->active, place) == place);
-  const int32_t step = (along->active - before) * along->stride;
+    cell++;
+    next = joins_at(along, cell, place);
+  } while (next == place && cell <= along->cells && follows(along, cell));
+  const int32_t step = (cell - along->active) * along->stride;
   along->rest = inside(along->rest - between(here, here.at + step));
+  along->active = cell;
   along->row += step;
   along->low = place;
+  return next;
 }
 
 /* Goes on from x, which is below the target: lets the cells join that do so on the way, the next of
@@ -242,21 +263,21 @@ static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
 static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *next)
 {
   int32_t low = x;
-  while (along->active <= along->cells) {
+  int met = 0;
+  while (met == 0 && along->active <= along->cells) {
     const anhyst_spot here = spot_on(along, along->row, *next);
     if (*next > low && missing_at(along, solve, *next, here) <= 0) {
       break;
     }
     if (along->active >= along->moved && follows(along, along->active)) {
-      gather_here(along, here, *next);
+      *next = gather_here(along, here, *next);
     } else {
       if (along->active >= along->moved) {
         find_left(along);
       }
-      gather_left(along, solve, *next);
+      met = gather_left(along, solve, next);
     }
     low = along->low;
-    *next = joins_at(along, along->active, low);
   }
   if (along->active > along->cells) {
     along->rest = 0; /* none rests */

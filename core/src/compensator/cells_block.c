@@ -48,9 +48,9 @@ void anhyst_cells_begin(cell_path *along, const int16_t *words, const anhyst_mem
 void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
                        int32_t *plays)
 {
-  cell_path along;
-  anhyst_cells_rows(&along, words);
   if ((from->p < 0) != (to->p < 0)) {
+    cell_path along;
+    anhyst_cells_rows(&along, words);
     const int32_t falling = from->p < 0 ? -1 : 0;
     const int32_t x = inside(turned(from->x, falling));
     const int16_t moved = moving_cells(&along, from);

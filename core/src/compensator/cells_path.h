@@ -21,7 +21,6 @@ typedef struct {
   int16_t outer;   /* wide segments on each side */
   uint16_t narrow; /* a part of 2^-15 of a segment: 2^this */
   uint16_t wide;
-  uint16_t halvings; /* wide - narrow */
   int16_t cells;     /* besides cell 0 */
   int16_t active;    /* the cells below this one move */
   int16_t moved;     /* those below this one moved the other way until here, ... */
@@ -40,7 +39,7 @@ static inline int32_t turned(int32_t a, int32_t falling)
 }
 
 /* Within -1 .. 1. */
-static inline int32_t inside(int32_t a) { return anhyst_clamp(a, -ONE, ONE - 1); }
+static inline int32_t inside(int32_t a) { return anhyst_sat_q30(a); }
 
 /* Half-width of the play of a cell. */
 static inline int32_t width(const cell_path *along, int16_t cell)
@@ -59,19 +58,32 @@ static inline const int16_t *row_of(const cell_path *along, int16_t cells)
   return along->rows + rows_on(along, (int16_t)(cells - 1));
 }
 
+/* Whether x lies in the zone of narrow segments. */
+static inline int is_near(const cell_path *along, int32_t x)
+{
+  return (uint32_t)x + (uint32_t)along->inner < 2U * (uint32_t)along->inner;
+}
+
 /* A part of 2^-15 of the segment that holds x is 2^this. */
 static inline uint16_t fineness(const cell_path *along, int32_t x)
 {
-  return x >= -along->inner && x < along->inner ? along->narrow : along->wide;
+  return is_near(along, x) ? along->narrow : along->wide;
 }
 
-/* Where x falls on a row, -1 <= x < 1: counted in wide segments, of which the zone around 0 has so
-   many more as its own are narrower. */
+/* Where x falls on a row, -1 <= x < 1. Beyond the zone all is counted from the end of the row in
+   wide segments, as many as a row of these alone would have. */
 static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, int32_t x)
 {
-  const uint32_t within = (uint32_t)(anhyst_clamp(x, -along->inner, along->inner) + along->inner);
-  const uint32_t way = (uint32_t)(x + ONE) + (within << along->halvings) - within;
-  const uint32_t fine = way >> along->wide; /* segment and 15 bits of its part */
+  const uint32_t zone = 2U * (uint32_t)along->inner;
+  uint32_t way = (uint32_t)x + (uint32_t)ONE;
+  uint32_t fine = 0; /* segment and 15 bits of its part */
+  if (is_near(along, x)) {
+    fine = (((uint32_t)x + (uint32_t)along->inner) >> along->narrow) +
+           ((uint32_t)along->outer << 15);
+  } else {
+    way += x > 0 ? 2U * (uint32_t)ONE - zone : 0U;
+    fine = way >> along->wide;
+  }
   const anhyst_spot spot = {row + (fine >> 15), (int32_t)(fine & 0x7FFFU)};
   return spot;
 }
@@ -122,7 +134,6 @@ static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
   const uint16_t bits = (uint16_t)words[ANHYST_WORD_CELLS_SEGMENTS];
   const uint16_t halvings = (uint16_t)words[ANHYST_WORD_CELLS_ZONE];
   along->inner = ONE >> halvings;
-  along->halvings = halvings;
   along->wide = (uint16_t)(15U - bits);
   along->narrow = (uint16_t)(along->wide - halvings);
   along->outer = (int16_t)((1 << bits) - (1 << (bits - halvings)));
