@@ -82,26 +82,27 @@ static int32_t part_of(int32_t n, int32_t d)
   return top / bottom;
 }
 
-/* Where the target is met on the segment of a row that holds x; ONE, -ONE - 1: above, below it. */
-static int32_t beside(const cell_path *along, const equation *solve, int32_t x, anhyst_spot spot,
-                      int32_t missing)
+/* Which part of a segment the target is met at, from a spot on it and what is missing there; -1,
+   0x8000: before, behind it. A part of 2^-15 is 2^fine. */
+static int32_t part_with_target(const equation *solve, anhyst_spot spot, uint16_t fine,
+                                int32_t missing)
 {
-  const uint16_t fine = fineness(along, x);
   const int32_t m_rise = ((int32_t)spot.at[1] - spot.at[0]) * 32768;
   const int32_t rise = left_side(solve, (int32_t)((uint32_t)0x8000 << fine), m_rise);
   if (missing >= rise) {
-    return ONE;
+    return 0x8000;
   }
   if (missing <= -rise) {
-    return -ONE - 1;
+    return -1;
   }
   const int32_t way = missing >= 0 ? part_of(missing, rise) : ~part_of(-missing, rise);
-  const int32_t part = spot.part + way;
-  if (part < 0 || part > 0x7FFF) {
-    return part < 0 ? -ONE - 1 : ONE;
-  }
-  const int32_t begin = (int32_t)((uint32_t)((x >> fine) - spot.part) << fine);
-  return begin + (int32_t)((uint32_t)part << fine);
+  return anhyst_clamp(spot.part + way, -1, 0x8000);
+}
+
+/* The field at a part of the segment that holds x, where x has another one. */
+static int32_t beside(int32_t x, anhyst_spot spot, uint16_t fine, int32_t part)
+{
+  return (int32_t)((uint32_t)((x >> fine) - spot.part + part) << fine);
 }
 
 /* Where a cell joins a path that has come to low; beyond the last cell: the end of the rows. */
@@ -170,9 +171,14 @@ static void go(cell_path *along, const equation *solve, int32_t low, int32_t hig
   const int16_t segment =
       segment_with_target(along, solve, segment_of(along, low), segment_of(along, high));
   const int32_t begin = node(along, segment);
+  const uint16_t fine = fineness(along, begin);
   const anhyst_spot spot = {along->row + segment, 0};
   const int32_t missing = missing_at(along, solve, begin, spot);
-  along->x = anhyst_clamp(beside(along, solve, begin, spot, missing), low, high);
+  const int32_t part = part_with_target(solve, spot, fine, missing);
+  along->x = high;
+  if (part < 0x8000) {
+    along->x = part < 0 ? low : anhyst_clamp(beside(begin, spot, fine, part), low, high);
+  }
 }
 
 /* Whether the target lies beyond a place of the row. */
@@ -311,20 +317,16 @@ static void part(cell_path *along, int16_t least, int32_t begin)
   }
 }
 
-/* Goes back from where the target was passed, but no further than to where a cell joined; 0: it
-   lies before that. */
-static int retreat(cell_path *along, const equation *solve, int16_t least, int32_t begin,
-                   int32_t *next)
+/* Goes back from where the target was passed, at most to where the path began, beyond which it
+   lies. */
+static void retreat(cell_path *along, const equation *solve, int16_t least, int32_t begin,
+                    int32_t *next)
 {
-  if (along->active > least && !passes(along, solve, along->low)) {
+  while (along->active > least && !passes(along, solve, along->low)) {
     *next = along->low;
     part(along, least, begin);
   }
-  if (!passes(along, solve, along->low)) {
-    return 0;
-  }
   go(along, solve, along->low, *next);
-  return 1;
 }
 
 /* Leaves a path for the opposite one: all but cell 0 rest. */
@@ -353,47 +355,67 @@ static void remember(const cell_path *along, anhyst_memory *to)
   to->level = along->low;
 }
 
-/* Solves from a memory on. */
-static void advance(cell_path *along, equation *solve, anhyst_candidate *to)
+/* Turns again where the opposite path does not lead on: all is as it was before, but for what only
+   a path needs that goes on. */
+static void turn_back(cell_path *along, int32_t rest, int32_t frozen)
 {
-  solve->target = turned(solve->target, along->falling);
-  anhyst_spot spot = spot_on(along, along->row, along->x);
-  int32_t missing = missing_at(along, solve, along->x, spot);
-  int32_t next = along->x;
+  along->x = ~along->x;
+  along->falling = ~along->falling;
+  along->active = along->moved;
+  along->rest = rest;
+  along->frozen = frozen;
+}
+
+/* Solves from a memory on. A path that calls no function stays in registers: where it takes more
+   than the next place on the row, it goes on as a copy. */
+static void advance(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                    equation *solve, anhyst_candidate *to)
+{
+  cell_path along;
+  anhyst_cells_begin(&along, words, from, plays);
+  solve->target = turned(solve->target, along.falling);
+  anhyst_spot spot = spot_on(&along, along.row, along.x);
+  int32_t missing = missing_at(&along, solve, along.x, spot);
+  int32_t next = along.x;
   to->way = 0;
   if (missing < -STILL) {
-    const cell_path before = *along;
-    turn(along, spot);
+    const int32_t rest = along.rest;
+    const int32_t frozen = along.frozen;
+    turn(&along, spot);
     solve->target = ~solve->target;
-    spot = spot_on(along, along->row, along->x);
-    missing = missing_at(along, solve, along->x, spot);
+    spot = spot_on(&along, along.row, along.x);
+    missing = missing_at(&along, solve, along.x, spot);
     if (missing <= 0) { /* between the two directions, where rows are not quite odd: it stays */
-      *along = before;
+      turn_back(&along, rest, frozen);
+      next = along.x;
       missing = 0;
     }
   }
   if (missing > STILL) {
-    along->low = along->x;
-    next = joins_at(along, along->active, along->low);
-    const int32_t there = beside(along, solve, along->x, spot, missing);
-    if (there >= along->low && there <= next) {
-      along->x = there;
-    } else {
-      pursue(along, solve, along->x, &next);
+    const uint16_t fine = fineness(&along, along.x);
+    const int32_t part = part_with_target(solve, spot, fine, missing);
+    const int32_t there = beside(along.x, spot, fine, part);
+    along.low = along.x;
+    next = joins_at(&along, along.active, along.low);
+    to->way = along.falling == 0 ? 1 : -1;
+    if (part > 0x7FFF || there < along.low || there > next) {
+      cell_path on = along;
+      pursue(&on, solve, on.x, &next);
+      to->m = next;
+      remember(&on, &to->memory);
+      return;
     }
-    to->way = along->falling == 0 ? 1 : -1;
+    along.x = there;
   }
   to->m = next;
-  remember(along, &to->memory);
+  remember(&along, &to->memory);
 }
 
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                            int32_t flux, anhyst_candidate *to)
 {
-  cell_path along;
   equation solve = {words[ANHYST_WORD_CELLS_AIR], 16384, 0, flux >> 4};
-  anhyst_cells_begin(&along, words, from, plays);
-  advance(&along, &solve, to);
+  advance(words, from, plays, &solve, to);
   return to->memory.x;
 }
 
@@ -411,64 +433,86 @@ static int32_t take_up(cell_path *along, const anhyst_candidate *solved)
   return anhyst_clamp(solved->m, along->x, ONE - 1);
 }
 
-/* Goes to the target from a solved path if it is met on the same segment, before any cell joins or
-   rests. */
-static int slid(cell_path *along, const equation *solve, const anhyst_candidate *solved)
+/* The flux at a place of the row of a path, which it has come to. */
+static int32_t flux_there(const cell_path *along, const equation *solve, anhyst_spot spot)
 {
-  const int32_t next = take_up(along, solved);
-  const anhyst_spot spot = spot_on(along, along->row, along->x);
-  const int32_t missing = missing_at(along, solve, along->x, spot);
-  along->x = beside(along, solve, along->x, spot, missing);
-  return along->x >= along->low && along->x <= next;
+  const int32_t m = anhyst_value_at(spot) + along->rest;
+  return anhyst_shl_q31(turned(flux_at(solve, along->x, m), along->falling), 2);
 }
 
-/* The same further away, from a memory in the direction that it had; 0: the target lies too far
-   back. */
-static int resumed(cell_path *along, const equation *solve, const anhyst_candidate *solved)
+/* Goes to the target from a solved path if it is met on the same segment, before any cell joins or
+   rests: 0. 1, -1: it lies further on, further back. */
+static int slid(const int16_t *words, const equation *solve, const anhyst_candidate *solved,
+                anhyst_memory *to, int32_t *flux)
 {
-  if ((solved->way < 0) != (along->falling < 0)) {
-    turn(along, spot_on(along, along->row, along->x));
+  cell_path along;
+  anhyst_cells_rows(&along, words);
+  const int32_t next = take_up(&along, solved);
+  const uint16_t fine = fineness(&along, along.x);
+  anhyst_spot spot = spot_on(&along, along.row, along.x);
+  const int32_t missing = missing_at(&along, solve, along.x, spot);
+  const int32_t part = part_with_target(solve, spot, fine, missing);
+  const int32_t there = beside(along.x, spot, fine, part);
+  if (part < 0 || part > 0x7FFF || there < along.low || there > next) {
+    return missing > 0 ? 1 : -1;
   }
-  const int32_t begin = along->x;
-  const int16_t least = along->active;
-  int32_t next = take_up(along, solved);
-  const int32_t x = along->x;
-  along->x = begin;
-  if (passes(along, solve, x)) {
-    pursue(along, solve, x, &next);
-    return 1;
+  along.x = there;
+  spot.part = part;
+  remember(&along, to);
+  *flux = flux_there(&along, solve, spot);
+  return 0;
+}
+
+/* The same further away, from a memory in the direction that it had; 0: the target does not lie in
+   that direction. */
+static int resumed(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                   const equation *solve, const anhyst_candidate *solved, int further,
+                   anhyst_memory *to, int32_t *flux)
+{
+  cell_path along;
+  anhyst_cells_begin(&along, words, from, plays);
+  if ((solved->way < 0) != (along.falling < 0)) {
+    turn(&along, spot_on(&along, along.row, along.x));
   }
-  return retreat(along, solve, least, begin, &next);
+  const int32_t begin = along.x;
+  const int16_t least = along.active;
+  if (further < 0 && !passes(&along, solve, begin)) {
+    return 0;
+  }
+  int32_t next = take_up(&along, solved);
+  const int32_t x = along.x;
+  along.x = begin;
+  if (further > 0) {
+    pursue(&along, solve, x, &next);
+  } else {
+    retreat(&along, solve, least, begin, &next);
+  }
+  remember(&along, to);
+  *flux = flux_there(&along, solve, spot_on(&along, along.row, along.x));
+  return 1;
 }
 
 static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
                           anhyst_memory *to)
 {
-  cell_path along;
   const int32_t target = (current >> 2) - (arms->bias >> 2);
   equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
                     solved->way < 0 ? ~target : target};
-  int done = 0;
+  int32_t flux = 0;
   if (solved->way != 0) {
-    anhyst_cells_rows(&along, words);
-    done = slid(&along, &solve, solved);
-    if (!done) {
-      anhyst_cells_begin(&along, words, from, plays);
-      done = resumed(&along, &solve, solved);
+    const int further = slid(words, &solve, solved, to, &flux);
+    if (further == 0 || resumed(words, from, plays, &solve, solved, further, to, &flux)) {
+      return flux;
     }
   }
-  if (done) {
-    remember(&along, to);
-  } else {
-    anhyst_candidate found;
-    solve.target = target;
-    anhyst_cells_begin(&along, words, from, plays);
-    advance(&along, &solve, &found);
-    *to = found.memory;
-  }
-  const int32_t m = anhyst_value_at(spot_on(&along, along.row, along.x)) + along.rest;
-  return anhyst_shl_q31(turned(flux_at(&solve, along.x, m), along.falling), 2);
+  anhyst_candidate found;
+  cell_path along;
+  solve.target = target;
+  advance(words, from, plays, &solve, &found);
+  *to = found.memory;
+  anhyst_cells_begin(&along, words, to, plays);
+  return flux_there(&along, &solve, spot_on(&along, along.row, along.x));
 }
 
 const anhyst_kernel anhyst_kernel_cells = {ANHYST_KIND_CELLS,  cells_field,

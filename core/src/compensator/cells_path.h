@@ -140,10 +140,39 @@ static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
   along->stride = (int16_t)((2 << bits) + 2 * along->outer + 1);
 }
 
+/* How many cells a memory says that move in its direction; 0: it does not say. */
+static inline int16_t moving_cells(const cell_path *along, const anhyst_memory *from)
+{
+  const uint32_t size = from->p < 0 ? 0U - (uint32_t)from->p : (uint32_t)from->p;
+  return size <= (uint32_t)along->cells + 1U ? (int16_t)size : 0;
+}
+
+/* The magnetisation of all cells at rest but cell 0, counted as if they had risen. */
+int32_t anhyst_cells_at_rest(const int16_t *words, const int32_t *plays);
+
 /* A path that goes on from a memory, in the direction which that had; what rests is summed up where
    the memory does not say which cells move. */
-void anhyst_cells_begin(cell_path *along, const int16_t *words, const anhyst_memory *from,
-                        const int32_t *plays);
+static inline void anhyst_cells_begin(cell_path *along, const int16_t *words,
+                                      const anhyst_memory *from, const int32_t *plays)
+{
+  anhyst_cells_rows(along, words);
+  along->plays = plays;
+  along->active = moving_cells(along, from);
+  along->falling = along->active > 0 && from->p < 0 ? -1 : 0;
+  along->x = inside(turned(from->x, along->falling));
+  along->moved = 0;
+  along->left.at = along->rows;
+  along->left.part = 0;
+  along->frozen = from->turn;
+  along->low = inside(from->level);
+  along->rest = inside(turned(from->y, along->falling));
+  if (along->active == 0) {
+    along->active = 1;
+    along->frozen = -1;
+    along->rest = anhyst_cells_at_rest(words, plays);
+  }
+  along->row = row_of(along, along->active);
+}
 
 /* As anhyst_kernel says of them. */
 int anhyst_cells_is_valid(const int16_t *words);
