@@ -82,13 +82,13 @@ static int32_t part_of(int32_t n, int32_t d)
   return top / bottom;
 }
 
-/* Which part of a segment the target is met at, from a spot on it and what is missing there; -1,
+/* Which part of a segment the target is met at, from one of its parts and what is missing there; -1,
    0x8000: before, behind it. A part of 2^-15 is 2^fine. */
-static int32_t part_with_target(const equation *solve, anhyst_spot spot, uint16_t fine,
-                                int32_t missing)
+static int32_t part_with_target(const equation *solve, int32_t from, int16_t row_rise,
+                                uint16_t fine, int32_t missing)
 {
-  const int32_t m_rise = ((int32_t)spot.at[1] - spot.at[0]) * 32768;
-  const int32_t rise = left_side(solve, (int32_t)((uint32_t)0x8000 << fine), m_rise);
+  const int32_t rise =
+      left_side(solve, (int32_t)((uint32_t)0x8000 << fine), (int32_t)row_rise * 32768);
   if (missing >= rise) {
     return 0x8000;
   }
@@ -96,14 +96,19 @@ static int32_t part_with_target(const equation *solve, anhyst_spot spot, uint16_
     return -1;
   }
   const int32_t way = missing >= 0 ? part_of(missing, rise) : ~part_of(-missing, rise);
-  return anhyst_clamp(spot.part + way, -1, 0x8000);
+  return anhyst_clamp(from + way, -1, 0x8000);
 }
 
-/* The field at a part of the segment that holds x, where x has another one. */
-static int32_t beside(int32_t x, anhyst_spot spot, uint16_t fine, int32_t part)
+/* Which part of its segment x is at. Segments begin at multiples of their width. */
+static int32_t part_at(int32_t x, uint16_t fine) { return (x >> fine) & 0x7FFF; }
+
+/* The field at another part of the segment that holds x. */
+static int32_t beside(int32_t x, uint16_t fine, int32_t part)
 {
-  return (int32_t)((uint32_t)((x >> fine) - spot.part + part) << fine);
+  return (int32_t)((uint32_t)((x >> fine) - part_at(x, fine) + part) << fine);
 }
+
+static int16_t rise_of(const int16_t *segment) { return (int16_t)(segment[1] - segment[0]); }
 
 /* Where a cell joins a path that has come to low; beyond the last cell: the end of the rows. */
 static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
@@ -174,10 +179,18 @@ static void go(cell_path *along, const equation *solve, int32_t low, int32_t hig
   const uint16_t fine = fineness(along, begin);
   const anhyst_spot spot = {along->row + segment, 0};
   const int32_t missing = missing_at(along, solve, begin, spot);
-  const int32_t part = part_with_target(solve, spot, fine, missing);
-  along->x = high;
-  if (part < 0x8000) {
-    along->x = part < 0 ? low : anhyst_clamp(beside(begin, spot, fine, part), low, high);
+  const int32_t part = part_with_target(solve, 0, rise_of(spot.at), fine, missing);
+  const int32_t there = beside(begin, fine, anhyst_clamp(part, 0, 0x7FFF));
+  along->x = there;
+  along->segment = spot.at;
+  if (part < 0 || there < low) {
+    along->x = low;
+    along->segment = spot_on(along, along->row, low).at;
+  } else if (part > 0x7FFF || there > high) {
+    along->x = high;
+    along->segment = spot_on(along, along->row, high).at;
+  } else {
+    /* on this segment */
   }
 }
 
@@ -355,6 +368,17 @@ static void remember(const cell_path *along, anhyst_memory *to)
   to->level = along->low;
 }
 
+/* The same, as what was solved for. */
+static void propose(const cell_path *along, int32_t next, anhyst_candidate *to)
+{
+  to->m = next;
+  to->way = along->falling == 0 ? 1 : -1;
+  to->y_slope = along->segment[0];
+  to->m_slope = rise_of(along->segment);
+  to->fine = fineness(along, along->x);
+  remember(along, &to->memory);
+}
+
 /* Turns again where the opposite path does not lead on: all is as it was before, but for what only
    a path needs that goes on. */
 static void turn_back(cell_path *along, int32_t rest, int32_t frozen)
@@ -376,8 +400,6 @@ static void advance(const int16_t *words, const anhyst_memory *from, const int32
   solve->target = turned(solve->target, along.falling);
   anhyst_spot spot = spot_on(&along, along.row, along.x);
   int32_t missing = missing_at(&along, solve, along.x, spot);
-  int32_t next = along.x;
-  to->way = 0;
   if (missing < -STILL) {
     const int32_t rest = along.rest;
     const int32_t frozen = along.frozen;
@@ -387,28 +409,28 @@ static void advance(const int16_t *words, const anhyst_memory *from, const int32
     missing = missing_at(&along, solve, along.x, spot);
     if (missing <= 0) { /* between the two directions, where rows are not quite odd: it stays */
       turn_back(&along, rest, frozen);
-      next = along.x;
-      missing = 0;
     }
   }
-  if (missing > STILL) {
-    const uint16_t fine = fineness(&along, along.x);
-    const int32_t part = part_with_target(solve, spot, fine, missing);
-    const int32_t there = beside(along.x, spot, fine, part);
-    along.low = along.x;
-    next = joins_at(&along, along.active, along.low);
-    to->way = along.falling == 0 ? 1 : -1;
-    if (part > 0x7FFF || there < along.low || there > next) {
-      cell_path on = along;
-      pursue(&on, solve, on.x, &next);
-      to->m = next;
-      remember(&on, &to->memory);
-      return;
-    }
+  if (missing <= STILL) {
+    to->m = along.x;
+    to->way = 0;
+    remember(&along, &to->memory);
+    return;
+  }
+  const uint16_t fine = fineness(&along, along.x);
+  const int32_t part = part_with_target(solve, spot.part, rise_of(spot.at), fine, missing);
+  const int32_t there = beside(along.x, fine, part);
+  along.low = along.x;
+  along.segment = spot.at;
+  int32_t next = joins_at(&along, along.active, along.low);
+  if (part > 0x7FFF || there < along.low || there > next) {
+    cell_path on = along;
+    pursue(&on, solve, on.x, &next);
+    propose(&on, next, to);
+  } else {
     along.x = there;
+    propose(&along, next, to);
   }
-  to->m = next;
-  remember(&along, &to->memory);
 }
 
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
@@ -433,33 +455,43 @@ static int32_t take_up(cell_path *along, const anhyst_candidate *solved)
   return anhyst_clamp(solved->m, along->x, ONE - 1);
 }
 
-/* The flux at a place of the row of a path, which it has come to. */
-static int32_t flux_there(const cell_path *along, const equation *solve, anhyst_spot spot)
+/* h*x + m at the end of a path, on a segment that begins with this entry of the row. */
+static int32_t flux_with(const equation *solve, int32_t x, int32_t rest, int16_t entry,
+                         int16_t rise, uint16_t fine)
 {
-  const int32_t m = anhyst_value_at(spot) + along->rest;
-  return anhyst_shl_q31(turned(flux_at(solve, along->x, m), along->falling), 2);
+  const int32_t m = (int32_t)entry * 32768 + (int32_t)rise * part_at(x, fine) + rest;
+  return flux_at(solve, x, m);
+}
+
+/* The same where a path has led to. */
+static int32_t flux_there(const cell_path *along, const equation *solve)
+{
+  const int32_t flux = flux_with(solve, along->x, along->rest, along->segment[0],
+                                 rise_of(along->segment), fineness(along, along->x));
+  return anhyst_shl_q31(turned(flux, along->falling), 2);
 }
 
 /* Goes to the target from a solved path if it is met on the same segment, before any cell joins or
    rests: 0. 1, -1: it lies further on, further back. */
-static int slid(const int16_t *words, const equation *solve, const anhyst_candidate *solved,
-                anhyst_memory *to, int32_t *flux)
+static int slid(const equation *solve, const anhyst_candidate *solved, anhyst_memory *to,
+                int32_t *flux)
 {
-  cell_path along;
-  anhyst_cells_rows(&along, words);
-  const int32_t next = take_up(&along, solved);
-  const uint16_t fine = fineness(&along, along.x);
-  anhyst_spot spot = spot_on(&along, along.row, along.x);
-  const int32_t missing = missing_at(&along, solve, along.x, spot);
-  const int32_t part = part_with_target(solve, spot, fine, missing);
-  const int32_t there = beside(along.x, spot, fine, part);
-  if (part < 0 || part > 0x7FFF || there < along.low || there > next) {
+  const int32_t falling = solved->way > 0 ? 0 : -1;
+  const uint16_t fine = solved->fine;
+  const int32_t x = inside(turned(solved->memory.x, falling));
+  const int32_t rest = inside(turned(solved->memory.y, falling));
+  const int32_t here = flux_with(solve, x, rest, solved->y_slope, solved->m_slope, fine);
+  const int32_t missing = solve->target - anhyst_scale(here, solve->flux_arm) -
+                          (anhyst_scale(x, solve->field_arm) >> 2);
+  const int32_t part = part_with_target(solve, part_at(x, fine), solved->m_slope, fine, missing);
+  const int32_t there = beside(x, fine, part);
+  if (part < 0 || part > 0x7FFF || there < solved->memory.level || there > solved->m) {
     return missing > 0 ? 1 : -1;
   }
-  along.x = there;
-  spot.part = part;
-  remember(&along, to);
-  *flux = flux_there(&along, solve, spot);
+  const int32_t found = flux_with(solve, there, rest, solved->y_slope, solved->m_slope, fine);
+  *to = solved->memory;
+  to->x = turned(there, falling);
+  *flux = anhyst_shl_q31(turned(found, falling), 2);
   return 0;
 }
 
@@ -488,7 +520,7 @@ static int resumed(const int16_t *words, const anhyst_memory *from, const int32_
     retreat(&along, solve, least, begin, &next);
   }
   remember(&along, to);
-  *flux = flux_there(&along, solve, spot_on(&along, along.row, along.x));
+  *flux = flux_there(&along, solve);
   return 1;
 }
 
@@ -501,7 +533,7 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
                     solved->way < 0 ? ~target : target};
   int32_t flux = 0;
   if (solved->way != 0) {
-    const int further = slid(words, &solve, solved, to, &flux);
+    const int further = slid(&solve, solved, to, &flux);
     if (further == 0 || resumed(words, from, plays, &solve, solved, further, to, &flux)) {
       return flux;
     }
@@ -512,7 +544,8 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
   advance(words, from, plays, &solve, &found);
   *to = found.memory;
   anhyst_cells_begin(&along, words, to, plays);
-  return flux_there(&along, &solve, spot_on(&along, along.row, along.x));
+  along.segment = spot_on(&along, along.row, along.x).at;
+  return flux_there(&along, &solve);
 }
 
 const anhyst_kernel anhyst_kernel_cells = {ANHYST_KIND_CELLS,  cells_field,

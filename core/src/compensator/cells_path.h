@@ -30,6 +30,7 @@ typedef struct {
   int32_t falling;   /* -1 where all is mirrored, otherwise 0 */
   int32_t low;       /* field where the last of them joined, or the step began */
   int32_t x;
+  const int16_t *segment; /* of the row, the one that holds x where the path ends */
 } cell_path;
 
 /* In the direction of a path, falling 0 or -1: -1 - a where it falls; -a could leave the range. */

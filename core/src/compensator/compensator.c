@@ -101,7 +101,7 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
                                       const int16_t *words, uint16_t capacity)
 {
   const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
-  const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0};
+  const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0, 0};
   const anhyst_status status = anhyst_block_check(kernel, words, capacity);
   if (status != ANHYST_OK) {
     return status;

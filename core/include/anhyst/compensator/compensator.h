@@ -46,8 +46,9 @@ typedef struct {
   int32_t m;       /* full: magnetisation there, q28; simplified: z at the start, in its direction;
                       cells: field where the next play joins, in the direction */
   int16_t way;     /* 1: the field rises, -1: it falls, 0: it stays, or not known */
-  int16_t y_slope; /* full: of irreversible part and magnetisation over the field, in 1/1024 */
-  int16_t m_slope;
+  int16_t y_slope; /* full: of irreversible part and magnetisation over the field, in 1/1024; cells: */
+  int16_t m_slope; /* entry of the row where the segment begins, and what the row rises there */
+  uint16_t fine;   /* cells: a part of 2^-15 of this segment is 2^this, q30 */
 } anhyst_candidate;
 
 /* How the current is made up at the gap of this tick. */
