@@ -128,7 +128,7 @@ static int32_t left_with(const cell_path *along, int16_t cell)
                                along->left.part};
     return -beyond(along, there);
   }
-  return -alone(along, cell, ~at_rest(along, cell));
+  return -beyond(along, spot_on(along, row_of(along, cell), ~left_at(along, cell)));
 }
 
 /* Whether a cell came to rest on a path of this direction. */
@@ -144,54 +144,57 @@ static int32_t missing_before(const cell_path *along, const equation *solve, int
   return missing_at(along, solve, node(along, segment), spot);
 }
 
-/* The last segment of first..end at the beginning of which the target is not reached, or first.
-   Steps double, then halve. */
+/* The last segment of first..end at the beginning of which the target is not reached, and what is
+   missing there; or first. Steps double, then halve. */
 static int16_t segment_with_target(const cell_path *along, const equation *solve, int16_t first,
-                                   int16_t end)
+                                   int16_t end, int32_t *missing)
 {
   int16_t step = 1;
   while (first + step <= end) {
     const int16_t next = (int16_t)(first + step);
-    if (missing_before(along, solve, next) <= 0) {
+    const int32_t left = missing_before(along, solve, next);
+    if (left <= 0) {
       end = (int16_t)(next - 1);
       break;
     }
     first = next;
+    *missing = left;
     step = (int16_t)(2 * step);
   }
   while (first < end) {
     const int16_t middle = (int16_t)((first + end + 1) / 2);
-    if (missing_before(along, solve, middle) <= 0) {
+    const int32_t left = missing_before(along, solve, middle);
+    if (left <= 0) {
       end = (int16_t)(middle - 1);
     } else {
       first = middle;
+      *missing = left;
     }
   }
   return first;
 }
 
-/* Goes to the target on the row of the cells that move, between low and high. */
+/* Goes to the target on the row of the cells that move, between low and high; beyond the segment
+   that holds low by a search. */
 static void go(cell_path *along, const equation *solve, int32_t low, int32_t high)
 {
-  const int16_t segment =
-      segment_with_target(along, solve, segment_of(along, low), segment_of(along, high));
-  const int32_t begin = node(along, segment);
-  const uint16_t fine = fineness(along, begin);
-  const anhyst_spot spot = {along->row + segment, 0};
-  const int32_t missing = missing_at(along, solve, begin, spot);
-  const int32_t part = part_with_target(solve, 0, rise_of(spot.at), fine, missing);
-  const int32_t there = beside(begin, fine, anhyst_clamp(part, 0, 0x7FFF));
-  along->x = there;
+  const anhyst_spot spot = spot_on(along, along->row, low);
+  const int16_t first = (int16_t)(spot.at - along->row);
+  int32_t begin = low;
+  int32_t missing = missing_at(along, solve, low, spot);
+  int32_t part = part_with_target(solve, spot.part, rise_of(spot.at), fineness(along, low), missing);
   along->segment = spot.at;
-  if (part < 0 || there < low) {
-    along->x = low;
-    along->segment = spot_on(along, along->row, low).at;
-  } else if (part > 0x7FFF || there > high) {
-    along->x = high;
-    along->segment = spot_on(along, along->row, high).at;
-  } else {
-    /* on this segment */
+  if (part > 0x7FFF) {
+    const int16_t end = segment_of(along, high);
+    const int16_t segment = segment_with_target(along, solve, first, end, &missing);
+    if (segment > first) {
+      begin = node(along, segment);
+      along->segment = along->row + segment;
+      part = part_with_target(solve, 0, rise_of(along->segment), fineness(along, begin), missing);
+    }
   }
+  const int32_t there = beside(begin, fineness(along, begin), anhyst_clamp(part, 0, 0x7FFF));
+  along->x = anhyst_clamp(there, low, high);
 }
 
 /* Whether the target lies beyond a place of the row. */
@@ -215,11 +218,10 @@ static void let_move(cell_path *along, int16_t cells)
 static void find_left(cell_path *along)
 {
   int16_t cell = along->active;
-  const int32_t x = at_rest(along, cell) - width(along, cell);
+  const int32_t x = left_at(along, cell);
   do {
     cell++;
-  } while (cell <= along->cells && !follows(along, cell) &&
-           at_rest(along, cell) - width(along, cell) == x);
+  } while (cell <= along->cells && !follows(along, cell) && left_at(along, cell) == x);
   along->left = spot_on(along, along->rows, ~x);
   along->x = x;
   along->moved = cell;
@@ -304,17 +306,24 @@ static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *
   go(along, solve, low, *next);
 }
 
+/* Where the cell before this one joined a path that began with so many at a place. */
+static int32_t joined_before(const cell_path *along, int16_t cell, int16_t least, int32_t begin)
+{
+  return cell > least ? joins_at(along, (int16_t)(cell - 1), begin) : begin;
+}
+
 /* Lets the last cell that joined rest again; with those that a path of this direction had left in
    the same place, where it is one of them. */
 static void part(cell_path *along, int16_t least, int32_t begin)
 {
   const int32_t place = along->low;
   int16_t cell = (int16_t)(along->active - 1);
+  int32_t low = joined_before(along, cell, least, begin);
   int32_t rest = 0;
   if (follows(along, cell)) {
-    while (cell > least && follows(along, (int16_t)(cell - 1)) &&
-           joins_at(along, (int16_t)(cell - 1), begin) == place) {
+    while (low == place && cell > least && follows(along, (int16_t)(cell - 1))) {
       cell--;
+      low = joined_before(along, cell, least, begin);
     }
     const anhyst_spot here = spot_on(along, row_of(along, cell), place);
     rest = between(here, here.at + rows_on(along, (int16_t)(along->active - cell)));
@@ -324,10 +333,7 @@ static void part(cell_path *along, int16_t least, int32_t begin)
   along->rest = inside(along->rest + rest);
   along->active = cell;
   along->row = row_of(along, cell);
-  along->low = begin;
-  if (cell > least) {
-    along->low = anhyst_clamp(joins_at(along, (int16_t)(cell - 1), begin), begin, place);
-  }
+  along->low = low < place ? low : place;
 }
 
 /* Goes back from where the target was passed, at most to where the path began, beyond which it

@@ -11,7 +11,8 @@ static int32_t all_alone(const cell_path *along)
 {
   int32_t sum = 0;
   for (int16_t cell = 1; cell <= along->cells; cell++) {
-    sum = inside(sum + alone(along, cell, at_rest(along, cell)));
+    const int32_t x = inside(anhyst_add_q31(play_of(along, cell), width(along, cell)));
+    sum = inside(sum + beyond(along, spot_on(along, row_of(along, cell), x)));
   }
   return sum;
 }

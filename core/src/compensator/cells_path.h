@@ -104,12 +104,6 @@ static inline int32_t beyond(const cell_path *along, anhyst_spot without)
   return between(without, without.at + along->stride);
 }
 
-/* The same from its play, within what at_rest gives. */
-static inline int32_t alone(const cell_path *along, int16_t cell, int32_t play)
-{
-  return beyond(along, spot_on(along, row_of(along, cell), play + width(along, cell)));
-}
-
 /* The play of a cell that rests. */
 static inline int32_t play_of(const cell_path *along, int16_t cell)
 {
@@ -124,6 +118,12 @@ static inline int32_t at_rest(const cell_path *along, int16_t cell)
 {
   const int32_t r = width(along, cell);
   return anhyst_clamp(play_of(along, cell), r - ONE, ONE - 1 - r);
+}
+
+/* Where a path the other way has left a cell, within the rows. */
+static inline int32_t left_at(const cell_path *along, int16_t cell)
+{
+  return inside(anhyst_sub_q31(play_of(along, cell), width(along, cell)));
 }
 
 /* The rows of a block and the widths of its plays. */
