@@ -374,14 +374,14 @@ static void remember(const cell_path *along, anhyst_memory *to)
   to->level = along->low;
 }
 
-/* The same, as what was solved for. */
-static void propose(const cell_path *along, int32_t next, anhyst_candidate *to)
+/* The same, as what was solved for, on a segment of so fine parts. */
+static void propose(const cell_path *along, uint16_t fine, int32_t next, anhyst_candidate *to)
 {
   to->m = next;
   to->way = along->falling == 0 ? 1 : -1;
   to->y_slope = along->segment[0];
   to->m_slope = rise_of(along->segment);
-  to->fine = fineness(along, along->x);
+  to->fine = fine;
   remember(along, &to->memory);
 }
 
@@ -396,46 +396,69 @@ static void turn_back(cell_path *along, int32_t rest, int32_t frozen)
   along->frozen = frozen;
 }
 
-/* Solves from a memory on. A path that calls no function stays in registers: where it takes more
-   than the next place on the row, it goes on as a copy. */
+/* The iron stays where it is. */
+static void stay(const cell_path *along, anhyst_candidate *to)
+{
+  to->m = along->x;
+  to->way = 0;
+  remember(along, &to->memory);
+}
+
+/* Leaves a path for the opposite one, and goes on to the target on that. Between the two, where
+   rows are not quite odd, it stays. */
+static void go_back(cell_path *along, equation *solve, anhyst_spot spot, anhyst_candidate *to)
+{
+  const int32_t rest = along->rest;
+  const int32_t frozen = along->frozen;
+  turn(along, spot);
+  solve->target = ~solve->target;
+  const int32_t missing = missing_at(along, solve, along->x, spot_on(along, along->row, along->x));
+  if (missing > STILL) {
+    along->low = along->x;
+    int32_t next = joins_at(along, along->active, along->x);
+    pursue(along, solve, along->x, &next);
+    propose(along, fineness(along, along->x), next, to);
+    return;
+  }
+  if (missing <= 0) {
+    turn_back(along, rest, frozen);
+  }
+  stay(along, to);
+}
+
+/* Solves from a memory on. As long as the path meets the target on its segment it stays in
+   registers: what goes further goes on as a copy. */
 static void advance(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                     equation *solve, anhyst_candidate *to)
 {
   cell_path along;
+  cell_path on;
   anhyst_cells_begin(&along, words, from, plays);
   solve->target = turned(solve->target, along.falling);
-  anhyst_spot spot = spot_on(&along, along.row, along.x);
-  int32_t missing = missing_at(&along, solve, along.x, spot);
+  const anhyst_spot spot = spot_on(&along, along.row, along.x);
+  const int32_t missing = missing_at(&along, solve, along.x, spot);
   if (missing < -STILL) {
-    const int32_t rest = along.rest;
-    const int32_t frozen = along.frozen;
-    turn(&along, spot);
-    solve->target = ~solve->target;
-    spot = spot_on(&along, along.row, along.x);
-    missing = missing_at(&along, solve, along.x, spot);
-    if (missing <= 0) { /* between the two directions, where rows are not quite odd: it stays */
-      turn_back(&along, rest, frozen);
-    }
+    on = along;
+    go_back(&on, solve, spot, to);
+    return;
   }
   if (missing <= STILL) {
-    to->m = along.x;
-    to->way = 0;
-    remember(&along, &to->memory);
+    stay(&along, to);
     return;
   }
   const uint16_t fine = fineness(&along, along.x);
   const int32_t part = part_with_target(solve, spot.part, rise_of(spot.at), fine, missing);
   const int32_t there = beside(along.x, fine, part);
+  int32_t next = joins_at(&along, along.active, along.x);
   along.low = along.x;
   along.segment = spot.at;
-  int32_t next = joins_at(&along, along.active, along.low);
-  if (part > 0x7FFF || there < along.low || there > next) {
-    cell_path on = along;
+  if (part > 0x7FFF || there < along.x || there > next) {
+    on = along;
     pursue(&on, solve, on.x, &next);
-    propose(&on, next, to);
+    propose(&on, fineness(&on, on.x), next, to);
   } else {
     along.x = there;
-    propose(&along, next, to);
+    propose(&along, fine, next, to);
   }
 }
 
