@@ -82,8 +82,8 @@ static int32_t part_of(int32_t n, int32_t d)
   return top / bottom;
 }
 
-/* Which part of a segment the target is met at, from one of its parts and what is missing there; -1,
-   0x8000: before, behind it. A part of 2^-15 is 2^fine. */
+/* Which part of a segment the target is met at, from one of its parts and what is missing there;
+   -1, 0x8000: before, behind it. A part of 2^-15 is 2^fine. */
 static int32_t part_with_target(const equation *solve, int32_t from, int16_t row_rise,
                                 uint16_t fine, int32_t missing)
 {
@@ -182,7 +182,8 @@ static void go(cell_path *along, const equation *solve, int32_t low, int32_t hig
   const int16_t first = (int16_t)(spot.at - along->row);
   int32_t begin = low;
   int32_t missing = missing_at(along, solve, low, spot);
-  int32_t part = part_with_target(solve, spot.part, rise_of(spot.at), fineness(along, low), missing);
+  int32_t part =
+      part_with_target(solve, spot.part, rise_of(spot.at), fineness(along, low), missing);
   along->segment = spot.at;
   if (part > 0x7FFF) {
     const int16_t end = segment_of(along, high);
@@ -312,9 +313,9 @@ static int32_t joined_before(const cell_path *along, int16_t cell, int16_t least
   return cell > least ? joins_at(along, (int16_t)(cell - 1), begin) : begin;
 }
 
-/* Lets the last cell that joined rest again; with those that a path of this direction had left in
-   the same place, where it is one of them. */
-static void part(cell_path *along, int16_t least, int32_t begin)
+/* Lets the last cell that joined rest again, which it did here; with those that a path of this
+   direction had left in the same place, where it is one of them. */
+static void part(cell_path *along, anhyst_spot here, int16_t least, int32_t begin)
 {
   const int32_t place = along->low;
   int16_t cell = (int16_t)(along->active - 1);
@@ -325,8 +326,9 @@ static void part(cell_path *along, int16_t least, int32_t begin)
       cell--;
       low = joined_before(along, cell, least, begin);
     }
-    const anhyst_spot here = spot_on(along, row_of(along, cell), place);
-    rest = between(here, here.at + rows_on(along, (int16_t)(along->active - cell)));
+    const int16_t *with = here.at;
+    here.at -= rows_on(along, (int16_t)(along->active - cell));
+    rest = between(here, with);
   } else {
     rest = left_with(along, cell);
   }
@@ -341,9 +343,13 @@ static void part(cell_path *along, int16_t least, int32_t begin)
 static void retreat(cell_path *along, const equation *solve, int16_t least, int32_t begin,
                     int32_t *next)
 {
-  while (along->active > least && !passes(along, solve, along->low)) {
+  while (along->active > least) {
+    const anhyst_spot here = spot_on(along, along->row, along->low);
+    if (missing_at(along, solve, along->low, here) > 0) {
+      break;
+    }
     *next = along->low;
-    part(along, least, begin);
+    part(along, here, least, begin);
   }
   go(along, solve, along->low, *next);
 }
@@ -558,14 +564,19 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
                           anhyst_memory *to)
 {
   const int32_t target = (current >> 2) - (arms->bias >> 2);
-  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
-                    solved->way < 0 ? ~target : target};
+  const equation near = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
+                         solved->way < 0 ? ~target : target};
   int32_t flux = 0;
+  int further = 0;
   if (solved->way != 0) {
-    const int further = slid(&solve, solved, to, &flux);
-    if (further == 0 || resumed(words, from, plays, &solve, solved, further, to, &flux)) {
+    further = slid(&near, solved, to, &flux);
+    if (further == 0) {
       return flux;
     }
+  }
+  equation solve = near;
+  if (further != 0 && resumed(words, from, plays, &solve, solved, further, to, &flux)) {
+    return flux;
   }
   anhyst_candidate found;
   cell_path along;
@@ -577,6 +588,6 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
   return flux_there(&along, &solve);
 }
 
-const anhyst_kernel anhyst_kernel_cells = {ANHYST_KIND_CELLS,  cells_field,
-                                           cells_flux,         anhyst_cells_is_valid,
-                                           anhyst_cells_carry, anhyst_cells_keep};
+const anhyst_kernel anhyst_kernel_cells = {
+    ANHYST_KIND_CELLS,  cells_field,       cells_flux,        anhyst_cells_is_valid,
+    anhyst_cells_carry, anhyst_cells_keep, anhyst_cells_start};

@@ -27,6 +27,15 @@ int32_t anhyst_cells_at_rest(const int16_t *words, const int32_t *plays)
   return all_alone(&along);
 }
 
+/* Only cell 0 moves. */
+void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memory *memory)
+{
+  memory->y = anhyst_cells_at_rest(words, plays);
+  memory->p = 1;
+  memory->turn = -1;
+  memory->level = memory->x;
+}
+
 void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
                        int32_t *plays)
 {
@@ -210,6 +219,7 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
       high = middle;
     }
   }
-  *memory = none; /* how many plays move, and what the others give, is found by the next step */
+  *memory = none;
   memory->x = along.x;
+  anhyst_cells_start(words, plays, memory);
 }

@@ -21,14 +21,14 @@ typedef struct {
   int16_t outer;   /* wide segments on each side */
   uint16_t narrow; /* a part of 2^-15 of a segment: 2^this */
   uint16_t wide;
-  int16_t cells;     /* besides cell 0 */
-  int16_t active;    /* the cells below this one move */
-  int16_t moved;     /* those below this one moved the other way until here, ... */
-  anhyst_spot left;  /* ... which is this place of the first row */
-  int32_t frozen;    /* bit i: what cell i rests with was counted while it rose */
-  int32_t rest;      /* magnetisation of the cells that rest */
-  int32_t falling;   /* -1 where all is mirrored, otherwise 0 */
-  int32_t low;       /* field where the last of them joined, or the step began */
+  int16_t cells;    /* besides cell 0 */
+  int16_t active;   /* the cells below this one move */
+  int16_t moved;    /* those below this one moved the other way until here, ... */
+  anhyst_spot left; /* ... which is this place of the first row */
+  int32_t frozen;   /* bit i: what cell i rests with was counted while it rose */
+  int32_t rest;     /* magnetisation of the cells that rest */
+  int32_t falling;  /* -1 where all is mirrored, otherwise 0 */
+  int32_t low;      /* field where the last of them joined, or the step began */
   int32_t x;
   const int16_t *segment; /* of the row, the one that holds x where the path ends */
 } cell_path;
@@ -79,8 +79,8 @@ static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, in
   uint32_t way = (uint32_t)x + (uint32_t)ONE;
   uint32_t fine = 0; /* segment and 15 bits of its part */
   if (is_near(along, x)) {
-    fine = (((uint32_t)x + (uint32_t)along->inner) >> along->narrow) +
-           ((uint32_t)along->outer << 15);
+    fine =
+        (((uint32_t)x + (uint32_t)along->inner) >> along->narrow) + ((uint32_t)along->outer << 15);
   } else {
     way += x > 0 ? 2U * (uint32_t)ONE - zone : 0U;
     fine = way >> along->wide;
@@ -141,11 +141,12 @@ static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
   along->stride = (int16_t)((2 << bits) + 2 * along->outer + 1);
 }
 
-/* How many cells a memory says that move in its direction; 0: it does not say. */
+/* How many cells a memory says that move in its direction, all if more than there are; 0: it does
+   not say. */
 static inline int16_t moving_cells(const cell_path *along, const anhyst_memory *from)
 {
   const uint32_t size = from->p < 0 ? 0U - (uint32_t)from->p : (uint32_t)from->p;
-  return size <= (uint32_t)along->cells + 1U ? (int16_t)size : 0;
+  return size <= (uint32_t)along->cells ? (int16_t)size : (int16_t)(along->cells + 1);
 }
 
 /* The magnetisation of all cells at rest but cell 0, counted as if they had risen. */
@@ -159,14 +160,14 @@ static inline void anhyst_cells_begin(cell_path *along, const int16_t *words,
   anhyst_cells_rows(along, words);
   along->plays = plays;
   along->active = moving_cells(along, from);
-  along->falling = along->active > 0 && from->p < 0 ? -1 : 0;
+  along->falling = from->p < 0 ? -1 : 0;
   along->x = inside(turned(from->x, along->falling));
   along->moved = 0;
   along->left.at = along->rows;
   along->left.part = 0;
   along->frozen = from->turn;
   along->low = inside(from->level);
-  along->rest = inside(turned(from->y, along->falling));
+  along->rest = along->active > along->cells ? 0 : inside(turned(from->y, along->falling));
   if (along->active == 0) {
     along->active = 1;
     along->frozen = -1;
@@ -181,5 +182,6 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
                         anhyst_memory *memory, int32_t *plays);
 void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
                        int32_t *plays);
+void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memory *memory);
 
 #endif
