@@ -48,6 +48,14 @@ static inline int32_t anhyst_port_ssat29(int32_t a)
   return result;
 }
 
+/* The nearest number of 31 bits, signed. */
+static inline int32_t anhyst_port_ssat31(int32_t a)
+{
+  int32_t result;
+  __asm__("ssat %0, #31, %1" : "=r"(result) : "r"(a));
+  return result;
+}
+
 /* The nearest number of 15 bits, unsigned. */
 static inline int32_t anhyst_port_usat15(int32_t a)
 {
@@ -69,6 +77,7 @@ static inline int32_t anhyst_port_clz(uint32_t u)
 #define ANHYST_PORT_SUB_Q31(a, b) anhyst_port_qsub((a), (b))
 #define ANHYST_PORT_SAT_Q15(a) anhyst_port_ssat16((a))
 #define ANHYST_PORT_SAT_Q28(a) anhyst_port_ssat29((a))
+#define ANHYST_PORT_SAT_Q30(a) anhyst_port_ssat31((a))
 #define ANHYST_PORT_SAT_U15(a) anhyst_port_usat15((a))
 #define ANHYST_PORT_LEADING_ZEROS(u) anhyst_port_clz((u))
 

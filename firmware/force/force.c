@@ -221,7 +221,6 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
 
 uint16_t app_body_command(app_body *body, uint16_t command)
 {
-  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
   const anhyst_body self = {0U, 1U, body->drive == 0 ? 1U : 0U};
   const uint16_t refused = anhyst_supervisor_obstacle(&body->supervisor, command, &self);
   if (refused != ANHYST_REFUSED_NOT) {
@@ -237,8 +236,9 @@ uint16_t app_body_command(app_body *body, uint16_t command)
     forget_sensors(body);
     break;
   case ANHYST_COMMAND_DEMAGNETISED:
-    body->compensator.memory = demagnetised;
-    body->compensator.solved = 0;
+    if (body->compensator.words != NULL) {
+      anhyst_compensator_demagnetise(&body->compensator);
+    }
     break;
   default:
     break;

@@ -53,7 +53,7 @@ static void any_carry(const int16_t *before, const int16_t *words, int32_t flux,
   SHOW(flux >= -ANHYST_Q30_ONE && flux <= ANHYST_Q30_ONE);
 }
 
-static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 0, any_carry, 0};
+static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 0, any_carry, 0, 0};
 
 /* ---- contracts ---- */
 

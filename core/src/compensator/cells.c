@@ -82,27 +82,33 @@ static int32_t part_of(int32_t n, int32_t d)
   return top / bottom;
 }
 
-/* Where the target is met on the segment of a row that holds x; ONE, -ONE - 1: above, below it. */
-static int32_t beside(const cell_path *along, const equation *solve, int32_t x, anhyst_spot spot,
-                      int32_t missing)
+/* Which part of a segment the target is met at, from one of its parts and what is missing there;
+   -1, 0x8000: before, behind it. A part of 2^-15 is 2^fine. */
+static int32_t part_with_target(const equation *solve, int32_t from, int16_t row_rise,
+                                uint16_t fine, int32_t missing)
 {
-  const uint16_t fine = fineness(along, x);
-  const int32_t m_rise = ((int32_t)spot.at[1] - spot.at[0]) * 32768;
-  const int32_t rise = left_side(solve, (int32_t)((uint32_t)0x8000 << fine), m_rise);
+  const int32_t rise =
+      left_side(solve, (int32_t)((uint32_t)0x8000 << fine), (int32_t)row_rise * 32768);
   if (missing >= rise) {
-    return ONE;
+    return 0x8000;
   }
   if (missing <= -rise) {
-    return -ONE - 1;
+    return -1;
   }
   const int32_t way = missing >= 0 ? part_of(missing, rise) : ~part_of(-missing, rise);
-  const int32_t part = spot.part + way;
-  if (part < 0 || part > 0x7FFF) {
-    return part < 0 ? -ONE - 1 : ONE;
-  }
-  const int32_t begin = (int32_t)((uint32_t)((x >> fine) - spot.part) << fine);
-  return begin + (int32_t)((uint32_t)part << fine);
+  return anhyst_clamp(from + way, -1, 0x8000);
 }
+
+/* Which part of its segment x is at. Segments begin at multiples of their width. */
+static int32_t part_at(int32_t x, uint16_t fine) { return (x >> fine) & 0x7FFF; }
+
+/* The field at another part of the segment that holds x. */
+static int32_t beside(int32_t x, uint16_t fine, int32_t part)
+{
+  return (int32_t)((uint32_t)((x >> fine) - part_at(x, fine) + part) << fine);
+}
+
+static int16_t rise_of(const int16_t *segment) { return (int16_t)(segment[1] - segment[0]); }
 
 /* Where a cell joins a path that has come to low; beyond the last cell: the end of the rows. */
 static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
@@ -122,7 +128,7 @@ static int32_t left_with(const cell_path *along, int16_t cell)
                                along->left.part};
     return -beyond(along, there);
   }
-  return -alone(along, cell, ~at_rest(along, cell));
+  return -beyond(along, spot_on(along, row_of(along, cell), ~left_at(along, cell)));
 }
 
 /* Whether a cell came to rest on a path of this direction. */
@@ -131,43 +137,65 @@ static int follows(const cell_path *along, int16_t cell)
   return (((uint32_t)turned(along->frozen, along->falling) >> (uint16_t)cell) & 1U) != 0U;
 }
 
-/* The last segment of first..end at the beginning of which the target is not reached, or first.
-   Steps double, then halve. */
+/* What is missing of the target at the beginning of a segment. */
+static int32_t missing_before(const cell_path *along, const equation *solve, int16_t segment)
+{
+  const anhyst_spot spot = {along->row + segment, 0};
+  return missing_at(along, solve, node(along, segment), spot);
+}
+
+/* The last segment of first..end at the beginning of which the target is not reached, and what is
+   missing there; or first. Steps double, then halve. */
 static int16_t segment_with_target(const cell_path *along, const equation *solve, int16_t first,
-                                   int16_t end)
+                                   int16_t end, int32_t *missing)
 {
   int16_t step = 1;
   while (first + step <= end) {
     const int16_t next = (int16_t)(first + step);
-    const anhyst_spot spot = {along->row + next, 0};
-    if (missing_at(along, solve, node(along, next), spot) <= 0) {
+    const int32_t left = missing_before(along, solve, next);
+    if (left <= 0) {
       end = (int16_t)(next - 1);
       break;
     }
     first = next;
+    *missing = left;
     step = (int16_t)(2 * step);
   }
   while (first < end) {
     const int16_t middle = (int16_t)((first + end + 1) / 2);
-    const anhyst_spot spot = {along->row + middle, 0};
-    if (missing_at(along, solve, node(along, middle), spot) <= 0) {
+    const int32_t left = missing_before(along, solve, middle);
+    if (left <= 0) {
       end = (int16_t)(middle - 1);
     } else {
       first = middle;
+      *missing = left;
     }
   }
   return first;
 }
 
-/* Goes to the target on the row of the cells that move, between low and high. */
+/* Goes to the target on the row of the cells that move, between low and high; beyond the segment
+   that holds low by a search. */
 static void go(cell_path *along, const equation *solve, int32_t low, int32_t high)
 {
-  const int16_t segment =
-      segment_with_target(along, solve, segment_of(along, low), segment_of(along, high));
-  const int32_t begin = node(along, segment);
-  const anhyst_spot spot = {along->row + segment, 0};
-  const int32_t missing = missing_at(along, solve, begin, spot);
-  along->x = anhyst_clamp(beside(along, solve, begin, spot, missing), low, high);
+  const anhyst_spot spot = spot_on(along, along->row, low);
+  const int16_t first = (int16_t)(spot.at - along->row);
+  int32_t begin = low;
+  int32_t missing = missing_at(along, solve, low, spot);
+  int32_t part =
+      part_with_target(solve, spot.part, rise_of(spot.at), fineness(along, low), missing);
+  along->segment = spot.at;
+  if (part > 0x7FFF) {
+    const int16_t end = segment_of(along, high);
+    const int16_t segment = segment_with_target(along, solve, first, end, &missing);
+    if (segment > first) {
+      begin = node(along, segment);
+      along->segment = along->row + segment;
+      part = part_with_target(solve, 0, rise_of(along->segment), fineness(along, begin), missing);
+    }
+  }
+  const int32_t there = beside(begin, fineness(along, begin), anhyst_clamp(part, 0, 0x7FFF));
+  along->x = anhyst_clamp(there, low, high);
 }
 
 /* Whether the target lies beyond a place of the row. */
@@ -191,50 +219,65 @@ static void let_move(cell_path *along, int16_t cells)
 static void find_left(cell_path *along)
 {
   int16_t cell = along->active;
-  const int32_t x = at_rest(along, cell) - width(along, cell);
+  const int32_t x = left_at(along, cell);
   do {
     cell++;
-  } while (cell <= along->cells && !follows(along, cell) &&
-           at_rest(along, cell) - width(along, cell) == x);
+  } while (cell <= along->cells && !follows(along, cell) && left_at(along, cell) == x);
   along->left = spot_on(along, along->rows, ~x);
   along->x = x;
   along->moved = cell;
 }
 
-/* Lets the cells join that a path the other way has left in one place, as far as they do so before
-   the target is reached; the first of them does. They do it one after the other: how many is found
-   by halving. */
-static void gather_left(cell_path *along, const equation *solve, int32_t place)
+/* Lets the cells join that a path the other way has left in one place, *next, as far as they do so
+   before the target is reached; the first of them does. They do it one after the other: how many is
+   found by halving, once it is more than one. Gives the next that joins at *next, and whether the
+   target is known to lie before that. */
+static int gather_left(cell_path *along, const equation *solve, int32_t *next)
 {
+  const int32_t place = *next;
   int16_t least = (int16_t)(along->active + 1);
   int16_t most = along->moved;
+  int16_t cell = least;
+  int met = 0;
   along->low = place;
   while (least < most) {
-    const int16_t cell = (int16_t)((least + most) / 2);
     let_move(along, cell);
-    const int32_t next = joins_at(along, along->active, place);
-    if (passes(along, solve, next)) {
-      along->low = next;
+    const int32_t there = joins_at(along, cell, place);
+    if (passes(along, solve, there)) {
+      along->low = there;
       least = (int16_t)(cell + 1);
     } else {
+      *next = there;
+      met = there > along->low;
       most = cell;
     }
+    cell = (int16_t)((least + most) / 2);
   }
-  let_move(along, least);
+  if (along->active != least) {
+    let_move(along, least);
+  }
+  if (met == 0) {
+    *next = joins_at(along, least, along->low);
+  }
+  return met;
 }
 
-/* Lets the cells join that a path of this direction has left in one place, which is here. */
-static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
+/* Lets the cells join that a path of this direction has left in one place, which is here. Gives
+   where the next one joins. */
+static int32_t gather_here(cell_path *along, anhyst_spot here, int32_t place)
 {
-  const int16_t before = along->active;
+  int16_t cell = along->active;
+  int32_t next = place;
   do {
-    along->active = (int16_t)(along->active + 1);
-  } while (along->active <= along->cells && follows(along, along->active) &&
-           joins_at(along, along->active, place) == place);
-  const int32_t step = (along->active - before) * along->stride;
+    cell++;
+    next = joins_at(along, cell, place);
+  } while (next == place && cell <= along->cells && follows(along, cell));
+  const int32_t step = (cell - along->active) * along->stride;
   along->rest = inside(along->rest - between(here, here.at + step));
+  along->active = cell;
   along->row += step;
   along->low = place;
+  return next;
 }
 
 /* Goes on from x, which is below the target: lets the cells join that do so on the way, the next of
@@ -242,21 +285,21 @@ static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
 static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *next)
 {
   int32_t low = x;
-  while (along->active <= along->cells) {
+  int met = 0;
+  while (met == 0 && along->active <= along->cells) {
     const anhyst_spot here = spot_on(along, along->row, *next);
     if (*next > low && missing_at(along, solve, *next, here) <= 0) {
       break;
     }
     if (along->active >= along->moved && follows(along, along->active)) {
-      gather_here(along, here, *next);
+      *next = gather_here(along, here, *next);
     } else {
       if (along->active >= along->moved) {
         find_left(along);
       }
-      gather_left(along, solve, *next);
+      met = gather_left(along, solve, next);
     }
     low = along->low;
-    *next = joins_at(along, along->active, low);
   }
   if (along->active > along->cells) {
     along->rest = 0; /* none rests */
@@ -264,46 +307,51 @@ static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *
   go(along, solve, low, *next);
 }
 
-/* Lets the last cell that joined rest again; with those that a path of this direction had left in
-   the same place, where it is one of them. */
-static void part(cell_path *along, int16_t least, int32_t begin)
+/* Where the cell before this one joined a path that began with so many at a place. */
+static int32_t joined_before(const cell_path *along, int16_t cell, int16_t least, int32_t begin)
+{
+  return cell > least ? joins_at(along, (int16_t)(cell - 1), begin) : begin;
+}
+
+/* Lets the last cell that joined rest again, which it did here; with those that a path of this
+   direction had left in the same place, where it is one of them. */
+static void part(cell_path *along, anhyst_spot here, int16_t least, int32_t begin)
 {
   const int32_t place = along->low;
   int16_t cell = (int16_t)(along->active - 1);
+  int32_t low = joined_before(along, cell, least, begin);
   int32_t rest = 0;
   if (follows(along, cell)) {
-    while (cell > least && follows(along, (int16_t)(cell - 1)) &&
-           joins_at(along, (int16_t)(cell - 1), begin) == place) {
+    while (low == place && cell > least && follows(along, (int16_t)(cell - 1))) {
       cell--;
+      low = joined_before(along, cell, least, begin);
     }
-    const anhyst_spot here = spot_on(along, row_of(along, cell), place);
-    rest = between(here, here.at + rows_on(along, (int16_t)(along->active - cell)));
+    const int16_t *with = here.at;
+    here.at -= rows_on(along, (int16_t)(along->active - cell));
+    rest = between(here, with);
   } else {
     rest = left_with(along, cell);
   }
   along->rest = inside(along->rest + rest);
   along->active = cell;
   along->row = row_of(along, cell);
-  along->low = begin;
-  if (cell > least) {
-    along->low = anhyst_clamp(joins_at(along, (int16_t)(cell - 1), begin), begin, place);
-  }
+  along->low = low < place ? low : place;
 }
 
-/* Goes back from where the target was passed, but no further than to where a cell joined; 0: it
-   lies before that. */
-static int retreat(cell_path *along, const equation *solve, int16_t least, int32_t begin,
-                   int32_t *next)
+/* Goes back from where the target was passed, at most to where the path began, beyond which it
+   lies. */
+static void retreat(cell_path *along, const equation *solve, int16_t least, int32_t begin,
+                    int32_t *next)
 {
-  if (along->active > least && !passes(along, solve, along->low)) {
+  while (along->active > least) {
+    const anhyst_spot here = spot_on(along, along->row, along->low);
+    if (missing_at(along, solve, along->low, here) > 0) {
+      break;
+    }
     *next = along->low;
-    part(along, least, begin);
-  }
-  if (!passes(along, solve, along->low)) {
-    return 0;
+    part(along, here, least, begin);
   }
   go(along, solve, along->low, *next);
-  return 1;
 }
 
 /* Leaves a path for the opposite one: all but cell 0 rest. */
@@ -332,47 +380,99 @@ static void remember(const cell_path *along, anhyst_memory *to)
   to->level = along->low;
 }
 
-/* Solves from a memory on. */
-static void advance(cell_path *along, equation *solve, anhyst_candidate *to)
+/* The same, as what was solved for, on a segment of so fine parts. */
+static void propose(const cell_path *along, uint16_t fine, int32_t next, anhyst_candidate *to)
 {
-  solve->target = turned(solve->target, along->falling);
-  anhyst_spot spot = spot_on(along, along->row, along->x);
-  int32_t missing = missing_at(along, solve, along->x, spot);
-  int32_t next = along->x;
+  to->m = next;
+  to->way = along->falling == 0 ? 1 : -1;
+  to->y_slope = along->segment[0];
+  to->m_slope = rise_of(along->segment);
+  to->fine = fine;
+  remember(along, &to->memory);
+}
+
+/* Turns again where the opposite path does not lead on: all is as it was before, but for what only
+   a path needs that goes on. */
+static void turn_back(cell_path *along, int32_t rest, int32_t frozen)
+{
+  along->x = ~along->x;
+  along->falling = ~along->falling;
+  along->active = along->moved;
+  along->rest = rest;
+  along->frozen = frozen;
+}
+
+/* The iron stays where it is. */
+static void stay(const cell_path *along, anhyst_candidate *to)
+{
+  to->m = along->x;
   to->way = 0;
-  if (missing < -STILL) {
-    const cell_path before = *along;
-    turn(along, spot);
-    solve->target = ~solve->target;
-    spot = spot_on(along, along->row, along->x);
-    missing = missing_at(along, solve, along->x, spot);
-    if (missing <= 0) { /* between the two directions, where rows are not quite odd: it stays */
-      *along = before;
-      missing = 0;
-    }
-  }
+  remember(along, &to->memory);
+}
+
+/* Leaves a path for the opposite one, and goes on to the target on that. Between the two, where
+   rows are not quite odd, it stays. */
+static void go_back(cell_path *along, equation *solve, anhyst_spot spot, anhyst_candidate *to)
+{
+  const int32_t rest = along->rest;
+  const int32_t frozen = along->frozen;
+  turn(along, spot);
+  solve->target = ~solve->target;
+  const int32_t missing = missing_at(along, solve, along->x, spot_on(along, along->row, along->x));
   if (missing > STILL) {
     along->low = along->x;
-    next = joins_at(along, along->active, along->low);
-    const int32_t there = beside(along, solve, along->x, spot, missing);
-    if (there >= along->low && there <= next) {
-      along->x = there;
-    } else {
-      pursue(along, solve, along->x, &next);
-    }
-    to->way = along->falling == 0 ? 1 : -1;
+    int32_t next = joins_at(along, along->active, along->x);
+    pursue(along, solve, along->x, &next);
+    propose(along, fineness(along, along->x), next, to);
+    return;
   }
-  to->m = next;
-  remember(along, &to->memory);
+  if (missing <= 0) {
+    turn_back(along, rest, frozen);
+  }
+  stay(along, to);
+}
+
+/* Solves from a memory on. As long as the path meets the target on its segment it stays in
+   registers: what goes further goes on as a copy. */
+static void advance(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                    equation *solve, anhyst_candidate *to)
+{
+  cell_path along;
+  cell_path on;
+  anhyst_cells_begin(&along, words, from, plays);
+  solve->target = turned(solve->target, along.falling);
+  const anhyst_spot spot = spot_on(&along, along.row, along.x);
+  const int32_t missing = missing_at(&along, solve, along.x, spot);
+  if (missing < -STILL) {
+    on = along;
+    go_back(&on, solve, spot, to);
+    return;
+  }
+  if (missing <= STILL) {
+    stay(&along, to);
+    return;
+  }
+  const uint16_t fine = fineness(&along, along.x);
+  const int32_t part = part_with_target(solve, spot.part, rise_of(spot.at), fine, missing);
+  const int32_t there = beside(along.x, fine, part);
+  int32_t next = joins_at(&along, along.active, along.x);
+  along.low = along.x;
+  along.segment = spot.at;
+  if (part > 0x7FFF || there < along.x || there > next) {
+    on = along;
+    pursue(&on, solve, on.x, &next);
+    propose(&on, fineness(&on, on.x), next, to);
+  } else {
+    along.x = there;
+    propose(&along, fine, next, to);
+  }
 }
 
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                            int32_t flux, anhyst_candidate *to)
 {
-  cell_path along;
   equation solve = {words[ANHYST_WORD_CELLS_AIR], 16384, 0, flux >> 4};
-  anhyst_cells_begin(&along, words, from, plays);
-  advance(&along, &solve, to);
+  advance(words, from, plays, &solve, to);
   return to->memory.x;
 }
 
@@ -390,66 +490,104 @@ static int32_t take_up(cell_path *along, const anhyst_candidate *solved)
   return anhyst_clamp(solved->m, along->x, ONE - 1);
 }
 
-/* Goes to the target from a solved path if it is met on the same segment, before any cell joins or
-   rests. */
-static int slid(cell_path *along, const equation *solve, const anhyst_candidate *solved)
+/* h*x + m at the end of a path, on a segment that begins with this entry of the row. */
+static int32_t flux_with(const equation *solve, int32_t x, int32_t rest, int16_t entry,
+                         int16_t rise, uint16_t fine)
 {
-  const int32_t next = take_up(along, solved);
-  const anhyst_spot spot = spot_on(along, along->row, along->x);
-  const int32_t missing = missing_at(along, solve, along->x, spot);
-  along->x = beside(along, solve, along->x, spot, missing);
-  return along->x >= along->low && along->x <= next;
+  const int32_t m = (int32_t)entry * 32768 + (int32_t)rise * part_at(x, fine) + rest;
+  return flux_at(solve, x, m);
 }
 
-/* The same further away, from a memory in the direction that it had; 0: the target lies too far
-   back. */
-static int resumed(cell_path *along, const equation *solve, const anhyst_candidate *solved)
+/* The same where a path has led to. */
+static int32_t flux_there(const cell_path *along, const equation *solve)
 {
-  if ((solved->way < 0) != (along->falling < 0)) {
-    turn(along, spot_on(along, along->row, along->x));
+  const int32_t flux = flux_with(solve, along->x, along->rest, along->segment[0],
+                                 rise_of(along->segment), fineness(along, along->x));
+  return anhyst_shl_q31(turned(flux, along->falling), 2);
+}
+
+/* Goes to the target from a solved path if it is met on the same segment, before any cell joins or
+   rests: 0. 1, -1: it lies further on, further back. */
+static int slid(const equation *solve, const anhyst_candidate *solved, anhyst_memory *to,
+                int32_t *flux)
+{
+  const int32_t falling = solved->way > 0 ? 0 : -1;
+  const uint16_t fine = solved->fine;
+  const int32_t x = inside(turned(solved->memory.x, falling));
+  const int32_t rest = inside(turned(solved->memory.y, falling));
+  const int32_t here = flux_with(solve, x, rest, solved->y_slope, solved->m_slope, fine);
+  const int32_t missing = solve->target - anhyst_scale(here, solve->flux_arm) -
+                          (anhyst_scale(x, solve->field_arm) >> 2);
+  const int32_t part = part_with_target(solve, part_at(x, fine), solved->m_slope, fine, missing);
+  const int32_t there = beside(x, fine, part);
+  if (part < 0 || part > 0x7FFF || there < solved->memory.level || there > solved->m) {
+    return missing > 0 ? 1 : -1;
   }
-  const int32_t begin = along->x;
-  const int16_t least = along->active;
-  int32_t next = take_up(along, solved);
-  const int32_t x = along->x;
-  along->x = begin;
-  if (passes(along, solve, x)) {
-    pursue(along, solve, x, &next);
-    return 1;
+  const int32_t found = flux_with(solve, there, rest, solved->y_slope, solved->m_slope, fine);
+  *to = solved->memory;
+  to->x = turned(there, falling);
+  *flux = anhyst_shl_q31(turned(found, falling), 2);
+  return 0;
+}
+
+/* The same further away, from a memory in the direction that it had; 0: the target does not lie in
+   that direction. */
+static int resumed(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                   const equation *solve, const anhyst_candidate *solved, int further,
+                   anhyst_memory *to, int32_t *flux)
+{
+  cell_path along;
+  anhyst_cells_begin(&along, words, from, plays);
+  if ((solved->way < 0) != (along.falling < 0)) {
+    turn(&along, spot_on(&along, along.row, along.x));
   }
-  return retreat(along, solve, least, begin, &next);
+  const int32_t begin = along.x;
+  const int16_t least = along.active;
+  if (further < 0 && !passes(&along, solve, begin)) {
+    return 0;
+  }
+  int32_t next = take_up(&along, solved);
+  const int32_t x = along.x;
+  along.x = begin;
+  if (further > 0) {
+    pursue(&along, solve, x, &next);
+  } else {
+    retreat(&along, solve, least, begin, &next);
+  }
+  remember(&along, to);
+  *flux = flux_there(&along, solve);
+  return 1;
 }
 
 static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
                           anhyst_memory *to)
 {
-  cell_path along;
   const int32_t target = (current >> 2) - (arms->bias >> 2);
-  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
-                    solved->way < 0 ? ~target : target};
-  int done = 0;
+  const equation near = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
+                         solved->way < 0 ? ~target : target};
+  int32_t flux = 0;
+  int further = 0;
   if (solved->way != 0) {
-    anhyst_cells_rows(&along, words);
-    done = slid(&along, &solve, solved);
-    if (!done) {
-      anhyst_cells_begin(&along, words, from, plays);
-      done = resumed(&along, &solve, solved);
+    further = slid(&near, solved, to, &flux);
+    if (further == 0) {
+      return flux;
     }
   }
-  if (done) {
-    remember(&along, to);
-  } else {
-    anhyst_candidate found;
-    solve.target = target;
-    anhyst_cells_begin(&along, words, from, plays);
-    advance(&along, &solve, &found);
-    *to = found.memory;
+  equation solve = near;
+  if (further != 0 && resumed(words, from, plays, &solve, solved, further, to, &flux)) {
+    return flux;
   }
-  const int32_t m = anhyst_value_at(spot_on(&along, along.row, along.x)) + along.rest;
-  return anhyst_shl_q31(turned(flux_at(&solve, along.x, m), along.falling), 2);
+  anhyst_candidate found;
+  cell_path along;
+  solve.target = target;
+  advance(words, from, plays, &solve, &found);
+  *to = found.memory;
+  anhyst_cells_begin(&along, words, to, plays);
+  along.segment = spot_on(&along, along.row, along.x).at;
+  return flux_there(&along, &solve);
 }
 
-const anhyst_kernel anhyst_kernel_cells = {ANHYST_KIND_CELLS,  cells_field,
-                                           cells_flux,         anhyst_cells_is_valid,
-                                           anhyst_cells_carry, anhyst_cells_keep};
+const anhyst_kernel anhyst_kernel_cells = {
+    ANHYST_KIND_CELLS,  cells_field,       cells_flux,        anhyst_cells_is_valid,
+    anhyst_cells_carry, anhyst_cells_keep, anhyst_cells_start};

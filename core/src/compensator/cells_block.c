@@ -6,51 +6,42 @@
 /* Of the interval in which a memory of another block is brought to its flux: leaves 2.4e-7. */
 #define HALVINGS 24
 
-/* How many cells a memory says that move in its direction; 0: it does not say. */
-static int16_t moving_cells(const cell_path *along, const anhyst_memory *from)
-{
-  const int32_t size = anhyst_abs_q31(from->p);
-  return size >= 1 && size <= (int32_t)along->cells + 1 ? (int16_t)size : 0;
-}
-
 /* The magnetisation of all cells at rest but cell 0, counted as if they had risen. */
 static int32_t all_alone(const cell_path *along)
 {
   int32_t sum = 0;
   for (int16_t cell = 1; cell <= along->cells; cell++) {
-    sum = inside(sum + alone(along, cell, at_rest(along, cell)));
+    const int32_t x = inside(anhyst_add_q31(play_of(along, cell), width(along, cell)));
+    sum = inside(sum + beyond(along, spot_on(along, row_of(along, cell), x)));
   }
   return sum;
 }
 
-void anhyst_cells_begin(cell_path *along, const int16_t *words, const anhyst_memory *from,
-                        const int32_t *plays)
+int32_t anhyst_cells_at_rest(const int16_t *words, const int32_t *plays)
 {
-  anhyst_cells_rows(along, words);
-  along->plays = plays;
-  along->active = moving_cells(along, from);
-  along->falling = along->active > 0 && from->p < 0 ? -1 : 0;
-  along->x = inside(turned(from->x, along->falling));
-  along->moved = 0;
-  along->left.at = along->rows;
-  along->left.part = 0;
-  along->frozen = from->turn;
-  along->low = inside(from->level);
-  along->rest = inside(turned(from->y, along->falling));
-  if (along->active == 0) {
-    along->active = 1;
-    along->frozen = -1;
-    along->rest = all_alone(along);
-  }
-  along->row = row_of(along, along->active);
+  cell_path along;
+  anhyst_cells_rows(&along, words);
+  along.plays = plays;
+  along.moved = 0;
+  along.falling = 0;
+  return all_alone(&along);
+}
+
+/* Only cell 0 moves. */
+void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memory *memory)
+{
+  memory->y = anhyst_cells_at_rest(words, plays);
+  memory->p = 1;
+  memory->turn = -1;
+  memory->level = memory->x;
 }
 
 void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
                        int32_t *plays)
 {
-  cell_path along;
-  anhyst_cells_rows(&along, words);
   if ((from->p < 0) != (to->p < 0)) {
+    cell_path along;
+    anhyst_cells_rows(&along, words);
     const int32_t falling = from->p < 0 ? -1 : 0;
     const int32_t x = inside(turned(from->x, falling));
     const int16_t moved = moving_cells(&along, from);
@@ -228,6 +219,7 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
       high = middle;
     }
   }
-  *memory = none; /* how many plays move, and what the others give, is found by the next step */
+  *memory = none;
   memory->x = along.x;
+  anhyst_cells_start(words, plays, memory);
 }

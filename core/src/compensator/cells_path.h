@@ -21,16 +21,16 @@ typedef struct {
   int16_t outer;   /* wide segments on each side */
   uint16_t narrow; /* a part of 2^-15 of a segment: 2^this */
   uint16_t wide;
-  uint16_t halvings; /* wide - narrow */
-  int16_t cells;     /* besides cell 0 */
-  int16_t active;    /* the cells below this one move */
-  int16_t moved;     /* those below this one moved the other way until here, ... */
-  anhyst_spot left;  /* ... which is this place of the first row */
-  int32_t frozen;    /* bit i: what cell i rests with was counted while it rose */
-  int32_t rest;      /* magnetisation of the cells that rest */
-  int32_t falling;   /* -1 where all is mirrored, otherwise 0 */
-  int32_t low;       /* field where the last of them joined, or the step began */
+  int16_t cells;    /* besides cell 0 */
+  int16_t active;   /* the cells below this one move */
+  int16_t moved;    /* those below this one moved the other way until here, ... */
+  anhyst_spot left; /* ... which is this place of the first row */
+  int32_t frozen;   /* bit i: what cell i rests with was counted while it rose */
+  int32_t rest;     /* magnetisation of the cells that rest */
+  int32_t falling;  /* -1 where all is mirrored, otherwise 0 */
+  int32_t low;      /* field where the last of them joined, or the step began */
   int32_t x;
+  const int16_t *segment; /* of the row, the one that holds x where the path ends */
 } cell_path;
 
 /* In the direction of a path, falling 0 or -1: -1 - a where it falls; -a could leave the range. */
@@ -40,7 +40,7 @@ static inline int32_t turned(int32_t a, int32_t falling)
 }
 
 /* Within -1 .. 1. */
-static inline int32_t inside(int32_t a) { return anhyst_clamp(a, -ONE, ONE - 1); }
+static inline int32_t inside(int32_t a) { return anhyst_sat_q30(a); }
 
 /* Half-width of the play of a cell. */
 static inline int32_t width(const cell_path *along, int16_t cell)
@@ -59,19 +59,32 @@ static inline const int16_t *row_of(const cell_path *along, int16_t cells)
   return along->rows + rows_on(along, (int16_t)(cells - 1));
 }
 
+/* Whether x lies in the zone of narrow segments. */
+static inline int is_near(const cell_path *along, int32_t x)
+{
+  return (uint32_t)x + (uint32_t)along->inner < 2U * (uint32_t)along->inner;
+}
+
 /* A part of 2^-15 of the segment that holds x is 2^this. */
 static inline uint16_t fineness(const cell_path *along, int32_t x)
 {
-  return x >= -along->inner && x < along->inner ? along->narrow : along->wide;
+  return is_near(along, x) ? along->narrow : along->wide;
 }
 
-/* Where x falls on a row, -1 <= x < 1: counted in wide segments, of which the zone around 0 has so
-   many more as its own are narrower. */
+/* Where x falls on a row, -1 <= x < 1. Beyond the zone all is counted from the end of the row in
+   wide segments, as many as a row of these alone would have. */
 static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, int32_t x)
 {
-  const uint32_t within = (uint32_t)(anhyst_clamp(x, -along->inner, along->inner) + along->inner);
-  const uint32_t way = (uint32_t)(x + ONE) + (within << along->halvings) - within;
-  const uint32_t fine = way >> along->wide; /* segment and 15 bits of its part */
+  const uint32_t zone = 2U * (uint32_t)along->inner;
+  uint32_t way = (uint32_t)x + (uint32_t)ONE;
+  uint32_t fine = 0; /* segment and 15 bits of its part */
+  if (is_near(along, x)) {
+    fine =
+        (((uint32_t)x + (uint32_t)along->inner) >> along->narrow) + ((uint32_t)along->outer << 15);
+  } else {
+    way += x > 0 ? 2U * (uint32_t)ONE - zone : 0U;
+    fine = way >> along->wide;
+  }
   const anhyst_spot spot = {row + (fine >> 15), (int32_t)(fine & 0x7FFFU)};
   return spot;
 }
@@ -91,12 +104,6 @@ static inline int32_t beyond(const cell_path *along, anhyst_spot without)
   return between(without, without.at + along->stride);
 }
 
-/* The same from its play, within what at_rest gives. */
-static inline int32_t alone(const cell_path *along, int16_t cell, int32_t play)
-{
-  return beyond(along, spot_on(along, row_of(along, cell), play + width(along, cell)));
-}
-
 /* The play of a cell that rests. */
 static inline int32_t play_of(const cell_path *along, int16_t cell)
 {
@@ -113,6 +120,12 @@ static inline int32_t at_rest(const cell_path *along, int16_t cell)
   return anhyst_clamp(play_of(along, cell), r - ONE, ONE - 1 - r);
 }
 
+/* Where a path the other way has left a cell, within the rows. */
+static inline int32_t left_at(const cell_path *along, int16_t cell)
+{
+  return inside(anhyst_sub_q31(play_of(along, cell), width(along, cell)));
+}
+
 /* The rows of a block and the widths of its plays. */
 static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
 {
@@ -122,17 +135,46 @@ static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
   const uint16_t bits = (uint16_t)words[ANHYST_WORD_CELLS_SEGMENTS];
   const uint16_t halvings = (uint16_t)words[ANHYST_WORD_CELLS_ZONE];
   along->inner = ONE >> halvings;
-  along->halvings = halvings;
   along->wide = (uint16_t)(15U - bits);
   along->narrow = (uint16_t)(along->wide - halvings);
   along->outer = (int16_t)((1 << bits) - (1 << (bits - halvings)));
   along->stride = (int16_t)((2 << bits) + 2 * along->outer + 1);
 }
 
+/* How many cells a memory says that move in its direction, all if more than there are; 0: it does
+   not say. */
+static inline int16_t moving_cells(const cell_path *along, const anhyst_memory *from)
+{
+  const uint32_t size = from->p < 0 ? 0U - (uint32_t)from->p : (uint32_t)from->p;
+  return size <= (uint32_t)along->cells ? (int16_t)size : (int16_t)(along->cells + 1);
+}
+
+/* The magnetisation of all cells at rest but cell 0, counted as if they had risen. */
+int32_t anhyst_cells_at_rest(const int16_t *words, const int32_t *plays);
+
 /* A path that goes on from a memory, in the direction which that had; what rests is summed up where
    the memory does not say which cells move. */
-void anhyst_cells_begin(cell_path *along, const int16_t *words, const anhyst_memory *from,
-                        const int32_t *plays);
+static inline void anhyst_cells_begin(cell_path *along, const int16_t *words,
+                                      const anhyst_memory *from, const int32_t *plays)
+{
+  anhyst_cells_rows(along, words);
+  along->plays = plays;
+  along->active = moving_cells(along, from);
+  along->falling = from->p < 0 ? -1 : 0;
+  along->x = inside(turned(from->x, along->falling));
+  along->moved = 0;
+  along->left.at = along->rows;
+  along->left.part = 0;
+  along->frozen = from->turn;
+  along->low = inside(from->level);
+  along->rest = along->active > along->cells ? 0 : inside(turned(from->y, along->falling));
+  if (along->active == 0) {
+    along->active = 1;
+    along->frozen = -1;
+    along->rest = anhyst_cells_at_rest(words, plays);
+  }
+  along->row = row_of(along, along->active);
+}
 
 /* As anhyst_kernel says of them. */
 int anhyst_cells_is_valid(const int16_t *words);
@@ -140,5 +182,6 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
                         anhyst_memory *memory, int32_t *plays);
 void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
                        int32_t *plays);
+void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memory *memory);
 
 #endif

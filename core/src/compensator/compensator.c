@@ -100,26 +100,34 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
 anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,
                                       const int16_t *words, uint16_t capacity)
 {
-  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
-  const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0};
+  const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0, 0};
   const anhyst_status status = anhyst_block_check(kernel, words, capacity);
   if (status != ANHYST_OK) {
     return status;
   }
   c->kernel = kernel;
   c->words = words;
-  c->memory = demagnetised;
-  for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
-    c->plays[i] = 0;
-  }
   c->next = none;
   c->current = 0;
   c->flux = 0;
   c->flux_applied = 0;
   c->gap = 0;
   c->flags = 0;
-  c->solved = 0;
+  anhyst_compensator_demagnetise(c);
   return ANHYST_OK;
+}
+
+void anhyst_compensator_demagnetise(anhyst_compensator *c)
+{
+  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
+  c->memory = demagnetised;
+  for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
+    c->plays[i] = 0;
+  }
+  if (c->kernel->start != 0) {
+    c->kernel->start(c->words, c->plays, &c->memory);
+  }
+  c->solved = 0;
 }
 
 int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap)

@@ -49,5 +49,5 @@ static int euler_is_valid(const int16_t *words)
   return anhyst_closed_is_valid(words) && anhyst_within(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
 }
 
-const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER, euler_field,         euler_flux,
-                                           euler_is_valid,    anhyst_closed_carry, 0};
+const anhyst_kernel anhyst_kernel_euler = {
+    ANHYST_KIND_EULER, euler_field, euler_flux, euler_is_valid, anhyst_closed_carry, 0, 0};

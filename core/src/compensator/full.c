@@ -448,5 +448,5 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const 
   return anhyst_add_q31(turned(at.m, falling) * 4, of_air);
 }
 
-const anhyst_kernel anhyst_kernel_full = {ANHYST_KIND_FULL,     full_field,        full_flux,
-                                          anhyst_full_is_valid, anhyst_full_carry, 0};
+const anhyst_kernel anhyst_kernel_full = {
+    ANHYST_KIND_FULL, full_field, full_flux, anhyst_full_is_valid, anhyst_full_carry, 0, 0};

@@ -129,6 +129,10 @@ static int simplified_is_valid(const int16_t *words)
                             (int16_t)(((octaves + 1) << n) + 1), 0, ANHYST_Q15_MAX);
 }
 
-const anhyst_kernel anhyst_kernel_simplified = {ANHYST_KIND_SIMPLIFIED, simplified_field,
-                                                simplified_flux,        simplified_is_valid,
-                                                anhyst_closed_carry,    0};
+const anhyst_kernel anhyst_kernel_simplified = {ANHYST_KIND_SIMPLIFIED,
+                                                simplified_field,
+                                                simplified_flux,
+                                                simplified_is_valid,
+                                                anhyst_closed_carry,
+                                                0,
+                                                0};

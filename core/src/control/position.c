@@ -78,9 +78,7 @@ static int are_valid_q31(const anhyst_position_limits_q31 *limits,
 
 static void demagnetise_q31(anhyst_force_controller_q31 *magnet)
 {
-  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
-  magnet->compensator.memory = demagnetised;
-  magnet->compensator.solved = 0;
+  anhyst_compensator_demagnetise(&magnet->compensator);
 }
 
 #include "generic/position.h"

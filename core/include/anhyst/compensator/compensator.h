@@ -46,8 +46,10 @@ typedef struct {
   int32_t m;       /* full: magnetisation there, q28; simplified: z at the start, in its direction;
                       cells: field where the next play joins, in the direction */
   int16_t way;     /* 1: the field rises, -1: it falls, 0: it stays, or not known */
-  int16_t y_slope; /* full: of irreversible part and magnetisation over the field, in 1/1024 */
-  int16_t m_slope;
+  int16_t y_slope; /* full: of the irreversible part over the field, in 1/1024; cells: entry of the
+                      row where the segment begins */
+  int16_t m_slope; /* full: of the magnetisation; cells: what the row rises on this segment */
+  uint16_t fine;   /* cells: a part of 2^-15 of it is 2^this, q30 */
 } anhyst_candidate;
 
 /* How the current is made up at the gap of this tick. */
@@ -80,6 +82,8 @@ typedef struct {
   /* Takes over into the plays what a step between two memories leaves in them; 0: nothing. */
   void (*keep)(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
                int32_t *plays);
+  /* Completes a memory of zeros by what a block says of a demagnetised iron; 0: it is complete. */
+  void (*start)(const int16_t *words, const int32_t *plays, anhyst_memory *memory);
 } anhyst_kernel;
 
 extern const anhyst_kernel anhyst_kernel_full;
@@ -108,6 +112,9 @@ typedef struct {
    table. Nothing is changed then. */
 anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,
                                       const int16_t *words, uint16_t capacity);
+
+/* Takes the iron for demagnetised from now on. */
+void anhyst_compensator_demagnetise(anhyst_compensator *c);
 
 /* Whether a block is valid and of this kind: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads at most
    capacity words. Takes about 100 instructions a word (checksum); not for an interrupt. */

@@ -64,6 +64,19 @@ static inline int32_t anhyst_sat_q28(int32_t a)
 #endif
 }
 
+/* The nearest number of -2^30..2^30 - 1, which is -1 to just below 1 in q30. Exact inside. */
+static inline int32_t anhyst_sat_q30(int32_t a)
+{
+#ifdef ANHYST_PORT_SAT_Q30
+  return ANHYST_PORT_SAT_Q30(a);
+#else
+  if (a >= ANHYST_Q30_ONE) {
+    return ANHYST_Q30_ONE - 1;
+  }
+  return a < -ANHYST_Q30_ONE ? -ANHYST_Q30_ONE : a;
+#endif
+}
+
 /* a + b, saturates. Exact inside the range. */
 static inline int16_t anhyst_add_q15(int16_t a, int16_t b)
 {

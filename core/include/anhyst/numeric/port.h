@@ -8,8 +8,9 @@
 
      ANHYST_PORT_SCALE(a, b)  floor(a*b/65536) for int32_t a, int16_t b
      ANHYST_PORT_ADD_Q31(a, b), ANHYST_PORT_SUB_Q31(a, b)  saturating, int32_t
-     ANHYST_PORT_SAT_Q15(a), ANHYST_PORT_SAT_Q28(a), ANHYST_PORT_SAT_U15(a)  the nearest number
-                              of 16 and 29 bits, signed, and of 15 bits, unsigned, to an int32_t
+     ANHYST_PORT_SAT_Q15(a), ANHYST_PORT_SAT_Q28(a), ANHYST_PORT_SAT_Q30(a),
+     ANHYST_PORT_SAT_U15(a)   the nearest number of 16, 29 and 31 bits, signed, and of 15 bits,
+                              unsigned, to an int32_t
      ANHYST_PORT_LEADING_ZEROS(u)  of a uint32_t that is not zero, 0..31
 
    and must give the same bits as the portable code: the tests compare them. */

@@ -104,5 +104,8 @@ static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_force_controller) *magne
 {
   const ANHYST_NAME(anhyst_memory) demagnetised = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};
   magnet->compensator.memory = demagnetised;
+  for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
+    magnet->compensator.plays[i] = R(0.0);
+  }
   magnet->compensator.solved = 0;
 }
