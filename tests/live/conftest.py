@@ -16,8 +16,11 @@ from anhyst.live.recorder import StreamRecorder
 from anhyst.live.run import listen_on, make_server
 from anhyst.live.session import LiveSession
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.bench.force import ForceBench
+from anhyst.rig.bench.protocol import Bench
 from anhyst.study.bearing.on_board import build_firmware
 from tests.once import made_once
+from tests.rig import forces
 from tests.study import bearings
 
 if TYPE_CHECKING:
@@ -42,6 +45,12 @@ def bench(firmware: Path) -> Iterator[BearingBench]:
     opened.close()
 
 
+@pytest.fixture
+def force_bench(tmp_path_factory: pytest.TempPathFactory) -> ForceBench:
+    """A solenoid; to be closed with its session."""
+    return ForceBench(forces.example(), forces.program(tmp_path_factory))
+
+
 @dataclass(frozen=True)
 class Served:
     """A session that is served."""
@@ -60,13 +69,13 @@ Serve = Callable[..., Served]
 
 @pytest.fixture
 def serve(firmware: Path) -> Iterator[Serve]:
-    """Serve a session, with a token or a recording where asked, until the test ends."""
+    """Serve a session until the test ends: of the bearing, where no other bench is given."""
     ends: list[Callable[[], None]] = []
 
-    def start(token: str = "", record: Path | None = None) -> Served:
-        opened = BearingBench(bearings.single(), firmware)
+    def start(token: str = "", record: Path | None = None, bench: Bench | None = None) -> Served:
+        opened = bench or BearingBench(bearings.single(), firmware)
         recorder = StreamRecorder(record, opened.signals, opened.rate) if record else None
-        session = LiveSession(opened, recorder, bearings.GAP)
+        session = LiveSession(opened, recorder)
         taken = listen_on("127.0.0.1", 0)
         port = int(taken.getsockname()[1])
         server = make_server(session, "bearing", ("127.0.0.1", port), token)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,32 +10,30 @@ import pytest
 from anhyst.compensate.baselines import fit_ratio
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import Refused
+from anhyst.rig.bench.armature import Armature
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.force.bench import ActuatorBench
 from anhyst.rig.force.demand import triangle
-from anhyst.rig.force.file import Rig, TriangleTable, read_rig
-from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
-from anhyst.rig.force.programs import Program, prepare
+from anhyst.rig.force.file import Rig, TriangleTable
+from anhyst.rig.force.modelling import loops_at, loops_of_rig
+from anhyst.rig.force.programs import Program
 from anhyst.rig.force.session import run_firmware
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from tests.rig import forces
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 UP = 40
 """Ticks until the self-test has passed."""
 
 
 @pytest.fixture(scope="module")
 def rig() -> Rig:
-    return read_rig(EXAMPLE / "rig.toml")
+    return forces.example()
 
 
 @pytest.fixture(scope="module")
-def program(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Program:
-    """Of the end of the stroke alone, which is identified soon."""
-    loops = loops_at(loops_of_rig(rig), rig.settings.force_control.end_m)
-    place = tmp_path_factory.mktemp("program")
-    return prepare("full", find_model(rig, loops), rig.settings.rate_Hz, "host", place)
+def program(tmp_path_factory: pytest.TempPathFactory) -> Program:
+    return forces.program(tmp_path_factory)
 
 
 @pytest.fixture
@@ -102,6 +99,27 @@ def test_compensation_is_switched_while_it_runs(
     assert worst[0] > 5.0 * worst[1]
     assert column(bench, rows, "state")[-1] == State.RUN
     assert column(bench, rows, "expected")[-1] == pytest.approx(30.0, abs=0.1)
+
+
+def test_the_armature_goes_at_its_speed_and_to_and_fro() -> None:
+    armature = Armature(1e-3, 2.8e-3, 1000.0)
+    assert armature.move() == pytest.approx(1.9e-3)
+    armature.apply({"gap": 1.2e-3, "gap_speed": 0.01})
+    way = np.array([armature.move() for _ in range(100)])
+    assert np.diff(way[:60]) == pytest.approx(-1e-5)
+    assert (way[80:] == 1.2e-3).all()
+    armature.apply({"gap_swing": 0.5e-3, "gap_frequency": 4.0})
+    swing = np.array([armature.move() for _ in range(500)])
+    assert swing.max() == pytest.approx(1.7e-3, rel=1e-3)
+    assert swing.min() == 1e-3  # its stop
+
+
+def test_a_force_is_demanded_in_run_alone(bench: ForceBench) -> None:
+    with pytest.raises(InputError, match="demand: a force is demanded in the state run, not in"):
+        bench.demand(5.0)
+    run(bench)
+    bench.demand(5.0)
+    assert column(bench, bench.advance(2), "demand")[-1] == pytest.approx(5.0)
 
 
 def test_what_does_not_fit_is_refused_and_nothing_changes(bench: ForceBench) -> None:

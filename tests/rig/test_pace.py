@@ -11,7 +11,7 @@ import pytest
 
 from anhyst.control.states import Command
 from anhyst.rig.bench.pace import BEHIND_S, PacedBench
-from anhyst.rig.bench.protocol import Parameter, Signal
+from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.subscription import Subscription
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -25,6 +25,9 @@ class Counter:
     signals: tuple[Signal, ...] = tuple(
         Signal(name, "", "as given") for name in ("demand", "a", "b")
     )
+    aim = Aim("demand", "demand", "", -1.0, 1.0, 0.0)
+    load_most = 0.0
+    keeps_time = False
 
     def __init__(self, rate: float = RATE, cost: float = 0.0) -> None:
         self.rate = rate

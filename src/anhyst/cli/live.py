@@ -17,7 +17,9 @@ _PACKAGES = ("starlette", "uvicorn", "websockets")
 
 
 def live(
-    rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.")],
+    rig: Annotated[
+        Path, typer.Argument(metavar="RIG", help="Rig file: a bearing, or a force rig.")
+    ],
     controller: Annotated[
         Path | None,
         typer.Option(
@@ -42,10 +44,10 @@ def live(
         typer.Option("--token", help="Let in only browsers that show a token, which is printed."),
     ] = False,
 ) -> None:
-    """See, touch and record a bearing in a browser while it runs.
+    """See, touch and record a rig in a browser while it runs.
 
-    The controller is compiled and built into the firmware, which levitates the virtual bearing in
-    real time; the page shows its signals and operates it. Ctrl-C ends it.
+    The controller is compiled and built into the firmware, which levitates the virtual bearing, or
+    drives the virtual magnet, in real time; the page shows its signals and operates it. Ctrl-C ends it.
 
     Example: anhyst live examples/bearing/rig.toml
     """
@@ -56,7 +58,6 @@ def live(
     from anhyst.live.recorder import StreamRecorder
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
-    from anhyst.rig.bearing.file import read_bearing
     from anhyst.study.bench import open_bench
 
     taken = listen_on(*read_address(listen, token))
@@ -72,7 +73,6 @@ def live(
     def started(address: str) -> None:
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
-    target = read_bearing(rig).settings.simulate.gap_m
-    serve(LiveSession(bench, recorder, target), rig.resolve().parent.name, taken, shown, started)
+    serve(LiveSession(bench, recorder), rig.resolve().parent.name, taken, shown, started)
     if recorder is not None:
         show(f"written: {recorder.path}, {recorder.rows} ticks")

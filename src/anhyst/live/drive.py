@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from anhyst.control.states import Command
 from anhyst.live.generator import Generator
-from anhyst.rig.bench.protocol import Bench, Parameter, Signal
+from anhyst.rig.bench.protocol import Aim, Bench, Parameter, Signal
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 _STRETCH_S = 0.001
 """Between two targets of a generator, s of the bench."""
@@ -22,21 +23,25 @@ class DrivenBench:
     ----------
     bench : Bench
         What does the work.
-    target : float, optional
-        With which it was opened.
+    refused : callable
+        Called with the reason where the bench takes no more of a generator, which is off then.
 
     Attributes
     ----------
-    target : float or None
-        Last target, m or N; None before the first.
+    target : float
+        Last target, m or N.
     pulled : float or None
         Last force commanded to the load drive, N; None before the first.
     """
 
-    def __init__(self, bench: Bench, target: float | None = None) -> None:
+    def __init__(self, bench: Bench, refused: Callable[[str], None]) -> None:
         self.rate: float = bench.rate
         self.signals: tuple[Signal, ...] = bench.signals
-        self.target = target
+        self.aim: Aim = bench.aim
+        self.load_most: float = bench.load_most
+        self.keeps_time: bool = bench.keeps_time
+        self.target = bench.aim.value
+        self._refused = refused
         self.pulled: float | None = None
         self._bench = bench
         self._generator: Generator | None = None
@@ -54,15 +59,21 @@ class DrivenBench:
 
     def advance(self, ticks: int) -> FloatArray:
         """Go on; a generator that runs sets the target every millisecond."""
-        generator, target = self._generator, self.target
-        if generator is None or target is None:
-            return self._bench.advance(ticks)
-        parts = []
-        while ticks > 0:
-            self._bench.demand(target + generator.at(self.tick + 1, self.rate))
-            parts.append(self._bench.advance(min(ticks, self._stretch)))
-            ticks -= self._stretch
+        parts, end = [], self.tick + ticks
+        while self.tick < end:
+            left = end - self.tick
+            if self._generator is not None:
+                self._follow(self._generator)
+                left = min(left, self._stretch)
+            parts.append(self._bench.advance(left))
         return np.concatenate(parts)
+
+    def _follow(self, generator: Generator) -> None:
+        try:
+            self._bench.demand(self.target + generator.at(self.tick + 1, self.rate))
+        except InputError as refused:
+            self._generator = None
+            self._refused(str(refused))
 
     def generate(self, generator: Generator | None) -> None:
         """Start a generator around the target, or stop it and go back to the target.
@@ -70,14 +81,27 @@ class DrivenBench:
         Raises
         ------
         InputError
-            The bench refuses the target.
+            It goes beyond what may be demanded, or the bench refuses it.
         """
+        if generator is not None:
+            self._check(self.target, generator)
+        elif self._generator is None:
+            return
+        self._bench.demand(self.target)
         self._generator = generator
-        if generator is None and self.target is not None:
-            self._bench.demand(self.target)
+
+    def _check(self, target: float, generator: Generator) -> None:
+        aim, swing = self.aim, generator.amplitude
+        if not aim.low <= target - swing <= target + swing <= aim.high:
+            raise InputError(
+                f"generator: {target:g} +- {swing:g} {aim.unit} is not within {aim.low:g} to "
+                f"{aim.high:g} {aim.unit}"
+            )
 
     def demand(self, value: float) -> None:
         """Set the target, m or N; a generator goes on around it."""
+        if self._generator is not None:
+            self._check(value, self._generator)
         self._bench.demand(value)
         self.target = value
 
@@ -87,8 +111,12 @@ class DrivenBench:
         self.pulled = force
 
     def command(self, command: Command) -> None:
-        """Give a command."""
+        """Give a command. A stop ends the generator too, and a run of force begins at zero."""
+        if command is Command.STOP:
+            self._generator = None
         self._bench.command(command)
+        if command is Command.RUN:
+            self.target = 0.0
 
     def commands(self) -> tuple[Command, ...]:
         """Return the commands that there are."""

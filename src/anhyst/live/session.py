@@ -44,8 +44,6 @@ class LiveSession:
         Closed with the session.
     recorder : StreamRecorder, optional
         Gets every row from the first tick on; the bench waits for it. Closed with the session.
-    target : float, optional
-        Target with which the bench was opened, m or N.
 
     Attributes
     ----------
@@ -62,13 +60,8 @@ class LiveSession:
         With the values in force; another tuple after each change.
     """
 
-    def __init__(
-        self,
-        bench: Bench,
-        recorder: StreamRecorder | None = None,
-        target: float | None = None,
-    ) -> None:
-        self.bench = DrivenBench(bench, target)
+    def __init__(self, bench: Bench, recorder: StreamRecorder | None = None) -> None:
+        self.bench = DrivenBench(bench, self._generator_refused)
         self.recorder = recorder
         self.log: deque[LogEntry] = deque(maxlen=_LOG)
         self.logged = 0
@@ -138,8 +131,6 @@ class LiveSession:
 
     def generate(self, generator: Generator | None) -> None:
         """Start a generator around the target, or stop it and go back to the target."""
-        if generator is not None and self.bench.target is None:
-            raise InputError("generator: set a target first")
         self.bench.generate(generator)
 
     def apply(self, values: Mapping[str, float]) -> int:
@@ -183,6 +174,9 @@ class LiveSession:
         thread = threading.Thread(target=run, name=subscription.name, daemon=True)
         thread.start()
         return thread
+
+    def _generator_refused(self, reason: str) -> None:
+        self.note("bench", f"generator off: {reason}")
 
     def _hand_on(self, rows: FloatArray) -> None:
         for listener in self._listeners:

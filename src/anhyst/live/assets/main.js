@@ -66,7 +66,7 @@ function status(now) {
     const column = bench.signals.findIndex((signal) => signal.name === name);
     return column < 0 || !store.count ? undefined : store.value(column, store.count - 1);
   };
-  page.panel.status(now, { load: last("load") });
+  page.panel.status(now, { load: last("load"), gap: last("gap") });
   const state = bench.states[now.state] ?? now.state;
   at("state").textContent = state;
   at("state").dataset.state = state;

@@ -1,24 +1,25 @@
-// Controls: commands, target, generator, load drive, speed.
+// Controls: commands, target, generator, load drive or armature, speed.
 
 import { field, kept, make, select } from "./dom.js";
 import { show, shown } from "./units.js";
 
 const SPEEDS = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
-const LOAD_STEP_MS = 50; // between two orders of a slider that moves
+const SLIDER_MS = 50; // between two orders of a slider that moves
 
 export class Panel {
   constructor(place, bench, order) {
     this.bench = bench;
     this.order = order;
-    const followed = bench.signals.find((signal) => signal.name === "gap") ?? { unit: "N" };
-    this.unit = followed.unit;
+    this.unit = bench.aim.unit;
     this.shown = shown(this.unit);
+    this.gap = bench.parameters.find((one) => one.name === "gap");
     place.replaceChildren(
       this.#group("Commands", this.#commands()),
       this.#group("Target", ...this.#target()),
       this.#group("Generator", ...this.#generator()),
-      this.#group("Load drive", ...this.#load()),
-      this.#group("Time", ...this.#time()),
+      ...(bench.load_most ? [this.#group("Load drive", ...this.#load())] : []),
+      ...(this.gap ? [this.#group("Armature", ...this.#armature())] : []),
+      ...(bench.keeps_time ? [] : [this.#group("Time", ...this.#time())]),
     );
   }
 
@@ -44,16 +45,23 @@ export class Panel {
 
   #target() {
     const [value, unit] = this.#number("target", "", this.shown.name);
-    const [height, heightUnit] = this.#number("step", kept.get("step", 20), this.shown.name);
+    const remembered = `step.${this.unit}`;
+    const [height, heightUnit] = this.#number(
+      "step",
+      kept.get(remembered, this.#usual(0.1)),
+      this.shown.name,
+    );
     const go = () => this.order("target", { value: Number(value.value) / this.shown.factor });
     this.target = value;
     const step = (way) => {
-      kept.set("step", Number(height.value));
+      kept.set(remembered, Number(height.value));
       value.value = Number((Number(value.value) + way * Number(height.value)).toPrecision(10));
       go();
     };
     value.onkeydown = (event) => event.key === "Enter" && go();
     this.targetNow = make("output", { className: "reading" });
+    const { low, high } = this.bench.aim;
+    value.title = `${show(low, this.unit)} to ${show(high, this.unit)}`;
     return [
       make(
         "div",
@@ -74,13 +82,21 @@ export class Panel {
     ];
   }
 
+  // A part of the range of the target, rounded down to 1, 2 or 5 of a power of ten.
+  #usual(part) {
+    const { low, high } = this.bench.aim;
+    const wanted = part * (high - low) * this.shown.factor;
+    const power = 10 ** Math.floor(Math.log10(wanted));
+    return Number((power * [5, 2, 1].find((one) => one * power <= wanted)).toPrecision(1));
+  }
+
   #generator() {
     const shape = select(
       this.bench.shapes.map((name) => [name, name]),
       "step",
     );
     shape.id = "shape";
-    const [amplitude, unit] = this.#number("amplitude", 10, this.shown.name);
+    const [amplitude, unit] = this.#number("amplitude", this.#usual(0.05), this.shown.name);
     const [frequency] = this.#number("frequency", 2, "");
     const start = () =>
       this.order("generator", {
@@ -104,22 +120,34 @@ export class Panel {
   }
 
   #load() {
-    const slider = make("input", {
-      type: "range",
-      min: -300,
-      max: 300,
-      step: 1,
-      value: 0,
-      id: "load",
-    });
+    const most = this.bench.load_most;
+    const order = (value) => this.order("load", { value });
+    this.load = this.#slider({ id: "load", min: -most, max: most, step: 1, value: 0 }, order);
     this.loadNow = make("output", { className: "reading" });
+    return [make("div", { className: "line" }, this.load), this.loadNow];
+  }
+
+  #armature() {
+    const { low, high, value } = this.gap;
+    const factor = shown("m").factor;
+    const order = (micrometres) => this.order("apply", { values: { gap: micrometres / factor } });
+    this.place = this.#slider(
+      { id: "gap", min: low * factor, max: high * factor, step: 1, value: value * factor },
+      order,
+    );
+    this.gapNow = make("output", { className: "reading" });
+    return [make("div", { className: "line" }, this.place), this.gapNow];
+  }
+
+  // A slider that orders while it moves, at most every so often.
+  #slider(properties, order) {
+    const slider = make("input", { type: "range", ...properties });
     let due = 0;
     slider.oninput = () => {
       clearTimeout(due);
-      due = setTimeout(() => this.order("load", { value: Number(slider.value) }), LOAD_STEP_MS);
+      due = setTimeout(() => order(Number(slider.value)), SLIDER_MS);
     };
-    this.load = slider;
-    return [make("div", { className: "line" }, slider), this.loadNow];
+    return slider;
   }
 
   #time() {
@@ -147,9 +175,13 @@ export class Panel {
     this.generatorNow.textContent = generator
       ? `${generator.shape} ± ${show(generator.amplitude, this.unit)}, ${generator.frequency} Hz`
       : "off";
-    const load = status.load ?? values.load;
-    this.loadNow.textContent = `commanded ${show(load, "N")}`;
-    if (document.activeElement !== this.load && load !== undefined) this.load.value = load;
+    if (this.load) {
+      const load = status.load ?? values.load;
+      this.loadNow.textContent = `commanded ${show(load, "N")}`;
+      if (document.activeElement !== this.load && load !== undefined) this.load.value = load;
+    }
+    if (this.gap) this.gapNow.textContent = `gap ${show(values.gap, "m", 4)}`;
+    if (this.bench.keeps_time) return;
     this.paused = status.paused;
     this.pause.textContent = status.paused ? "go on" : "pause bench";
     if (document.activeElement !== this.speed) this.speed.value = String(status.speed);

@@ -6,7 +6,6 @@ import { Trigger } from "./trigger.js";
 import { seconds, show, shown } from "./units.js";
 
 const WINDOWS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
-const USUAL = ["gap", "reference", "force", "current"];
 
 export class Scope {
   held = null; // last tick of a picture that is held
@@ -23,8 +22,8 @@ export class Scope {
       column: n,
       colour: COLOURS[n % COLOURS.length],
     }));
-    const usual = USUAL.filter((name) => this.signals.some((signal) => signal.name === name));
-    this.chosen = new Set(kept.get("signals", usual));
+    const usual = [bench.aim.signal, bench.aim.reference, "force", "current"];
+    this.chosen = new Set(kept.get(`signals.${bench.aim.signal}`, usual));
     this.window = kept.get("window", 0.5);
     this.#controls();
     this.#build();
@@ -207,7 +206,7 @@ export class Scope {
     box.onchange = () => {
       if (box.checked) this.chosen.add(signal.name);
       else this.chosen.delete(signal.name);
-      kept.set("signals", [...this.chosen]);
+      kept.set(`signals.${this.bench.aim.signal}`, [...this.chosen]);
       this.#build();
     };
     const reading = make("output", { className: "reading" });

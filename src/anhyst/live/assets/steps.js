@@ -15,10 +15,8 @@ export class StepView {
   constructor(place, bench, inForce) {
     this.inForce = inForce;
     const find = (name) => bench.signals.findIndex((signal) => signal.name === name);
-    const actual = find("gap") >= 0 ? find("gap") : find("force");
-    this.unit = bench.signals[actual].unit;
-    this.finder =
-      find("reference") >= 0 ? new StepFinder(bench.rate, find("reference"), actual) : null;
+    this.unit = bench.aim.unit;
+    this.finder = new StepFinder(bench.rate, find(bench.aim.reference), find(bench.aim.signal));
     const clear = make("button", { textContent: "clear", onclick: () => this.clear() });
     this.hint = make("output", {
       className: "reading",
@@ -37,7 +35,7 @@ export class StepView {
   }
 
   feed(frame) {
-    for (const step of this.finder?.feed(frame) ?? []) {
+    for (const step of this.finder.feed(frame)) {
       this.#steps = [...this.#steps, { ...step, label: this.inForce() }].slice(-KEPT);
       this.#dirty = true;
     }

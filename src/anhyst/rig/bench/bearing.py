@@ -22,7 +22,7 @@ from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.load_drive import LoadDrive
-from anhyst.rig.bench.protocol import Parameter, Signal
+from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -94,9 +94,14 @@ class BearingBench:
     ----------
     load_drive : LoadDrive
         What pulls at the armature.
+    aim : Aim
+        The gap.
+    load_most : float
+        Of the load drive, N.
     """
 
     signals: tuple[Signal, ...] = (*_OF_PLANT.values(), *_OF_FIRMWARE)
+    keeps_time = False
 
     def __init__(self, setup: Setup, firmware: Path, seed: int = 0) -> None:
         rig = setup.rig
@@ -104,6 +109,9 @@ class BearingBench:
         self._scales = position_control(setup).settings("fixed")
         bearing = make_bearing(rig, seed)
         self.load_drive = LoadDrive(rig, bearing)
+        limits, gap = setup.controller.limits, rig.settings.simulate.gap_m
+        self.aim = Aim("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)
+        self.load_most = limits.force_high_N
         self._target: int | None = None
         self._open = ExitStack()
         try:
@@ -114,7 +122,7 @@ class BearingBench:
             self._bus = BusController(bus.fileno(), {name: self._scales[name] for name in _FULL})
             has_hall = rig.settings.hall_probe is not None
             self._loop = BearingLoop(bearing, self._bus, current_loop(rig), has_hall)
-            self.demand(rig.settings.simulate.gap_m)
+            self.demand(gap)
         except BaseException:
             self._open.close()
             raise

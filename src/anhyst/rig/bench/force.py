@@ -9,12 +9,13 @@ import numpy as np
 
 from anhyst.control.states import Command, State
 from anhyst.link.client import ControllerLink
-from anhyst.link.frames import Setting
 from anhyst.link.plant_bus import Q30, Q31, Reading
 from anhyst.link.process import run_host
+from anhyst.rig.bench.armature import Armature
 from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.parameters import check_values
-from anhyst.rig.bench.protocol import Parameter, Signal
+from anhyst.rig.bench.protocol import Aim, Parameter, Signal
+from anhyst.rig.bench.settings import ForceSettings
 from anhyst.rig.force.bench import ActuatorStand, StandTick
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program
@@ -37,7 +38,7 @@ _SIGNALS = (
     Signal("flags", "", "what was in the way: Flag"),
 )
 
-_COMMANDS = (
+FORCE_COMMANDS = (
     Command.CONDITION,
     Command.DEMAGNETISED,
     Command.RUN,
@@ -46,10 +47,7 @@ _COMMANDS = (
     Command.IDLE,
     Command.ARM,
 )
-
-_SETTINGS = ("demand_slew", "compensation", "ratio", "follow")
-_AT_REST = ("ratio", "follow")
-"""Those that a firmware keeps as they are while it runs."""
+"""Of a controller of force."""
 
 
 class _Stand:
@@ -57,7 +55,8 @@ class _Stand:
 
     def __init__(self, rig: Rig, program: Program, seed: int) -> None:
         low, high = program.scales.gap_low, program.scales.gap_high
-        self.gap = 0.5 * (low + high)
+        self.armature = Armature(low, high, rig.settings.rate_Hz)
+        self.gap = 0.0
         self._low, self._span = low, high - low or 1.0
         self._scales = program.scales
         self._stand = ActuatorStand(rig, [2, seed])
@@ -66,6 +65,7 @@ class _Stand:
     def step(self, tick: int, currents: tuple[float, float]) -> Reading:
         """Go on by one tick."""
         del tick  # it counts for itself
+        self.gap = self.armature.move()
         self.at = self._stand.step(currents[0] * self._scales.current, self.gap)
         reading = self.at.reading
         return Reading(
@@ -76,10 +76,10 @@ class _Stand:
 
 
 class ForceBench:
-    """An actuator whose armature is held at a gap, and the firmware that controls its force.
+    """An actuator whose armature is moved from outside, and the firmware that controls its force.
 
     A :class:`anhyst.rig.bench.protocol.Bench`, in lock-step. Virtual time passes in :meth:`advance`
-    alone. The gap is a parameter: the armature is moved from outside.
+    alone. The motion of the armature is among the parameters.
 
     Parameters
     ----------
@@ -89,22 +89,32 @@ class ForceBench:
         What runs, built for the board ``host``.
     seed : int, optional
         Of the sensors' noise; the seed of the rig file is added.
+
+    Attributes
+    ----------
+    aim : Aim
+        The force.
     """
 
     signals: tuple[Signal, ...] = _SIGNALS
+    load_most = 0.0
+    keeps_time = False
 
     def __init__(self, rig: Rig, program: Program, seed: int = 0) -> None:
         self.rate = float(rig.settings.rate_Hz)
         self._scales = program.scales
         self._stand = _Stand(rig, program, seed)
-        self._force_max = rig.settings.force_control.force_max_N
+        self.aim = Aim("force", "demand", "N", 0.0, rig.settings.force_control.force_max_N, 0.0)
         self._open = ExitStack()
         try:
             running = self._open.enter_context(run_host(program.firmware, self._stand))
             self._bus = running.bus
             self._link = self._open.enter_context(ControllerLink(running.url))
             self._heartbeat = Heartbeat(self._link)
-            self._values = self._read_settings() | {"gap": self._stand.gap}
+            self._settings = ForceSettings(
+                self._link, self._scales.demand, self._scales.current, self.rate
+            )
+            self._state = State.INIT
         except BaseException:
             self._open.close()
             raise
@@ -121,6 +131,7 @@ class ForceBench:
         while done < ticks:
             for _ in range(self._heartbeat.let_pass(ticks - done)):
                 self._bus.step()
+                self._state = self._bus.state
                 rows[done] = self._row()
                 done += 1
         return rows
@@ -147,17 +158,16 @@ class ForceBench:
 
     def command(self, command: Command) -> None:
         """Give a command over the link."""
-        self._link.command(command)
+        self._state = self._link.command(command)
         self._heartbeat.restart()
 
     def commands(self) -> tuple[Command, ...]:
         """Return the commands of a controller of force."""
-        return _COMMANDS
+        return FORCE_COMMANDS
 
     def demand(self, value: float) -> None:
-        """Demand a force, N, up to the largest one of the rig; without effect unless it runs."""
-        if not 0.0 <= value <= self._force_max:
-            raise InputError(f"demand: is {value:g} N; choose one from 0 to {self._force_max:g} N")
+        """Demand a force, N, up to the largest one of the rig; a run begins at zero."""
+        check_demand(self.aim, value, self._state)
         self._link.demand(min(round(value / self._scales.demand * Q31), int(Q31) - 1))
         self._heartbeat.restart()
 
@@ -167,53 +177,33 @@ class ForceBench:
         raise InputError("load: a force rig has no load drive; move the armature by its gap")
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the gap and the settings of the controller."""
-        scales, most = self._scales, self._scales.demand * self.rate
-        ratio = 2.0 * scales.current / scales.demand
-        ranges = (
-            ("gap", "m", scales.gap_low, scales.gap_high, "where the armature is held"),
-            ("demand_slew", "N/s", most / Q31, most, "largest slope of the demand"),
-            ("compensation", "", 0.0, 1.0, "1: the compensator; 0: the constant ratio"),
-            ("ratio", "A/N", 0.0, ratio, "constant ratio of current to force"),
-            ("follow", "", 0.0, 1.0, "0: the memory follows the current driven; 1: measured"),
-        )
-        return tuple(
-            Parameter(name, unit, low, high, doc, self._values[name])
-            for name, unit, low, high, doc in ranges
-        )
+        """Return the motion of the armature and the settings of the controller."""
+        return (*self._stand.armature.parameters(), *self._settings.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together, from the next tick on."""
         check_values(values, self.parameters())
-        kept = [
-            name for name in _AT_REST if values.get(name, self._values[name]) != self._values[name]
-        ]
-        if kept and self._link.status().state is State.RUN:
-            raise InputError(f"{kept[0]}: stays as it is while the controller runs; stop it first")
-        for name in values:
-            if name != "gap":
-                self._link.write_setting(Setting[name.upper()], self._code(name, values[name]))
-                self._heartbeat.restart()
-        self._stand.gap = values.get("gap", self._stand.gap)
-        self._values = self._read_settings() | {"gap": self._stand.gap}
+        self._settings.write(values, self._state is State.RUN)
+        self._stand.armature.apply(values)
+        self._heartbeat.restart()
         return self.tick + 1
-
-    def _per_code(self, name: str) -> float:
-        """Return what one of the codes of a setting means."""
-        return {
-            "demand_slew": self._scales.demand * self.rate / Q31,
-            "ratio": self._scales.current / self._scales.demand / Q30,
-        }.get(name, 1.0)
-
-    def _code(self, name: str, value: float) -> int:
-        return min(round(value / self._per_code(name)), int(Q31) - 1)
-
-    def _read_settings(self) -> dict[str, float]:
-        return {
-            name: self._link.read_setting(Setting[name.upper()]) * self._per_code(name)
-            for name in _SETTINGS
-        }
 
     def close(self) -> None:
         """End the firmware."""
         self._open.close()
+
+
+def check_demand(aim: Aim, value: float, state: State) -> None:
+    """Refuse a force that a controller would not take.
+
+    Raises
+    ------
+    InputError
+        It is beyond the range, or the controller does not run.
+    """
+    if not aim.low <= value <= aim.high:
+        raise InputError(f"demand: is {value:g} N; choose one from {aim.low:g} to {aim.high:g} N")
+    if state is not State.RUN:
+        raise InputError(
+            f"demand: a force is demanded in the state run, not in {state.name.lower()}"
+        )

@@ -27,6 +27,29 @@ class Signal(NamedTuple):
     doc: str
 
 
+class Aim(NamedTuple):
+    """What is demanded of a bench.
+
+    Attributes
+    ----------
+    signal, reference : str
+        Signals: what is controlled, and to what.
+    unit : str
+        m or N.
+    low, high : float
+        The range of what may be demanded.
+    value : float
+        With which the bench was opened.
+    """
+
+    signal: str
+    reference: str
+    unit: str
+    low: float
+    high: float
+    value: float
+
+
 class Parameter(NamedTuple):
     """What may be changed while a bench runs.
 
@@ -63,6 +86,12 @@ class Bench(Protocol):
         Columns of what :meth:`advance` returns, after the first, which is the number of the tick.
     tick : int
         Number of the last tick; 0 before the first.
+    aim : Aim
+        What is demanded.
+    load_most : float
+        Largest force of the load drive either way, N; 0: there is none.
+    keeps_time : bool
+        Whether its ticks come by themselves, as those of hardware do: time cannot stand there.
     """
 
     @property
@@ -80,8 +109,23 @@ class Bench(Protocol):
         """Number of the last tick."""
         ...  # pragma: no cover
 
+    @property
+    def aim(self) -> Aim:
+        """What is demanded."""
+        ...  # pragma: no cover
+
+    @property
+    def load_most(self) -> float:
+        """Largest force of the load drive either way, N; 0: there is none."""
+        ...  # pragma: no cover
+
+    @property
+    def keeps_time(self) -> bool:
+        """Whether its ticks come by themselves."""
+        ...  # pragma: no cover
+
     def advance(self, ticks: int) -> FloatArray:
-        """Go on by some ticks: a virtual bench computes them, one of hardware waits for them.
+        """Go on by some ticks.
 
         Parameters
         ----------
@@ -90,8 +134,10 @@ class Bench(Protocol):
 
         Returns
         -------
-        ndarray, shape (ticks, 1 + len(signals))
-            Number of the tick, and all signals at it. No tick is left out.
+        ndarray, shape (n, 1 + len(signals))
+            Number of the tick, and all signals at it. Of a virtual bench, which computes them, n is
+            `ticks` and none is left out. One that keeps time waits until so many have passed and
+            returns all that came since, at least one; a tick that never came has no row.
 
         Raises
         ------

@@ -1,0 +1,34 @@
+"""A force rig whose program is found and built once for all tests."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from anhyst.rig.force.file import Rig, read_rig
+from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
+from anhyst.rig.force.programs import Program, prepare
+from tests.once import made_once
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
+
+
+def example() -> Rig:
+    return read_rig(EXAMPLE / "rig.toml")
+
+
+def program(factory: pytest.TempPathFactory) -> Program:
+    """Of the end of the stroke alone, which is identified soon; built for the board host."""
+
+    def make(folder: Path) -> None:
+        rig = example()
+        loops = loops_at(loops_of_rig(rig), rig.settings.force_control.end_m)
+        built = prepare("full", find_model(rig, loops), rig.settings.rate_Hz, "host", folder)
+        (folder / "program").write_bytes(pickle.dumps(built))
+
+    folder = made_once(factory, "force", make)
+    found: Program = pickle.loads((folder / "program").read_bytes())  # noqa: S301 - our own
+    return replace(found, firmware=folder / "firmware")
