@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from anhyst.live.recorder import StreamRecorder
+from anhyst.live.recorder import start_recording
 from anhyst.live.run import listen_on, make_server
 from anhyst.live.session import LiveSession
 from anhyst.rig.bench.bearing import BearingBench
@@ -68,14 +68,16 @@ Serve = Callable[..., Served]
 
 
 @pytest.fixture
-def serve(firmware: Path) -> Iterator[Serve]:
+def serve(firmware: Path, tmp_path: Path) -> Iterator[Serve]:
     """Serve a session until the test ends: of the bearing, where no other bench is given."""
     ends: list[Callable[[], None]] = []
+    folder = tmp_path / "work"
+    folder.mkdir()
 
     def start(token: str = "", record: Path | None = None, bench: Bench | None = None) -> Served:
         opened = bench or BearingBench(bearings.single(), firmware)
-        recorder = StreamRecorder(record, opened.signals, opened.rate) if record else None
-        session = LiveSession(opened, recorder)
+        recording = start_recording(record, opened.signals, opened.rate) if record else None
+        session = LiveSession(opened, recording, folder)
         taken = listen_on("127.0.0.1", 0)
         port = int(taken.getsockname()[1])
         server = make_server(session, "bearing", ("127.0.0.1", port), token)

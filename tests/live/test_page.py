@@ -123,6 +123,58 @@ def test_a_trigger_shows_the_sample_that_crossed(serve: Serve, show: Show) -> No
     assert end - hit == pytest.approx(0.8 * window, abs=1)
 
 
+def test_a_trigger_at_minus_5_newtons_shows_and_records_the_sample_that_crossed(
+    serve: Serve, show: Show
+) -> None:
+    served = serve()
+    page = show(served)
+    ready(page)
+    page.select_option("#trigger-signal", "load")
+    page.select_option("#trigger-edge", "falling")
+    page.locator("#trigger-level").fill("-5")
+    page.select_option("#trigger-mode", "single")
+    page.locator("#record-name").fill("crossing")
+    page.select_option("#record-kind", ".csv")
+    page.locator("#record-before").fill("0.05")
+    page.locator("#record-lasts").fill("0.1")
+    page.select_option("#record-edge", "falling")
+    page.select_option("#record-signal", "load")
+    page.locator("#record-level").fill("-5")
+    page.locator("#record").click()
+    until(page, "document.getElementById('recorded').textContent.includes('waits')")
+    page.locator("#load").fill("-50")
+    until(page, "window.anhyst.scope.held !== null && window.anhyst.scope.shot")
+    hit = int(seen(page, "page.scope.shot.hit"))
+    column = [one.name for one in served.session.bench.signals].index("load")
+    drawn = [
+        seen(page, f"page.store.value({column}, page.store.find({hit}) + {n})") for n in (-1, 0)
+    ]
+    assert drawn[1] <= -5.0 < drawn[0]
+    wait_for(lambda: served.session.recorder.status() is None)
+    path = served.session.recorder.folder / "crossing.csv"
+    rows = numbers(path)
+    assert np.array_equal(rows[:, 0], np.arange(hit - 1000, hit + 2000))
+    assert rows[999:1001, 2 + column].astype("f4").tolist() == drawn
+    text = path.read_text()
+    assert "in force: load_damping = 0.0 N s/m" in text
+    assert "browser 1: load -50 N" in text
+
+
+def test_the_page_names_files_of_one_folder_alone(serve: Serve, show: Show) -> None:
+    served = serve()
+    page = show(served)
+    ready(page)
+    page.locator("#record-name").fill("../elsewhere")
+    page.locator("#record").click()
+    until(page, "document.getElementById('notice').textContent.includes('without a folder')")
+    page.locator("#record-name").fill("last")
+    page.locator("#keep").click()
+    wait_for((served.session.recorder.folder / "last.mf4").exists)
+    wait_for(lambda: served.session.recorder.status() is None)
+    assert page.locator("#record-name").input_value() == "last-2"
+    assert [one.name for one in served.session.recorder.folder.iterdir()] == ["last.mf4"]
+
+
 def test_steps_show_the_figures_of_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     served = serve(record=record)

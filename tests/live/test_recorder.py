@@ -15,7 +15,7 @@ from websockets.typing import Origin
 
 from anhyst.cli.app import main
 from anhyst.control.states import Command
-from anhyst.live.recorder import StreamRecorder
+from anhyst.live.recorder import start_recording
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -31,29 +31,29 @@ def numbers(path: Path) -> FloatArray:
 
 def test_a_recording_reads_back_bit_for_bit(bench: BearingBench, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
-    recorder = StreamRecorder(path, bench.signals, bench.rate)
+    recorder = start_recording(path, bench.signals, bench.rate)
     rows = [bench.advance(500)]
     bench.command(Command.DEMAGNETISED)
     rows.append(bench.advance(500))
     recorder.put(rows[0])
-    recorder.note("a\nnote")
+    recorder.note(500, "a\nnote")
     recorder.put(rows[1])
     recorder.close()
     wanted = np.concatenate(rows)
     got = numbers(path)
     assert np.array_equal(np.delete(got, 1, axis=1), wanted)
     assert np.array_equal(got[:, 1], wanted[:, 0] / bench.rate)
-    assert "# a note\n" in path.read_text()
+    assert "# after tick 500, a note\n" in path.read_text()
 
 
 def test_a_recording_does_not_write_over_a_file(bench: BearingBench, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("precious")
     with pytest.raises(InputError, match="is there already"):
-        StreamRecorder(path, bench.signals, bench.rate)
+        start_recording(path, bench.signals, bench.rate)
     assert path.read_text() == "precious"
-    with pytest.raises(InputError, match=r"written as \.csv"):
-        StreamRecorder(tmp_path / "run.mf4", bench.signals, bench.rate)
+    with pytest.raises(InputError, match=r"written as \.csv or \.mf4"):
+        start_recording(tmp_path / "run.txt", bench.signals, bench.rate)
 
 
 def test_a_killed_server_leaves_a_recording_that_inspect_reads(

@@ -29,7 +29,11 @@ def live(
     ] = None,
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write every tick to a new CSV, from the first on."),
+        typer.Option(
+            metavar="FILE",
+            help="Write every tick to a new .csv or .mf4 (MDF), from the first on. The page writes "
+            "its recordings beside it, or to the working folder.",
+        ),
     ] = None,
     listen: Annotated[
         str,
@@ -55,7 +59,7 @@ def live(
         if importlib.util.find_spec(name) is None:
             raise InputError(f"live: {name} is not installed: pip install 'anhyst[live]'")
     from anhyst.live.guard import read_address
-    from anhyst.live.recorder import StreamRecorder
+    from anhyst.live.recorder import start_recording
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
     from anhyst.study.bench import open_bench
@@ -64,7 +68,7 @@ def live(
     with progress_bar("live") as progress:
         bench = open_bench(rig, controller, progress)
     try:
-        recorder = None if record is None else StreamRecorder(record, bench.signals, bench.rate)
+        recording = None if record is None else start_recording(record, bench.signals, bench.rate)
     except BaseException:
         bench.close()
         raise
@@ -73,6 +77,8 @@ def live(
     def started(address: str) -> None:
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
-    serve(LiveSession(bench, recorder), rig.resolve().parent.name, taken, shown, started)
-    if recorder is not None:
-        show(f"written: {recorder.path}, {recorder.rows} ticks")
+    folder = Path() if record is None else record.parent
+    session = LiveSession(bench, recording, folder)
+    serve(session, rig.resolve().parent.name, taken, shown, started)
+    if recording is not None:
+        show(f"written: {recording.path}, {recording.rows} ticks")

@@ -20,7 +20,7 @@ class BoardChoice(StrEnum):
 
 
 Loops = Annotated[
-    list[Path], typer.Argument(metavar="LOOPS", help="CSV files, or folders of them.")
+    list[Path], typer.Argument(metavar="LOOPS", help="CSV or MDF 4 files, or folders.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 

@@ -9,6 +9,7 @@ from typing import Any
 from anhyst.control.states import Fault, State
 from anhyst.live.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
 from anhyst.live.orders import parameters_of
+from anhyst.live.recording import KEPT_S
 from anhyst.live.session import LiveSession
 
 
@@ -39,6 +40,8 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "parameters": parameters_of(session),
         "shapes": list(SHAPES),
         "frequencies": [LOWEST_HZ, HIGHEST_HZ],
+        "folder": str(session.recorder.folder.resolve()),
+        "kept": KEPT_S,
     }
 
 

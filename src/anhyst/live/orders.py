@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from anhyst.control.states import Command
 from anhyst.live.generator import Generator
+from anhyst.live.recording import Span
 from anhyst.live.session import LiveSession, finite
 from anhyst.support.errors import InputError
 
@@ -112,6 +114,22 @@ def _pace(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     return {}
 
 
+def _record(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    tick, name = session.bench.tick, fields.get("file")
+    if name is None:
+        session.recorder.stop(tick)
+        return {}
+    crossing = None
+    if "signal" in fields:
+        crossing = session.recorder.crossing(
+            str(fields["signal"]), finite(fields, "level"), fields.get("rising") is not False
+        )
+    lasts = finite(fields, "lasts") if fields.get("lasts") is not None else math.inf
+    session.record(str(name), Span(finite(fields, "before"), lasts, crossing))
+    session.note(who, f"record {name}")
+    return {}
+
+
 _ACTS: Mapping[str, Act] = {
     "command": _command,
     "target": _target,
@@ -119,6 +137,7 @@ _ACTS: Mapping[str, Act] = {
     "generator": _generator,
     "apply": _apply,
     "pace": _pace,
+    "record": _record,
 }
 
 

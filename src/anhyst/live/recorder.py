@@ -1,12 +1,14 @@
-"""A recording that is on the disk as soon as it was seen: CSV, a row a tick."""
+"""Recordings that are on the disk as soon as they were seen: a row a tick, as CSV or MDF."""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
 
+from anhyst.live.mdf import MdfRecorder
 from anhyst.rig.bench.protocol import Signal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -23,7 +25,23 @@ _WHOLE = frozenset({"state", "fault", "phase", "flags"})
 """Signals that are numbers of something."""
 
 
-class StreamRecorder:
+class Recording(Protocol):
+    """A file that rows and notes are written to as they come."""
+
+    path: Path
+    rows: int
+
+    def put(self, rows: FloatArray) -> None:
+        """Write rows, column 0 the tick."""
+
+    def note(self, tick: int, text: str) -> None:
+        """Write what was changed after a tick."""
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+class CsvRecorder:
     """Writes rows as they come, whole lines at a time; a kill leaves a readable file.
 
     Every number is written so that it reads back as it was, bit for bit.
@@ -31,7 +49,7 @@ class StreamRecorder:
     Parameters
     ----------
     path : Path
-        ``.csv`` to write; must not be there yet.
+        To write; must not be there yet.
     signals : sequence of Signal
         Of the bench.
     rate : float
@@ -46,17 +64,12 @@ class StreamRecorder:
 
     Raises
     ------
-    InputError
-        The file is there already, or is not named ``.csv``.
+    FileExistsError
+        The file is there already.
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
-        if path.suffix.lower() != ".csv":
-            raise InputError(f"{path}: a recording is written as .csv; name it so")
-        try:
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
-        except FileExistsError:
-            raise InputError(f"{path}: is there already; name a new file") from None
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         self.path = path
         self.rows = 0
         self._rate = rate
@@ -74,9 +87,9 @@ class StreamRecorder:
         self._write(self._row * len(rows) % tuple(values))
         self.rows += len(rows)
 
-    def note(self, text: str) -> None:
-        """Write a line beside the rows, such as what was changed; readers take it as a comment."""
-        self._write(f"# {' '.join(text.split())}\n")
+    def note(self, tick: int, text: str) -> None:
+        """Write a line between the rows; readers take it as a comment."""
+        self._write(f"# after tick {tick}, {' '.join(text.split())}\n")
 
     def close(self) -> None:
         """Close the file."""
@@ -87,6 +100,40 @@ class StreamRecorder:
         with self._lock:
             while data:
                 data = data[os.write(self._file, data) :]
+
+
+_KINDS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {
+    ".csv": CsvRecorder,
+    ".mf4": MdfRecorder,
+}
+
+
+def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recording:
+    """Begin a recording in a new file, of the kind that its name says.
+
+    Parameters
+    ----------
+    path : Path
+        ``.csv`` or ``.mf4``; must not be there yet.
+    signals : sequence of Signal
+        Of the bench.
+    rate : float
+        Ticks a second.
+
+    Raises
+    ------
+    InputError
+        Another kind of file, one that is there already, or that cannot be written.
+    """
+    kind = _KINDS.get(path.suffix.lower())
+    if kind is None:
+        raise InputError(f"{path}: a recording is written as {' or '.join(_KINDS)}; name it so")
+    try:
+        return kind(path, signals, rate)
+    except FileExistsError:
+        raise InputError(f"{path}: is there already; name a new file") from None
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
 
 
 def _header(signal: Signal) -> str:

@@ -6,12 +6,14 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.states import Command
 from anhyst.live.drive import DrivenBench
 from anhyst.live.generator import Generator
-from anhyst.live.recorder import StreamRecorder
+from anhyst.live.recorder import Recording
+from anhyst.live.recording import Recorder, Span
 from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.bench.subscription import Subscription
@@ -42,8 +44,10 @@ class LiveSession:
     ----------
     bench : Bench
         Closed with the session.
-    recorder : StreamRecorder, optional
-        Gets every row from the first tick on; the bench waits for it. Closed with the session.
+    recording : Recording, optional
+        Gets every row from the first tick on.
+    folder : Path, optional
+        Where recordings are written; the working folder if left out.
 
     Attributes
     ----------
@@ -51,7 +55,8 @@ class LiveSession:
         The bench.
     paced : PacedBench
         What runs it.
-    recorder : StreamRecorder or None
+    recorder : Recorder
+        The bench waits for it.
     log : deque of LogEntry
         What was changed of late.
     logged : int
@@ -60,21 +65,29 @@ class LiveSession:
         With the values in force; another tuple after each change.
     """
 
-    def __init__(self, bench: Bench, recorder: StreamRecorder | None = None) -> None:
+    def __init__(
+        self,
+        bench: Bench,
+        recording: Recording | None = None,
+        folder: Path | None = None,
+    ) -> None:
         self.bench = DrivenBench(bench, self._generator_refused)
-        self.recorder = recorder
         self.log: deque[LogEntry] = deque(maxlen=_LOG)
         self.logged = 0
         self.parameters = bench.parameters()
         self._names = [signal.name for signal in bench.signals]
         self._values: dict[str, float] = {}
-        self._trouble = ""
         self._listeners: tuple[Listener, ...] = ()
+        self.recorder = Recorder(bench.signals, bench.rate, folder or Path.cwd(), self._recorded)
+        if recording is not None:
+            self.recorder.take(recording, Span(), 0)
+            self._note_parameters()
         self.paced = PacedBench(self.bench, paused=True)
-        self._threads = [self._look_on(self._hand_on, self.paced.subscribe("pages"))]
-        if recorder is not None:
-            complete = self.paced.subscribe("the recording", complete=True)
-            self._threads.append(self._look_on(recorder.put, complete))
+        complete = self.paced.subscribe("the recording", complete=True)
+        self._threads = [
+            _begin("pages", self._look_on, self.paced.subscribe("pages")),
+            _begin("recorder", self.recorder.run, complete),
+        ]
 
     def start(self) -> None:
         """Let time go on."""
@@ -86,13 +99,11 @@ class LiveSession:
         for thread in self._threads:
             thread.join()
         self.bench.close()
-        if self.recorder is not None:
-            self.recorder.close()
 
     @property
     def ended(self) -> str:
         """Why the bench or the recording goes on no more; empty while they do."""
-        return str(self.paced.error or self._trouble)
+        return str(self.paced.error or self.recorder.trouble)
 
     def listen(self, listener: Listener) -> Callable[[], None]:
         """Give every row to a listener, which must not wait; returns what ends it."""
@@ -117,8 +128,16 @@ class LiveSession:
         """Keep what was changed, in the log and in the recording."""
         self.log.append(LogEntry(self.bench.tick, who, text))
         self.logged += 1
-        if self.recorder is not None:
-            self.recorder.note(f"after tick {self.bench.tick}, {who}: {text}")
+        self.recorder.note(self.bench.tick, f"{who}: {text}")
+
+    def record(self, name: str, span: Span) -> None:
+        """Begin a recording, with the parameters in force and what was changed of late."""
+        tick = self.bench.tick
+        self.recorder.start(name, span, tick)
+        self._note_parameters()
+        for entry in tuple(self.log):
+            if entry.tick >= tick - span.before * self.bench.rate:
+                self.recorder.note(entry.tick, f"{entry.who}: {entry.text}")
 
     def stop(self, who: str) -> None:
         """Stop the rig, and time does not stand over it; a refusal is kept too."""
@@ -141,9 +160,8 @@ class LiveSession:
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows beside the signals."""
-        pacing, generator, recorder = self.paced.pace(), self.bench.generator, self.recorder
+        pacing, generator = self.paced.pace(), self.bench.generator
         shown = {} if generator is None else generator.as_dict()
-        written = {} if recorder is None else {"file": recorder.path.name, "rows": recorder.rows}
         return {
             "tick": pacing.tick,
             "speed": pacing.speed,
@@ -157,23 +175,24 @@ class LiveSession:
             "state": int(self._values.get("state", 0)),
             "fault": int(self._values.get("fault", 0)),
             "generator": shown or None,
-            "recording": written or None,
+            "recording": self.recorder.status(),
             "ended": self.ended,
         }
 
-    def _look_on(self, listener: Listener, subscription: Subscription) -> threading.Thread:
-        def run() -> None:
-            try:
-                while (rows := subscription.get()) is not None:
-                    listener(rows)
-            except OSError as error:
-                self._trouble = f"{subscription.name}: {error.strerror}"
-            finally:
-                subscription.close()
+    def _note_parameters(self) -> None:
+        in_force = ", ".join(
+            f"{one.name} = {one.value!r} {one.unit}".rstrip() for one in self.parameters
+        )
+        self.recorder.note(self.bench.tick, f"in force: {in_force or 'no parameters'}")
 
-        thread = threading.Thread(target=run, name=subscription.name, daemon=True)
-        thread.start()
-        return thread
+    def _recorded(self, text: str) -> None:
+        """Log what the recorder did."""
+        self.log.append(LogEntry(self.bench.tick, "recorder", text))
+        self.logged += 1
+
+    def _look_on(self, subscription: Subscription) -> None:
+        while (rows := subscription.get()) is not None:
+            self._hand_on(rows)
 
     def _generator_refused(self, reason: str) -> None:
         self.note("bench", f"generator off: {reason}")
@@ -182,6 +201,14 @@ class LiveSession:
         for listener in self._listeners:
             listener(rows)
         self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
+
+
+def _begin(
+    name: str, work: Callable[[Subscription], None], subscription: Subscription
+) -> threading.Thread:
+    thread = threading.Thread(target=work, args=(subscription,), name=name, daemon=True)
+    thread.start()
+    return thread
 
 
 def finite(fields: Mapping[str, Any], key: str) -> float:

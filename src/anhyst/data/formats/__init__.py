@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from anhyst.data.formats.mdf import open_mdf
 from anhyst.data.formats.open_table import MemoryTable, OpenTable
 from anhyst.data.formats.text import open_text
 from anhyst.support.atomic import PathLike
 
 __all__ = ["FORMATS", "MemoryTable", "OpenTable", "open_table"]
 
-FORMATS: dict[str, Callable[[Path, int], OpenTable]] = dict.fromkeys(
-    (".csv", ".tsv", ".txt", ".dat"), open_text
-)
+FORMATS: dict[str, Callable[[Path, int], OpenTable]] = {
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), open_text),
+    ".mf4": open_mdf,
+}
 """By suffix: what opens a file that must have at least so many columns."""
 
 

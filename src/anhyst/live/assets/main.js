@@ -76,12 +76,17 @@ function status(now) {
     "real time": now.paused ? "paused" : `× ${now.factor.toFixed(2)}`,
     "late at most": `${(1e3 * now.lateness).toFixed(1)} ms`,
     slips: String(now.slips),
-    recorded: now.recording ? `${now.recording.rows} ticks, ${now.recording.file}` : "no",
+    recorded: recorded(now.recording),
   });
   role(now);
   for (const entry of now.log) write(entry);
   if (now.ended) notify(now.ended);
   else if (now.waits_for) notify(`the bench waits for ${now.waits_for}`);
+}
+
+function recorded(file) {
+  if (!file) return "no";
+  return file.waits ? "armed" : `${file.rows} ticks, ${file.file}`;
 }
 
 function facts(values) {

@@ -1,6 +1,7 @@
 // Controls: commands, target, generator, load drive or armature, speed.
 
 import { field, kept, make, select } from "./dom.js";
+import { RecorderPanel } from "./recorder.js";
 import { show, shown } from "./units.js";
 
 const SPEEDS = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
@@ -21,6 +22,9 @@ export class Panel {
       ...(this.gap ? [this.#group("Armature", ...this.#armature())] : []),
       ...(bench.keeps_time ? [] : [this.#group("Time", ...this.#time())]),
     );
+    const recorder = this.#group("Recorder");
+    this.recorder = new RecorderPanel(recorder, bench, order);
+    place.append(recorder);
   }
 
   #group(title, ...children) {
@@ -167,6 +171,7 @@ export class Panel {
 
   // Shows what the bench says; fields in which somebody types are left alone.
   status(status, values) {
+    this.recorder.status(status);
     const { target } = status;
     this.targetNow.textContent = `now ${show(target, this.unit)}`;
     if (this.target.value === "" && target !== null)

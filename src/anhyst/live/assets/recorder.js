@@ -1,0 +1,106 @@
+// The recorder: names a file, from when until when, and shows what is being written.
+
+import { field, kept, make, select } from "./dom.js";
+import { shown } from "./units.js";
+
+const KINDS = [
+  [".mf4", "MDF (.mf4)"],
+  [".csv", "CSV"],
+];
+const EDGES = [
+  ["", "at once"],
+  ["rising", "↗"],
+  ["falling", "↘"],
+];
+
+export class RecorderPanel {
+  constructor(place, bench, order) {
+    this.bench = bench;
+    this.order = order;
+    const number = (id, value, hint) => {
+      const input = make("input", { type: "number", step: "any", id, value, className: "number" });
+      input.setAttribute("aria-label", hint);
+      return input;
+    };
+    this.name = make("input", { id: "record-name", value: kept.get("record", "run"), size: 9 });
+    this.name.setAttribute("aria-label", "name of the recording");
+    this.kind = select(KINDS, kept.get("record kind", ".mf4"));
+    this.kind.id = "record-kind";
+    this.before = number("record-before", 0, "seconds before");
+    this.lasts = number("record-lasts", "", "seconds it lasts");
+    this.lasts.placeholder = "until stop";
+    this.edge = select(EDGES, "");
+    this.edge.id = "record-edge";
+    this.signal = select(
+      bench.signals.map((one) => [one.name, one.name]),
+      "force",
+    );
+    this.signal.id = "record-signal";
+    this.level = number("record-level", 0, "level of the trigger");
+    this.unit = make("span", { className: "unit" });
+    this.crossing = make("div", { className: "line" }, this.signal, this.level, this.unit);
+    this.edge.onchange = this.signal.onchange = () => this.#refresh();
+    const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
+    this.now = make("output", { className: "reading", id: "recorded" });
+    const line = (...children) => make("div", { className: "line" }, ...children);
+    place.append(
+      line(this.name, this.kind),
+      line(field("from", this.before, "s before"), this.edge),
+      this.crossing,
+      line(field("lasts", this.lasts, "s")),
+      line(
+        button("record", "record", () => this.start()),
+        button("record-stop", "stop recording", () => order("record", { file: null })),
+      ),
+      line(button("keep", `keep the last ${bench.kept} s`, () => this.keep())),
+      this.now,
+    );
+    place.title = `written to ${bench.folder}`;
+    this.#refresh();
+  }
+
+  #refresh() {
+    this.crossing.hidden = !this.edge.value;
+    this.unit.textContent = this.#shown().name;
+  }
+
+  #shown() {
+    return shown(this.bench.signals.find((one) => one.name === this.signal.value).unit);
+  }
+
+  start() {
+    const lasts = this.lasts.value === "" ? null : Number(this.lasts.value);
+    const fields = { before: Number(this.before.value), lasts };
+    if (this.edge.value) {
+      fields.signal = this.signal.value;
+      fields.rising = this.edge.value === "rising";
+      fields.level = Number(this.level.value) / this.#shown().factor;
+    }
+    return this.#send(fields);
+  }
+
+  keep() {
+    return this.#send({ before: this.bench.kept, lasts: 0 });
+  }
+
+  async #send(fields) {
+    const name = this.name.value.trim();
+    kept.set("record kind", this.kind.value);
+    const answer = await this.order("record", { file: `${name}${this.kind.value}`, ...fields });
+    if (!answer) return;
+    this.name.value = following(name);
+    kept.set("record", this.name.value);
+  }
+
+  status({ recording }) {
+    this.now.textContent = recording
+      ? `${recording.file}: ${recording.waits ? "waits for the trigger" : `${recording.rows} ticks`}`
+      : "nothing is written";
+  }
+}
+
+// The next free-sounding name: run, run-2, run-3.
+function following(name) {
+  const parts = /^(.*?)(?:-(\d+))?$/.exec(name);
+  return `${parts[1]}-${Number(parts[2] ?? 1) + 1}`;
+}
