@@ -9,6 +9,7 @@ from pathlib import Path
 
 from .build import FIRMWARE, HERE, POSITION, ROOT, tool
 
+FIRMWARE_FOLDER = ROOT / "firmware"
 INCLUDE = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
 PARTS = {
     "control task": "sizeof(app_control)",
@@ -20,6 +21,7 @@ PARTS = {
     "recorder": "sizeof(app_recorder)",
     "two places for parameter blocks": "sizeof(app_download)",
     "slave of XCP": "sizeof(xcp_slave)",
+    "line of XCP": "sizeof(xcp_line) - sizeof(xcp_slave)",
 }
 
 
@@ -51,7 +53,7 @@ def test_the_page_states_the_memory_that_is_used(tmp_path: Path) -> None:
     lines = [f"char part_{i}[{size}];" for i, size in enumerate(PARTS.values())]
     source = tmp_path / "parts.c"
     bodies = (
-        '#include "app/app.h"\n#include "xcp/xcp.h"\n#include "force/force.h"\ntypedef app_body force;\n'
+        '#include "app/app.h"\n#include "xcp/line.h"\n#include "force/force.h"\ntypedef app_body force;\n'
         "#define app_body position_body\n"
         '#include "position/position.h"\ntypedef struct position_body position;\n'
     )
@@ -64,3 +66,24 @@ def test_the_page_states_the_memory_that_is_used(tmp_path: Path) -> None:
     for number, name in enumerate(PARTS):
         (figure,) = [int(value) for key, value in stated.items() if key.startswith(name)]
         assert sizes[f"part_{number}"] == figure, name
+
+
+def test_the_page_states_the_code_of_xcp(tmp_path: Path) -> None:
+    """Within a tenth, so that another version of the compiler does not make it wrong."""
+    from elftools.elf.elffile import ELFFile
+
+    size = 0
+    for source in sorted((FIRMWARE_FOLDER / "xcp").glob("*.c")):
+        out = tmp_path / f"{source.stem}.o"
+        cortex_m4(source, out)
+        with out.open("rb") as file:
+            size += sum(
+                int(section["sh_size"])
+                for section in ELFFile(file).iter_sections()
+                if section.name.startswith((".text", ".rodata"))
+            )
+    page = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
+    (stated,) = re.findall(r"^\| code and constants of XCP[^|]* \| (\d+) \|$", page, re.M)
+    assert abs(size - int(stated)) < 0.1 * size, size
+    own = (ROOT / "docs" / "xcp.md").read_text(encoding="utf-8")
+    assert f"{stated} bytes of code" in own

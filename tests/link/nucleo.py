@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -10,8 +11,6 @@ FLASH, RAM, DEVICES, CORE = 0x08000000, 0x20000000, 0x40000000, 0xE0000000
 PAGE = 0x100000
 RCC_CR, RCC_CFGR = 0x40023800, 0x40023808
 TIM5_CNT = 0x40000C24
-USART2_SR, USART2_DR, USART2_CR1 = 0x40004400, 0x40004404, 0x4000440C
-DMA_NDTR, DMA_MEMORY = 0x4002608C, 0x40026094
 ADC_JDR1 = tuple(0x4001203C + 0x100 * n for n in range(3))
 DAC_DHR12R1 = 0x40007408
 GPIOB_IDR = 0x40020410
@@ -29,7 +28,21 @@ SECTOR_BYTES = 0x20000
 FEED = 0x40003000
 RING = 2048
 HANDLER_RETURN = FLASH + 0xFFFF0
-ADC_IRQ, USART2_IRQ = 18, 38
+ADC_IRQ = 18
+
+
+class Serial(NamedTuple):
+    """A serial port, and the stream of DMA that receives from it."""
+
+    port: int
+    stream: int
+    irq: int
+
+
+LINK, XCP = Serial(0x40004400, 0x40026088, 38), Serial(0x40004C00, 0x40026040, 52)
+SR, DR, BRR, CR1 = 0x00, 0x04, 0x08, 0x0C
+NDTR, MEMORY = 0x04, 0x0C
+SENDS = 1 << 7
 
 
 class Chip:
@@ -39,8 +52,8 @@ class Chip:
     ----------
     written : dict of int to int
         What was last written to each register.
-    sent : bytearray
-        What left the serial port.
+    sent : dict of Serial to bytearray
+        What left a serial port.
     codes : list of int
         What the three converters show: gap, force, current.
     inputs : int
@@ -60,7 +73,7 @@ class Chip:
         from elftools.elf.elffile import ELFFile
 
         self.written: dict[int, int] = {}
-        self.sent = bytearray()
+        self.sent = {LINK: bytearray(), XCP: bytearray()}
         self.codes = [2048, 410, 410]
         self.inputs = STOP_CLOSED | AMPLIFIER_READY | CURRENT_FINE
         self.edges = 0
@@ -70,7 +83,7 @@ class Chip:
         self._keys: list[int] = []
         self._cycles = 0
         self._u = unicorn
-        self._received = 0
+        self._received = {LINK: 0, XCP: 0}
         self._tick = 0
         cpu = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
         cpu.ctl_set_cpu_model(unicorn.arm_const.UC_CPU_ARM_CORTEX_M4)
@@ -85,8 +98,9 @@ class Chip:
         cpu.hook_add(kind, self._device, begin=DEVICES, end=CORE + PAGE)
         self._cpu = cpu
         self._put(RCC_CR, 1 << 17 | 1 << 25)
-        self._put(USART2_SR, 1 << 7)
-        self._put(DMA_NDTR, RING)
+        for line in (LINK, XCP):
+            self._put(line.port + SR, 1 << 7)
+            self._put(line.stream + NDTR, RING)
 
     def start(self) -> None:
         """Run from reset into the main loop."""
@@ -124,21 +138,21 @@ class Chip:
         """Return the two sectors that outlive the power."""
         return bytes(self._cpu.mem_read(SECTORS[6], 2 * SECTOR_BYTES))
 
-    def receive(self, data: bytes) -> None:
+    def receive(self, data: bytes, line: Serial = LINK) -> None:
         """Let bytes arrive by DMA, and the main loop look at them."""
-        memory = self.written[DMA_MEMORY]
+        memory = self.written[line.stream + MEMORY]
         for byte in data:
-            self._cpu.mem_write(memory + self._received % RING, bytes([byte]))
-            self._received += 1
-        self._put(DMA_NDTR, RING - self._received % RING)
+            self._cpu.mem_write(memory + self._received[line] % RING, bytes([byte]))
+            self._received[line] += 1
+        self._put(line.stream + NDTR, RING - self._received[line] % RING)
         self.main_loop()
 
-    def send(self) -> bytes:
-        """Run the serial port's interrupt until it has nothing to send; return what left."""
-        self.sent.clear()
-        while self.written[USART2_CR1] & 1 << 7:
-            self.interrupt(USART2_IRQ)
-        return bytes(self.sent)
+    def send(self, line: Serial = LINK) -> bytes:
+        """Run a serial port's interrupt until it has nothing to send; return what left."""
+        self.sent[line].clear()
+        while self.written[line.port + CR1] & SENDS:
+            self.interrupt(line.irq)
+        return bytes(self.sent[line])
 
     def _run(self, address: int, instructions: int) -> None:
         self._cpu.emu_start(address, 0, count=instructions)
@@ -154,9 +168,10 @@ class Chip:
     ) -> None:
         if access == self._u.UC_MEM_WRITE:
             self.written[address] = value
-            if address == USART2_DR:
-                self.sent.append(value & 0xFF)
-            elif address == FLASH_KEYR:
+            for line, sent in self.sent.items():
+                if address == line.port + DR:
+                    sent.append(value & 0xFF)
+            if address == FLASH_KEYR:
                 self._keys.append(value)
             elif address == FLASH_CR:
                 self._command(value)

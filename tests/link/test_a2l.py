@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,7 +26,7 @@ from tests.verify.conftest import Compile, compiled  # noqa: F401 - a fixture
 from tests.verify.test_verify_controller import compile_bearing
 
 from .plant import NoisyPlant
-from .xcp_master import ECU, SEGMENT, XCP, master_on, refused
+from .xcp_master import ECU, SEGMENT, SERIAL, XCP, master_on, refused
 
 CODES = {"SLONG": "<i", "ULONG": "<I", "SWORD": "<h", "UWORD": "<H", "FLOAT32_IEEE": "<f"}
 
@@ -95,6 +96,14 @@ def test_nothing_is_wrong_with_the_file(described: Description) -> None:
     found = Validator(described.database.session)()  # type: ignore[no-untyped-call]
     # It has no place in memory for an EPK; identifiers may have dots since version 1.6.
     assert {one.diag_code.name for one in found} <= {"MISSING_EPK", "MISSING_ADDR_EPK"}, found
+
+
+def test_the_serial_line_is_described_as_a_master_uses_it(described: Description) -> None:
+    """The Nucleo answers a master with these settings: test_xcp_lines.py."""
+    (line,) = re.findall(r"/begin XCP_ON_SxI (.*) /end XCP_ON_SxI", described.text)
+    _, baud, _, parity, stop, header, tail = line.split()
+    assert (int(baud), header, tail) == tuple(SERIAL.values())
+    assert (parity, stop) == ("PARITY_NONE", "ONE_STOP_BIT")
 
 
 def test_every_signal_setting_and_input_has_its_name_and_place(described: Description) -> None:

@@ -20,6 +20,11 @@ from anhyst.link.xcp_key import key_for
 
 ECU, XCP = 0x01, 0x02
 SEGMENT = 0
+SERIAL = {
+    "bitrate": 921600,
+    "header_format": "HEADER_LEN_CTR_WORD",
+    "tail_format": "CHECKSUM_WORD",
+}
 PATIENCE = 20.0
 """For samples that are still on their way, s."""
 
@@ -66,16 +71,33 @@ class Samples(DaqOnlinePolicy):
 def master_on(
     board: Running, policy: Samples | None = None, unlocked: bool = False
 ) -> Iterator[Any]:
-    """Connect a master to a board."""
+    """Connect a master to a board over TCP."""
     where = {"host": "127.0.0.1", "port": board.xcp, "protocol": "TCP", "tcp_nodelay": True}
+    with _master("eth", {"Eth": where}, policy, unlocked) as master:
+        yield master
+
+
+@contextmanager
+def master_on_serial(
+    port: str, policy: Samples | None = None, unlocked: bool = False
+) -> Iterator[Any]:
+    """Connect a master to a serial port, as the A2L describes it."""
+    with _master("sxi", {"SxI": {"port": port, **SERIAL}}, policy, unlocked) as master:
+        yield master
+
+
+@contextmanager
+def _master(
+    layer: str, where: dict[str, Any], policy: Samples | None, unlocked: bool
+) -> Iterator[Any]:
     general = {
         "disable_error_handling": True,
         "seed_n_key_function": lambda resource, seed: key_for(seed),
     }
     config = create_application_from_config(
-        {"Transport": {"Eth": where}, "General": general}, logging.CRITICAL
+        {"Transport": where, "General": general}, logging.CRITICAL
     )
-    with Master("eth", config=config, policy=policy) as master:
+    with Master(layer, config=config, policy=policy) as master:
         master.connect()
         master.getCommModeInfo()
         if unlocked:

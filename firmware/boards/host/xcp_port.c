@@ -12,32 +12,31 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "xcp/xcp.h"
+#include "xcp/line.h"
 
 #define NONE (-1)
-#define HEAD 4U
 
-static xcp_slave slave;
+static xcp_line line;
 static int listener = NONE;
 static int master = NONE;
-static uint16_t counter;
-static uint8_t in[HEAD + XCP_PACKET]; /* the command that arrives */
-static size_t in_count;
-static uint8_t out[16 * (HEAD + XCP_PACKET)]; /* packets that the socket has not taken yet */
+static uint8_t in[256]; /* what has arrived and was not taken yet */
+static uint16_t in_count;
+static uint16_t in_at;
+static uint8_t out[16U * XCP_LINE_MOST]; /* packets that the socket has not taken yet */
 static size_t out_count;
 static size_t out_at;
 
 void xcp_port_start(app *firmware, int listening)
 {
   listener = listening;
-  xcp_start(&slave, firmware);
+  xcp_line_start(&line, firmware, 0);
 }
 
 static void hang_up(void)
 {
   (void)close(master);
   master = NONE;
-  xcp_hang_up(&slave);
+  xcp_line_hang_up(&line);
 }
 
 static void accept_master(void)
@@ -49,26 +48,13 @@ static void accept_master(void)
   }
   (void)fcntl(master, F_SETFL, O_NONBLOCK);
   (void)setsockopt(master, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
-  counter = 0;
   in_count = 0;
+  in_at = 0;
   out_count = 0;
   out_at = 0;
 }
 
 static int would_block(void) { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
-
-/* Whether another packet fits. */
-static int has_room(void) { return sizeof out - out_count >= HEAD + XCP_PACKET; }
-
-/* Puts the head in front of a packet that stands behind it. */
-static void put_packet(uint16_t length)
-{
-  if (length > 0U) {
-    link_put_u16(out + out_count, length);
-    link_put_u16(out + out_count + 2, counter++);
-    out_count += HEAD + length;
-  }
-}
 
 static void send_rest(void)
 {
@@ -86,65 +72,56 @@ static void send_rest(void)
   out_at = 0;
 }
 
-static void send_samples(void)
+/* Fetches packets as long as another one fits; whether there were any. */
+static int gather(void)
 {
-  uint16_t length = 1;
-  while (master != NONE && length > 0U) {
-    send_rest();
-    if (out_count > 0U) {
-      return; /* the socket is full */
-    }
-    while (length > 0U && has_room()) {
-      length = xcp_take(&slave, out + out_count + HEAD);
-      put_packet(length);
-    }
+  const size_t before = out_count;
+  uint16_t count = 1;
+  while (count > 0U && sizeof out - out_count >= XCP_LINE_MOST) {
+    const uint8_t *bytes = xcp_line_offer(&line, &count);
+    memcpy(out + out_count, bytes, count);
+    out_count += count;
+    xcp_line_sent(&line, count);
   }
-  send_rest();
-}
-
-/* Does the command once it is whole; the line is given up where its length cannot be. */
-static void take_bytes(size_t count)
-{
-  in_count += count;
-  if (in_count < HEAD) {
-    return;
-  }
-  const uint16_t length = link_get_u16(in);
-  if (length == 0U || length > XCP_PACKET) {
-    hang_up();
-  } else if (in_count == HEAD + length) {
-    in_count = 0;
-    put_packet(xcp_answer(&slave, in + HEAD, length, out + out_count + HEAD));
-    send_rest();
-  }
-}
-
-/* Reads as far as the head, then as far as the command: nothing of the next one. */
-static size_t still_wanted(void)
-{
-  return in_count < HEAD ? HEAD - in_count : HEAD + link_get_u16(in) - in_count;
+  return out_count > before;
 }
 
 static void receive(void)
 {
-  while (master != NONE && has_room()) {
-    const ssize_t count = read(master, in + in_count, still_wanted());
-    if (count < 0 && would_block()) {
-      return;
-    }
-    if (count <= 0) {
-      hang_up();
-    } else {
-      take_bytes((size_t)count);
-    }
+  if (master == NONE || in_at < in_count) {
+    return;
   }
+  const ssize_t count = read(master, in, sizeof in);
+  in_at = 0;
+  in_count = count > 0 ? (uint16_t)count : 0U;
+  if (count == 0 || (count < 0 && !would_block())) {
+    hang_up();
+  }
+}
+
+/* Whether anything moved; a line that broke is given up. */
+static int move(void)
+{
+  send_rest();
+  if (master == NONE) {
+    return 0;
+  }
+  const uint16_t taken = xcp_line_take(&line, in + in_at, (uint16_t)(in_count - in_at));
+  in_at = (uint16_t)(in_at + taken);
+  if (line.broken != 0U) {
+    hang_up();
+    return 0;
+  }
+  const int gathered = gather();
+  return taken > 0U || gathered;
 }
 
 struct pollfd xcp_port_wanted(void)
 {
   /* What is not read is not waited for either. */
-  struct pollfd end = {master != NONE ? master : listener, (short)(has_room() ? POLLIN : 0), 0};
-  if (out_count > 0U) {
+  struct pollfd end = {master != NONE ? master : listener,
+                       (short)(master == NONE || in_at == in_count ? POLLIN : 0), 0};
+  if (master != NONE && out_count > 0U) {
     end.events |= POLLOUT;
   }
   return end;
@@ -159,12 +136,13 @@ void xcp_port_serve(void)
     accept_master();
   }
   receive();
-  send_samples();
+  while (move()) {
+  }
 }
 
 void xcp_port_tick(void)
 {
   if (listener != NONE) {
-    xcp_tick(&slave);
+    xcp_line_tick(&line);
   }
 }

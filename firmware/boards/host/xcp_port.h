@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* XCP on TCP for the board that is a process: in front of every packet its length and a counter,
-   16 bits each, low byte first. One master at a time. */
+/* XCP on TCP for the board that is a process. One master at a time. */
 #ifndef HOST_XCP_PORT_H
 #define HOST_XCP_PORT_H
 

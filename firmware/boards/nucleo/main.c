@@ -4,15 +4,14 @@
    Timer 2 begins a tick: its update starts three converters at the same instant (gap, force,
    current) and puts out the current computed in the tick before, without any instruction, so that
    neither jitters. The end of conversion is the interrupt in which the tick is computed; frames are
-   handled in between. Bytes arrive by DMA, since a tick takes longer than a byte.
+   handled in between.
 
      PA0 (A0)  gap sensor        PA4 (A2)  current reference, 0 V: no current
      PA1 (A1)  force sensor; of a controller of position, the second current sensor
      PC0 (A5)  current sensor    PA5       LED: run
-     PA2, PA3  link, 921600 baud, 8N1, through the USB port of the board's ST-Link
 
    Power stage, pulses as references and the inputs of faults are in stage.h, encoder and converter
-   of a position in place.h, what outlives the power in memory.h.
+   of a position in place.h, the lines to a PC in serial.h, what outlives the power in memory.h.
 
    The sensors' outputs have a live zero, so that a broken wire is no value: 0.33 V is 0, 2.97 V
    is 1.0, unless a set in flash says otherwise. docs/boards.md has the rest. */
@@ -27,10 +26,11 @@
 #include "place.h"
 #include "port/port.h"
 #include "registers.h"
+#include "serial.h"
 #include "services/thermal.h"
 #include "stage.h"
+#include "xcp/line.h"
 
-#define BAUD 921600U
 /* Of about 8 kHz: 5 ms and four ticks. */
 #define WATCHDOG_COUNTS (40U + 32000U / ACTUATOR_RATE_HZ)
 
@@ -57,19 +57,10 @@
 #define WINDING_CLEARS (PORT_ONE / 2)
 
 #define TICK_PRIORITY 0x10U
-#define LINK_PRIORITY 0x80U
-
-#define RING 2048U /* a power of two; 22 ms of the line */
-
-static volatile uint8_t received[RING]; /* written by DMA, round and round */
-static uint16_t read_at;
-
-static volatile uint8_t to_send[RING];
-static volatile uint16_t send_head; /* only main moves it */
-static volatile uint16_t send_tail; /* only the interrupt does */
 
 static uint32_t tick;
 static app firmware;
+static xcp_line xcp;
 
 /* What counts until a set is kept: a code of the encoder is 2^-16 of the position's full scale. */
 static memory_set set = {
@@ -141,24 +132,12 @@ void board_panic(void)
 
 uint16_t port_link_read(uint8_t *bytes, uint16_t most)
 {
-  const uint16_t write_at = (uint16_t)((RING - DMA1_S5NDTR) % RING);
-  uint16_t count = 0;
-  while (count < most && read_at != write_at) {
-    bytes[count++] = received[read_at];
-    read_at = (uint16_t)((read_at + 1U) % RING);
-  }
-  return count;
+  return serial_read(&serial_link, bytes, most);
 }
 
 uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
 {
-  uint16_t taken = 0;
-  while (taken < count && (uint16_t)(send_head - send_tail) < RING) {
-    to_send[send_head % RING] = bytes[taken++];
-    ++send_head;
-  }
-  USART2_CR1 = USART2_CR1_UE | USART2_CR1_TE | USART2_CR1_RE | USART2_CR1_TXEIE;
-  return taken;
+  return serial_write(&serial_link, bytes, count);
 }
 
 void port_lock(void) { startup_interrupts_off(); }
@@ -191,6 +170,7 @@ static void converted(void)
   ADC_SR(GAP_ADC) = none;
   tick = TIM5_CNT;
   app_tick(&firmware);
+  xcp_line_tick(&xcp);
   const uint32_t took = DWT_CYCCNT - began;
   if (took > cycles) {
     cycles = took;
@@ -201,22 +181,26 @@ static void converted(void)
   }
 }
 
-static void send_next(void)
+/* A byte at a time, as far as the line takes them; then what waits for it. */
+static void poll_xcp(void)
 {
-  if (send_tail == send_head) {
-    USART2_CR1 = USART2_CR1_UE | USART2_CR1_TE | USART2_CR1_RE;
-    return;
-  }
-  if ((USART2_SR & USART2_SR_TXE) != 0U) {
-    USART2_DR = to_send[send_tail % RING];
-    ++send_tail;
+  uint8_t byte = 0;
+  uint16_t count = 0;
+  const uint8_t *waiting = xcp_line_offer(&xcp, &count);
+  if (count > 0U) {
+    xcp_line_sent(&xcp, serial_write(&serial_xcp, waiting, count));
+  } else if (serial_read(&serial_xcp, &byte, 1) > 0U) {
+    (void)xcp_line_take(&xcp, &byte, 1);
+  } else {
+    /* neither */
   }
 }
 
 __attribute__((section(".vectors"), used)) static const startup_vector vectors[] = {
     STARTUP_VECTORS,
     [STARTUP_INTERRUPT(ADC_IRQ)] = converted,
-    [STARTUP_INTERRUPT(USART2_IRQ)] = send_next,
+    [STARTUP_INTERRUPT(USART2_IRQ)] = serial_link_ready,
+    [STARTUP_INTERRUPT(UART4_IRQ)] = serial_xcp_ready,
 };
 
 /* Without the ST-Link's clock nothing here would be on time: then it waits here, current off. */
@@ -235,31 +219,16 @@ static void start_clocks(void)
   while ((RCC_CFGR & RCC_CFGR_SWS) != RCC_CFGR_SWS_PLL) {
   }
   RCC_AHB1ENR |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC | RCC_AHB1ENR_DMA1;
-  RCC_APB1ENR |= RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_TIM5 | RCC_APB1ENR_SPI2 |
-                 RCC_APB1ENR_USART2 | RCC_APB1ENR_DAC;
+  RCC_APB1ENR |=
+      RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_TIM5 | RCC_APB1ENR_SPI2 | RCC_APB1ENR_DAC;
   RCC_APB2ENR |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_ADC123;
   (void)RCC_APB2ENR; /* a clock runs two cycles after its bit was set */
 }
 
 static void start_pins(void)
 {
-  GPIOA_AFRL |= (7U << 8) | (7U << 12);
-  GPIOA_MODER |= GPIO_ANALOG(0U) | GPIO_ANALOG(1U) | GPIO_ALTERNATE(2U) | GPIO_ALTERNATE(3U) |
-                 GPIO_ANALOG(4U) | GPIO_OUTPUT(PIN_LED);
+  GPIOA_MODER |= GPIO_ANALOG(0U) | GPIO_ANALOG(1U) | GPIO_ANALOG(4U) | GPIO_OUTPUT(PIN_LED);
   GPIOC_MODER |= GPIO_ANALOG(0U);
-}
-
-static void start_link(void)
-{
-  DMA1_S5PAR = USART2_DR_ADDRESS;
-  DMA1_S5M0AR = (uint32_t)(uintptr_t)received;
-  DMA1_S5NDTR = RING;
-  DMA1_S5CR = DMA1_S5CR_CHANNEL_4 | DMA1_S5CR_MINC | DMA1_S5CR_CIRC | DMA1_S5CR_EN;
-  USART2_BRR = (APB1_HZ + BAUD / 2U) / BAUD;
-  USART2_CR3 = USART2_CR3_DMAR;
-  USART2_CR1 = USART2_CR1_UE | USART2_CR1_TE | USART2_CR1_RE;
-  NVIC_PRIORITY(USART2_IRQ) = LINK_PRIORITY;
-  NVIC_ENABLE(USART2_IRQ) = NVIC_BIT(USART2_IRQ);
 }
 
 static void start_converter(uint32_t adc, uint32_t channel)
@@ -312,6 +281,7 @@ static void start_app(void)
     in_use.words_capacity = (uint16_t)set.words;
   }
   app_start(&firmware, &in_use);
+  xcp_line_start(&xcp, &firmware, 1);
 }
 
 static void start_services(void)
@@ -333,10 +303,11 @@ int main(void)
   start_app();
   stage_start();
   place_start();
-  start_link();
+  serial_start();
   start_watchdog();
   start_ticks();
   for (;;) {
     app_poll(&firmware);
+    poll_xcp();
   }
 }

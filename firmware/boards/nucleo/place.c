@@ -21,6 +21,9 @@ static void start_encoder(void)
   TIM4_CR1 = TIM4_CR1_CEN;
 }
 
+/* By this stream of DMA words are sent to the converter. */
+#define STREAM DMA1_STREAM(1U)
+
 /* Channel 3 of timer 2 is high from the tick to the end of the conversion; there DMA sends a word,
    and with it comes the answer. */
 static void start_converter(void)
@@ -29,10 +32,10 @@ static void start_converter(void)
   GPIOC_AFRL |= GPIO_FUNCTION(5U, 2U);
   SPI2_CR2 = 0;
   SPI2_CR1 = SPI_CR1_DFF | SPI_CR1_SSM | SPI_CR1_SSI | SPI_CR1_MSTR | SPI_CR1_SPE;
-  DMA1_S1PAR = SPI2_DR_ADDRESS;
-  DMA1_S1M0AR = (uint32_t)(uintptr_t)&nothing;
-  DMA1_S1NDTR = 1;
-  DMA1_S1CR =
+  DMA_PAR(STREAM) = SPI2_DR_ADDRESS;
+  DMA_M0AR(STREAM) = (uint32_t)(uintptr_t)&nothing;
+  DMA_NDTR(STREAM) = 1;
+  DMA_CR(STREAM) =
       DMA_CR_CHANNEL(3U) | DMA_CR_HALF_WORDS | DMA_CR_CIRC | DMA_CR_TO_PERIPHERAL | DMA_CR_EN;
   TIM2_CCR3 = TIMER_HZ / 1000000U * PLACE_CONVERT_NS / 1000U;
   TIM2_CCMR2 = TIM2_CCMR2_3_PULSES;

@@ -32,6 +32,7 @@
 #define RCC_APB1ENR_TIM5 (1U << 3)
 #define RCC_APB1ENR_SPI2 (1U << 14)
 #define RCC_APB1ENR_USART2 (1U << 17)
+#define RCC_APB1ENR_UART4 (1U << 19)
 #define RCC_APB1ENR_DAC (1U << 29)
 #define RCC_APB2ENR REGISTER(0x40023844U)
 #define RCC_APB2ENR_TIM1 (1U << 0)
@@ -69,7 +70,9 @@
 #define GPIOB_AFRL REGISTER(0x40020420U)
 #define GPIOB_AFRH REGISTER(0x40020424U)
 #define GPIOC_MODER REGISTER(0x40020800U)
+#define GPIOC_PUPDR REGISTER(0x4002080CU)
 #define GPIOC_AFRL REGISTER(0x40020820U)
+#define GPIOC_AFRH REGISTER(0x40020824U)
 #define GPIO_MODE(pin) (3U << (2U * (pin)))
 #define GPIO_PULL_UP(pin) (1U << (2U * (pin)))
 #define GPIO_PULL_DOWN(pin) (2U << (2U * (pin)))
@@ -161,30 +164,38 @@
 #define DAC_CR_TSEL1_TIM2 (4U << 3)
 #define DAC_DHR12R1 REGISTER(0x40007408U)
 
-/* Serial port 2, and stream 5 of DMA 1 that receives from it. */
-#define USART2_SR REGISTER(0x40004400U)
-#define USART2_SR_TXE (1U << 7)
-#define USART2_DR_ADDRESS 0x40004404U
-#define USART2_DR REGISTER(USART2_DR_ADDRESS)
-#define USART2_BRR REGISTER(0x40004408U)
-#define USART2_CR1 REGISTER(0x4000440CU)
-#define USART2_CR1_RE (1U << 2)
-#define USART2_CR1_TE (1U << 3)
-#define USART2_CR1_TXEIE (1U << 7)
-#define USART2_CR1_UE (1U << 13)
-#define USART2_CR3 REGISTER(0x40004414U)
-#define USART2_CR3_DMAR (1U << 6)
+/* Serial ports of one kind. */
+#define USART2 0x40004400U
+#define UART4 0x40004C00U
+#define USART_SR(port) REGISTER((port) + 0x00U)
+#define USART_SR_TXE (1U << 7)
+#define USART_DR_ADDRESS(port) ((port) + 0x04U)
+#define USART_DR(port) REGISTER(USART_DR_ADDRESS(port))
+#define USART_BRR(port) REGISTER((port) + 0x08U)
+#define USART_CR1(port) REGISTER((port) + 0x0CU)
+#define USART_CR1_RE (1U << 2)
+#define USART_CR1_TE (1U << 3)
+#define USART_CR1_TXEIE (1U << 7)
+#define USART_CR1_UE (1U << 13)
+#define USART_CR3(port) REGISTER((port) + 0x14U)
+#define USART_CR3_DMAR (1U << 6)
 #define USART2_IRQ 38U
-#define DMA1_S5CR REGISTER(0x40026088U)
-#define DMA1_S5CR_EN 1U
-#define DMA1_S5CR_CIRC (1U << 8)
-#define DMA1_S5CR_MINC (1U << 10)
-#define DMA1_S5CR_CHANNEL_4 (4U << 25)
-#define DMA1_S5NDTR REGISTER(0x4002608CU)
-#define DMA1_S5PAR REGISTER(0x40026090U)
-#define DMA1_S5M0AR REGISTER(0x40026094U)
+#define UART4_IRQ 52U
 
-/* Serial peripheral interface 2, and stream 1 of DMA 1 that sends by it. */
+/* Streams of DMA 1. */
+#define DMA1_STREAM(n) (0x40026010U + 0x18U * (n))
+#define DMA_CR(stream) REGISTER((stream) + 0x00U)
+#define DMA_CR_EN (1U << 0)
+#define DMA_CR_TO_PERIPHERAL (1U << 6)
+#define DMA_CR_CIRC (1U << 8)
+#define DMA_CR_MINC (1U << 10)
+#define DMA_CR_HALF_WORDS ((1U << 11) | (1U << 13))
+#define DMA_CR_CHANNEL(n) ((uint32_t)(n) << 25)
+#define DMA_NDTR(stream) REGISTER((stream) + 0x04U)
+#define DMA_PAR(stream) REGISTER((stream) + 0x08U)
+#define DMA_M0AR(stream) REGISTER((stream) + 0x0CU)
+
+/* Serial peripheral interface 2. */
 #define SPI2_CR1 REGISTER(0x40003800U)
 #define SPI_CR1_MSTR (1U << 2)
 #define SPI_CR1_SPE (1U << 6)
@@ -196,15 +207,6 @@
 #define SPI_SR_RXNE 1U
 #define SPI2_DR_ADDRESS 0x4000380CU
 #define SPI2_DR REGISTER(SPI2_DR_ADDRESS)
-#define DMA1_S1CR REGISTER(0x40026028U)
-#define DMA1_S1NDTR REGISTER(0x4002602CU)
-#define DMA1_S1PAR REGISTER(0x40026030U)
-#define DMA1_S1M0AR REGISTER(0x40026034U)
-#define DMA_CR_EN (1U << 0)
-#define DMA_CR_TO_PERIPHERAL (1U << 6)
-#define DMA_CR_CIRC (1U << 8)
-#define DMA_CR_HALF_WORDS ((1U << 11) | (1U << 13))
-#define DMA_CR_CHANNEL(n) ((uint32_t)(n) << 25)
 
 /* The processor's own counter of cycles. */
 #define DEMCR REGISTER(0xE000EDFCU)

@@ -1,15 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Board of the Arm MPS2 (AN385, Cortex-M3) as QEMU models it: UART0 is the link, UART1 the bus of
-   the virtual plant, which gives the ticks. Static memory; sleeps while there is nothing to do. */
+   the virtual plant, which gives the ticks, UART2 carries XCP; where QEMU offers it as a socket,
+   that is XCP on TCP. Static memory; sleeps while there is nothing to do. */
 #include <stdint.h>
 
 #include "lockstep.h"
 #include "port/port.h"
 #include "startup.h"
+#include "xcp/line.h"
 
 /* CMSDK UART: one byte of buffer each way. */
 #define UART_LINK 0x40004000U
 #define UART_PLANT 0x40005000U
+#define UART_XCP 0x40006000U
 #define UART_DATA(uart) REGISTER((uart) + 0x00U)
 #define UART_STATE(uart) REGISTER((uart) + 0x04U)
 #define UART_CONTROL(uart) REGISTER((uart) + 0x08U)
@@ -29,6 +32,8 @@
 #define IRQ_LINK_RX 0
 #define IRQ_LINK_TX 1
 #define IRQ_PLANT_RX 2
+#define IRQ_XCP_RX 4
+#define IRQ_XCP_TX 5
 
 #define RING 1024U /* a power of two: indices wrap with it */
 
@@ -41,6 +46,8 @@ typedef struct {
 
 static ring from_link;
 static ring from_plant;
+static ring from_xcp;
+static xcp_line xcp;
 
 /* Takes what the UART has; what does not fit into the ring is lost, as on any line. */
 static void receive(uint32_t uart, ring *to)
@@ -57,19 +64,25 @@ static void receive(uint32_t uart, ring *to)
 
 static void receive_link(void) { receive(UART_LINK, &from_link); }
 static void receive_plant(void) { receive(UART_PLANT, &from_plant); }
+static void receive_xcp(void) { receive(UART_XCP, &from_xcp); }
 
 /* Only wakes main, which has more to send. */
-static void sent_link(void)
+static void sent(uint32_t uart)
 {
-  UART_CONTROL(UART_LINK) &= ~UART_TX_INTERRUPT_ENABLE;
-  UART_INTERRUPT(UART_LINK) = UART_TX_INTERRUPT;
+  UART_CONTROL(uart) &= ~UART_TX_INTERRUPT_ENABLE;
+  UART_INTERRUPT(uart) = UART_TX_INTERRUPT;
 }
+
+static void sent_link(void) { sent(UART_LINK); }
+static void sent_xcp(void) { sent(UART_XCP); }
 
 __attribute__((section(".vectors"), used)) static const startup_vector vectors[] = {
     STARTUP_VECTORS,
     [STARTUP_INTERRUPT(IRQ_LINK_RX)] = receive_link,
     [STARTUP_INTERRUPT(IRQ_LINK_TX)] = sent_link,
     [STARTUP_INTERRUPT(IRQ_PLANT_RX)] = receive_plant,
+    [STARTUP_INTERRUPT(IRQ_XCP_RX)] = receive_xcp,
+    [STARTUP_INTERRUPT(IRQ_XCP_TX)] = sent_xcp,
 };
 
 /* The line is as long as it needs to be: QEMU takes a byte at once unless the PC does not read. */
@@ -80,8 +93,7 @@ static void send(uint32_t uart, uint8_t byte)
   UART_DATA(uart) = byte;
 }
 
-/* Nobody else listens. */
-void board_ticked(void) {}
+void board_ticked(void) { xcp_line_tick(&xcp); }
 
 void board_plant_write(const uint8_t *bytes, uint16_t count)
 {
@@ -100,33 +112,61 @@ uint16_t port_link_read(uint8_t *bytes, uint16_t most)
   return count;
 }
 
-uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+/* Sends what the UART takes without waiting; the interrupt wakes main for the rest. */
+static uint16_t write(uint32_t uart, const uint8_t *bytes, uint16_t count)
 {
   uint16_t taken = 0;
-  while (taken < count && (UART_STATE(UART_LINK) & UART_TX_FULL) == 0U) {
-    UART_DATA(UART_LINK) = bytes[taken++];
+  while (taken < count && (UART_STATE(uart) & UART_TX_FULL) == 0U) {
+    UART_DATA(uart) = bytes[taken++];
   }
   if (taken < count) {
-    UART_CONTROL(UART_LINK) |= UART_TX_INTERRUPT_ENABLE;
+    UART_CONTROL(uart) |= UART_TX_INTERRUPT_ENABLE;
   }
   return taken;
+}
+
+uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+{
+  return write(UART_LINK, bytes, count);
+}
+
+/* Takes what has come and sends what waits; to be called again while it returns 1. */
+static int serve_xcp(void)
+{
+  uint16_t count = 0;
+  int moved = 0;
+  const uint8_t byte = from_xcp.bytes[from_xcp.tail % RING];
+  if (from_xcp.tail != from_xcp.head && xcp_line_take(&xcp, &byte, 1) > 0U) {
+    ++from_xcp.tail;
+    moved = 1;
+  }
+  const uint8_t *waiting = xcp_line_offer(&xcp, &count);
+  count = write(UART_XCP, waiting, count);
+  xcp_line_sent(&xcp, count);
+  return moved || count > 0U;
 }
 
 /* The plant waits for the drive, so that there is nothing to bring to rest. */
 void board_panic(void) {}
 
+/* What came before the UART was open QEMU's multiplexer keeps until a byte is fetched. */
 static void open_uart(uint32_t uart)
 {
   UART_DIVIDER(uart) = UART_FASTEST;
   UART_CONTROL(uart) = UART_TX_ENABLE | UART_RX_ENABLE | UART_RX_INTERRUPT_ENABLE;
+  if ((UART_STATE(uart) & UART_RX_FULL) == 0U) {
+    (void)UART_DATA(uart);
+  }
 }
 
 int main(void)
 {
-  (void)lockstep_start();
+  xcp_line_start(&xcp, lockstep_start(), 0);
   open_uart(UART_LINK);
   open_uart(UART_PLANT);
-  NVIC_ENABLE(IRQ_LINK_RX) = (1U << IRQ_LINK_RX) | (1U << IRQ_LINK_TX) | (1U << IRQ_PLANT_RX);
+  open_uart(UART_XCP);
+  NVIC_ENABLE(IRQ_LINK_RX) = (1U << IRQ_LINK_RX) | (1U << IRQ_LINK_TX) | (1U << IRQ_PLANT_RX) |
+                             (1U << IRQ_XCP_RX) | (1U << IRQ_XCP_TX);
   for (;;) {
     lockstep_poll();
     while (from_plant.tail != from_plant.head) {
@@ -134,8 +174,11 @@ int main(void)
       ++from_plant.tail;
       lockstep_receive(byte);
     }
+    while (serve_xcp()) {
+    }
     startup_interrupts_off(); /* or a byte could arrive between the question and the sleep */
-    if (from_plant.tail == from_plant.head && from_link.tail == from_link.head) {
+    if (from_plant.tail == from_plant.head && from_link.tail == from_link.head &&
+        (from_xcp.tail == from_xcp.head || xcp.out_count > 0U)) {
       startup_wait_for_interrupt(); /* wakes on a pending interrupt, although they are off */
     }
     startup_interrupts_on();

@@ -114,7 +114,7 @@ def _printed(process: subprocess.Popen[bytes], program: Path) -> str:
 
 
 @contextmanager
-def run_qemu(program: Path, plant: Plant) -> Iterator[Running]:
+def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running]:
     """Run a firmware built for the board ``qemu-mps2``, in QEMU.
 
     The sockets are opened here and handed over, so that no port can be snatched away in between.
@@ -127,6 +127,8 @@ def run_qemu(program: Path, plant: Plant) -> Iterator[Running]:
         From :func:`anhyst.link.firmware.build`.
     plant : Plant
         What it drives.
+    xcp : bool, optional
+        Whether a master of XCP may come in, on a free port of this machine.
 
     Yields
     ------
@@ -138,15 +140,19 @@ def run_qemu(program: Path, plant: Plant) -> Iterator[Running]:
         QEMU is not installed or does not start.
     """
     qemu = find_qemu()
-    listener = socket.create_server(("127.0.0.1", 0))
-    url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
+    listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(1 + xcp)]
+    ports = [listener.getsockname()[1] for listener in listeners]
     ours, theirs = socket.socketpair()
     command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
-    command += _serial("link", f"fd={listener.fileno()},server=on,wait=off,nodelay=on")
+    served = [f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners]
+    command += _serial("link", served[0])
     command += _serial("plant", f"fd={theirs.fileno()}")
+    if xcp:
+        command += _serial("xcp", served[1])
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
-    with ours, _started(command, [listener, theirs]):
-        yield Running(url, PlantBus(plant, ours))
+    with ours, _started(command, [*listeners, theirs]):
+        url = f"socket://127.0.0.1:{ports[0]}"
+        yield Running(url, PlantBus(plant, ours), ports[1] if xcp else 0)
 
 
 def find_qemu() -> str:

@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "serial.h"
+
+#include "clocks.h"
+#include "registers.h"
+
+#define BAUD 921600U
+#define PRIORITY 0x80U
+
+#define ON (USART_CR1_UE | USART_CR1_TE | USART_CR1_RE)
+
+/* Begin as zeros, so that the rings take no flash. */
+serial serial_link;
+serial serial_xcp;
+
+uint16_t serial_read(serial *s, uint8_t *bytes, uint16_t most)
+{
+  const uint16_t write_at = (uint16_t)((SERIAL_RING - DMA_NDTR(s->stream)) % SERIAL_RING);
+  uint16_t count = 0;
+  while (count < most && s->read_at != write_at) {
+    bytes[count++] = s->received[s->read_at];
+    s->read_at = (uint16_t)((s->read_at + 1U) % SERIAL_RING);
+  }
+  return count;
+}
+
+uint16_t serial_write(serial *s, const uint8_t *bytes, uint16_t count)
+{
+  uint16_t taken = 0;
+  while (taken < count && (uint16_t)(s->send_head - s->send_tail) < SERIAL_RING) {
+    s->to_send[s->send_head % SERIAL_RING] = bytes[taken++];
+    ++s->send_head;
+  }
+  USART_CR1(s->port) = ON | USART_CR1_TXEIE;
+  return taken;
+}
+
+static void send_next(serial *s)
+{
+  if (s->send_tail == s->send_head) {
+    USART_CR1(s->port) = ON;
+    return;
+  }
+  if ((USART_SR(s->port) & USART_SR_TXE) != 0U) {
+    USART_DR(s->port) = s->to_send[s->send_tail % SERIAL_RING];
+    ++s->send_tail;
+  }
+}
+
+void serial_link_ready(void) { send_next(&serial_link); }
+void serial_xcp_ready(void) { send_next(&serial_xcp); }
+
+/* Both receive by channel 4 of their streams. */
+static void start(serial *s, uint32_t port, uint32_t stream, uint32_t irq)
+{
+  s->port = port;
+  s->stream = stream;
+  DMA_PAR(s->stream) = USART_DR_ADDRESS(s->port);
+  DMA_M0AR(s->stream) = (uint32_t)(uintptr_t)s->received;
+  DMA_NDTR(s->stream) = SERIAL_RING;
+  DMA_CR(s->stream) = DMA_CR_CHANNEL(4U) | DMA_CR_MINC | DMA_CR_CIRC | DMA_CR_EN;
+  USART_BRR(s->port) = (APB1_HZ + BAUD / 2U) / BAUD;
+  USART_CR3(s->port) = USART_CR3_DMAR;
+  USART_CR1(s->port) = ON;
+  NVIC_PRIORITY(irq) = PRIORITY;
+  NVIC_ENABLE(irq) = NVIC_BIT(irq);
+}
+
+void serial_start(void)
+{
+  RCC_APB1ENR |= RCC_APB1ENR_USART2 | RCC_APB1ENR_UART4;
+  (void)RCC_APB1ENR; /* a clock runs two cycles after its bit was set */
+  GPIOA_AFRL |= GPIO_FUNCTION(7U, 2U) | GPIO_FUNCTION(7U, 3U);
+  GPIOA_MODER |= GPIO_ALTERNATE(2U) | GPIO_ALTERNATE(3U);
+  GPIOC_AFRH |= GPIO_FUNCTION(8U, 10U) | GPIO_FUNCTION(8U, 11U);
+  GPIOC_PUPDR |= GPIO_PULL_UP(11U); /* without a cable the line is at rest */
+  GPIOC_MODER |= GPIO_ALTERNATE(10U) | GPIO_ALTERNATE(11U);
+  start(&serial_link, USART2, DMA1_STREAM(5U), USART2_IRQ);
+  start(&serial_xcp, UART4, DMA1_STREAM(2U), UART4_IRQ);
+}

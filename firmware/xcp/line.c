@@ -1,0 +1,139 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "xcp/line.h"
+
+#include "app/request.h"
+
+void xcp_line_hang_up(xcp_line *line)
+{
+  xcp_hang_up(&line->slave);
+  line->broken = 0;
+  line->in_count = 0;
+  line->out_count = 0;
+  line->out_at = 0;
+  line->counter = 0;
+}
+
+void xcp_line_start(xcp_line *line, app *firmware, int checked)
+{
+  xcp_start(&line->slave, firmware);
+  line->checked = (checked != 0) ? 1U : 0U;
+  line->heard_at = 0;
+  xcp_line_hang_up(line);
+}
+
+void xcp_line_tick(xcp_line *line) { xcp_tick(&line->slave); }
+
+/* Bytes in front of the checksum, of a packet of this length. */
+static uint16_t covered(const xcp_line *line, uint16_t length)
+{
+  const uint16_t filling = (line->checked != 0U) ? (uint16_t)(length % 2U) : 0U;
+  return (uint16_t)(XCP_LINE_HEAD + length + filling);
+}
+
+static uint16_t sum_of_words(const uint8_t *bytes, uint16_t count)
+{
+  uint16_t sum = 0;
+  for (uint16_t i = 0; i < count; i += 2U) {
+    sum = (uint16_t)(sum + link_get_u16(&bytes[i]));
+  }
+  return sum;
+}
+
+/* Puts around a packet, which stands in its place, what belongs there. */
+static void send(xcp_line *line, uint16_t length)
+{
+  line->out_at = 0;
+  line->out_count = 0;
+  if (length > 0U) {
+    link_put_u16(line->out, length);
+    link_put_u16(&line->out[2], line->counter);
+    line->counter++;
+    line->out_count = covered(line, length);
+  }
+  if ((length > 0U) && (line->checked != 0U)) {
+    line->out[XCP_LINE_HEAD + length] = 0; /* the filling, or where the checksum comes */
+    link_put_u16(&line->out[line->out_count], sum_of_words(line->out, line->out_count));
+    line->out_count += XCP_LINE_CHECK;
+  }
+}
+
+/* A command is whole. One whose checksum is wrong is not done, and not answered: the master asks
+   again. */
+static void act(xcp_line *line, uint16_t length)
+{
+  const uint16_t end = covered(line, length);
+  line->in_count = 0;
+  if ((line->checked == 0U) || (sum_of_words(line->in, end) == link_get_u16(&line->in[end]))) {
+    send(line,
+         xcp_answer(&line->slave, &line->in[XCP_LINE_HEAD], length, &line->out[XCP_LINE_HEAD]));
+  }
+}
+
+/* There is a head, and perhaps all that belongs to it. */
+static void look(xcp_line *line)
+{
+  const uint16_t length = link_get_u16(line->in);
+  const uint16_t tail = (line->checked != 0U) ? XCP_LINE_CHECK : 0U;
+  if ((length == 0U) || (length > (uint16_t)XCP_PACKET)) {
+    line->broken = 1;
+  } else if (line->in_count == (uint16_t)(covered(line, length) + tail)) {
+    act(line, length);
+  } else {
+    /* goes on */
+  }
+}
+
+static void take_byte(xcp_line *line, uint8_t byte)
+{
+  if (line->broken == 0U) {
+    line->in[line->in_count] = byte;
+    line->in_count++;
+    if (line->in_count >= XCP_LINE_HEAD) {
+      look(line);
+    }
+  }
+}
+
+/* After a silence a command begins, whatever came before. */
+static void hear(xcp_line *line)
+{
+  const app *firmware = line->slave.firmware;
+  const uint32_t now = app_last_tick(firmware);
+  const uint32_t silence = now - line->heard_at;
+  line->heard_at = now;
+  if (silence > app_board_ticks(firmware->board, XCP_LINE_SILENCE_MS)) {
+    line->broken = 0;
+    line->in_count = 0;
+  }
+}
+
+uint16_t xcp_line_take(xcp_line *line, const uint8_t *bytes, uint16_t count)
+{
+  uint16_t taken = 0;
+  if ((count > 0U) && (line->out_count == 0U)) {
+    hear(line);
+  }
+  while ((taken < count) && (line->out_count == 0U)) {
+    take_byte(line, bytes[taken]);
+    taken++;
+  }
+  return taken;
+}
+
+const uint8_t *xcp_line_offer(xcp_line *line, uint16_t *count)
+{
+  if (line->out_count == 0U) {
+    send(line, xcp_take(&line->slave, &line->out[XCP_LINE_HEAD]));
+  }
+  *count = (uint16_t)(line->out_count - line->out_at);
+  return &line->out[line->out_at];
+}
+
+void xcp_line_sent(xcp_line *line, uint16_t count)
+{
+  line->out_at = (uint16_t)(line->out_at + count);
+  if (line->out_at == line->out_count) {
+    line->out_at = 0;
+    line->out_count = 0;
+  }
+}

@@ -1,0 +1,185 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims about XCP on a row of bytes: what stands around a packet, and what a line does to it. */
+#include "../core/check.h"
+#include "bench.h"
+
+#include <string.h>
+
+#include "xcp/line.h"
+
+#define SILENCE (BENCH_RATE * XCP_LINE_SILENCE_MS / 1000U)
+
+static xcp_line line;
+static uint8_t sent[XCP_LINE_MOST];
+static uint16_t sent_count;
+
+static const uint8_t hello[] = {2, 0, 0, 0, 0xFF, 0};
+static const uint8_t status[] = {1, 0, 1, 0, 0xFD};
+/* With checksums: 2 + 0 + 0x00FF, and behind an odd packet 1 + 1 + 0x00FD with a zero. */
+static const uint8_t checked_hello[] = {2, 0, 0, 0, 0xFF, 0, 0x01, 0x01};
+static const uint8_t checked_status[] = {1, 0, 1, 0, 0xFD, 0, 0xFF, 0};
+
+static void start(int checked)
+{
+  bench_start();
+  bench_ticks(1);
+  xcp_line_start(&line, &bench.firmware, checked);
+}
+
+/* Sends all that waits, `most` bytes at a time, and keeps the last packet. */
+static void fetch(uint16_t most)
+{
+  uint16_t count = 0;
+  sent_count = 0;
+  const uint8_t *bytes = xcp_line_offer(&line, &count);
+  while (count > 0U) {
+    const uint16_t part = count < most ? count : most;
+    memcpy(sent + sent_count, bytes, part);
+    sent_count = (uint16_t)(sent_count + part);
+    xcp_line_sent(&line, part);
+    if (line.out_count == 0U) {
+      return; /* a packet is over */
+    }
+    bytes = xcp_line_offer(&line, &count);
+  }
+}
+
+#define GIVE(bytes) xcp_line_take(&line, bytes, (uint16_t)sizeof(bytes))
+
+static void a_packet_has_length_and_counter_in_front(void)
+{
+  start(0);
+  CHECK(GIVE(hello) == sizeof hello);
+  fetch(3);
+  CHECK(sent_count == 12 && link_get_u16(sent) == 8 && link_get_u16(sent + 2) == 0);
+  CHECK(sent[4] == 0xFF);
+  CHECK(GIVE(status) == sizeof status);
+  fetch(1);
+  CHECK(sent_count == 10 && link_get_u16(sent) == 6 && link_get_u16(sent + 2) == 1);
+}
+
+static void a_checksum_is_the_sum_of_all_words(void)
+{
+  start(1);
+  CHECK(GIVE(checked_hello) == sizeof checked_hello);
+  fetch(5);
+  CHECK(sent_count == 14);
+  uint16_t sum = 0;
+  for (uint16_t i = 0; i < 12U; i += 2U) {
+    sum = (uint16_t)(sum + link_get_u16(sent + i));
+  }
+  CHECK(link_get_u16(sent + 12) == sum);
+  CHECK(GIVE(checked_status) == sizeof checked_status);
+  fetch(20);
+  CHECK(sent_count == 12 && sent[4] == 0xFF);
+}
+
+static void an_odd_answer_is_filled_with_a_zero(void)
+{
+  /* upload of two bytes: an answer of three */
+  const uint8_t upload[] = {8, 0, 0, 0, 0xF4, 2, 0, 0, 0, 0, 1, 0, 0xFD, 2};
+  start(1);
+  CHECK(GIVE(checked_hello) == sizeof checked_hello);
+  fetch(20);
+  CHECK(GIVE(upload) == sizeof upload);
+  fetch(20);
+  CHECK(sent_count == 10 && link_get_u16(sent) == 3 && sent[4] == 0xFF && sent[7] == 0);
+}
+
+/* Any bit of a command: never done, and the line goes on afterwards. */
+static void a_damaged_command_is_not_done(void)
+{
+  for (unsigned bit = 0; bit < 8U * sizeof checked_hello; bit++) {
+    uint8_t damaged[sizeof checked_hello];
+    memcpy(damaged, checked_hello, sizeof damaged);
+    damaged[bit / 8U] ^= (uint8_t)(1U << (bit % 8U));
+    start(1);
+    (void)GIVE(damaged);
+    fetch(20);
+    CHECK(sent_count == 0 && line.slave.connected == 0);
+    bench_ticks(SILENCE + 1);
+    CHECK(GIVE(checked_hello) == sizeof checked_hello && line.slave.connected == 1);
+  }
+}
+
+static void half_a_command_is_forgotten_after_a_silence(void)
+{
+  start(0);
+  CHECK(xcp_line_take(&line, hello, 5) == 5);
+  bench_ticks(SILENCE);
+  CHECK(xcp_line_take(&line, hello + 5, 1) == 1 && line.slave.connected == 1);
+  start(0);
+  CHECK(xcp_line_take(&line, hello, 5) == 5);
+  bench_ticks(SILENCE + 1);
+  CHECK(GIVE(hello) == sizeof hello && line.slave.connected == 1);
+}
+
+static void a_length_that_cannot_be_breaks_the_line_until_it_was_silent(void)
+{
+  static const uint8_t too_long[] = {XCP_PACKET + 1, 0, 0, 0};
+  static const uint8_t nothing[] = {0, 0, 0, 0};
+  const uint8_t *const wrong[] = {too_long, nothing};
+  for (int i = 0; i < 2; i++) {
+    start(0);
+    CHECK(xcp_line_take(&line, wrong[i], 4) == 4 && line.broken == 1);
+    CHECK(GIVE(hello) == sizeof hello && line.slave.connected == 0);
+    bench_ticks(SILENCE + 1);
+    CHECK(GIVE(hello) == sizeof hello && line.slave.connected == 1 && line.broken == 0);
+  }
+}
+
+static void nothing_is_taken_while_an_answer_waits(void)
+{
+  uint8_t both[sizeof hello + sizeof status];
+  uint16_t count = 0;
+  memcpy(both, hello, sizeof hello);
+  memcpy(both + sizeof hello, status, sizeof status);
+  start(0);
+  CHECK(GIVE(both) == sizeof hello);
+  CHECK(xcp_line_take(&line, status, 1) == 0);
+  (void)xcp_line_offer(&line, &count);
+  xcp_line_sent(&line, (uint16_t)(count - 1U));
+  CHECK(xcp_line_take(&line, status, 1) == 0);
+  fetch(20);
+  CHECK(GIVE(status) == sizeof status);
+}
+
+static void who_hangs_up_is_gone(void)
+{
+  start(0);
+  CHECK(GIVE(hello) == sizeof hello);
+  xcp_line_hang_up(&line);
+  fetch(20);
+  CHECK(sent_count == 0 && line.slave.connected == 0);
+}
+
+/* The longest command and the longest sample, with checksums: the sanitizers watch the edges. */
+static void the_longest_packets_fit(void)
+{
+  uint8_t longest[XCP_LINE_HEAD + XCP_PACKET + XCP_LINE_CHECK] = {XCP_PACKET, 0, 1, 0, 0xF0};
+  uint16_t sum = 0;
+  for (uint16_t i = 0; i < XCP_LINE_HEAD + XCP_PACKET; i += 2U) {
+    sum = (uint16_t)(sum + link_get_u16(longest + i));
+  }
+  link_put_u16(longest + XCP_LINE_HEAD + XCP_PACKET, sum);
+  start(1);
+  CHECK(GIVE(checked_hello) == sizeof checked_hello);
+  fetch(20);
+  CHECK(GIVE(longest) == sizeof longest);
+  fetch(20);
+  CHECK(sent_count == 8 && sent[4] == 0xFE); /* no key */
+}
+
+int main(void)
+{
+  a_packet_has_length_and_counter_in_front();
+  a_checksum_is_the_sum_of_all_words();
+  an_odd_answer_is_filled_with_a_zero();
+  a_damaged_command_is_not_done();
+  half_a_command_is_forgotten_after_a_silence();
+  a_length_that_cannot_be_breaks_the_line_until_it_was_silent();
+  nothing_is_taken_while_an_answer_waits();
+  who_hangs_up_is_gone();
+  the_longest_packets_fit();
+  return verdict();
+}
