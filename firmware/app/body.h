@@ -42,6 +42,11 @@ int32_t app_body_goal(const app_body *body);
    models differ by fades along the ramp beside it. A conditioning sequence begins again. */
 void app_body_swap(app_body *body, const int16_t *words);
 
+/* Takes a value for a setting that is within its range, before it stands in the settings:
+   LINK_REASON_NONE; _TYPE where the body cannot do this, or _VALUE where what follows from it is
+   not valid, and nothing changes. */
+uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t number, int32_t value);
+
 /* One tick, `ticks` after the one before: judges the sample, moves the state, finds the currents,
    q31, PORT_CURRENTS of them. Returns flags: ANHYST_... of flags.h. */
 uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sample *sample,

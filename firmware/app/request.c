@@ -53,7 +53,10 @@ uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *sta
 {
   port_lock();
   *state = app_body_states(a->control.body)->state;
-  const uint16_t reason = app_setting_obstacle(a->board, number, value, *state == ANHYST_STATE_RUN);
+  uint16_t reason = app_setting_obstacle(a->board, number, value, *state == ANHYST_STATE_RUN);
+  if (reason == LINK_REASON_NONE) {
+    reason = app_body_setting(a->control.body, a->settings, number, value);
+  }
   if (reason == LINK_REASON_NONE) {
     a->settings[number] = value;
   }

@@ -75,6 +75,15 @@ void app_body_swap(app_body *body, const int16_t *words)
   }
 }
 
+uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t number, int32_t value)
+{
+  (void)body;
+  (void)settings;
+  (void)value;
+  /* the gains of a position, which stand last */
+  return number >= (uint16_t)LINK_SETTING_GAINS ? LINK_REASON_TYPE : LINK_REASON_NONE;
+}
+
 /* The reason of a fault that this sample would be, or none. All sensors are judged, so that each
    follows its own noise; the first that is wrong is reported. Without a sample all values are
    PORT_RESERVED. */

@@ -112,7 +112,13 @@ enum {
   LINK_SETTING_RATIO = 3, /* the constant ratio, q30: current for each unit of demand */
   /* what the memory follows. 0: the current driven; 1: the current measured */
   LINK_SETTING_FOLLOW = 4,
-  LINK_SETTING_COUNT = 5
+  /* 0: the gains built in; 1: these times gain_p to gain_dd as they stand when this is written */
+  LINK_SETTING_GAINS = 5,
+  LINK_SETTING_GAIN_P = 6, /* share of the proportional gain built in, q30 */
+  LINK_SETTING_GAIN_I = 7, /* share of the integral gain, q30 */
+  LINK_SETTING_GAIN_D = 8, /* share of the gain of the first derivative, q30 */
+  LINK_SETTING_GAIN_DD = 9, /* share of the gain of the second derivative, q30 */
+  LINK_SETTING_COUNT = 10
 };
 
 /* What can be recorded. */
@@ -141,7 +147,12 @@ enum {
   {INT32_C(1), INT32_C(2147483647), INT32_C(2147483647), 1}, /* demand_slew */ \
   {INT32_C(0), INT32_C(1), INT32_C(1), 1}, /* compensation */ \
   {INT32_MIN, INT32_C(2147483647), INT32_C(1073741824), 0}, /* ratio */ \
-  {INT32_C(0), INT32_C(1), INT32_C(0), 0}, /* follow */
+  {INT32_C(0), INT32_C(1), INT32_C(0), 0}, /* follow */ \
+  {INT32_C(0), INT32_C(1), INT32_C(0), 1}, /* gains */ \
+  {INT32_C(536870912), INT32_C(2147483647), INT32_C(1073741824), 1}, /* gain_p */ \
+  {INT32_C(0), INT32_C(2147483647), INT32_C(1073741824), 1}, /* gain_i */ \
+  {INT32_C(536870912), INT32_C(2147483647), INT32_C(1073741824), 1}, /* gain_d */ \
+  {INT32_C(0), INT32_C(2147483647), INT32_C(1073741824), 1}, /* gain_dd */
 
 #define LINK_SIZE_HELLO 6
 /* Opens a session: the sequence starts again with this frame. Where this very session is open

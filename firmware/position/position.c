@@ -19,6 +19,7 @@ static void forget_sensors(app_body *body)
  * valid. */
 static void start_magnet(anhyst_force_controller_q31 *magnet, const app_board *board)
 {
+  magnet->method = ANHYST_FORCE_BY_COMPENSATOR;
   if (anhyst_force_controller_init_compensator_q31(magnet, board->kernel, board->words,
                                                    board->words_capacity) != ANHYST_OK ||
       anhyst_block_misfit(board->words, board->scales) != 0U) {
@@ -102,6 +103,61 @@ int32_t app_body_goal(const app_body *body) { return body->target; }
 void app_body_swap(app_body *body, const int16_t *words)
 {
   anhyst_position_swap_q31(&body->position, words);
+}
+
+/* share*factor of a q30 share from 0 on and a factor, rounded to the nearest mantissa of 16 bits.
+ */
+static anhyst_factor shared(anhyst_factor factor, int32_t share)
+{
+  const int32_t product = anhyst_scale(share, factor.mantissa); /* q30: of at most 2^30 */
+  const int32_t mantissa = (product + 8192) >> 14;
+  anhyst_factor found = factor;
+  if (mantissa >= INT16_MIN && mantissa <= INT16_MAX) {
+    found.mantissa = (int16_t)mantissa;
+  } else {
+    found.mantissa = (int16_t)((product + 16384) >> 15);
+    found.shift++;
+  }
+  return found;
+}
+
+/* Controls the position with the gains built in, or with shares of them, from the next tick on. */
+static uint16_t retune(app_body *body, const int32_t *settings, int shares)
+{
+  const anhyst_position_settings_q31 *built_in = body->board->plan->settings;
+  anhyst_position_settings_q31 *to = &body->tuned[0];
+  if (body->position.settings == to) {
+    to = &body->tuned[1];
+  }
+  *to = *built_in;
+  if (shares) {
+    anhyst_pidd2_gains_q31 *gains = &to->gains;
+    gains->proportional = shared(gains->proportional, settings[LINK_SETTING_GAIN_P]);
+    gains->integral = shared(gains->integral, settings[LINK_SETTING_GAIN_I]);
+    gains->derivative = shared(gains->derivative, settings[LINK_SETTING_GAIN_D]);
+    gains->second = shared(gains->second, settings[LINK_SETTING_GAIN_DD]);
+  }
+  return anhyst_position_retune_q31(&body->position, to) == ANHYST_OK ? LINK_REASON_NONE
+                                                                      : LINK_REASON_VALUE;
+}
+
+uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t number, int32_t value)
+{
+  const int acts =
+      number == (uint16_t)LINK_SETTING_COMPENSATION || number == (uint16_t)LINK_SETTING_GAINS;
+  if (acts && body->magnet[0].compensator.words == NULL) {
+    return LINK_REASON_BLOCK;
+  }
+  switch (number) {
+  case LINK_SETTING_COMPENSATION:
+    return anhyst_position_compensate_q31(&body->position, value != 0) == ANHYST_OK
+               ? LINK_REASON_NONE
+               : LINK_REASON_TYPE;
+  case LINK_SETTING_GAINS:
+    return retune(body, settings, value != 0);
+  default:
+    return LINK_REASON_NONE;
+  }
 }
 
 /* A sensor of a current that is not to be believed is a fault, for what is driven cannot be known

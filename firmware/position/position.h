@@ -27,8 +27,9 @@ struct app_body {
   const app_board *board;
   anhyst_position_q31 position;
   anhyst_force_controller_q31 magnet[ANHYST_POSITION_MAGNETS];
-  anhyst_position_answer_q31 answer; /* of the last tick */
-  int32_t target;                    /* position to go to */
+  anhyst_position_answer_q31 answer;     /* of the last tick */
+  anhyst_position_settings_q31 tuned[2]; /* with gains of the operator; one of them is free */
+  int32_t target;                        /* position to go to */
   app_stillness still;
   app_sensor current[PORT_CURRENTS];
 };

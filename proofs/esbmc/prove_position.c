@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A whole tick of the controller of a levitating armature, or a swap of blocks: any valid limits
-   and settings, any state, any sample, one magnet or two. Levitation, PIDD2 and force controllers
+/* A whole tick of the controller of a levitating armature, a swap of blocks, a switch of the
+   compensation, or other gains: any valid limits and settings, any state, any sample, one magnet or
+   two. Levitation, PIDD2 and force controllers
    give way to what their own proofs show of them: each call is shown to be allowed, and answers
    anything. The currents stay within the limits of the board. PART names the function that is
    proved. */
@@ -11,6 +12,7 @@
 
 static anhyst_position_limits_q31 limits;
 static anhyst_position_settings_q31 settings;
+static anhyst_position_settings_q31 other; /* with other gains */
 
 static int is_current(int32_t current)
 {
@@ -83,6 +85,14 @@ void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_s
   *state = any_state();
 }
 
+void anhyst_pidd2_change_q31(const anhyst_pidd2_gains_q31 *from, const anhyst_pidd2_gains_q31 *to,
+                             anhyst_pidd2_state_q31 *state, int32_t reference, int32_t position,
+                             int32_t load)
+{
+  SHOW(from == &settings.gains && to == &other.gains && position_holds(state));
+  *state = any_state();
+}
+
 anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *of,
                                       const anhyst_levitation_settings *to)
 {
@@ -113,6 +123,25 @@ void anhyst_compensator_swap(anhyst_compensator *compensator, const int16_t *wor
 {
   (void)words;
   compensator->solved = 0;
+}
+
+anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map)
+{
+  SHOW(map == settings.plain);
+  return nondet_i16() != 0 ? ANHYST_BAD_PARAMETER : ANHYST_OK;
+}
+
+void anhyst_force_controller_bypass_q31(anhyst_force_controller_q31 *magnet,
+                                        const anhyst_map_q31 *map, int32_t low, int32_t high)
+{
+  SHOW(low <= high && (map == NULL || map == settings.plain));
+  magnet->method = nondet_u16();
+}
+
+int32_t anhyst_force_controller_expected_q31(const anhyst_force_controller_q31 *magnet,
+                                             int32_t applied, int32_t gap)
+{
+  return nondet_i32();
 }
 
 int32_t anhyst_force_controller_solve_q31(anhyst_force_controller_q31 *magnet, int32_t demand,
@@ -158,6 +187,19 @@ static void prove_tick(anhyst_position_q31 *c)
 
 static void prove_swap(anhyst_position_q31 *c) { anhyst_position_swap_q31(c, NULL); }
 
+static void prove_compensate(anhyst_position_q31 *c)
+{
+  const int on = nondet_i16();
+  const anhyst_status done = anhyst_position_compensate_q31(c, on);
+  SHOW(done == (on != 0 || settings.plain != NULL ? ANHYST_OK : ANHYST_BAD_PARAMETER));
+}
+
+static void prove_retune(anhyst_position_q31 *c)
+{
+  const anhyst_status done = anhyst_position_retune_q31(c, &other);
+  SHOW(c->settings == (done == ANHYST_OK ? &other : &settings));
+}
+
 int main(void)
 {
   anhyst_force_controller_q31 first;
@@ -165,8 +207,13 @@ int main(void)
   anhyst_position_q31 c;
   anhyst_position_limits_q31 any_limits;
   anhyst_position_settings_q31 any_settings;
+  anhyst_pidd2_gains_q31 any_gains;
+  anhyst_map_q31 plain;
   limits = any_limits;
   settings = any_settings;
+  settings.plain = nondet_i16() != 0 ? &plain : NULL;
+  other = settings;
+  other.gains = any_gains;
   ASSUME(anhyst_position_init_q31(&c, &limits, &settings, &first,
                                   nondet_i16() != 0 ? &second : NULL) == ANHYST_OK);
   show_state(&c);

@@ -73,6 +73,7 @@ static anhyst_position_settings_q31 any_settings(void)
   }
   settings.bias = any_code();
   settings.measured = (uint16_t)any_within(0, 1);
+  settings.plain = NULL;
   return settings;
 }
 
@@ -205,6 +206,68 @@ static void invalid_settings_are_refused(void)
   for (int i = 0; i < 9; i++) {
     CHECK(are_refused(&limits, &wrong[i]));
   }
+  anhyst_map_q31 plain = any_map(entries, 3, 0, 1000);
+  wrong[0] = valid;
+  wrong[0].plain = &plain;
+  CHECK(!are_refused(&limits, &wrong[0]));
+  plain.force_segments = ANHYST_MAP_FORCE_SEGMENTS + 1;
+  CHECK(are_refused(&limits, &wrong[0]));
+}
+
+static void without_a_plain_map_the_compensation_stays_on(void)
+{
+  const anhyst_map_q31 map = any_map(entries, 3, 2, 1000);
+  const anhyst_position_limits_q31 limits = any_limits();
+  const anhyst_position_settings_q31 settings = any_settings();
+  anhyst_force_controller_q31 magnet;
+  anhyst_position_q31 controller;
+  CHECK(anhyst_force_controller_init_map_q31(&magnet, &map, 0, 1) == ANHYST_OK);
+  magnet.method = ANHYST_FORCE_BY_COMPENSATOR;
+  CHECK(anhyst_position_init_q31(&controller, &limits, &settings, &magnet, 0) == ANHYST_OK);
+  CHECK(anhyst_position_compensate_q31(&controller, 0) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_position_compensate_q31(&controller, 1) == ANHYST_OK);
+  CHECK(magnet.method == ANHYST_FORCE_BY_COMPENSATOR && magnet.map == &map);
+}
+
+/* Under sanitizers, from any state: the wanted output of the next tick is the same to the bit as
+   long as nothing saturates, and invalid gains are refused. */
+static void gains_change_without_a_jump(void)
+{
+  long same = 0;
+  for (int i = 0; i < 20000; i++) {
+    const anhyst_map_q31 map = any_map(entries, 2, 0, 1000);
+    const anhyst_position_limits_q31 limits = any_limits();
+    anhyst_position_settings_q31 settings = any_settings();
+    anhyst_force_controller_q31 magnet;
+    anhyst_position_q31 controller;
+    settings.measured = (uint16_t)(i % 2);
+    CHECK(anhyst_force_controller_init_map_q31(&magnet, &map, 0, ANHYST_Q31_MAX) == ANHYST_OK);
+    CHECK(anhyst_position_init_q31(&controller, &limits, &settings, &magnet, 0) == ANHYST_OK);
+    controller.levitation.phase = ANHYST_PHASE_HOVER;
+    controller.levitation.reference = any_code() / 1024;
+    controller.position = any_code() / 1024;
+    controller.state.integral = any_code() / 16;
+    controller.candidate.next = controller.state;
+    controller.pending = (uint16_t)(i % 2);
+    anhyst_position_settings_q31 other = settings;
+    other.gains = any_gains();
+    anhyst_pidd2_state_q31 *state =
+        controller.pending != 0U ? &controller.candidate.next : &controller.state;
+    anhyst_pidd2_candidate_q31 before;
+    anhyst_pidd2_candidate_q31 after;
+    (void)anhyst_pidd2_solve_q31(&settings.gains, state, controller.levitation.reference,
+                                 controller.position, 0, &before);
+    CHECK(anhyst_position_retune_q31(&controller, &other) == ANHYST_OK);
+    CHECK(controller.settings == &other);
+    (void)anhyst_pidd2_solve_q31(&other.gains, state, controller.levitation.reference,
+                                 controller.position, 0, &after);
+    same += before.wanted == after.wanted;
+    anhyst_position_settings_q31 wrong = other;
+    wrong.gains.second.shift = 17;
+    CHECK(anhyst_position_retune_q31(&controller, &wrong) == ANHYST_BAD_PARAMETER);
+    CHECK(controller.settings == &other);
+  }
+  CHECK(same > 10000);
 }
 
 int main(void)
@@ -212,5 +275,7 @@ int main(void)
   any_signal_is_answered_within_the_limits();
   invalid_limits_are_refused();
   invalid_settings_are_refused();
+  without_a_plain_map_the_compensation_stays_on();
+  gains_change_without_a_jump();
   return verdict();
 }

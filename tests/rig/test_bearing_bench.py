@@ -11,7 +11,9 @@ import pytest
 
 from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import Refused
+from anhyst.link.plant_bus import Q31
 from anhyst.rig.bearing.board import BearingPlant, firmware_run
+from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.scenario import Scenario, Script, land_time
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bench.bearing import BearingBench
@@ -155,6 +157,109 @@ def test_of_parameters_that_do_not_fit_none_is_applied(bench: BearingBench) -> N
     with pytest.raises(InputError, match="load_damping: is nan"):
         bench.apply({"load_damping": float("nan")})
     assert bench.parameters() == before
+
+
+def overshoots(bench: BearingBench) -> list[float]:
+    """Return the overshoot of a step of 20 um up and one down, % of it."""
+    found = []
+    for start, end in ((GAP, GAP - 20e-6), (GAP - 20e-6, GAP)):
+        bench.demand(end)
+        gap = column(bench, bench.advance(1600), "gap")
+        found.append(100.0 * float(((gap - start) / (end - start)).max() - 1.0))
+    return found
+
+
+def test_switching_the_compensation_off_shows_a_larger_overshoot(bench: BearingBench) -> None:
+    lift(bench)
+    shown = {}
+    for compensation in (1, 0, 1):
+        assert bench.apply({"compensation": compensation}) == bench.tick + 1
+        bench.advance(3000)
+        shown[compensation] = overshoots(bench)
+    assert max(shown[1]) < 0.5  # and again, after it was off
+    assert min(shown[0]) > 4.0
+
+
+def test_a_switch_of_the_compensation_is_without_a_bump(bench: BearingBench) -> None:
+    lift(bench)
+    control = position_control(bearings.single()).settings("fixed")
+    per_code = control["current_full"] / Q31
+    ramp = (control["release"] + control["current_step"]) * per_code
+    for gap in (GAP, GAP - 50e-6, GAP + 50e-6):
+        bench.demand(gap)
+        before = bench.advance(4000)[-1000:]
+        quiet = np.abs(np.diff(column(bench, before, "command"))).max()
+        for compensation in (0.0, 1.0):
+            last = column(bench, bench.advance(1), "command")[-1]
+            bench.apply({"compensation": compensation})
+            rows = bench.advance(4000)
+            current = np.concatenate(([last], column(bench, rows, "command")))
+            assert np.abs(np.diff(current)).max() < 2.0 * quiet + ramp
+            assert abs(current[1] - current[0]) < quiet + ramp
+            assert np.abs(column(bench, rows, "gap") - gap).max() < 0.1e-6
+            assert (column(bench, rows, "phase") == Phase.HOVER).all()
+
+
+def test_the_memory_follows_while_nothing_is_compensated(bench: BearingBench) -> None:
+    lift(bench)
+    bench.apply({"compensation": 0.0})
+    for gap in (GAP - 40e-6, GAP + 40e-6, GAP):
+        bench.demand(gap)
+        rows = bench.advance(3000)
+        quiet = rows[-1000:]
+        expected, force = (column(bench, quiet, one).mean() for one in ("expected", "force"))
+        assert expected == pytest.approx(force, abs=1.0)  # of 150 N
+    demand = column(bench, quiet, "demand").mean()
+    assert abs(demand - force) > 1.0  # the ratio knows less
+
+
+def test_gains_are_in_force_together_from_the_tick_that_is_named(
+    bench: BearingBench, firmware: Path
+) -> None:
+    lift(bench)
+    compiled = {one.name: one.value for one in bench.parameters() if one.name.startswith("gain_")}
+    assert compiled == {
+        name: pytest.approx(gain, rel=1e-9)
+        for name, gain in zip(
+            ("gain_p", "gain_i", "gain_d"),
+            (getattr(bearings.single().controller.pidd2(), one) for one in ("K_p", "K_i", "K_d")),
+            strict=True,
+        )
+    }
+    twin = BearingBench(bearings.single(), firmware)
+    lift(twin)
+    for one in (bench, twin):
+        one.demand(GAP - 20e-6)
+    first = bench.apply({name: 0.7 * gain for name, gain in compiled.items()})
+    assert first == bench.tick + 1
+    changed, kept = (column(one, one.advance(4), "demand") for one in (bench, twin))
+    twin.close()
+    step = 20e-6 * compiled["gain_p"] * bearings.single().controller.set_point_weight
+    assert kept[0] - changed[0] == pytest.approx(0.3 * step, rel=0.1)
+
+
+def test_other_gains_do_not_move_an_armature_at_rest(bench: BearingBench) -> None:
+    lift(bench)
+    quiet = column(bench, bench.advance(1000), "demand")
+    compiled = {one.name: one.value for one in bench.parameters() if one.name.startswith("gain_")}
+    for share in (1.4, 0.6, 1.0):
+        bench.apply({name: share * gain for name, gain in compiled.items()})
+        rows = bench.advance(1000)
+        first = abs(column(bench, rows, "demand")[0] - quiet[-1])
+        assert first < 2.0 * np.abs(np.diff(quiet)).max()
+        assert np.abs(column(bench, rows, "gap") - GAP).max() < 0.3e-6
+        quiet = column(bench, rows, "demand")
+    assert {one.name: one.value for one in bench.parameters() if one.name in compiled} == compiled
+
+
+def test_a_gain_out_of_its_range_leaves_all_as_they_are(bench: BearingBench) -> None:
+    lift(bench)
+    before = bench.parameters()
+    gain = {one.name: one.high for one in before}["gain_p"]
+    with pytest.raises(InputError, match=r"gain_p: is .* N/m; choose a value from"):
+        bench.apply({"compensation": 0.0, "gain_i": 0.0, "gain_p": 1.1 * gain})
+    assert bench.parameters() == before
+    assert max(overshoots(bench)) < 0.5
 
 
 def test_a_refused_command_says_why_and_changes_nothing(bench: BearingBench) -> None:

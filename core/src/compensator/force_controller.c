@@ -3,6 +3,8 @@
 
 #include "anhyst/numeric/q31.h"
 
+#include <stddef.h>
+
 static int is_known_q31(int32_t a)
 {
   (void)a;
@@ -79,4 +81,11 @@ anhyst_status anhyst_force_controller_init_compensator_q31(anhyst_force_controll
     *c = found;
   }
   return status;
+}
+
+int32_t anhyst_force_controller_expected_q31(const anhyst_force_controller_q31 *c, int32_t applied,
+                                             int32_t gap)
+{
+  return c->method == ANHYST_FORCE_BY_COMPENSATOR ? anhyst_compensator_output_q31(&c->compensator)
+                                                  : anhyst_map_force_q31(c->map, applied, gap);
 }

@@ -3,6 +3,8 @@
 
 #include "anhyst/numeric/real.h"
 
+#include <stddef.h>
+
 #include "lookup_real.h"
 
 #include "anhyst/numeric/f64.h"

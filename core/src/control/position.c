@@ -83,18 +83,19 @@ static void demagnetise_q31(anhyst_force_controller_q31 *magnet)
 
 #include "generic/position.h"
 
-/* The currents that the blocks now in force give for what was wanted at the tick before. */
+/* The currents that the force controllers now give for what was wanted at the tick before. */
 static void want_again(anhyst_position_q31 *c, int32_t *wanted)
 {
+  const int32_t step = c->levitation.supervisor.step;
   const anhyst_position_sample_q31 unmeasured = {0, 0, 0, {0, 0}, {ANHYST_NO_FLUX, ANHYST_NO_FLUX},
                                                  0, 0};
   switch (c->levitation.phase) {
   case ANHYST_PHASE_REST:
   case ANHYST_PHASE_FALL:
-    break; /* on the ramp to zero from what is driven, whatever the block */
+    break; /* on the ramp to zero from what is driven, whatever gives it */
   case ANHYST_PHASE_CONDITION:
     for (int i = 0; i < magnets_q31(c); i++) {
-      wanted[i] = anhyst_force_controller_conditioning_q31(c->magnet[i], 0);
+      wanted[i] = anhyst_force_controller_conditioning_q31(c->magnet[i], step > 0 ? step : 0);
     }
     break;
   default:
@@ -103,20 +104,82 @@ static void want_again(anhyst_position_q31 *c, int32_t *wanted)
   }
 }
 
-void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
+/* Drives on what was driven, whatever is wanted from now on: the difference fades. */
+static void keep_currents(anhyst_position_q31 *c)
 {
-  anhyst_supervisor *supervisor = &c->levitation.supervisor;
   int32_t wanted[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
-  for (int i = 0; i < magnets_q31(c); i++) {
-    anhyst_compensator_swap(&c->magnet[i]->compensator, words);
-  }
-  if (supervisor->conditioning != 0U) {
-    supervisor->step = -1; /* begins again */
-  }
   want_again(c, wanted);
   for (int i = 0; i < magnets_q31(c); i++) {
     const int32_t reached =
         anhyst_clamp(wanted[i], c->limits->current_low, c->limits->current_high);
     c->fading[i] = anhyst_sub_q31(c->current[i], reached);
   }
+}
+
+void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
+{
+  anhyst_supervisor *supervisor = &c->levitation.supervisor;
+  for (int i = 0; i < magnets_q31(c); i++) {
+    anhyst_compensator_swap(&c->magnet[i]->compensator, words);
+  }
+  if (supervisor->conditioning != 0U) {
+    supervisor->step = -1; /* begins again */
+  }
+  keep_currents(c);
+}
+
+/* The state from which the next tick goes on: what waits for the current to be measured becomes it
+   then. */
+static anhyst_pidd2_state_q31 *next_state(anhyst_position_q31 *c)
+{
+  return c->pending != 0U ? &c->candidate.next : &c->state;
+}
+
+/* Goes on with the net force that the force controllers now expect of what is driven. */
+static void take_over(anhyst_position_q31 *c)
+{
+  int32_t *integral = &next_state(c)->integral;
+  int32_t force = anhyst_force_controller_expected_q31(c->magnet[0], c->current[0], c->gap[0]);
+  if (c->magnet[1] != NULL) {
+    force = anhyst_sub_q31(
+        force, anhyst_force_controller_expected_q31(c->magnet[1], c->current[1], c->gap[1]));
+  }
+  *integral = anhyst_add_q31(*integral, (force >> 1) - (c->demand >> 1));
+  c->demand = force;
+}
+
+anhyst_status anhyst_position_compensate_q31(anhyst_position_q31 *c, int on)
+{
+  const anhyst_position_limits_q31 *limits = c->limits;
+  const anhyst_map_q31 *map = on ? NULL : c->settings->plain;
+  const int is_on = c->magnet[0]->method == ANHYST_FORCE_BY_COMPENSATOR;
+  if (!on && map == NULL) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  if (is_on != (on != 0)) {
+    for (int i = 0; i < magnets_q31(c); i++) {
+      anhyst_force_controller_bypass_q31(c->magnet[i], map, limits->current_low,
+                                         limits->current_high);
+    }
+    if (anhyst_levitation_controls(&c->levitation)) {
+      take_over(c);
+    }
+    keep_currents(c);
+  }
+  return ANHYST_OK;
+}
+
+anhyst_status anhyst_position_retune_q31(anhyst_position_q31 *c,
+                                         const anhyst_position_settings_q31 *settings)
+{
+  const anhyst_pidd2_gains_q31 *from = &c->settings->gains;
+  if (anhyst_pidd2_check_q31(&settings->gains) != ANHYST_OK) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  if (anhyst_levitation_controls(&c->levitation)) {
+    anhyst_pidd2_change_q31(from, &settings->gains, next_state(c), c->levitation.reference,
+                            c->position, 0);
+  }
+  c->settings = settings;
+  return ANHYST_OK;
 }

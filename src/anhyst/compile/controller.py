@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from anhyst._core import FixedForceController, FixedPosition
 from anhyst.compensate.bearing import bearing_model
-from anhyst.compensate.block import Block
+from anhyst.compensate.block import Block, Scales
+from anhyst.compensate.current_map import CurrentMap
 from anhyst.compensate.methods import MODELS
+from anhyst.compensate.plain_map import plain_map
 from anhyst.compensate.plan import CompileRequest, Plan
 from anhyst.control.controller_file import (
     ControllerFile,
@@ -103,7 +105,11 @@ class Controller:
                 table.pair,
             )
             control.gains("fixed")
-            return ControllerPlan(self, control, plan.block, control.settings("fixed"))
+            settings = control.settings("fixed")
+        block = plan.block.scales
+        scales = Scales(block.demand, settings["current_full"], block.gap_low, block.gap_high)
+        plain = plain_map(plan.model, scales)
+        return ControllerPlan(self, control, plan.block, settings, plain)
 
 
 @dataclass(frozen=True)
@@ -120,12 +126,15 @@ class ControllerPlan:
         Of the compensator.
     settings : mapping of str to float
         As the core takes them, by name.
+    plain : CurrentMap
+        Drives while the compensation is switched off.
     """
 
     source: Controller
     control: PositionControl
     block: Block
     settings: Settings
+    plain: CurrentMap
 
     @property
     def magnets(self) -> int:

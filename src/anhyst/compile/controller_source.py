@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from anhyst.compile.controller import ControllerPlan
+from anhyst.compile.parameters import ENTRIES_A_LINE
 
 _GAINS = (
     ("proportional", "K_p*Y/U/4"),
@@ -27,9 +28,19 @@ def limits_rows(plan: ControllerPlan) -> list[str]:
     return _lined_up(_limits(plan))
 
 
-def settings_rows(plan: ControllerPlan) -> list[str]:
+def settings_rows(plan: ControllerPlan, name: str) -> list[str]:
     """Return the members of ``NAME_controller_settings``, lines of C."""
-    return _lined_up(_settings(plan))
+    return _lined_up(_settings(plan, name))
+
+
+def plain_rows(plan: ControllerPlan) -> list[str]:
+    """Return the entries of ``NAME_controller_plain``, lines of C: a row a gap."""
+    rows = []
+    for row in plan.plain.words().tolist():
+        for at in range(0, len(row), ENTRIES_A_LINE):
+            line = ", ".join(str(entry) for entry in row[at : at + ENTRIES_A_LINE])
+            rows.append(f"    {line},")
+    return rows
 
 
 def _limits(plan: ControllerPlan) -> Rows:
@@ -47,7 +58,7 @@ def _limits(plan: ControllerPlan) -> Rows:
     yield _member(plan, "release", ".release"), f"{_current(plan, 'release'):.6g} A a tick"
 
 
-def _settings(plan: ControllerPlan) -> Rows:
+def _settings(plan: ControllerPlan, name: str) -> Rows:
     levitation, control = plan.control.levitation, plan.control
     yield ".levitation = {", ""
     yield _member(plan, "detect", "  .detect"), _length(levitation.detect)
@@ -67,6 +78,7 @@ def _settings(plan: ControllerPlan) -> Rows:
     yield "}},", ""
     yield _member(plan, "bias", ".bias"), f"{control.bias:.6g} N"
     yield _member(plan, "measured", ".measured"), "1: currents as measured count as applied"
+    yield f".plain = &{name}_controller_plain,", "drives while nothing is compensated"
 
 
 def _gains(plan: ControllerPlan) -> Rows:
@@ -113,7 +125,7 @@ def _lined_up(rows: Rows) -> list[str]:
     return [f"{line:<{end}} /* {doc} */" if doc else line for line, doc in found]
 
 
-def controller_values(plan: ControllerPlan) -> dict[str, object]:
+def controller_values(plan: ControllerPlan, name: str) -> dict[str, object]:
     """Return what the templates of the controller show."""
     control, settings = plan.control, plan.settings
     limits, converter = control.limits, control.converter
@@ -142,7 +154,11 @@ def controller_values(plan: ControllerPlan) -> dict[str, object]:
         "converter_bits": converter.bits,
         "measured": control.measured,
         "limits_rows": limits_rows(plan),
-        "settings_rows": settings_rows(plan),
+        "settings_rows": settings_rows(plan, name),
+        "plain_rows": plain_rows(plan),
+        "plain_ratio": f"{plan.plain.numbers['k_i_N_per_A']:.6g}",
+        "plain_entries": plan.plain.entries.size,
+        "plain_segments": [(count - 2).bit_length() for count in plan.plain.entries.shape[::-1]],
     }
 
 

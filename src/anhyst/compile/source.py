@@ -71,7 +71,7 @@ def sources(
     guide = common | _guide(plan) | dict(accuracy)
     if controller is not None:
         files |= _controller_files(common, plan.name, controller)
-        guide |= controller_values(controller) | {
+        guide |= controller_values(controller, plan.name) | {
             "controller_bytes": controller_bytes(controller.magnets)
         }
     files["DROP_IN.md"] = render("DROP_IN.md.j2", guide)
@@ -101,7 +101,7 @@ def _controller_files(
     common: Mapping[str, object], name: str, controller: ControllerPlan
 ) -> dict[str, str]:
     """Return the files of the position controller; its example stands for the compensator's."""
-    values = dict(common) | controller_values(controller)
+    values = dict(common) | controller_values(controller, name)
     values["controller"] = _in_comment(str(values["controller"]))
     return {
         f"{name}_controller.h": render("controller.h.j2", values),

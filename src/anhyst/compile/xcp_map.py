@@ -94,6 +94,41 @@ SETTINGS = (
         low=0,
         high=1,
     ),
+    XcpValue(
+        "gains",
+        "integer",
+        "0: the gains built in; 1: these times gain_p to gain_dd as they stand when this is written",
+        low=0,
+        high=1,
+        body="position",
+    ),
+    XcpValue(
+        "gain_p",
+        "q30",
+        "share of the proportional gain built in, q30",
+        low=536870912,
+        high=2147483647,
+        body="position",
+    ),
+    XcpValue(
+        "gain_i", "q30", "share of the integral gain, q30", low=0, high=2147483647, body="position"
+    ),
+    XcpValue(
+        "gain_d",
+        "q30",
+        "share of the gain of the first derivative, q30",
+        low=536870912,
+        high=2147483647,
+        body="position",
+    ),
+    XcpValue(
+        "gain_dd",
+        "q30",
+        "share of the gain of the second derivative, q30",
+        low=0,
+        high=2147483647,
+        body="position",
+    ),
 )
 
 INPUTS = (

@@ -70,6 +70,12 @@ class Setting(IntEnum):
     COMPENSATION = 2  # 1: the compensator; 0: a constant force-current ratio
     RATIO = 3  # the constant ratio, q30: current for each unit of demand
     FOLLOW = 4  # what the memory follows. 0: the current driven; 1: the current measured
+    # 0: the gains built in; 1: these times gain_p to gain_dd as they stand when this is written
+    GAINS = 5
+    GAIN_P = 6  # share of the proportional gain built in, q30
+    GAIN_I = 7  # share of the integral gain, q30
+    GAIN_D = 8  # share of the gain of the first derivative, q30
+    GAIN_DD = 9  # share of the gain of the second derivative, q30
 
 
 class RecorderSignal(IntEnum):
@@ -107,6 +113,11 @@ SETTINGS = {
     Setting.COMPENSATION: SettingRange(0, 1, 1, True),
     Setting.RATIO: SettingRange(-2147483648, 2147483647, 1073741824, False),
     Setting.FOLLOW: SettingRange(0, 1, 0, False),
+    Setting.GAINS: SettingRange(0, 1, 0, True),
+    Setting.GAIN_P: SettingRange(536870912, 2147483647, 1073741824, True),
+    Setting.GAIN_I: SettingRange(0, 2147483647, 1073741824, True),
+    Setting.GAIN_D: SettingRange(536870912, 2147483647, 1073741824, True),
+    Setting.GAIN_DD: SettingRange(0, 2147483647, 1073741824, True),
 }
 
 

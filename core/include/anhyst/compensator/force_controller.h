@@ -48,6 +48,11 @@ anhyst_status anhyst_force_controller_init_compensator_q31(anhyst_force_controll
                                                            const anhyst_kernel *kernel,
                                                            const int16_t *words, uint16_t capacity);
 
+/* The force that the last committed current is expected to give at a gap: by the compensator, or by
+   the map that drives past it. Nothing changes. */
+int32_t anhyst_force_controller_expected_q31(const anhyst_force_controller_q31 *c, int32_t applied,
+                                             int32_t gap);
+
 #ifdef __cplusplus
 }
 #endif

@@ -6,5 +6,6 @@
 #define ANHYST_FORCE_BY_MAP 1U
 #define ANHYST_FORCE_BY_COMPENSATOR 2U
 #define ANHYST_FORCE_BY_FLUX 3U
+#define ANHYST_FORCE_PAST_COMPENSATOR 4U /* by a map, while a compensator follows */
 
 #endif

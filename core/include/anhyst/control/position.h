@@ -53,6 +53,21 @@ typedef struct {
    magnet. */
 void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words);
 
+/* Switches the compensation of hysteresis off and on again, between two ticks: settings->plain
+   gives the currents while it is off, and the compensators commit what is applied, so that their
+   memory is that of the iron when they take over. A controlled armature goes on with the net force
+   that the way switched to expects of what is driven; what the currents would still jump by fades
+   as after a swap. The magnets' force controllers are compensators. ANHYST_OK, also where nothing
+   changes, or ANHYST_BAD_PARAMETER where there is no plain map. Costs about two solves a magnet. */
+anhyst_status anhyst_position_compensate_q31(anhyst_position_q31 *c, int on);
+
+/* Goes on with other settings, which differ in the gains alone, between two ticks: the demand of
+   the next tick is what it would have been, as far as the position stays. ANHYST_OK, or
+   ANHYST_BAD_PARAMETER where the gains are not valid; nothing is changed then. What is pointed to
+   must live on; the settings before are not looked at any more. */
+anhyst_status anhyst_position_retune_q31(anhyst_position_q31 *c,
+                                         const anhyst_position_settings_q31 *settings);
+
 #ifdef __cplusplus
 }
 #endif

@@ -33,6 +33,16 @@ anhyst_status ANHYST_NAME(anhyst_force_controller_init_flux)(
   return ANHYST_OK;
 }
 
+void ANHYST_NAME(anhyst_force_controller_bypass)(ANHYST_NAME(anhyst_force_controller) *c,
+                                                 const ANHYST_NAME(anhyst_map) *map,
+                                                 ANHYST_REAL low, ANHYST_REAL high)
+{
+  c->method = map != NULL ? ANHYST_FORCE_PAST_COMPENSATOR : ANHYST_FORCE_BY_COMPENSATOR;
+  c->map = map;
+  c->low = low;
+  c->high = high;
+}
+
 ANHYST_REAL ANHYST_NAME(anhyst_force_controller_solve)(ANHYST_NAME(anhyst_force_controller) *c,
                                                        ANHYST_REAL demand, ANHYST_REAL gap,
                                                        ANHYST_REAL flux)
@@ -89,6 +99,9 @@ ANHYST_REAL ANHYST_NAME(anhyst_force_controller_commit)(ANHYST_NAME(anhyst_force
     const ANHYST_REAL added = c->solved == 0U ? ANHYST_NAME(held)(c) : c->correction;
     output = ANHYST_NAME(anhyst_map_force)(c->map, ANHYST_NAME(anhyst_sub)(applied, added), gap);
   }
+  if (c->method == ANHYST_FORCE_PAST_COMPENSATOR) {
+    ANHYST_NAME(anhyst_compensator_commit)(&c->compensator, applied, gap);
+  }
   if (c->method == ANHYST_FORCE_BY_FLUX && c->solved != 0U) {
     ANHYST_NAME(advance_flux)(c, applied);
   }
@@ -96,18 +109,20 @@ ANHYST_REAL ANHYST_NAME(anhyst_force_controller_commit)(ANHYST_NAME(anhyst_force
   return output;
 }
 
+static int ANHYST_NAME(has_compensator)(const ANHYST_NAME(anhyst_force_controller) *c)
+{
+  return c->method == ANHYST_FORCE_BY_COMPENSATOR || c->method == ANHYST_FORCE_PAST_COMPENSATOR;
+}
+
 int32_t ANHYST_NAME(anhyst_force_controller_conditioning_length)(
     const ANHYST_NAME(anhyst_force_controller) *c)
 {
-  return c->method == ANHYST_FORCE_BY_COMPENSATOR
-             ? ANHYST_NAME(conditioning_length)(&c->compensator)
-             : 0;
+  return ANHYST_NAME(has_compensator)(c) ? ANHYST_NAME(conditioning_length)(&c->compensator) : 0;
 }
 
 ANHYST_REAL ANHYST_NAME(anhyst_force_controller_conditioning)(
     const ANHYST_NAME(anhyst_force_controller) *c, int32_t tick)
 {
-  return c->method == ANHYST_FORCE_BY_COMPENSATOR
-             ? ANHYST_NAME(anhyst_conditioning)(&c->compensator, tick)
-             : 0;
+  return ANHYST_NAME(has_compensator)(c) ? ANHYST_NAME(anhyst_conditioning)(&c->compensator, tick)
+                                         : 0;
 }

@@ -23,6 +23,7 @@ anhyst_status ANHYST_NAME(anhyst_position_init)(
   const ANHYST_NAME(anhyst_position) fresh = {0};
   if (anhyst_levitation_check(&limits->levitation, &settings->levitation) != ANHYST_OK ||
       ANHYST_NAME(anhyst_pidd2_check)(&settings->gains) != ANHYST_OK ||
+      (settings->plain != NULL && ANHYST_NAME(anhyst_map_check)(settings->plain) != ANHYST_OK) ||
       !ANHYST_NAME(are_valid)(limits, settings)) {
     return ANHYST_BAD_PARAMETER;
   }
@@ -169,7 +170,7 @@ static void ANHYST_NAME(want)(ANHYST_NAME(anhyst_position) *c,
   }
 }
 
-/* A current of this phase, and what is left of the current before a swap of blocks: less of it by
+/* A current of this phase, and what is left of the current before a swap or a switch: less of it by
    one step of the ramp to zero at every tick. On that ramp itself there is no step to soften. */
 static ANHYST_REAL ANHYST_NAME(faded)(ANHYST_NAME(anhyst_position) *c, int magnet,
                                       ANHYST_REAL wanted)

@@ -22,6 +22,8 @@ from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.load_drive import LoadDrive
+from anhyst.rig.bench.parameters import check_values
+from anhyst.rig.bench.position_settings import PositionSettings
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -118,6 +120,7 @@ class BearingBench:
             url, bus, _ = self._open.enter_context(start_host(firmware))
             self._link = self._open.enter_context(ControllerLink(url))
             self._heartbeat = Heartbeat(self._link)
+            self._settings = PositionSettings(self._link, setup.controller.pidd2())
             wait_at_most(bus, _ANSWER_S)
             self._bus = BusController(bus.fileno(), {name: self._scales[name] for name in _FULL})
             has_hall = rig.settings.hall_probe is not None
@@ -188,12 +191,17 @@ class BearingBench:
         self.load_drive.force = force
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return those of the load drive."""
-        return self.load_drive.parameters()
+        """Return those of the controller and of the load drive."""
+        return (*self._settings.parameters(), *self.load_drive.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together, from the next tick on."""
-        self.load_drive.apply(values, self.tick + 1)
+        check_values(values, self.parameters())
+        own = {one.name for one in self._settings.parameters()}
+        self._settings.apply({name: value for name, value in values.items() if name in own})
+        self._heartbeat.restart()
+        rest = {name: value for name, value in values.items() if name not in own}
+        self.load_drive.apply(rest, self.tick + 1)
         return self.tick + 1
 
     def close(self) -> None:

@@ -2,10 +2,10 @@
 
 /* One force controller. */
 typedef struct {
-  const ANHYST_NAME(anhyst_map) *map;          /* of the methods map and flux */
+  const ANHYST_NAME(anhyst_map) *map;          /* of all methods but compensator */
   const ANHYST_NAME(anhyst_flux_loop) *loop;   /* of the method flux */
-  ANHYST_NAME(anhyst_compensator) compensator; /* of the method compensator */
-  ANHYST_REAL low; /* limits of the current, of the methods map and flux */
+  ANHYST_NAME(anhyst_compensator) compensator; /* of the method compensator, or past it */
+  ANHYST_REAL low;                             /* limits of the current, where a map finds it */
   ANHYST_REAL high;
   ANHYST_REAL expected;   /* flux density that should show by now */
   ANHYST_REAL integral;   /* of the current */
@@ -28,6 +28,14 @@ anhyst_status ANHYST_NAME(anhyst_force_controller_init_map)(ANHYST_NAME(anhyst_f
 anhyst_status ANHYST_NAME(anhyst_force_controller_init_flux)(
     ANHYST_NAME(anhyst_force_controller) *c, const ANHYST_NAME(anhyst_map) *map,
     const ANHYST_NAME(anhyst_flux_loop) *loop, ANHYST_REAL low, ANHYST_REAL high);
+
+/* Goes past the compensator from the next solve on: a valid map finds the current, within
+   low..high, and the compensator only commits what is applied, so that its memory stays that of the
+   iron. map 0: by the compensator again. For a force controller with a compensator, between two
+   ticks. */
+void ANHYST_NAME(anhyst_force_controller_bypass)(ANHYST_NAME(anhyst_force_controller) *c,
+                                                 const ANHYST_NAME(anhyst_map) *map,
+                                                 ANHYST_REAL low, ANHYST_REAL high);
 
 /* The current that gives the demanded force now, within the controller's limits. flux is looked at
    by the method flux alone. */

@@ -7,7 +7,7 @@ typedef struct {
   ANHYST_REAL current_high; /* above low by a whole number of steps */
   ANHYST_REAL current_step; /* of the converter, > 0: currents are low, low + step, ... */
   ANHYST_REAL release;      /* change a tick, >= a step: of a current that is to go to zero, and of
-                               what a swap of blocks leaves of the current before it */
+                               what a swap or a switch leaves of the current before it */
 } ANHYST_NAME(anhyst_position_limits);
 
 /* How the position is controlled. */
@@ -17,6 +17,7 @@ typedef struct {
   ANHYST_NAME(anhyst_position_units) units;
   ANHYST_REAL bias;  /* force of either magnet of a pair when the net force is zero */
   uint16_t measured; /* whether currents count as applied as they were measured */
+  const ANHYST_NAME(anhyst_map) *plain; /* drives while nothing is compensated; 0: there is none */
 } ANHYST_NAME(anhyst_position_settings);
 
 /* What is known at one tick. */
@@ -52,7 +53,7 @@ typedef struct {
   ANHYST_REAL position;                         /* the last plausible one */
   ANHYST_REAL gap[ANHYST_POSITION_MAGNETS];     /* that belongs to it */
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* driven */
-  ANHYST_REAL fading[ANHYST_POSITION_MAGNETS];  /* driven beside what is wanted, after a swap */
+  ANHYST_REAL fading[ANHYST_POSITION_MAGNETS];  /* driven beside what is wanted */
   ANHYST_REAL demand;                           /* wanted net force */
   uint16_t flags;                               /* of this tick */
   uint16_t limited;                             /* whether it drives less than it wants */
