@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import shutil
 import threading
 import time
@@ -12,11 +13,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from anhyst.live.improver import Improver
 from anhyst.live.recorder import StreamRecorder
 from anhyst.live.run import listen_on, make_server
 from anhyst.live.session import LiveSession
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.study.bearing.on_board import build_firmware
+from anhyst.study.prepared import Prepared, PreparedForce
+from tests.live.improving import unknown_iron
 from tests.once import made_once
 from tests.study import bearings
 
@@ -33,6 +37,18 @@ def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
         build_firmware(rig, file, bearings.knowledge(), "host", folder)
 
     return made_once(tmp_path_factory, "live", make) / "firmware"
+
+
+@pytest.fixture(scope="session")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> PreparedForce:
+    """A force rig with an iron that its controller does not know."""
+
+    def make(folder: Path) -> None:
+        (folder / "prepared").write_bytes(pickle.dumps(unknown_iron(folder / "rig")))
+
+    folder = made_once(tmp_path_factory, "improve", make)
+    found: PreparedForce = pickle.loads((folder / "prepared").read_bytes())
+    return found
 
 
 @pytest.fixture
@@ -63,10 +79,16 @@ def serve(firmware: Path) -> Iterator[Serve]:
     """Serve a session, with a token or a recording where asked, until the test ends."""
     ends: list[Callable[[], None]] = []
 
-    def start(token: str = "", record: Path | None = None) -> Served:
-        opened = BearingBench(bearings.single(), firmware)
-        recorder = StreamRecorder(record, opened.signals, opened.rate) if record else None
-        session = LiveSession(opened, recorder, bearings.GAP)
+    def start(
+        token: str = "", record: Path | None = None, prepared: Prepared | None = None
+    ) -> Served:
+        if prepared is not None:
+            other = prepared.open()
+            session = LiveSession(other, improver=Improver(prepared, other))
+        else:
+            opened = BearingBench(bearings.single(), firmware)
+            recorder = StreamRecorder(record, opened.signals, opened.rate) if record else None
+            session = LiveSession(opened, recorder, bearings.GAP)
         taken = listen_on("127.0.0.1", 0)
         port = int(taken.getsockname()[1])
         server = make_server(session, "bearing", ("127.0.0.1", port), token)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import secrets
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -53,15 +54,16 @@ def live(
         if importlib.util.find_spec(name) is None:
             raise InputError(f"live: {name} is not installed: pip install 'anhyst[live]'")
     from anhyst.live.guard import read_address
+    from anhyst.live.improver import Improver
     from anhyst.live.recorder import StreamRecorder
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
-    from anhyst.rig.bearing.file import read_bearing
-    from anhyst.study.bench import open_bench
+    from anhyst.study.bench import prepare_bench
 
     taken = listen_on(*read_address(listen, token))
-    with progress_bar("live") as progress:
-        bench = open_bench(rig, controller, progress)
+    with progress_bar("live") as progress, TemporaryDirectory(prefix="anhyst-") as place:
+        prepared = prepare_bench(rig, controller, Path(place), progress)
+        bench = prepared.open()  # runs on without the folder
     try:
         recorder = None if record is None else StreamRecorder(record, bench.signals, bench.rate)
     except BaseException:
@@ -72,7 +74,7 @@ def live(
     def started(address: str) -> None:
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
-    target = read_bearing(rig).settings.simulate.gap_m
-    serve(LiveSession(bench, recorder, target), rig.resolve().parent.name, taken, shown, started)
+    session = LiveSession(bench, recorder, prepared.target, Improver(prepared, bench))
+    serve(session, rig.resolve().parent.name, taken, shown, started)
     if recorder is not None:
         show(f"written: {recorder.path}, {recorder.rows} ticks")

@@ -36,6 +36,7 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "parameters": parameters_of(session),
         "shapes": list(SHAPES),
         "frequencies": [LOWEST_HZ, HIGHEST_HZ],
+        "limits": None if session.improver is None else session.improver.limits(),
     }
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from anhyst.control.states import Command
 from anhyst.live.generator import Generator
+from anhyst.live.improve import improve
 from anhyst.live.session import LiveSession, finite
 from anhyst.support.errors import InputError
 
@@ -119,6 +120,7 @@ _ACTS: Mapping[str, Act] = {
     "generator": _generator,
     "apply": _apply,
     "pace": _pace,
+    "improve": improve,
 }
 
 

@@ -9,9 +9,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.states import Command
+from anhyst.live.drift import BenchWatch
 from anhyst.live.drive import DrivenBench
 from anhyst.live.generator import Generator
+from anhyst.live.improver import Improver
 from anhyst.live.recorder import StreamRecorder
+from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.bench.subscription import Subscription
@@ -46,6 +49,8 @@ class LiveSession:
         Gets every row from the first tick on; the bench waits for it. Closed with the session.
     target : float, optional
         Target with which the bench was opened, m or N.
+    improver : Improver, optional
+        Finds a better model beside the bench. Closed with the session.
 
     Attributes
     ----------
@@ -54,6 +59,9 @@ class LiveSession:
     paced : PacedBench
         What runs it.
     recorder : StreamRecorder or None
+    improver : Improver or None
+    watched : BenchWatch or None
+        Whether its model still fits, where that is watched.
     log : deque of LogEntry
         What was changed of late.
     logged : int
@@ -67,8 +75,12 @@ class LiveSession:
         bench: Bench,
         recorder: StreamRecorder | None = None,
         target: float | None = None,
+        improver: Improver | None = None,
     ) -> None:
         self.bench = DrivenBench(bench, target)
+        self.improver = improver
+        self.watched: BenchWatch | None = None
+        self._unwatch: Callable[[], None] = lambda: None
         self.recorder = recorder
         self.log: deque[LogEntry] = deque(maxlen=_LOG)
         self.logged = 0
@@ -88,7 +100,9 @@ class LiveSession:
         self.paced.resume()
 
     def close(self) -> None:
-        """End the bench and the recording."""
+        """End the bench, the recording and work beside it."""
+        if self.improver is not None:
+            self.improver.close()
         self.paced.close()
         for thread in self._threads:
             thread.join()
@@ -142,6 +156,22 @@ class LiveSession:
             raise InputError("generator: set a target first")
         self.bench.generate(generator)
 
+    def watch(self, model: ActuatorModel | None) -> None:
+        """Hold the rows from now on against a model, or no more.
+
+        Raises
+        ------
+        InputError
+            The bench does not say what is needed.
+        """
+        watched = None
+        if model is not None:
+            watched = BenchWatch(model, self.bench.signals, self.bench.rate)
+        self._unwatch()
+        self.watched = watched
+        if watched is not None:
+            self._unwatch = self.listen(watched.take)
+
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together; returns the first tick that uses them."""
         tick = self.bench.apply(values)
@@ -168,6 +198,8 @@ class LiveSession:
             "generator": shown or None,
             "recording": written or None,
             "ended": self.ended,
+            "improve": None if self.improver is None else self.improver.status(),
+            "watch": None if self.watched is None else self.watched.status(),
         }
 
     def _look_on(self, listener: Listener, subscription: Subscription) -> threading.Thread:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
@@ -186,6 +186,17 @@ class BearingBench:
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together, from the next tick on."""
         self.load_drive.apply(values, self.tick + 1)
+        return self.tick + 1
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        self._heartbeat.restart()
+        return self._link.read_block()
+
+    def swap_block(self, words: Sequence[int]) -> int:
+        """Put another parameter block in force, from the next tick on."""
+        self._link.write_block(words)
+        self._heartbeat.restart()
         return self.tick + 1
 
     def close(self) -> None:

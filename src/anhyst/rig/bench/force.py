@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 
 import numpy as np
@@ -213,6 +213,17 @@ class ForceBench:
             name: self._link.read_setting(Setting[name.upper()]) * self._per_code(name)
             for name in _SETTINGS
         }
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        self._heartbeat.restart()
+        return self._link.read_block()
+
+    def swap_block(self, words: Sequence[int]) -> int:
+        """Put another parameter block in force, from the next tick on."""
+        self._link.write_block(words)
+        self._heartbeat.restart()
+        return self.tick + 1
 
     def close(self) -> None:
         """End the firmware."""
