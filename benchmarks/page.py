@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from anhyst.control.states import Command
-from anhyst.live.recorder import StreamRecorder
+from anhyst.live.recorder import start_recording
 from anhyst.live.run import listen_on, make_server
 from anhyst.live.session import LiveSession
 from anhyst.study.bench import open_bench
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
-GAP = 0.45e-3
 SIGNALS = 16
 DRAWN_S = 20.0
 ORDERS = 40
@@ -74,7 +73,7 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
     from playwright.sync_api import sync_playwright
 
     bench = open_bench(RIG)
-    session = LiveSession(bench, StreamRecorder(place / "run.csv", bench.signals, bench.rate), GAP)
+    session = LiveSession(bench, start_recording(place / "run.csv", bench.signals, bench.rate))
     taken = listen_on("127.0.0.1", 0)
     port = int(taken.getsockname()[1])
     server = make_server(session, "bearing", ("127.0.0.1", port))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import shutil
 import threading
 import time
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from anhyst.live.improver import Improver
 from anhyst.live.recorder import start_recording
 from anhyst.live.run import listen_on, make_server
 from anhyst.live.session import LiveSession
@@ -19,6 +21,8 @@ from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.study.bearing.on_board import build_firmware
+from anhyst.study.prepared import Prepared, PreparedForce
+from tests.live.improving import unknown_iron
 from tests.once import made_once
 from tests.rig import forces
 from tests.study import bearings
@@ -36,6 +40,18 @@ def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
         build_firmware(rig, file, bearings.knowledge(), "host", folder)
 
     return made_once(tmp_path_factory, "live", make) / "firmware"
+
+
+@pytest.fixture(scope="session")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> PreparedForce:
+    """A force rig with an iron that its controller does not know."""
+
+    def make(folder: Path) -> None:
+        (folder / "prepared").write_bytes(pickle.dumps(unknown_iron(folder / "rig")))
+
+    folder = made_once(tmp_path_factory, "improve", make)
+    found: PreparedForce = pickle.loads((folder / "prepared").read_bytes())
+    return found
 
 
 @pytest.fixture
@@ -74,10 +90,19 @@ def serve(firmware: Path, tmp_path: Path) -> Iterator[Serve]:
     folder = tmp_path / "work"
     folder.mkdir()
 
-    def start(token: str = "", record: Path | None = None, bench: Bench | None = None) -> Served:
-        opened = bench or BearingBench(bearings.single(), firmware)
-        recording = start_recording(record, opened.signals, opened.rate) if record else None
-        session = LiveSession(opened, recording, folder)
+    def start(
+        token: str = "",
+        record: Path | None = None,
+        bench: Bench | None = None,
+        prepared: Prepared | None = None,
+    ) -> Served:
+        improver = None
+        if prepared is not None:
+            opened = bench = prepared.open()
+            improver = Improver(prepared, opened)
+        bench = bench or BearingBench(bearings.single(), firmware)
+        recording = start_recording(record, bench.signals, bench.rate) if record else None
+        session = LiveSession(bench, recording, folder, improver)
         taken = listen_on("127.0.0.1", 0)
         port = int(taken.getsockname()[1])
         server = make_server(session, "bearing", ("127.0.0.1", port), token)

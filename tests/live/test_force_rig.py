@@ -63,7 +63,13 @@ def test_a_generator_ends_where_the_bench_takes_no_more_of_it(
     session.do(lambda: session.generate(Generator("sine", 5.0, 2.0, begin)))
     seen: list[FloatArray] = []
     enough = threading.Event()
-    session.listen(lambda rows: (seen.append(rows), len(seen) > 20 and enough.set())[0])
+
+    def see(rows: FloatArray) -> None:
+        seen.append(rows)
+        if len(seen) > 20:
+            enough.set()
+
+    session.listen(see)
     session.do(lambda: force_bench.command(Command.IDLE))  # past the page
     assert enough.wait(10.0)
     assert session.status()["generator"] is None

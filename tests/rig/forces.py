@@ -30,5 +30,5 @@ def program(factory: pytest.TempPathFactory) -> Program:
         (folder / "program").write_bytes(pickle.dumps(built))
 
     folder = made_once(factory, "force", make)
-    found: Program = pickle.loads((folder / "program").read_bytes())  # noqa: S301 - our own
+    found: Program = pickle.loads((folder / "program").read_bytes())
     return replace(found, firmware=folder / "firmware")

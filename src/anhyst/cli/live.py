@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import secrets
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -59,14 +60,16 @@ def live(
         if importlib.util.find_spec(name) is None:
             raise InputError(f"live: {name} is not installed: pip install 'anhyst[live]'")
     from anhyst.live.guard import read_address
+    from anhyst.live.improver import Improver
     from anhyst.live.recorder import start_recording
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
-    from anhyst.study.bench import open_bench
+    from anhyst.study.bench import prepare_bench
 
     taken = listen_on(*read_address(listen, token))
-    with progress_bar("live") as progress:
-        bench = open_bench(rig, controller, progress)
+    with progress_bar("live") as progress, TemporaryDirectory(prefix="anhyst-") as place:
+        prepared = prepare_bench(rig, controller, Path(place), progress)
+        bench = prepared.open()  # runs on without the folder
     try:
         recording = None if record is None else start_recording(record, bench.signals, bench.rate)
     except BaseException:
@@ -78,7 +81,7 @@ def live(
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
     folder = Path() if record is None else record.parent
-    session = LiveSession(bench, recording, folder)
+    session = LiveSession(bench, recording, folder, Improver(prepared, bench))
     serve(session, rig.resolve().parent.name, taken, shown, started)
     if recording is not None:
         show(f"written: {recording.path}, {recording.rows} ticks")

@@ -144,7 +144,11 @@ def largest_output(limits: DemandLimits) -> float:
 
 
 def make_plan(
-    model: ActuatorModel, request: CompileRequest, model_hash: int, share: float = 1.0
+    model: ActuatorModel,
+    request: CompileRequest,
+    model_hash: int,
+    share: float = 1.0,
+    scales: Scales | None = None,
 ) -> Plan:
     """Decide how a model is compiled.
 
@@ -158,6 +162,9 @@ def make_plan(
         First 32 bits of the hash of the model file.
     share : float, optional
         Of the allowance that the plan may use up on its own path.
+    scales : Scales, optional
+        Of a board that the block is for, which hold all that the model does; round values above
+        that if left out.
 
     Returns
     -------
@@ -171,7 +178,7 @@ def make_plan(
     """
     refuse_uncompilable(model)
     limits = find_limits(model)
-    scales = find_scales(model, limits)
+    scales = scales or find_scales(model, limits)
     flux_shift(flux_gain(model, scales, np.linspace(scales.gap_low, scales.gap_high, GAPS)))
     allowance = ACCURACY / 100.0 * largest_output(limits)
     if request.accuracy is not None:

@@ -42,6 +42,7 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "frequencies": [LOWEST_HZ, HIGHEST_HZ],
         "folder": str(session.recorder.folder.resolve()),
         "kept": KEPT_S,
+        "limits": None if session.improver is None else session.improver.limits(),
     }
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from anhyst.control.states import Command
 from anhyst.live.generator import Generator
+from anhyst.live.improve import improve
 from anhyst.live.recording import Span
 from anhyst.live.session import LiveSession, finite
 from anhyst.support.errors import InputError
@@ -138,6 +139,7 @@ _ACTS: Mapping[str, Act] = {
     "apply": _apply,
     "pace": _pace,
     "record": _record,
+    "improve": improve,
 }
 
 

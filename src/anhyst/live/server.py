@@ -60,6 +60,7 @@ class Client:
         self.outbox = Outbox()
         self.logged = 0
         self.parameters: tuple[Parameter, ...] = ()
+        self.results: Mapping[str, Any] = {}
         self._answers: deque[Mapping[str, Any]] = deque(maxlen=_ANSWERS)
 
     @property
@@ -174,6 +175,10 @@ class LiveServer:
         if client.parameters is not self.session.parameters:
             client.parameters = self.session.parameters
             await client.say({"kind": "parameters", "parameters": parameters_of(self.session)})
+        improver = self.session.improver
+        if improver is not None and client.results is not improver.results:
+            client.results = improver.results
+            await client.say({"kind": "improve", "results": client.results})
 
     def _status(self, client: Client) -> Mapping[str, Any]:
         entries = list(self.session.log)

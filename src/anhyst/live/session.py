@@ -10,10 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.states import Command
+from anhyst.live.drift import BenchWatch
 from anhyst.live.drive import DrivenBench
 from anhyst.live.generator import Generator
+from anhyst.live.improver import Improver
 from anhyst.live.recorder import Recording
 from anhyst.live.recording import Recorder, Span
+from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.bench.subscription import Subscription
@@ -48,6 +51,8 @@ class LiveSession:
         Gets every row from the first tick on.
     folder : Path, optional
         Where recordings are written; the working folder if left out.
+    improver : Improver, optional
+        Finds a better model beside the bench. Closed with the session.
 
     Attributes
     ----------
@@ -57,6 +62,9 @@ class LiveSession:
         What runs it.
     recorder : Recorder
         The bench waits for it.
+    improver : Improver or None
+    watched : BenchWatch or None
+        Whether its model still fits, where that is watched.
     log : deque of LogEntry
         What was changed of late.
     logged : int
@@ -70,8 +78,12 @@ class LiveSession:
         bench: Bench,
         recording: Recording | None = None,
         folder: Path | None = None,
+        improver: Improver | None = None,
     ) -> None:
         self.bench = DrivenBench(bench, self._generator_refused)
+        self.improver = improver
+        self.watched: BenchWatch | None = None
+        self._unwatch: Callable[[], None] = lambda: None
         self.log: deque[LogEntry] = deque(maxlen=_LOG)
         self.logged = 0
         self.parameters = bench.parameters()
@@ -94,7 +106,9 @@ class LiveSession:
         self.paced.resume()
 
     def close(self) -> None:
-        """End the bench and the recording."""
+        """End the bench, the recording and work beside it."""
+        if self.improver is not None:
+            self.improver.close()
         self.paced.close()
         for thread in self._threads:
             thread.join()
@@ -152,6 +166,22 @@ class LiveSession:
         """Start a generator around the target, or stop it and go back to the target."""
         self.bench.generate(generator)
 
+    def watch(self, model: ActuatorModel | None) -> None:
+        """Hold the rows from now on against a model, or no more.
+
+        Raises
+        ------
+        InputError
+            The bench does not say what is needed.
+        """
+        watched = None
+        if model is not None:
+            watched = BenchWatch(model, self.bench.signals, self.bench.rate)
+        self._unwatch()
+        self.watched = watched
+        if watched is not None:
+            self._unwatch = self.listen(watched.take)
+
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together; returns the first tick that uses them."""
         tick = self.bench.apply(values)
@@ -177,6 +207,8 @@ class LiveSession:
             "generator": shown or None,
             "recording": self.recorder.status(),
             "ended": self.ended,
+            "improve": None if self.improver is None else self.improver.status(),
+            "watch": None if self.watched is None else self.watched.status(),
         }
 
     def _note_parameters(self) -> None:

@@ -16,6 +16,7 @@ from anhyst.identify.identify import check_wanted
 from anhyst.identify.options import IdentifyTable
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
 from anhyst.support.toml_file import Fault, faults_error
 from anhyst.support.toml_text import Path as KeyPath
 
@@ -118,7 +119,9 @@ def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fa
     return []
 
 
-def identify_loops(loops: LoopSet, options: IdentifyTable, gap_map: str) -> ActuatorModel:
+def identify_loops(
+    loops: LoopSet, options: IdentifyTable, gap_map: str, progress: Progress | None = None
+) -> ActuatorModel:
     """Identify a model as a rig file wants it.
 
     Parameters
@@ -128,5 +131,7 @@ def identify_loops(loops: LoopSet, options: IdentifyTable, gap_map: str) -> Actu
     options : IdentifyTable
     gap_map : str
         Which one, where the file does not say.
+    progress : callable, optional
+        Called with what is done and what there is in all.
     """
-    return identify(loops, **options.searching(gap_map)).model
+    return identify(loops, **options.searching(gap_map), progress=progress).model

@@ -6,15 +6,15 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-from anhyst.compensate.baselines import fit_ratio
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
+from anhyst.rig.force.modelling import find_model, loops_of_rig
 from anhyst.rig.force.programs import prepare
 from anhyst.rig.from_loops import complete_rig
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.prepared import Prepared, PreparedBearing, PreparedForce
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -49,39 +49,65 @@ def open_bench(
         no compiler.
     """
     with tempfile.TemporaryDirectory(prefix="anhyst-") as place:  # a firmware runs on without it
-        if _is_force_rig(rig_path):
-            if controller_path is not None:
-                raise InputError(f"{controller_path}: a force rig has no controller file")
-            return _force(rig_path, Path(place), progress)
-        return _bearing(rig_path, controller_path, Path(place), progress)
-
-
-def _bearing(
-    rig_path: PathLike, controller_path: PathLike | None, place: Path, progress: Progress | None
-) -> BearingBench:
-    rig, controller = read_files(rig_path, controller_path)
-    ready = make_ready(rig, controller)
-    _report(progress, 1.0)
-    setup, firmware = build_firmware(ready.rig, controller, ready.knowledge(), "host", place)
-    _report(progress, 2.0)
-    bench = BearingBench(setup, firmware)
+        bench = prepare_bench(rig_path, controller_path, Path(place), progress).open()
     _report(progress, _WORK)
     return bench
 
 
-def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> ForceBench:
+def prepare_bench(
+    rig_path: PathLike,
+    controller_path: PathLike | None,
+    place: Path,
+    progress: Progress | None = None,
+) -> Prepared:
+    """Compile and build all that the virtual bench of a rig needs.
+
+    Parameters
+    ----------
+    rig_path, controller_path : path-like
+        As of :func:`open_bench`.
+    place : Path
+        Folder for what is made on the way, and for the firmware.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Prepared
+        What opens it.
+
+    Raises
+    ------
+    InputError
+        As of :func:`open_bench`.
+    """
+    if _is_force_rig(rig_path):
+        if controller_path is not None:
+            raise InputError(f"{controller_path}: a force rig has no controller file")
+        return _force(rig_path, place, progress)
+    return _bearing(rig_path, controller_path, place, progress)
+
+
+def _bearing(
+    rig_path: PathLike, controller_path: PathLike | None, place: Path, progress: Progress | None
+) -> PreparedBearing:
+    rig, controller = read_files(rig_path, controller_path)
+    ready = make_ready(rig, controller)
+    _report(progress, 1.0)
+    known = ready.knowledge()
+    setup, firmware = build_firmware(ready.rig, controller, known, "host", place)
+    _report(progress, 2.0)
+    return PreparedBearing(setup, known.model, firmware)
+
+
+def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> PreparedForce:
     rig = read_rig(rig_path)
     loops = loops_of_rig(rig)
     rig = complete_rig(rig, loops)
     _report(progress, 1.0)
     program = prepare("full", find_model(rig, loops), rig.settings.rate_Hz, "host", place / "full")
     _report(progress, 2.0)
-    bench = ForceBench(rig, program)
-    settings = rig.settings.force_control
-    ratio = fit_ratio(loops_at(loops, settings.end_m), settings.force_max_N)
-    bench.apply({"ratio": 1.0 / float(ratio.ratio[0])})
-    _report(progress, _WORK)
-    return bench
+    return PreparedForce(rig, loops, program)
 
 
 def _is_force_rig(path: PathLike) -> bool:

@@ -1,6 +1,7 @@
 // Brings link, views and controls together.
 
 import { kept, make } from "./dom.js";
+import { Improve } from "./improve.js";
 import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
 import { Panel } from "./panel.js";
@@ -9,7 +10,7 @@ import { Scope } from "./scope.js";
 import { StepView } from "./steps.js";
 import { Store } from "./store.js";
 
-const VIEWS = ["scope", "loop", "steps", "parameters", "log"];
+const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve"];
 const NOTICE_MS = 8000;
 
 const at = (id) => document.getElementById(id);
@@ -21,6 +22,7 @@ link.addEventListener("bench", (event) => open(event.detail));
 link.addEventListener("frame", (event) => feed(event.detail));
 link.addEventListener("status", (event) => status(event.detail));
 link.addEventListener("parameters", (event) => page?.parameters.show(event.detail.parameters));
+link.addEventListener("improve", (event) => page?.improve.show(event.detail.results));
 link.addEventListener("lost", (event) => lost(event.detail));
 
 // Sends an order; a refusal is shown, and then there is no answer.
@@ -44,6 +46,7 @@ function open(bench) {
     scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, () => parameters.label()),
+    improve: new Improve(at("improve"), bench, order),
     panel: new Panel(at("panel"), bench, order),
   };
   at("title").textContent = bench.title;
@@ -78,6 +81,7 @@ function status(now) {
     slips: String(now.slips),
     recorded: recorded(now.recording),
   });
+  page.improve.status(now);
   role(now);
   for (const entry of now.log) write(entry);
   if (now.ended) notify(now.ended);

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
@@ -202,6 +202,17 @@ class BearingBench:
         self._heartbeat.restart()
         rest = {name: value for name, value in values.items() if name not in own}
         self.load_drive.apply(rest, self.tick + 1)
+        return self.tick + 1
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        self._heartbeat.restart()
+        return self._link.read_block()
+
+    def swap_block(self, words: Sequence[int]) -> int:
+        """Put another parameter block in force, from the next tick on."""
+        self._link.write_block(words)
+        self._heartbeat.restart()
         return self.tick + 1
 
     def close(self) -> None:

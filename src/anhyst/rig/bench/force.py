@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 
 import numpy as np
@@ -185,6 +185,17 @@ class ForceBench:
         check_values(values, self.parameters())
         self._settings.write(values, self._state is State.RUN)
         self._stand.armature.apply(values)
+        self._heartbeat.restart()
+        return self.tick + 1
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        self._heartbeat.restart()
+        return self._link.read_block()
+
+    def swap_block(self, words: Sequence[int]) -> int:
+        """Put another parameter block in force, from the next tick on."""
+        self._link.write_block(words)
         self._heartbeat.restart()
         return self.tick + 1
 

@@ -13,6 +13,7 @@ from anhyst.model.parameters import Parameter
 from anhyst.rig.force.file import Rig
 from anhyst.rig.loop_files import identify_loops
 from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
 
 SAFE = 5.0
 """The dead band is at least so many standard deviations of the noise of the field."""
@@ -54,7 +55,7 @@ def loops_at(loops: LoopSet, gap: float) -> LoopSet:
     return loops.with_loops(loop for loop in loops.loops if _near(loop.schedule_value, gap))
 
 
-def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
+def find_model(rig: Rig, loops: LoopSet, progress: Progress | None = None) -> ActuatorModel:
     """Identify a model of these loops and make it ready for force control.
 
     One position gives a model of this gap alone; several give one of the map ``circuit``, under
@@ -69,6 +70,8 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
         For the noise and the largest force.
     loops : LoopSet
         Current to force, with their history.
+    progress : callable, optional
+        Called with what is done and what there is in all.
 
     Returns
     -------
@@ -76,7 +79,7 @@ def find_model(rig: Rig, loops: LoopSet) -> ActuatorModel:
     """
     several = len(loops.by_schedule()) > 1
     options = rig.settings.identify
-    found = identify_loops(loops, options, "circuit" if several else "auto")
+    found = identify_loops(loops, options, "circuit" if several else "auto", progress)
     if options.dead_band:
         found = _spanning(found, _least_dead_band(found, rig))
     valid = found.valid

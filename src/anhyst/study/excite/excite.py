@@ -357,11 +357,25 @@ def excite(rig: PathLike, out: PathLike, progress: Progress | None = None) -> Ex
         measured = measure(found.specimen, progress)
     except InputError as error:
         raise InputError(f"{rig}: {error}") from error
-    histories = {loop.label: str(loop.history) for loop in measured.loops.loops}
-    with atomic_writer(sidecar) as file:
-        file.write(_sidecar(Path(rig), histories, measured.notes))
-    measured.loops.to_csv(place)
+    write_excitation(measured, Path(rig), place)
     return measured
+
+
+def write_excitation(measured: Excitation, rig: Path, out: Path) -> None:
+    """Write measured loops, and the sidecar that says how they begin.
+
+    Parameters
+    ----------
+    measured : Excitation
+    rig : Path
+        Rig file, for a comment.
+    out : Path
+        CSV; the sidecar is the TOML of the same name.
+    """
+    histories = {loop.label: str(loop.history) for loop in measured.loops.loops}
+    with atomic_writer(out.with_suffix(".toml")) as file:
+        file.write(_sidecar(rig, histories, measured.notes))
+    measured.loops.to_csv(out)
 
 
 def _sidecar(rig: Path, histories: Mapping[str, str], notes: tuple[str, ...]) -> str:

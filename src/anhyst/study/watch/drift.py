@@ -68,11 +68,21 @@ class Finding:
         Whether there are too few of them yet to say anything.
     drifted : Drifted or None
         The first drift; None while the model fits.
+    usual, left : float
+        What the model left of the output while it was seen to fit, and leaves in the last cycle:
+        rms, in its unit, noise included. 0 before there is a cycle.
     """
 
     cycles: int
     learning: bool
     drifted: Drifted | None
+    usual: float = field(default=0.0, compare=False)
+    left: float = field(default=0.0, compare=False)
+
+    @property
+    def gain(self) -> float:
+        """By how much the error falls if the model is measured again, as far as can be said."""
+        return max(0.0, self.left - self.usual)
 
     def text(self, rate: float) -> str:
         """Say it in a sentence; ticks are turned into seconds by `rate`, Hz."""
@@ -80,7 +90,8 @@ class Finding:
             one = self.drifted
             return (
                 f"the {one.name} has drifted by {one.shift:+.3g} N since {one.since / rate:.1f} s "
-                f"(found at {one.found / rate:.1f} s); measure again"
+                f"(found at {one.found / rate:.1f} s); the model leaves {self.left:.3g} N rms instead "
+                f"of {self.usual:.3g} N, measure again"
             )
         if self.learning:
             return f"learning: {self.cycles} of {LEARN} cycles of the current seen"
@@ -164,6 +175,8 @@ class DriftWatch:
     _charts: dict[Name, Chart] = field(default_factory=dict, init=False)
     _rise: float | None = field(default=None, init=False)
     _ends: list[int] = field(default_factory=list, init=False)
+    _squares: list[float] = field(default_factory=list, init=False)
+    _sum: tuple[float, int] = field(default=(0.0, 0), init=False)
     _tick: int | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -205,6 +218,7 @@ class DriftWatch:
         self._tick = int(ticks[-1])
         left = force - self._stepper.follow(current, gap)
         for tick, drive, rest in zip(ticks.tolist(), current.tolist(), left.tolist(), strict=True):
+            self._sum = self._sum[0] + rest * rest, self._sum[1] + 1
             branch = self._cycles.add(int(tick), drive, rest)
             if branch is not None:
                 self._branch(*branch)
@@ -225,6 +239,8 @@ class DriftWatch:
 
     def _cycle(self, values: dict[Name, float], tick: int) -> None:
         self._ends.append(tick)
+        self._squares.append(self._sum[0] / self._sum[1])
+        self._sum = 0.0, 0
         drifted = None
         for name, value in values.items():
             if not self._charts.get(name):
@@ -239,4 +255,6 @@ class DriftWatch:
                 name: Chart(Reference.of(rows[1:]), self.least, 2.0 * self.run_length)
                 for name, rows in self._rows.items()
             }
-        self.finding = Finding(len(self._ends), not self._charts, drifted)
+        usual = float(np.sqrt(np.mean(self._squares[1 : LEARN + 1] or self._squares)))
+        left = float(np.sqrt(self._squares[-1]))
+        self.finding = Finding(len(self._ends), not self._charts, drifted, usual, left)

@@ -1,0 +1,218 @@
+// The improve view: measure, identify, compile, swap, each by one button, with what it left.
+
+import { Plane, limits } from "./canvas.js";
+import { field, make } from "./dom.js";
+import { ink } from "./strip.js";
+import { Watch } from "./watch.js";
+
+const OLD = "#d55e00";
+const NEW = "#0072b2";
+const LIMITS = [
+  ["current_A", "current", "A"],
+  ["rate_A_per_s", "rate", "A/s"],
+  ["force_N", "force", "N"],
+];
+const STEPS = ["measure", "identify", "compile", "swap"];
+
+export class Improve {
+  #results = {};
+  #shown = ""; // what is drawn, and how large
+
+  constructor(place, bench, order) {
+    this.order = order;
+    if (!bench.limits) {
+      place.textContent = "this bench was not opened from a rig file: nothing is measured from here";
+      return;
+    }
+    this.buttons = Object.fromEntries(STEPS.map((step) => [step, this.#button(step)]));
+    this.cancel = make("button", { textContent: "cancel", onclick: () => order("improve", { step: "cancel" }) });
+    this.back = make("button", { textContent: "swap back", onclick: () => this.#swap("back") });
+    this.save = make("button", { textContent: "save files", onclick: () => this.#files() });
+    this.now = make("output", { className: "reading", id: "improving" });
+    this.bar = make("progress", { max: 1, value: 0, hidden: true });
+    this.figures = make("div", { className: "scroll figures" });
+    const left = make("figure");
+    const right = make("figure");
+    this.left = new Plane(left, "", "");
+    this.loops = new Plane(right, "current / A", "force / N");
+    this.watch = new Watch(order);
+    place.replaceChildren(
+      make("div", { className: "bar" }, ...this.#limits(bench.limits)),
+      make(
+        "div",
+        { className: "bar" },
+        ...Object.values(this.buttons),
+        this.back,
+        this.cancel,
+        this.save,
+        this.bar,
+        this.now,
+      ),
+      this.figures,
+      make("div", { className: "pair" }, left, right),
+      this.watch.element,
+    );
+  }
+
+  #button(step) {
+    const number = STEPS.indexOf(step) + 1;
+    const begin = () => (step === "swap" ? this.#swap(step) : this.#begin(step));
+    return make("button", { textContent: `${number}. ${step}`, onclick: begin });
+  }
+
+  // Limits of the rig file, to be drawn tighter; and what the winding stands.
+  #limits({ gaps_m: gaps, winding, ...bounds }) {
+    this.inputs = {};
+    const fields = LIMITS.map(([name, text, unit]) => {
+      const { value, key } = bounds[name];
+      const input = make("input", { type: "number", step: "any", className: "number" });
+      input.value = short(value);
+      input.title = `at most ${short(value)} ${unit}: ${key}`;
+      input.setAttribute("aria-label", name);
+      this.inputs[name] = { input, most: value };
+      return field(text, input, unit);
+    });
+    const warm = winding
+      ? `I²t: ${short(winding.continuous_A)} A for ever, ${short(winding.thermal_s)} s`
+      : "I²t: the rig file does not say what the winding stands";
+    const where = gaps.map((gap) => short(1e3 * gap)).join(", ");
+    return [...fields, make("span", { className: "soft", textContent: `${warm}; gaps ${where} mm` })];
+  }
+
+  #begin(step) {
+    const tighter = {};
+    for (const [name, { input, most }] of Object.entries(this.inputs)) {
+      const value = Number(input.value);
+      if (short(value) !== short(most)) tighter[name] = value;
+    }
+    return this.order("improve", { step, ...(step === "measure" ? { limits: tighter } : {}) });
+  }
+
+  async #swap(step) {
+    const answer = await this.order("improve", { step });
+    if (answer) this.swapped = `${step === "swap" ? "new model" : "model before"} in force from tick ${answer.applied} on`;
+  }
+
+  async #files() {
+    const answer = await this.order("improve", { step: "files" });
+    for (const [name, text] of Object.entries(answer?.files ?? {})) {
+      const link = make("a", { download: name, href: URL.createObjectURL(new Blob([text])) });
+      link.click();
+      URL.revokeObjectURL(link.href);
+    }
+  }
+
+  // Takes what the steps left.
+  show(results) {
+    if (!this.now) return;
+    this.#results = results;
+    this.#shown = "";
+    this.figures.replaceChildren(...this.#tables(results));
+  }
+
+  status({ improve, watch }) {
+    if (!this.now || !improve) return;
+    const { step, share, seconds, trouble, back } = improve;
+    this.bar.hidden = !step;
+    this.bar.value = share;
+    this.cancel.disabled = !step;
+    this.back.disabled = !back || Boolean(step);
+    this.save.disabled = !this.#results.measure;
+    for (const [n, name] of STEPS.entries())
+      this.buttons[name].disabled = Boolean(step) || (n > 0 && !this.#results[STEPS[n - 1]]);
+    this.now.textContent = step
+      ? `${step}: ${Math.round(100 * share)} %, ${Math.round(seconds)} s`
+      : trouble || this.swapped || "";
+    this.watch.show(watch);
+  }
+
+  #tables({ measure, identify, compile }) {
+    const lines = [];
+    if (measure) {
+      const warm = measure.warmth === null ? "" : `, I²t at most ${Math.round(100 * measure.warmth)} %`;
+      lines.push(
+        `${measure.loops} loops, ${measure.samples} samples, ${short(measure.duration_s / 60)} min of the rig's time${warm}`,
+        ...measure.notes,
+      );
+    }
+    if (compile)
+      lines.push(
+        `block: ${short(compile.worst_N)} N off its model at most, of ${short(compile.largest_N)} N`,
+      );
+    const found = lines.map((text) => make("p", { className: "soft", textContent: text }));
+    return identify ? [misfits(identify), ...found] : found;
+  }
+
+  draw() {
+    if (!this.now) return;
+    const { clientWidth, clientHeight } = this.left.canvas.parentElement;
+    const key = `${clientWidth} ${clientHeight} ${document.documentElement.dataset.theme}`;
+    if (key === this.#shown) return;
+    this.#shown = key;
+    const { measure, identify } = this.#results;
+    const loops = identify?.loops ?? [];
+    if (identify) this.#drawErrors(loops);
+    else this.#drawDrive(measure?.played ?? { time: [], current: [] });
+    const all = (name) => loops.map((one) => one[name]);
+    this.loops.begin([...limits(...all("current")), ...limits(...all("force"), ...all("old"))]);
+    for (const one of loops) this.loops.line(one.current, one.force, ink("--soft"), 2.5, 0.5);
+    for (const one of loops) this.loops.line(one.current, one.old, OLD, 1);
+    for (const one of loops) this.loops.line(one.current, one.new, NEW, 1);
+  }
+
+  #drawDrive({ time, current }) {
+    this.left.labels = ["time / s", "current / A"];
+    this.left.begin([...limits(time), ...limits(current)]);
+    this.left.line(time, current, NEW, 1);
+  }
+
+  // What each model is off the measured loops.
+  #drawErrors(loops) {
+    const errors = (name) =>
+      loops.map((one) => one[name].map((force, i) => force - one.force[i]));
+    const [old, found] = [errors("old"), errors("new")];
+    this.left.labels = ["current / A", "model − measured / N"];
+    this.left.begin([...limits(...loops.map((one) => one.current)), ...limits(...old, ...found)]);
+    for (const [n, { current }] of loops.entries()) {
+      this.left.line(current, old[n], OLD, 1);
+      this.left.line(current, found[n], NEW, 1);
+    }
+  }
+}
+
+// What both models leave of the measured loops, over all and gap by gap.
+function misfits({ law, old, new: found, gaps }) {
+  const cell = (text, colour) => {
+    const element = make("td", { textContent: text });
+    if (colour) element.style.color = colour;
+    return element;
+  };
+  const row = (name, one, other) =>
+    make(
+      "tr",
+      {},
+      make("th", { textContent: name, scope: "row" }),
+      cell(`${short(one.rms_N)} N`, OLD),
+      cell(`${short(one.worst_N)} N`, OLD),
+      cell(`${short(other.rms_N)} N`, NEW),
+      cell(`${short(other.worst_N)} N`, NEW),
+    );
+  const heads = ["against measured loops", "old: rms", "worst", `new (${law}): rms`, "worst"];
+  return make(
+    "table",
+    { id: "misfits" },
+    make("thead", {}, make("tr", {}, ...heads.map((text) => make("th", { textContent: text })))),
+    make(
+      "tbody",
+      {},
+      row("all", old, found),
+      ...(gaps.length > 1
+        ? gaps.map((one) => row(`${short(1e3 * one.gap_m)} mm`, one.old, one.new))
+        : []),
+    ),
+  );
+}
+
+function short(value) {
+  return String(Number(value.toPrecision(4)));
+}

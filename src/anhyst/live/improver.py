@@ -1,0 +1,184 @@
+"""From what runs to a better model of it: measure, identify, compile, one step after the other."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from anhyst.link.blocks import GENERATION_AT, regenerate
+from anhyst.live.job import Job, Work
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.rig.bench.exchange import BlockHolder
+from anhyst.study.improve.steps import (
+    LOOPS,
+    MODEL,
+    compile_block,
+    identify_model,
+    limits_of,
+    measure_loops,
+    within,
+)
+from anhyst.study.prepared import Prepared
+from anhyst.support.errors import InputError
+
+STEPS = ("measure", "identify", "compile", "swap")
+"""In this order; each needs what the one before it left."""
+
+
+class Improver:
+    """What has been measured and found beside a bench, and the one job that may be under way.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        What the bench was opened from.
+    bench : BlockHolder
+        Touched within :meth:`swap` and :meth:`back` alone, which are called in its thread.
+
+    Attributes
+    ----------
+    model : ActuatorModel
+        Of the compensator in force.
+    results : mapping of str to mapping
+        What each step left, by its name; another mapping after each step. Steps after one that was
+        done again are gone.
+    """
+
+    def __init__(self, prepared: Prepared, bench: BlockHolder) -> None:
+        self.model = prepared.model
+        self.results: Mapping[str, Mapping[str, Any]] = {}
+        self._prepared = prepared
+        self._bench = bench
+        self._folder = tempfile.TemporaryDirectory(prefix="anhyst-improve-")
+        self._job: Job | None = None
+        self._step, self._trouble, self._began = "", "", 0.0
+        self._words: list[int] = []
+        self._before: tuple[list[int], ActuatorModel] | None = None
+
+    @property
+    def place(self) -> Path:
+        """Folder of the files that the steps leave."""
+        return Path(self._folder.name)
+
+    def limits(self) -> Mapping[str, Any]:
+        """Return what a drive will keep to."""
+        return limits_of(self._prepared)
+
+    def measure(self, tighter: Mapping[str, float]) -> None:
+        """Begin to measure loops, with some limits drawn tighter.
+
+        Raises
+        ------
+        InputError
+            A limit that is none, or wider than that of the rig file; or other work is under way.
+        """
+        within(self._prepared.specimen(), tighter)
+        self._begin("measure", measure_loops, dict(tighter))
+
+    def identify(self) -> None:
+        """Begin to identify a model of the loops."""
+        self._begin("identify", identify_model, self.model)
+
+    def compile(self) -> None:
+        """Begin to compile the model for the running board."""
+        self._begin("compile", compile_block)
+
+    def swap(self) -> int:
+        """Put the new model in force; in the thread of the bench.
+
+        Returns
+        -------
+        int
+            The first tick that uses it.
+
+        Raises
+        ------
+        InputError
+            Nothing is compiled, or the controller refuses it.
+        """
+        if "compile" not in self.results:
+            raise InputError("swap: nothing is compiled yet; compile first")
+        tick = self._exchange(self._words, read_model(self.place / MODEL))
+        self._leave("swap", {"tick": tick})
+        return tick
+
+    def back(self) -> int:
+        """Put in force what was before the last swap; in the thread of the bench.
+
+        Raises
+        ------
+        InputError
+            There is nothing before.
+        """
+        if self._before is None:
+            raise InputError("back: no model was swapped yet")
+        return self._exchange(*self._before)
+
+    def cancel(self) -> None:
+        """End the job that is under way, without a result."""
+        job, self._job = self._job, None
+        if job is not None:
+            job.cancel()
+            self._trouble = f"{self._step}: cancelled"
+
+    def files(self) -> Mapping[str, str]:
+        """Return the text of all files that the steps left, by name."""
+        names = (LOOPS, str(Path(LOOPS).with_suffix(".toml")), MODEL)
+        places = [self.place / name for name in names]
+        return {place.name: place.read_text("utf-8") for place in places if place.exists()}
+
+    def status(self) -> Mapping[str, Any]:
+        """Return what a page shows while a step is under way."""
+        job = self._job
+        return {
+            "step": self._step if job is not None else "",
+            "share": job.share if job is not None else 0.0,
+            "seconds": time.monotonic() - self._began if job is not None else 0.0,
+            "trouble": self._trouble,
+            "back": self._before is not None,
+        }
+
+    def close(self) -> None:
+        """End a job and forget the files."""
+        self.cancel()
+        self._folder.cleanup()
+
+    def _begin(self, step: str, work: Work, *given: Any) -> None:
+        if self._job is not None:
+            raise InputError(f"{step}: {self._step} is still under way; wait, or cancel it")
+        needed = STEPS[: STEPS.index(step)]
+        if needed and needed[-1] not in self.results:
+            raise InputError(f"{step}: {needed[-1]} comes first")
+        self._step, self._trouble, self._began = step, "", time.monotonic()
+
+        def ended(outcome: Mapping[str, Any] | str) -> None:
+            self._job = None
+            if isinstance(outcome, str):
+                self._trouble = f"{step}: {outcome}"
+            else:
+                self._leave(step, outcome)
+
+        self._job = Job(work, self._prepared, self.place, *given, ended=ended)
+
+    def _leave(self, step: str, result: Mapping[str, Any]) -> None:
+        """Keep what a step left; what came after it before counts no more."""
+        took = time.monotonic() - self._began
+        shown = {name: value for name, value in result.items() if name != "words"}
+        if "words" in result:
+            self._words = list(result["words"])
+        kept = STEPS[: STEPS.index(step)]
+        self.results = {
+            **{name: one for name, one in self.results.items() if name in kept},
+            step: {**shown, "took_s": took},
+        }
+
+    def _exchange(self, words: Sequence[int], model: ActuatorModel) -> int:
+        old = self._bench.read_block()
+        tick = self._bench.swap_block(regenerate(words, (old[GENERATION_AT] + 1) & 0xFFFF))
+        self._before = old, self.model
+        self.model = model
+        return tick

@@ -1,0 +1,92 @@
+"""Long work in a process of its own, while the bench goes on: progress, an end, cancelling."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Mapping
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any
+
+from anhyst.support.errors import InputError, NegativeResult
+
+Work = Callable[..., Mapping[str, Any]]
+"""Called with a :data:`anhyst.support.progress.Progress` and what else was given; of a module."""
+
+_NICE = 10
+"""The bench goes before."""
+
+
+class Job:
+    """A piece of work under way.
+
+    Parameters
+    ----------
+    work : callable
+        Of a module, so that another process finds it.
+    *given
+        What it is called with, after the progress.
+    ended : callable
+        Called with the result, or with the reason why there is none, in a thread of the job's own;
+        never once :meth:`cancel` was called.
+
+    Attributes
+    ----------
+    share : float
+        Done so far, 0 to 1.
+    """
+
+    def __init__(
+        self, work: Work, *given: Any, ended: Callable[[Mapping[str, Any] | str], None]
+    ) -> None:
+        self.share = 0.0
+        self._ended = ended
+        self._cancelled = False
+        context = get_context("spawn")
+        self._news, self._says = context.Pipe(duplex=False)
+        self._process = context.Process(
+            target=_run, args=(self._says, work, given), name="job", daemon=True
+        )
+        self._started = threading.Event()
+        self._thread = threading.Thread(target=self._listen, name="job", daemon=True)
+        self._thread.start()
+
+    def cancel(self) -> None:
+        """End it without a result."""
+        self._cancelled = True
+        self._started.wait()
+        self._process.kill()
+        self._thread.join()
+
+    def _listen(self) -> None:
+        self._process.start()  # takes a while, for which whoever asked does not wait
+        self._says.close()
+        self._started.set()
+        outcome: Mapping[str, Any] | str = "the work ended without a result; see the terminal"
+        try:
+            while True:
+                news = self._news.recv()
+                if isinstance(news, float):
+                    self.share = news
+                else:
+                    outcome = news
+        except EOFError:
+            self._process.join()
+        self._news.close()
+        if not self._cancelled:
+            self._ended(outcome)
+
+
+def _run(says: Connection, work: Work, given: tuple[Any, ...]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # ctrl-C ends the server, which ends this
+    os.nice(_NICE)
+
+    def progress(done: float, total: float) -> None:
+        says.send(min(1.0, done / total) if total > 0.0 else 0.0)
+
+    try:
+        says.send(dict(work(progress, *given)))
+    except (InputError, NegativeResult) as error:
+        says.send(str(error))

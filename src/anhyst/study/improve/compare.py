@@ -1,0 +1,109 @@
+"""Two models against the same measured loops, in newtons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from anhyst.data import LoopSet
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
+
+_POINTS = 100
+"""Of a loop, where it is drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """What a model leaves of measured loops, noise of the sensors included.
+
+    Parameters
+    ----------
+    rms, worst : float
+        In units of the output.
+    """
+
+    rms: float
+    worst: float
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """An old model and a new one.
+
+    Parameters
+    ----------
+    loops : LoopSet
+        Both are held against them.
+    old, new : tuple of ndarray
+        What each predicts, loop by loop.
+    """
+
+    loops: LoopSet
+    old: tuple[FloatArray, ...]
+    new: tuple[FloatArray, ...]
+
+    def misfit(self, predicted: tuple[FloatArray, ...], gap: float | None = None) -> Misfit:
+        """Return what is left over all loops, or over those of one gap."""
+        off = np.concatenate(
+            [
+                found - loop.output
+                for found, loop in zip(predicted, self.loops.loops, strict=True)
+                if gap is None or loop.schedule_value == gap
+            ]
+        )
+        return Misfit(float(np.sqrt(np.mean(np.square(off)))), float(np.abs(off).max()))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return figures, and loops to be drawn."""
+        rows = [
+            {"gap_m": gap, "old": _plain(self.misfit(self.old, gap)),
+             "new": _plain(self.misfit(self.new, gap))}
+            for gap in self.loops.schedule_values
+        ]  # fmt: skip
+        return {
+            "old": _plain(self.misfit(self.old)),
+            "new": _plain(self.misfit(self.new)),
+            "gaps": rows,
+            "loops": [
+                {
+                    "label": loop.label,
+                    "current": _thin(loop.input),
+                    "force": _thin(loop.output),
+                    "old": _thin(old),
+                    "new": _thin(new),
+                }
+                for loop, old, new in zip(self.loops.loops, self.old, self.new, strict=True)
+            ],
+        }
+
+
+def compare(old: ActuatorModel, new: ActuatorModel, loops: LoopSet) -> Compared:
+    """Hold two models against the same loops.
+
+    Parameters
+    ----------
+    old, new : ActuatorModel
+        Of the same input and output.
+    loops : LoopSet
+        With their histories.
+    """
+    return Compared(loops, _predicted(old, loops), _predicted(new, loops))
+
+
+def _predicted(model: ActuatorModel, loops: LoopSet) -> tuple[FloatArray, ...]:
+    return tuple(
+        model.predict(loop.input, loop.schedule, history=loop.history).output
+        for loop in loops.loops
+    )
+
+
+def _plain(misfit: Misfit) -> dict[str, float]:
+    return {"rms_N": misfit.rms, "worst_N": misfit.worst}
+
+
+def _thin(values: FloatArray) -> list[float]:
+    every = max(1, -(-values.size // _POINTS))
+    return [float(f"{value:.5g}") for value in values[::every]]

@@ -1,0 +1,153 @@
+"""The steps to a better model, each from files to files: long work, done beside what runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from anhyst.compensate.budget import measure_budget
+from anhyst.data.reading import read_loops
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.model.writer import write_model
+from anhyst.study.excite.excite import measure, write_excitation
+from anhyst.study.excite.limits import Bound, Specimen
+from anhyst.study.improve.compare import compare
+from anhyst.study.prepared import Prepared, block_of
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+
+LOOPS, MODEL = "loops.csv", "model.toml"
+"""Files that the steps leave in their folder; the sidecar of the loops lies beside them."""
+
+_DRAWN = 1500
+"""Points of a drive that is drawn."""
+
+
+def limits_of(prepared: Prepared) -> dict[str, Any]:
+    """Return what a drive will keep to, as the rig file says."""
+    specimen = prepared.specimen()
+    winding = specimen.winding
+    return {
+        **{name: asdict(bound) for name, bound in _bounds(specimen).items()},
+        "gaps_m": list(specimen.gaps),
+        "operating_N": asdict(specimen.operating),
+        "winding": None
+        if winding is None
+        else {"continuous_A": winding.continuous, "thermal_s": winding.time},
+    }
+
+
+def measure_loops(
+    progress: Progress, prepared: Prepared, folder: Path, tighter: Mapping[str, float]
+) -> dict[str, Any]:
+    """Design a drive, run it on the rig with its armature held, and write the loops.
+
+    Parameters
+    ----------
+    progress : callable
+    prepared : Prepared
+        The bench.
+    folder : Path
+        For :data:`LOOPS`.
+    tighter : mapping of str to float
+        Limits below those of the rig file, by the names of :func:`limits_of`.
+
+    Returns
+    -------
+    dict
+        Figures, and the drive to be drawn.
+    """
+    found = measure(within(prepared.specimen(), tighter), progress)
+    write_excitation(found, prepared.rig, folder / LOOPS)
+    played = found.played
+    every = max(1, played.time.size // _DRAWN)
+    columns = {"time": played.time, "current": played.current, "warmth": played.warmth}
+    return {
+        **found.as_dict(),
+        "played": {name: values[::every].tolist() for name, values in columns.items()},
+    }
+
+
+def within(specimen: Specimen, tighter: Mapping[str, float]) -> Specimen:
+    """Return a specimen with tighter limits.
+
+    Raises
+    ------
+    InputError
+        No such limit, or it is wider than that of the rig file.
+    """
+    bounds = _bounds(specimen)
+    for name, value in tighter.items():
+        if name not in bounds:
+            raise InputError(f"limits: there is no '{name[:40]}'; choose of {', '.join(bounds)}")
+        given = bounds[name]
+        if not 0.0 < value <= given.value:
+            raise InputError(f"{name}: is not above 0 and up to {given.value:.4g}, {given.key}")
+        if value < given.value:
+            bounds[name] = Bound(value, f"{name} of the operator")
+    return replace(
+        specimen,
+        current=bounds["current_A"],
+        rate=bounds["rate_A_per_s"],
+        force=bounds["force_N"],
+    )
+
+
+def _bounds(specimen: Specimen) -> dict[str, Bound]:
+    """Return the limits that an operator may draw tighter."""
+    return {
+        "current_A": specimen.current,
+        "rate_A_per_s": specimen.rate,
+        "force_N": specimen.force,
+    }
+
+
+def identify_model(
+    progress: Progress, prepared: Prepared, folder: Path, old: ActuatorModel
+) -> dict[str, Any]:
+    """Identify a model of the measured loops, as the rig file wants it; write and compare it.
+
+    Parameters
+    ----------
+    progress : callable
+    prepared : Prepared
+        The bench.
+    folder : Path
+        With :data:`LOOPS`; for :data:`MODEL`.
+    old : ActuatorModel
+        In force now.
+
+    Returns
+    -------
+    dict
+        Law, and both models against the loops in newtons.
+    """
+    loops = read_loops(folder / LOOPS)
+    new = prepared.identify(loops, progress)
+    write_model(new, folder / MODEL)
+    return {"law": new.law, **compare(old, new, loops).as_dict()}
+
+
+def compile_block(progress: Progress, prepared: Prepared, folder: Path) -> dict[str, Any]:
+    """Compile the model for the running board, and hold the block against it.
+
+    Returns
+    -------
+    dict
+        The words of the block, and how far it is off its model along paths within its limits.
+    """
+    model = read_model(folder / MODEL)
+    plan = prepared.compile(model)
+    progress(1.0, 2.0)
+    budget = measure_budget(plan)
+    progress(2.0, 2.0)
+    return {
+        "words": block_of(plan).words.tolist(),
+        "worst_N": budget.compiled.worst,
+        "rms_N": budget.compiled.rms,
+        "drift_N": budget.drift.worst,
+        "largest_N": plan.largest,
+    }

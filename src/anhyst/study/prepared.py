@@ -1,0 +1,185 @@
+"""A bench that is ready to be opened: what is compiled and built for it, and what that knows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from anhyst.compensate.baselines import fit_ratio
+from anhyst.compensate.bearing import bearing_model
+from anhyst.compensate.block import Block, Scales
+from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.plan import CompileRequest, Plan, make_plan
+from anhyst.compile.controller import BEYOND
+from anhyst.data import LoopSet
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import ValidRange
+from anhyst.rig.bearing.controller_check import pair_of
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.bench.force import ForceBench
+from anhyst.rig.force.file import Rig
+from anhyst.rig.force.modelling import find_model, loops_at
+from anhyst.rig.force.programs import Program
+from anhyst.rig.loop_files import identify_loops
+from anhyst.study.excite.limits import Specimen, bearing_specimen, force_specimen
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+
+_SAME_GAP = 1e-6
+"""Of the range: so far may the ends of the measured gaps be inside those of a board."""
+
+
+@dataclass(frozen=True)
+class PreparedBearing:
+    """A bearing, its controller, and the firmware.
+
+    Parameters
+    ----------
+    setup : Setup
+        What runs, in fixed point.
+    model : ActuatorModel
+        What it was compiled from.
+    firmware : Path
+        For the board ``host``; needed until the bench is open.
+    """
+
+    setup: Setup
+    model: ActuatorModel
+    firmware: Path
+
+    @property
+    def rig(self) -> Path:
+        """The rig file."""
+        return self.setup.rig.path
+
+    def open(self) -> BearingBench:
+        """Switch on; at rest, before its first tick. To be closed."""
+        return BearingBench(self.setup, self.firmware)
+
+    def specimen(self) -> Specimen:
+        """Return the magnet as it is measured, armature held."""
+        return bearing_specimen(self.setup.rig)
+
+    def identify(self, loops: LoopSet, progress: Progress | None = None) -> ActuatorModel:
+        """Identify a model from loops, as the rig file wants it."""
+        return identify_loops(loops, self.setup.rig.settings.identify, "circuit", progress)
+
+    def compile(self, model: ActuatorModel) -> Plan:
+        """Compile another model for the running board.
+
+        Raises
+        ------
+        InputError
+            The running controller has no model, or this one does not cover what it works with.
+        """
+        running = self.setup.compensator.parameters
+        variant = self.setup.name
+        if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
+            raise InputError(f"the controller runs without a model ('{variant}'): none to change")
+        table, scales = self.setup.controller, running.scales
+        gaps = scales.gap_low, scales.gap_high
+        current, force = table.limits.current_high_A, table.force_max(pair_of(self.setup.rig))
+        if model.valid is not None and current > BEYOND * model.valid.input[1]:
+            raise InputError(
+                f"model: was seen up to {model.valid.input[1]:g} A, the controller drives up to "
+                f"{current:g} A; measure further"
+            )
+        narrowed = bearing_model(model, current, force, gaps)
+        request = CompileRequest(
+            "simplified" if variant == "simplified" else "full", "q31", table.rate_Hz
+        )
+        return make_plan(narrowed, request, 0, scales=scales)
+
+
+@dataclass(frozen=True)
+class PreparedForce:
+    """An actuator whose force is controlled, and the firmware.
+
+    Parameters
+    ----------
+    whole : Rig
+        Its magnet is whole.
+    loops : LoopSet
+        Measured, for the constant ratio.
+    program : Program
+        Model, block and firmware; this is needed until the bench is open.
+    """
+
+    whole: Rig
+    loops: LoopSet
+    program: Program
+
+    @property
+    def rig(self) -> Path:
+        """The rig file."""
+        return self.whole.path
+
+    @property
+    def model(self) -> ActuatorModel:
+        """What runs was compiled from it."""
+        return self.program.model
+
+    def open(self) -> ForceBench:
+        """Switch on; at rest, before its first tick. To be closed."""
+        bench = ForceBench(self.whole, self.program)
+        settings = self.whole.settings.force_control
+        ratio = fit_ratio(loops_at(self.loops, settings.end_m), settings.force_max_N)
+        bench.apply({"ratio": 1.0 / float(ratio.ratio[0])})
+        return bench
+
+    def specimen(self) -> Specimen:
+        """Return the actuator as it is measured, armature held."""
+        return force_specimen(self.whole)
+
+    def identify(self, loops: LoopSet, progress: Progress | None = None) -> ActuatorModel:
+        """Identify a model from loops, as the rig file wants it."""
+        return find_model(self.whole, loops, progress)
+
+    def compile(self, model: ActuatorModel) -> Plan:
+        """Compile another model for the running board.
+
+        Raises
+        ------
+        InputError
+            It does not cover what the board works with.
+        """
+        scales, limits = self.program.scales, self.program.block.limits
+        if model.valid is None:
+            raise InputError("model: does not say where it holds; identify it from loops")
+        valid = ValidRange(
+            _within(model.valid.input, limits.current),
+            _within(model.valid.output, limits.demand),
+            _covering(model, scales),
+        )
+        request = CompileRequest(self.program.kind, "q31", self.whole.settings.rate_Hz)
+        return make_plan(replace(model, valid=valid), request, 0, scales=scales)
+
+
+Prepared = PreparedBearing | PreparedForce
+
+
+def block_of(plan: Plan) -> Block:
+    """Return the fixed-point parameters of a plan."""
+    assert isinstance(plan.block, Block)
+    return plan.block
+
+
+def _within(seen: tuple[float, float], board: tuple[float, float]) -> tuple[float, float]:
+    return max(seen[0], board[0]), min(seen[1], board[1])
+
+
+def _covering(model: ActuatorModel, scales: Scales) -> tuple[float, float] | None:
+    """Return the gaps of a board, which the model must have been identified over."""
+    if not model.needs_schedule:
+        return None if model.valid is None else model.valid.schedule
+    low, high = scales.gap_low, scales.gap_high
+    seen = None if model.valid is None else model.valid.schedule
+    spare = _SAME_GAP * (high - low)
+    if seen is None or seen[0] > low + spare or seen[1] < high - spare:
+        known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
+        raise InputError(
+            f"model: holds at {known}, the board works from {low:g} to {high:g} m; measure loops "
+            "at both ends"
+        )
+    return low, high

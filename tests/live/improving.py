@@ -1,0 +1,41 @@
+"""The bundled solenoid at one gap, with an iron that its controller does not know."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from anhyst.rig.force.file import read_rig
+from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
+from anhyst.rig.force.programs import prepare
+from anhyst.study.prepared import PreparedForce
+from tests.study.measured_rigs import measured_rig
+
+GAP = 1.0e-3
+PINNING = 1.6
+"""Of the iron that is there, over that of the iron whose loops made the controller's model."""
+
+_ONE_GAP = f"""
+[excite]
+gaps_m = [{GAP}]
+continuous_A = 0.7
+thermal_s = 60.0
+
+[identify]
+law = "play-cells"
+"""
+
+
+def unknown_iron(folder: Path) -> PreparedForce:
+    """Return a controller of the bundled loops before a solenoid whose iron is pinned harder."""
+    path = measured_rig("solenoid", folder, more=_ONE_GAP).path
+    solenoid = folder / "solenoid.toml"
+    text = solenoid.read_text(encoding="utf-8")
+    key = "pinning_scale_A_per_m"
+    before = float(text.split(key)[1].split("=")[1].split("#")[0].split()[0])
+    solenoid.write_text(
+        text.replace(f"{key} = {before}", f"{key} = {PINNING * before}"), encoding="utf-8"
+    )
+    rig = read_rig(path)
+    loops = loops_at(loops_of_rig(rig), GAP)
+    program = prepare("full", find_model(rig, loops), rig.settings.rate_Hz, "host", folder / "c")
+    return PreparedForce(rig, loops, program)
