@@ -13,6 +13,7 @@ int main(void)
   (void)anhyst_sat_q15(x);
   SHOW(anhyst_sat_u15(x) == anhyst_clamp(x, 0, ANHYST_Q15_MAX));
   SHOW(anhyst_sat_q28(x) == anhyst_clamp(x, ANHYST_Q28_MIN, ANHYST_Q28_MAX));
+  SHOW(anhyst_sat_q30(x) == anhyst_clamp(x, -ANHYST_Q30_ONE, ANHYST_Q30_ONE - 1));
   (void)anhyst_add_q15(a, b);
   (void)anhyst_sub_q15(a, b);
   (void)anhyst_mul_q15(a, b);

@@ -60,6 +60,10 @@ static inline int32_t anhyst_sat_u15(int32_t a);
     ensures -268435456 <= \result <= 268435455; */
 static inline int32_t anhyst_sat_q28(int32_t a);
 
+/*@ assigns \nothing;
+    ensures -1073741824 <= \result <= 1073741823; */
+static inline int32_t anhyst_sat_q30(int32_t a);
+
 /*@ assigns \nothing; */
 static inline int16_t anhyst_round_q31(int32_t a);
 

@@ -8,19 +8,28 @@
 #include "check.h"
 #include "truth.h"
 
-enum { CELLS = 3, BITS = 6, STRIDE = (2 << BITS) + 1, STEPS = 20000 };
+/* 64 narrow segments on each side of zero up to a half, 32 wide ones beyond. */
+enum { CELLS = 3, BITS = 6, OUTER = 32, STRIDE = (2 << BITS) + 2 * OUTER + 1, STEPS = 20000 };
 static const double THRESHOLDS[CELLS + 1] = {0.0, 0.05, 0.11, 0.2};
 static const double WEIGHTS[CELLS + 1] = {0.1, 0.3, 0.35, 0.2};
 static const double WIDTH = 0.2;
 static const double AIR = 0.1; /* h: flux of a field of 1 without iron */
-/* Straight lines over 1/64 of this curve, and 16 bits, are off by less. */
-static const double OFF = 1e-3;
+/* Straight lines over segments of 1/128 and 1/64 of this curve, and 16 bits, are off by less. */
+static const double OFF = 2.5e-4;
 
 static int16_t words[1024];
 static int32_t rested[ANHYST_CELLS];
 static double plays[CELLS + 1];
 
 static double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / WIDTH); }
+
+/* Where a row has an entry. */
+static double field_of(int entry)
+{
+  const double from_middle = (double)(entry - STRIDE / 2) / 128.0;
+  const double beyond = fabs(from_middle) - 0.5;
+  return beyond > 0.0 ? copysign(0.5 + 2.0 * beyond, from_middle) : from_middle;
+}
 
 static void fill(void)
 {
@@ -29,14 +38,14 @@ static void fill(void)
   words[ANHYST_WORD_CELLS_AIR] = (int16_t)lround(AIR * 16384.0);
   words[ANHYST_WORD_CELLS_COUNT] = CELLS;
   words[ANHYST_WORD_CELLS_SEGMENTS] = BITS;
-  words[ANHYST_WORD_CELLS_ZONE] = 0;
+  words[ANHYST_WORD_CELLS_ZONE] = 1;
   words[ANHYST_WORD_CELLS_THRESHOLDS] = thresholds;
   words[ANHYST_WORD_CELLS_ROWS] = rows;
   for (int cell = 0; cell < CELLS; cell++) {
     words[thresholds + cell] = (int16_t)lround(THRESHOLDS[cell + 1] * 32768.0);
   }
   for (int i = 0; i < STRIDE; i++) {
-    const double x = 2.0 * i / (STRIDE - 1) - 1.0;
+    const double x = field_of(i);
     double sum = 0.0;
     for (int cell = 0; cell <= CELLS; cell++) {
       sum += curve(cell, x - THRESHOLDS[cell]);

@@ -210,7 +210,7 @@ FAULTS = [
     Fault(
         "cells that part and take nothing along",
         "src/compensator/cells.c",
-        "rest = between(here, here.at + rows_on(along, (int16_t)(along->active - cell)));",
+        "rest = between(here, with);",
         "rest = 0;",
         "test_fixed_cells",
     ),
@@ -219,6 +219,20 @@ FAULTS = [
         "src/compensator/cells.c",
         "    rest = left_with(along, cell);",
         "    rest = -left_with(along, cell);",
+        "test_fixed_cells",
+    ),
+    Fault(
+        "a rounded current that moves the wrong way",
+        "src/compensator/cells.c",
+        ": ~part_of(-missing, rise);",
+        ": part_of(-missing, rise);",
+        "test_fixed_cells",
+    ),
+    Fault(
+        "wide segments taken for narrow ones",
+        "src/compensator/cells_path.h",
+        "way += x > 0 ? 2U * (uint32_t)ONE - zone : 0U;",
+        "way += 0U;",
         "test_fixed_cells",
     ),
     Fault(

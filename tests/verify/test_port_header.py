@@ -28,6 +28,7 @@ void every(const int32_t *a, const int32_t *b, int32_t *out, int32_t n, int32_t 
     case 3: out[i] = anhyst_sat_q15(a[i]); break;
     case 4: out[i] = anhyst_sat_u15(a[i]); break;
     case 5: out[i] = anhyst_sat_q28(a[i]); break;
+    case 6: out[i] = anhyst_sat_q30(a[i]); break;
     default: out[i] = anhyst_headroom((a[i] & 0x7FFFFFFF) == 0 ? 1 : a[i] & 0x7FFFFFFF);
     }
   }
@@ -59,6 +60,7 @@ ORACLES: list[Callable[[int, int], int]] = [
     lambda a, b: max(-(2**15), min(2**15 - 1, a)),
     lambda a, b: max(0, min(2**15 - 1, a)),
     lambda a, b: max(-(2**28), min(2**28 - 1, a)),
+    lambda a, b: max(-(2**30), min(2**30 - 1, a)),
     lambda a, b: 31 - positive(a).bit_length(),
 ]
 

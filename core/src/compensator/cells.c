@@ -380,11 +380,15 @@ static void remember(const cell_path *along, anhyst_memory *to)
   to->level = along->low;
 }
 
-/* The same, as what was solved for, on a segment of so fine parts. */
-static void propose(const cell_path *along, uint16_t fine, int32_t next, anhyst_candidate *to)
+/* The same, as what was solved for: on a segment of so fine parts. */
+static void propose(const cell_path *along, uint16_t fine, int moves, int32_t next,
+                    anhyst_candidate *to)
 {
   to->m = next;
-  to->way = along->falling == 0 ? 1 : -1;
+  to->way = 0;
+  if (moves) {
+    to->way = along->falling == 0 ? 1 : -1;
+  }
   to->y_slope = along->segment[0];
   to->m_slope = rise_of(along->segment);
   to->fine = fine;
@@ -402,34 +406,32 @@ static void turn_back(cell_path *along, int32_t rest, int32_t frozen)
   along->frozen = frozen;
 }
 
-/* The iron stays where it is. */
-static void stay(const cell_path *along, anhyst_candidate *to)
-{
-  to->m = along->x;
-  to->way = 0;
-  remember(along, &to->memory);
-}
-
-/* Leaves a path for the opposite one, and goes on to the target on that. Between the two, where
-   rows are not quite odd, it stays. */
-static void go_back(cell_path *along, equation *solve, anhyst_spot spot, anhyst_candidate *to)
+/* Goes on from a spot to a target that is missing there by so much; where that is negative, on the
+   opposite path. Between the two, where rows are not quite odd, it stays. */
+static void travel(cell_path *along, equation *solve, anhyst_spot spot, int32_t missing,
+                   anhyst_candidate *to)
 {
   const int32_t rest = along->rest;
   const int32_t frozen = along->frozen;
-  turn(along, spot);
-  solve->target = ~solve->target;
-  const int32_t missing = missing_at(along, solve, along->x, spot_on(along, along->row, along->x));
+  int32_t next = along->x;
+  if (missing < 0) {
+    turn(along, spot);
+    const anhyst_spot here = spot_on(along, along->row, along->x);
+    solve->target = ~solve->target;
+    missing = missing_at(along, solve, along->x, here);
+    if (missing > 0) {
+      along->segment = here.at;
+    } else {
+      turn_back(along, rest, frozen);
+    }
+    next = along->x;
+  }
   if (missing > STILL) {
     along->low = along->x;
-    int32_t next = joins_at(along, along->active, along->x);
+    next = joins_at(along, along->active, along->x);
     pursue(along, solve, along->x, &next);
-    propose(along, fineness(along, along->x), next, to);
-    return;
   }
-  if (missing <= 0) {
-    turn_back(along, rest, frozen);
-  }
-  stay(along, to);
+  propose(along, fineness(along, along->x), missing > STILL, next, to);
 }
 
 /* Solves from a memory on. As long as the path meets the target on its segment it stays in
@@ -438,34 +440,29 @@ static void advance(const int16_t *words, const anhyst_memory *from, const int32
                     equation *solve, anhyst_candidate *to)
 {
   cell_path along;
-  cell_path on;
   anhyst_cells_begin(&along, words, from, plays);
   solve->target = turned(solve->target, along.falling);
   const anhyst_spot spot = spot_on(&along, along.row, along.x);
   const int32_t missing = missing_at(&along, solve, along.x, spot);
-  if (missing < -STILL) {
-    on = along;
-    go_back(&on, solve, spot, to);
-    return;
-  }
-  if (missing <= STILL) {
-    stay(&along, to);
-    return;
-  }
-  const uint16_t fine = fineness(&along, along.x);
-  const int32_t part = part_with_target(solve, spot.part, rise_of(spot.at), fine, missing);
-  const int32_t there = beside(along.x, fine, part);
-  int32_t next = joins_at(&along, along.active, along.x);
-  along.low = along.x;
   along.segment = spot.at;
-  if (part > 0x7FFF || there < along.x || there > next) {
-    on = along;
-    pursue(&on, solve, on.x, &next);
-    propose(&on, fineness(&on, on.x), next, to);
-  } else {
-    along.x = there;
-    propose(&along, fine, next, to);
+  if (missing >= -STILL) {
+    const uint16_t fine = fineness(&along, along.x);
+    if (missing <= STILL) {
+      propose(&along, fine, 0, along.x, to);
+      return;
+    }
+    const int32_t part = part_with_target(solve, spot.part, rise_of(spot.at), fine, missing);
+    const int32_t there = beside(along.x, fine, part);
+    const int32_t next = joins_at(&along, along.active, along.x);
+    if (part <= 0x7FFF && there >= along.x && there <= next) {
+      along.low = along.x;
+      along.x = there;
+      propose(&along, fine, 1, next, to);
+      return;
+    }
   }
+  cell_path on = along;
+  travel(&on, solve, spot, missing, to);
 }
 
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
@@ -490,7 +487,7 @@ static int32_t take_up(cell_path *along, const anhyst_candidate *solved)
   return anhyst_clamp(solved->m, along->x, ONE - 1);
 }
 
-/* h*x + m at the end of a path, on a segment that begins with this entry of the row. */
+/* h*x + m at a place of a segment that begins with this entry of the row. */
 static int32_t flux_with(const equation *solve, int32_t x, int32_t rest, int16_t entry,
                          int16_t rise, uint16_t fine)
 {
@@ -498,12 +495,13 @@ static int32_t flux_with(const equation *solve, int32_t x, int32_t rest, int16_t
   return flux_at(solve, x, m);
 }
 
-/* The same where a path has led to. */
-static int32_t flux_there(const cell_path *along, const equation *solve)
+/* The flux to which a solved step leads. */
+static int32_t flux_of(const equation *solve, const anhyst_candidate *at)
 {
-  const int32_t flux = flux_with(solve, along->x, along->rest, along->segment[0],
-                                 rise_of(along->segment), fineness(along, along->x));
-  return anhyst_shl_q31(turned(flux, along->falling), 2);
+  const int32_t falling = at->memory.p < 0 ? -1 : 0;
+  const int32_t flux = flux_with(solve, turned(at->memory.x, falling),
+                                 turned(at->memory.y, falling), at->y_slope, at->m_slope, at->fine);
+  return anhyst_shl_q31(turned(flux, falling), 2);
 }
 
 /* Goes to the target from a solved path if it is met on the same segment, before any cell joins or
@@ -534,7 +532,7 @@ static int slid(const equation *solve, const anhyst_candidate *solved, anhyst_me
    that direction. */
 static int resumed(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                    const equation *solve, const anhyst_candidate *solved, int further,
-                   anhyst_memory *to, int32_t *flux)
+                   anhyst_candidate *to)
 {
   cell_path along;
   anhyst_cells_begin(&along, words, from, plays);
@@ -554,8 +552,7 @@ static int resumed(const int16_t *words, const anhyst_memory *from, const int32_
   } else {
     retreat(&along, solve, least, begin, &next);
   }
-  remember(&along, to);
-  *flux = flux_there(&along, solve);
+  propose(&along, fineness(&along, along.x), 1, next, to);
   return 1;
 }
 
@@ -566,26 +563,22 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
   const int32_t target = (current >> 2) - (arms->bias >> 2);
   const equation near = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm,
                          solved->way < 0 ? ~target : target};
-  int32_t flux = 0;
   int further = 0;
   if (solved->way != 0) {
+    int32_t flux = 0;
     further = slid(&near, solved, to, &flux);
     if (further == 0) {
       return flux;
     }
   }
-  equation solve = near;
-  if (further != 0 && resumed(words, from, plays, &solve, solved, further, to, &flux)) {
-    return flux;
-  }
   anhyst_candidate found;
-  cell_path along;
-  solve.target = target;
-  advance(words, from, plays, &solve, &found);
+  equation solve = near;
+  if (further == 0 || !resumed(words, from, plays, &solve, solved, further, &found)) {
+    solve.target = target;
+    advance(words, from, plays, &solve, &found);
+  }
   *to = found.memory;
-  anhyst_cells_begin(&along, words, to, plays);
-  along.segment = spot_on(&along, along.row, along.x).at;
-  return flux_there(&along, &solve);
+  return flux_of(&solve, &found);
 }
 
 const anhyst_kernel anhyst_kernel_cells = {

@@ -199,7 +199,9 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
   cell_path other;
   stand(before, memory, plays, old);
   anhyst_cells_rows(&other, before);
-  anhyst_cells_begin(&along, words, &none, plays);
+  anhyst_cells_rows(&along, words);
+  along.moved = 0;
+  along.falling = 0;
   for (int16_t cell = 0; cell <= along.cells; cell++) {
     int32_t half_width = 0;
     if (cell > 0) {
