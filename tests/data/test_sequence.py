@@ -18,14 +18,15 @@ ENDS = ((0.0, 3.0), (0.0, 1.2), (0.8, 1.8))
 NOISE = 2e-3
 
 
-def loops(*, remembered: bool, law: str = "play-cells") -> list[Loop]:
+def loops(
+    *, remembered: bool, law: str = "play-cells", gap: float | None = None, clock: float = 0.0
+) -> list[Loop]:
     """One larger loop and two within it, in an iron that keeps the larger one or has lost it."""
     model = ActuatorModel(
         "iron", QUANTITIES["current"], QUANTITIES["force"], NUMBERS | CIRCUIT, law=law
     )
     found: list[Loop] = []
     before: list[float] = []
-    clock = 0.0
     rng = np.random.default_rng(3)
     for low, high in ENDS:
         drive = np.concatenate([np.linspace(low, high, 80), np.linspace(high, low, 80)[1:]])
@@ -33,7 +34,8 @@ def loops(*, remembered: bool, law: str = "play-cells") -> list[Loop]:
         force = model.predict(drive, history=past).output
         force = force + NOISE * np.ptp(force) * rng.standard_normal(force.size)
         time = np.array([clock + 0.01 * place for place in range(drive.size)])
-        found.append(Loop(f"to {high:g}", drive, force, time=time))
+        at = None if gap is None else np.full(drive.size, gap)
+        found.append(Loop(f"to {high:g}", drive, force, at, time))
         before += [low, high, low]
         clock = float(time[-1]) + 5.0
     return found
@@ -44,6 +46,19 @@ def test_a_loop_on_the_branch_of_a_larger_one_goes_on_from_it() -> None:
     assert first.history == SETTLED
     assert second.history == History("settled", (0.0, 3.0, 0.0))
     assert third.history.turning_points == (0.0, 3.0, 0.0, 0.0, 1.2, 0.0)
+
+
+def test_what_was_run_at_another_gap_was_before_too() -> None:
+    near = loops(remembered=True, gap=3e-4)
+    far = loops(remembered=True, gap=4e-4, clock=100.0)
+    alone, together = (one_after_another([*near, *far], over_gaps=over) for over in (False, True))
+    assert [one.history for one in alone[3:]] == [one.history for one in alone[:3]]
+    assert [one.history for one in together[:3]] == [one.history for one in alone[:3]]
+    first, second = (one.history for one in together[3:5])
+    assert first.turning_points == (0.0, 3.0, 0.0, 0.0, 1.2, 0.0, 0.8, 1.8, 0.8)
+    assert first.schedule == (3e-4,) * 9
+    assert second.schedule == (3e-4,) * 9 + (None,) * 3
+    assert History.parse(str(second)) == second
 
 
 def test_a_loop_off_the_branch_of_a_larger_one_is_taken_to_be_alone() -> None:

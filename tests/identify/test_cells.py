@@ -11,10 +11,14 @@ import pytest
 from anhyst.data import LoopSet
 from anhyst.data.reading import read_loops
 from anhyst.identify import identify
+from anhyst.identify.bare import model_of
 from anhyst.identify.cell_kernel import CellKernel
+from anhyst.identify.default import FoundModel
 from anhyst.identify.fit_records import records_of
 from anhyst.identify.gauge import form_of
 from anhyst.identify.objective import Objective
+from anhyst.identify.offsets import OFFSETS
+from anhyst.identify.past import Past
 from anhyst.identify.space import CoordinateSpace
 from anhyst.laws.cells import Shape
 from anhyst.model.actuator import ActuatorModel
@@ -51,16 +55,21 @@ def one_after_another(loopset: LoopSet, drift: float = 0.0) -> LoopSet:
     return loopset.with_loops(found)
 
 
-def error(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
-    """Deviations, in parts of the largest output."""
-    top = max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
+def predicted(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
+    """Output along all loops."""
     return np.concatenate(
         [
-            (model.predict(one.input, one.schedule, one.time, one.history).output - one.output)
-            / top
+            model.predict(one.input, one.schedule, one.time, one.history).output
             for one in loopset.loops
         ]
     )
+
+
+def error(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
+    """Deviations, in parts of the largest output."""
+    measured: FloatArray = np.concatenate([loop.output for loop in loopset.loops])
+    off: FloatArray = predicted(model, loopset) - measured
+    return off / float(np.max(np.abs(measured)))
 
 
 def somewhere(loops: LoopSet, shape: Shape) -> tuple[CoordinateSpace, FloatArray]:
@@ -119,6 +128,38 @@ def test_loops_of_play_cells_are_found_again() -> None:
     assert (
         np.mean(np.abs(error(model, loops_of(truth)))) < 1.2e-3
     )  # cells finer than the samples count as free
+
+
+@pytest.mark.parametrize("law", ["play-cells", "effective-field"])
+def test_what_was_run_at_another_gap_counts_in_a_fit_as_in_a_prediction(law: str) -> None:
+    loops = loops_of(cells_magnet(), samples=40)
+    cells, kind = (
+        (CellKernel("tanh", 2), "settled") if law == "play-cells" else (None, "conditioned")
+    )
+    space, _ = somewhere(loops, "tanh")
+    space = replace(space, form=replace(space.form, law=law, cells=cells), held=OFFSETS)
+    theta = np.array(
+        [
+            space.inward(name, space.numbers[name].usual or 0.5 * space.unit(name))
+            + 0.3 * (gap or 0)
+            for name, gap in space.entries
+        ]
+    )
+    drives = [replace(loop, input=0.3 + 0.2 * loop.input) for loop in loops.loops]
+    outputs = []
+    for past in ("0,0.8@0.0003;0.3", "0,0.8,0.3"):
+        known = loops.with_loops(drives).with_history(f"{kind}:{past}")
+        found = FoundModel(replace(space, records=records_of(known)), theta, 1.0, 0)
+        fitted = Objective(found.space).outputs(found.sets)
+        expected = predicted(model_of(found, known), known)
+        np.testing.assert_allclose(fitted, expected, rtol=0, atol=1e-9 * np.ptp(expected))
+        outputs.append(fitted)
+    assert np.abs(outputs[0] - outputs[1]).max() > 1e-3 * np.ptp(outputs[1])
+
+
+def test_a_past_at_a_gap_that_is_left_out_lies_between_its_neighbours() -> None:
+    past = Past(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).among([0, 2, 3])
+    assert past.place.tolist() == [0.0, 0.5, 1.0]
 
 
 def test_a_drift_of_the_sensor_is_no_force() -> None:

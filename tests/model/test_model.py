@@ -314,6 +314,27 @@ def test_model_whose_force_rises_as_the_gap_closes_is_accepted(gap_map: GapMap) 
     assert "rises as the gap closes" in check.text("A")
 
 
+@pytest.mark.parametrize("law", ["effective-field", "play-cells"])
+def test_turning_points_at_another_gap_are_those_of_a_drive_that_went_there(law: str) -> None:
+    """What the iron keeps of the flux at a small gap no current reaches at a large one."""
+    cells: dict[str, Parameter] = {"M_0": 2e5, "a_0": 400.0, "M_1": 1e6, "a_1": 400.0, "k_1": 300.0,
+                                   "s_1": 2.0}  # fmt: skip
+    model = magnet("reluctance", in_0=0.0)
+    if law == "play-cells":
+        rest = {name: model.parameters[name] for name in ("c_H", "rho", "c_out", "out_0")}
+        model = replace(model, law=law, parameters=cells | rest)
+    drive = 0.8 - up_and_down(0.7, 30)
+    before, gaps = np.array([0.0, 0.8, 0.8]), np.array([3e-4, 3e-4, 6e-4])
+    past = "conditioned:0,0.8@0.0003;0.8"
+    found = model.predict(drive, 6e-4, history=past)
+    at = np.concatenate([gaps, np.full(drive.size, 6e-4)])
+    whole = model.predict(np.concatenate([before, drive]), at, history="demagnetised").output
+    np.testing.assert_allclose(found.output, whole[3:], rtol=1e-12)
+    assert History.parse(str(found.history)) == found.history
+    here = model.predict(drive, 6e-4, history="conditioned:0,0.8").output
+    assert np.abs(here - found.output).max() > 0.05 * found.output.max()
+
+
 def test_model_that_overshoots_between_the_gaps_is_refused() -> None:
     model = magnet("scaling", c_H=(5000.0, 7000.0, 4000.0), in_0=0.0)
     check = model.check_over_gap()

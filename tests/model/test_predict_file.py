@@ -12,6 +12,7 @@ import pytest
 from anhyst.data.history import History
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import ValidRange
+from anhyst.model.parameters import Parameter
 from anhyst.model.predict_file import run_file
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -123,6 +124,33 @@ def test_settled_cycles_at_several_gaps_settle_by_themselves(tmp_path: Path) -> 
     assert np.array_equal(force, np.concatenate(alone))
     again = run_file(settled, "predict", drive, tmp_path / "f.csv", history="conditioned:0,2,0")
     assert again.history == "conditioned:0,2,0"
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_cycles_that_a_file_shows_one_within_the_other_remember_those_before(
+    tmp_path: Path, seen: bool
+) -> None:
+    """Shown by clock and measured force; a file without these says nothing of it."""
+    iron: dict[str, Parameter] = {"M_0": 2e5, "a_0": 400.0, "M_1": 1e6, "a_1": 400.0}
+    iron |= {"k_1": 3000.0, "s_1": 2.0}
+    kept = {name: MODEL.parameters[name] for name in ("c_H", "c_out", "rho")}
+    model = replace(MODEL, law="play-cells", parameters=iron | kept, history=History("settled"))
+    drives, gaps = [CYCLE, CYCLE, 0.05 + 0.5 * CYCLE], [3e-4, 5e-4, 5e-4]
+    pasts = ["", ":0.1,2,0.1@0.0003", ":0.1,2,0.1@0.0003;0.1,2,0.1"]
+    force = np.concatenate(
+        [
+            model.predict(drive, gap, history=f"settled{past}").output
+            for drive, gap, past in zip(drives, gaps, pasts, strict=True)
+        ]
+    )
+    rows = [np.concatenate(drives), np.repeat(gaps, CYCLE.size), np.repeat([0, 1, 2], CYCLE.size)]
+    rows += [0.01 * np.arange(force.size), force] if seen else []
+    drive = write(tmp_path / "d.csv", "I_A,gap_m,loop" + ",t_s,F_N" * seen, *rows)
+    summary = run_file(model, "predict", drive, tmp_path / "f.csv")
+    off = numbers(read(tmp_path / "f.csv")["F_model_N" if seen else "F_N"]) - force
+    assert bool(np.abs(off).max() < 1e-9 * force.max()) is seen
+    assert bool(np.abs(off).max() > 1e-3 * force.max()) is not seen
+    assert any("within larger ones" in text for text in summary.warnings) is seen
 
 
 def test_a_measured_output_is_kept_and_compared(tmp_path: Path) -> None:

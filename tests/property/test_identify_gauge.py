@@ -13,6 +13,7 @@ from anhyst.data.history import DEMAGNETISED
 from anhyst.identify.fit_records import FitRecord, FitRecords
 from anhyst.identify.gauge import AIR_CORE, form_of, physical
 from anhyst.identify.objective import Objective
+from anhyst.identify.past import Past
 from anhyst.identify.response import Local, ResponseForm
 from anhyst.identify.space import CoordinateSpace
 from anhyst.model.actuator import ActuatorModel
@@ -87,7 +88,7 @@ def space_of(form: ResponseForm, gap_map: GapMap, count: int) -> CoordinateSpace
         FitRecord(
             str(gap),
             gap,
-            np.empty(0),
+            Past.at(np.empty(0), gap),
             PATH,
             PATH,
             settled=False,

@@ -321,7 +321,8 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
             notes.append(
                 f"{part.place}: history of loop '{loop.label}'{at} taken as {history}: {reason}"
             )
-        ordered = one_after_another(judged)
+        is_gap = part.schedule is not None and part.schedule.name == "gap"
+        ordered = one_after_another(judged, over_gaps=is_gap)
         if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
             notes.append(f"{part.place}: {IN_ONE_RUN}")
         found.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))

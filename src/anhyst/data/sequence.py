@@ -39,17 +39,21 @@ _ALIKE = 0.05
 _Curve = tuple[FloatArray, FloatArray]
 
 
-def one_after_another(loops: Sequence[Loop]) -> list[Loop]:
-    """Give settled loops of one record what was run before them at the same scheduling value.
+def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list[Loop]:
+    """Give settled loops of one record what was run before them.
 
-    Where a loop shares an end with a larger one before it, the branch from there says whether the
-    iron remembers that one: it is then a part of the larger one's. Without such an end, or where
-    branches lie apart, nothing is taken to have been before, as if the iron had been demagnetised.
+    Where a loop shares an end with a larger one before it at the same scheduling value, the branch
+    from there says whether the iron remembers that one: it is then a part of the larger one's.
+    Without such an end, or where branches lie apart, nothing is taken to have been before, as if the
+    iron had been demagnetised.
 
     Parameters
     ----------
     loops
         Of one file, whose clock shows the order in which they were run.
+    over_gaps
+        Whether the scheduling variable is a gap, which leaves the iron as it is: then what was run
+        at other gaps was before, too.
 
     Returns
     -------
@@ -57,18 +61,22 @@ def one_after_another(loops: Sequence[Loop]) -> list[Loop]:
         In the same order.
     """
     order = _order(loops)
-    before: dict[int, tuple[Loop, ...]] = {}
-    for later, place in enumerate(order):
-        value = loops[place].schedule_value
-        before[place] = tuple(loops[one] for one in order[:later]
-                              if loops[one].schedule_value == value)  # fmt: skip
+    before = {
+        place: tuple(
+            loops[one]
+            for one in order[:later]
+            if over_gaps or loops[one].schedule_value == loops[place].schedule_value
+        )
+        for later, place in enumerate(order)
+    }
     verdicts = [_is_inside(loop, one) for place, loop in enumerate(loops)
-                for one in before.get(place, ())]  # fmt: skip
+                for one in before.get(place, ())
+                if one.schedule_value == loop.schedule_value]  # fmt: skip
     seen = [one for one in verdicts if one is not None]
     if not seen or not all(seen):
         return list(loops)
     return [
-        replace(loop, history=_after(before[place])) if before[place] else loop
+        replace(loop, history=_after(before[place], loop)) if before[place] else loop
         for place, loop in enumerate(loops)
     ]
 
@@ -87,12 +95,15 @@ def _moves(loop: Loop) -> bool:
     return loop.schedule is not None and loop.schedule_value is None
 
 
-def _after(earlier: Sequence[Loop]) -> History:
-    turns = [
-        loop.input[turning_points(loop.input, _TURN * float(np.ptp(loop.input)))]
-        for loop in earlier
-    ]
-    return History("settled", tuple(np.concatenate(turns).tolist()))
+def _after(earlier: Sequence[Loop], loop: Loop) -> History:
+    points: list[float] = []
+    places: list[float | None] = []
+    for one in earlier:
+        turns = turning_points(one.input, _TURN * float(np.ptp(one.input)))
+        points += one.input[turns].tolist()
+        here = one.schedule_value == loop.schedule_value
+        places += [None if here else one.schedule_value] * turns.size
+    return History("settled", tuple(points), tuple(places))
 
 
 def _is_inside(loop: Loop, larger: Loop) -> bool | None:

@@ -50,8 +50,8 @@ class CellPaths:
         except ValueError as error:
             raise NoResponseError(str(error)) from error
 
-    def follow(self, omega: float, r: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return effective field and magnetisation where ``x + omega*M(x) = r``, shape (n,).
+    def follow(self, omega: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return effective field and magnetisation where ``x + omega*M(x) = r``, all of shape (n,).
 
         Raises
         ------
@@ -59,19 +59,23 @@ class CellPaths:
             The magnetisation may jump.
         """
         self._refuse_jumps(omega)
-        x, m, _, status, _ = self._operator.run(np.full(r.size, omega), r, self._state)
+        x, m, _, status, _ = self._operator.run(omega, r, self._state)
         _refuse(status)
         return x, m
 
-    def with_tangents(self, omega: float, r: FloatArray, r_t: FloatArray) -> CellPath:
+    def with_tangents(
+        self, omega: FloatArray, r: FloatArray, own: FloatArray, r_t: FloatArray
+    ) -> CellPath:
         """Return them with derivatives: by the numbers of the law, omega, and what moves r.
 
         Parameters
         ----------
-        omega : float
+        omega : ndarray, shape (n,)
             Weight of the magnetisation.
         r : ndarray, shape (n,)
             Right side.
+        own : ndarray, shape (n,)
+            1 where the weight is the one by which is differentiated, else 0.
         r_t : ndarray, shape (n, k)
             Its derivatives.
         """
@@ -79,7 +83,7 @@ class CellPaths:
         law = self.tangents.widths.shape[-1]
         directions = law + 1 + r_t.shape[1]
         omega_t, moved = np.zeros((r.size, directions)), np.zeros((r.size, directions))
-        omega_t[:, law] = 1.0
+        omega_t[:, law] = own
         moved[:, law + 1 :] = r_t
         weights_t, widths_t = (
             np.concatenate([by, np.zeros((*by.shape[:-1], directions - law))], axis=-1)
@@ -87,7 +91,7 @@ class CellPaths:
         )
         rest = np.zeros((directions, self._state.size))
         x, m, x_t, m_t, _, _, status, _ = self._operator.sensitivity(
-            np.full(r.size, omega), r, omega_t, moved, weights_t, widths_t, self._state, rest
+            omega, r, omega_t, moved, weights_t, widths_t, self._state, rest
         )
         _refuse(status)
         for place, step, cells in self.shifted:
@@ -100,31 +104,9 @@ class CellPaths:
     def _state(self) -> FloatArray:
         return np.zeros(self.cells.thresholds.size)
 
-    def _refuse_jumps(self, omega: float) -> None:
-        if 1.0 + omega * self._operator.steepest <= 0.0:
+    def _refuse_jumps(self, omega: FloatArray) -> None:
+        if 1.0 + float(omega.min()) * self._operator.steepest <= 0.0:
             raise NoResponseError("the magnetisation may jump")
-
-
-def remembered(drive: FloatArray) -> FloatArray:
-    """Return what play cells can keep of a drive: its ends and turning points, closed cycles left out.
-
-    A cycle is closed where both its neighbours reach beyond it. That holds wherever zero is, which
-    the offset of the drive moves; so what only a demagnetised start would wipe out is kept.
-    """
-    way = np.sign(np.diff(drive))
-    moving = np.flatnonzero(way)
-    turns = moving[1:][way[moving[1:]] != way[moving[:-1]]]
-    kept = [float(drive[0])]
-    for point in [*drive[turns].tolist(), float(drive[-1])]:
-        kept.append(point)
-        while len(kept) > 3 and _closed(*kept[-4:]):
-            del kept[-3:-1]
-    return np.array(kept)
-
-
-def _closed(before: float, first: float, second: float, after: float) -> bool:
-    """Whether the cycle between two turning points lies within what comes before and after."""
-    return abs(second - first) <= min(abs(first - before), abs(after - second))
 
 
 def _refuse(status: int) -> None:

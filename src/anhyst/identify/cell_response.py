@@ -12,7 +12,7 @@ import numpy as np
 from anhyst.identify.cell_path import CellPaths
 from anhyst.identify.fit_records import FitRecord
 from anhyst.identify.no_response import NoResponseError
-from anhyst.identify.response import FLATTEST, Local, ResponseForm
+from anhyst.identify.response import FLATTEST, Local, ResponseForm, driven_before
 from anhyst.support.arrays import FloatArray
 
 
@@ -27,8 +27,8 @@ class CellResponder:
         found = []
         for record in records:
             local = sets[record.gap]
-            r, first = _driven(local, record)
-            x, m = cells[record.gap].follow(local.omega, r)
+            omega, r, first = _driven(sets, record)
+            x, m = cells[record.gap].follow(omega, r)
             b = (m + local.h * x)[first:]
             found.append(local.gain * b**form.power + local.out_0)
         return found
@@ -39,16 +39,21 @@ class CellResponder:
         """Yield the output of every drive, and its derivatives by what the form names, (n, numbers)."""
         cells = _cells(form, sets)
         for record in records:
-            yield _differentiated(form, sets[record.gap], cells[record.gap], record)
+            yield _differentiated(form, sets, cells[record.gap], record)
 
 
 def _differentiated(
-    form: ResponseForm, local: Local, cells: CellPaths, record: FitRecord
+    form: ResponseForm, sets: Sequence[Local], cells: CellPaths, record: FitRecord
 ) -> tuple[FloatArray, FloatArray]:
+    local = sets[record.gap]
     law = len(local.law)
-    r, first = _driven(local, record)
+    omega, r, first = _driven(sets, record)
+    # What the circuit at other gaps adds through the past alone is left out of the derivatives.
+    own = np.ones(r.size)
+    own[:first] = record.before.place == record.gap
     r_t = np.stack([-r / local.scale, np.full(r.size, -1.0 / local.scale)], axis=1)  # scale, in_0
-    x, m, x_t, m_t = (values[first:] for values in cells.with_tangents(local.omega, r, r_t))
+    r_t *= own[:, None]
+    x, m, x_t, m_t = (values[first:] for values in cells.with_tangents(omega, r, own, r_t))
     b = m + local.h * x
     steep = local.gain * form.power * b ** (form.power - 1)
     through = steep[:, None] * (m_t + local.h * x_t)
@@ -74,7 +79,13 @@ def _cells(form: ResponseForm, sets: Sequence[Local]) -> list[CellPaths]:
         raise NoResponseError(str(error)) from error
 
 
-def _driven(local: Local, record: FitRecord) -> tuple[FloatArray, int]:
+def _driven(sets: Sequence[Local], record: FitRecord) -> tuple[FloatArray, FloatArray, int]:
     """Put a drive in the terms of the cells, what led up to it first; and say how long that is."""
-    lead = record.before
-    return (np.concatenate([lead, record.input]) - local.in_0) / local.scale, lead.size
+    local = sets[record.gap]
+    omega, lead = driven_before(sets, record.before)
+    r = (record.input - local.in_0) / local.scale
+    return (
+        np.concatenate([omega, np.full(r.size, local.omega)]),
+        np.concatenate([lead, r]),
+        lead.size,
+    )

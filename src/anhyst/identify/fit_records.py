@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anhyst.data import Loop, LoopSet
 from anhyst.data.path import turning_points
 from anhyst.data.verdict import largest_output
-from anhyst.identify.cell_path import remembered
+from anhyst.identify.past import Past
 from anhyst.identify.rest import Rest
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -33,7 +33,7 @@ class FitRecord:
     gap
         Place of its scheduling value among the gaps of the problem.
     lead
-        Turning points of the input before the first sample, SI; empty if there are none.
+        Turning points of the input before the first sample; empty if there are none.
     input, output
         Shape (n,), SI.
     settled
@@ -47,7 +47,7 @@ class FitRecord:
 
     label: str
     gap: int
-    lead: FloatArray
+    lead: Past
     input: FloatArray
     output: FloatArray
     settled: bool
@@ -55,10 +55,10 @@ class FitRecord:
     clock: FloatArray
 
     @cached_property
-    def before(self) -> FloatArray:
-        """What an iron that wipes out by turning points keeps of all that was before, SI."""
-        drive = np.concatenate([self.lead, self.input]) if self.settled else self.lead
-        return remembered(drive) if drive.size else drive
+    def before(self) -> Past:
+        """What an iron that wipes out by turning points keeps of all that was before."""
+        past = self.lead.then(self.input, self.gap) if self.settled else self.lead
+        return past.remembered()
 
     def pieces(self, most: int) -> Iterator[FitRecord]:
         """Cut it for an iron that wipes out by turning points; each remembers those before it."""
@@ -76,7 +76,7 @@ class FitRecord:
                 settled=False,
                 clock=self.clock[part],
             )
-            lead = remembered(np.concatenate([lead, self.input[part]]))
+            lead = lead.then(self.input[part], self.gap).remembered()
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,11 @@ class FitRecords:
 
     def at(self, gap: int) -> FitRecords:
         """Only one gap, as a problem of its own with the same scales."""
-        kept = tuple(replace(record, gap=0) for record in self.loops if record.gap == gap)
+        kept = tuple(
+            replace(record, gap=0, lead=record.lead.only_at(gap))
+            for record in self.loops
+            if record.gap == gap
+        )
         return replace(self, loops=kept, nodes=self.nodes[gap : gap + 1])
 
     def without(self, left_out: Collection[int]) -> FitRecords:
@@ -109,7 +113,7 @@ class FitRecords:
         keep = [gap for gap in range(self.gaps) if gap not in left_out]
         numbers = {old: new for new, old in enumerate(keep)}
         loops = tuple(
-            replace(record, gap=numbers[record.gap])
+            replace(record, gap=numbers[record.gap], lead=record.lead.among(keep))
             for record in self.loops
             if record.gap in numbers
         )
@@ -219,6 +223,7 @@ def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = N
     groups = loopset.by_schedule()
     loops = [loop for group in groups.values() for loop in group]
     gaps = [place for place, group in enumerate(groups.values()) for _ in group]
+    nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)
     output_span = largest_output(loopset)
     if not any(np.any(loop.output) for loop in loops):
         raise InputError(f"the {loopset.output.name} is zero throughout; check the columns")
@@ -226,7 +231,7 @@ def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = N
         FitRecord(
             label=loop.label,
             gap=gap,
-            lead=np.asarray(loop.history.turning_points, dtype=np.float64) - rest.input.offset,
+            lead=_lead(loop, nodes, gap, rest.input.offset),
             input=np.ascontiguousarray(loop.input - rest.input.offset),
             output=loop.output - rest.output.offset,
             settled=loop.history.kind == "settled",
@@ -241,6 +246,17 @@ def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = N
             strict=True,
         )
     )
-    nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)
     input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
     return FitRecords(fitted, nodes, input_span, output_span, rest)
+
+
+def _lead(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> Past:
+    """Return what was before a loop; what was beyond the outermost gaps counts as at these."""
+    drive = np.asarray(loop.history.turning_points, dtype=np.float64) - offset
+    if not loop.history.schedule:
+        return Past.at(drive, gap)
+    places = [
+        float(gap) if value is None else float(np.interp(value, nodes, np.arange(nodes.size)))
+        for value in loop.history.schedule
+    ]
+    return Past(drive, np.array(places))

@@ -19,6 +19,7 @@ from anhyst._core import Operator, demagnetised, langevin, status_text
 from anhyst.identify.cell_kernel import CellKernel, WeightKernel
 from anhyst.identify.fit_records import FitRecord
 from anhyst.identify.no_response import NoResponseError
+from anhyst.identify.past import Past
 from anhyst.laws.law import Kernel
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.support.arrays import FloatArray
@@ -161,25 +162,33 @@ class Responder:
     ) -> list[FloatArray]:
         """Output of every drive, SI."""
         laws = _operators(form, sets)
-        return [self.output(form, sets[d.gap], laws[d.gap], d) for d in records]
+        return [self.output(form, sets[d.gap], laws[d.gap], d, sets) for d in records]
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
     ) -> list[tuple[FloatArray, FloatArray]]:
         """Output of every drive, and its derivatives by :data:`LOCAL`, shape (n, 7)."""
         laws = _operators(form, sets)
-        return [self.with_derivatives(form, sets[d.gap], laws[d.gap], d) for d in records]
+        return [self.with_derivatives(form, sets, laws[d.gap], d) for d in records]
 
     def output(
-        self, form: ResponseForm, local: Local, operator: Operator, record: FitRecord
+        self,
+        form: ResponseForm,
+        local: Local,
+        operator: Operator,
+        record: FitRecord,
+        sets: Sequence[Local] = (),
     ) -> FloatArray:
-        """Output of one drive, shape (n,), SI, without derivatives."""
+        """Output of one drive, shape (n,), SI, without derivatives.
+
+        Without the sets of all gaps, what was before counts as if it had been at this one.
+        """
         r = (record.input - local.in_0) / local.scale
         omega = np.full(r.size, local.omega)
         state = demagnetised()
-        if record.lead.size and not record.settled:
-            lead = (record.lead - local.in_0) / local.scale
-            _, _, state, status, _ = operator.run(np.full(lead.size, local.omega), lead, state)
+        if record.lead.drive.size and not record.settled:
+            before, lead = driven_before(sets or (local,), record.lead)
+            _, _, state, status, _ = operator.run(before, lead, state)
             _refuse(status)
         elif record.settled and id(record) in self._starts:
             state = _admissible(self._starts[id(record)], form, local, float(r[-1]))
@@ -198,13 +207,14 @@ class Responder:
         return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
 
     def with_derivatives(
-        self, form: ResponseForm, local: Local, operator: Operator, record: FitRecord
+        self, form: ResponseForm, sets: Sequence[Local], operator: Operator, record: FitRecord
     ) -> tuple[FloatArray, FloatArray]:
         """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
+        local = sets[record.gap]
         if record.settled:
             x, m, x_t, m_t = self._settled(form, local, operator, record)
         else:
-            x, m, x_t, m_t = _once(form, local, operator, record)
+            x, m, x_t, m_t = _once(form, sets, operator, record)
         b = m + local.h * x
         steep = local.gain * form.power * b ** (form.power - 1)
         jacobian = np.empty((x.size, len(LOCAL)))
@@ -261,6 +271,24 @@ def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
     return found
 
 
+def driven_before(sets: Sequence[Local], past: Past) -> tuple[FloatArray, FloatArray]:
+    """Put what was before a drive in the terms of the solver: omega and right side, at its gaps.
+
+    Parameters
+    ----------
+    sets : sequence of Local
+        At each gap of the problem; of a single one all is taken to have been at its gap.
+    past : Past
+        What was before.
+    """
+    places = np.arange(len(sets))
+    omega, scale, in_0 = (
+        np.interp(past.place, places, values)
+        for values in zip(*((one.omega, one.scale, one.in_0) for one in sets), strict=True)
+    )
+    return omega, (past.drive - in_0) / scale
+
+
 class _Terms:
     """A drive in the terms of the solver, with derivatives by kappa, c, omega, scale, in_0."""
 
@@ -282,10 +310,15 @@ class _Terms:
 
 
 def _once(
-    form: ResponseForm, local: Local, operator: Operator, record: FitRecord
+    form: ResponseForm, sets: Sequence[Local], operator: Operator, record: FitRecord
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    whole = np.concatenate([record.lead, record.input])
-    terms = _Terms(form, local, whole, _DIRECTIONS)
+    first = record.lead.drive.size
+    whole = np.concatenate([record.lead.drive, record.input])
+    terms = _Terms(form, sets[record.gap], whole, _DIRECTIONS)
+    terms.omega[:first], terms.r[:first] = driven_before(sets, record.lead)
+    # What the circuit at other gaps adds through the past alone is left out of the derivatives.
+    elsewhere = np.flatnonzero(record.lead.place != record.gap)
+    terms.omega_t[elsewhere] = terms.r_t[elsewhere] = 0.0
     x, m, x_t, m_t, _, _, status, _ = operator.sensitivity(
         terms.omega,
         terms.r,
@@ -296,7 +329,6 @@ def _once(
         np.zeros((_DIRECTIONS, 3)),
     )
     _refuse(status)
-    first = record.lead.size
     return x[first:], m[first:], x_t[first:], m_t[first:]
 
 

@@ -134,7 +134,7 @@ def _key(run: SearchRun) -> str:
     digest.update(f"{running_version()} {run.form} {run.seed} {sorted(run.held)}".encode())
     for record in run.records.loops:
         digest.update(f"{record.label} {record.gap} {record.settled} {record.weight!r}".encode())
-        for values in (record.lead, record.input, record.output):
+        for values in (record.lead.drive, record.lead.place, record.input, record.output):
             digest.update(np.ascontiguousarray(values).tobytes())
     digest.update(run.records.nodes.tobytes())
     return digest.hexdigest()

@@ -317,7 +317,7 @@ def initial_state(
         ``settled`` gives the state from which the cycle is then repeated; what was before it counts
         for a law that remembers it.
     schedule : float or None
-        Scheduling variable during the conditioning, SI.
+        Scheduling variable at the turning points that name none of their own, SI.
 
     Returns
     -------
@@ -330,7 +330,7 @@ def initial_state(
         return state
     # The exact step does not care how a path is cut: turning points say all.
     points = np.array(history.turning_points)
-    at = None if schedule is None else np.full(points.shape, schedule)
+    at = None if schedule is None else np.array(history.places(schedule), dtype=np.float64)
     circuit = model.circuit(at, np.zeros(points.shape))
     drive = circuit.magnetomotive(points)
     conditioned: FloatArray

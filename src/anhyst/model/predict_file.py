@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from anhyst.data.columns import Texts
 from anhyst.data.files import write_csv
+from anhyst.data.history import SETTLED, History
+from anhyst.data.loop_set import Loop
+from anhyst.data.sequence import IN_ONE_RUN, one_after_another
 from anhyst.data.table import DataTable, read_columns
 from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
 from anhyst.model.valid_range import Given, flag
@@ -89,7 +92,8 @@ def run_file(
     The columns of the file are repeated as they stood; the computed quantity and ``valid`` (1
     inside the valid range of the model, 0 outside) are added. Each loop that the column ``loop``
     names is a run of its own, at each value of the scheduling variable. A file without that column
-    is one run; only where the history is ``settled``, each stretch at one value is a cycle.
+    is one run; only where the history is ``settled``, each stretch at one value is a cycle. Cycles
+    that clock and measured output show to have been run one after the other remember those before.
 
     Parameters
     ----------
@@ -153,13 +157,14 @@ def _compute(
     # A column of time that nothing needs may be as it likes.
     time = table.get("time") if np.any(model.parameters["gamma"]) else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
+    pasts = _pasts(model, direction, table, runs, values, schedule, history)
     found, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
-    for rows in runs:
+    for rows, past in zip(runs, pasts, strict=True):
         at, clock = (None if c is None else _part(c, rows) for c in (schedule, time))
         try:
             kind: Given = "drive" if forward else "demand"
-            result = run_through(model, kind, _part(values, rows), at, clock, history)
+            result = run_through(model, kind, _part(values, rows), at, clock, past)
         except SampleError as error:
             raise InputError(
                 f"{table.where(int(rows[error.sample]))}: {given.name.replace('_', ' ')} "
@@ -177,7 +182,46 @@ def _compute(
         valid, flags = flag(model, "demand", found, values, schedule, reachable, rows=True)
     count = len(runs)
     said = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
+    said += [IN_ONE_RUN] if any(past != pasts[0] for past in pasts) else []
     return found, valid, count, (*flags, *said)
+
+
+def _pasts(
+    model: ActuatorModel,
+    direction: Direction,
+    table: DataTable,
+    runs: list[Rows],
+    values: FloatArray,
+    schedule: FloatArray | None,
+    history: str,
+) -> list[History]:
+    """Say what was before each run: settled ones that the file shows to lie one within the other."""
+    past = History.parse(history)
+    measured, time = _measured(table, model.output.name), _measured(table, "time")
+    if past != SETTLED or direction == "invert" or measured is None or time is None:
+        return [past] * len(runs)
+    try:
+        loops = [
+            Loop(
+                str(place),
+                values[rows],
+                measured[rows],
+                None if schedule is None else schedule[rows],
+                time[rows],
+            )
+            for place, rows in enumerate(runs)
+        ]
+    except InputError:  # a run that is no loop
+        return [past] * len(runs)
+    is_gap = model.schedule is not None and model.schedule.name == "gap"
+    return [loop.history for loop in one_after_another(loops, over_gaps=is_gap)]
+
+
+def _measured(table: DataTable, name: str) -> FloatArray | None:
+    try:
+        return table.get(name)
+    except InputError:  # a column that nobody asked for may be as it likes
+        return None
 
 
 def _part(column: FloatArray, rows: Rows) -> FloatArray:
@@ -228,10 +272,7 @@ def _write(
 
 
 def _deviation(table: DataTable, wanted: Quantity, found: FloatArray) -> Deviation | None:
-    try:
-        measured = table.get(wanted.name)
-    except InputError:  # a column that nobody asked for may be as it likes
-        return None
+    measured = _measured(table, wanted.name)
     if measured is None:
         return None
     apart = np.abs(found - measured)

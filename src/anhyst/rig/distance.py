@@ -47,7 +47,7 @@ def along(follow: Follow, loop: Loop, zero: float = 0.0) -> FloatArray:
     assert loop.schedule is not None
     before = np.array(loop.history.turning_points) - zero
     if before.size:
-        follow(before, np.full(before.size, loop.schedule[0]))
+        follow(before, np.array(loop.history.places(loop.schedule[0]), dtype=np.float64))
     current = loop.input - zero
     if loop.history.kind == "settled":
         follow(current, loop.schedule)  # what pinned cells remember of it does not change any more
