@@ -310,7 +310,18 @@ static const request_kind kinds[] = {
     {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_keep},
 };
 
-/* The one request with a tail: whole words, at least one. */
+static void answer_xcp(const link_frame *request, answer *to)
+{
+  const uint16_t count = port_xcp(request->payload, request->length, to->payload);
+  if (count == PORT_NO_XCP) {
+    say_nak(to, request->type, LINK_REASON_TYPE, 0);
+  } else {
+    to->type = LINK_TYPE_XCP_PACKETS;
+    to->length = (uint8_t)count;
+  }
+}
+
+/* Whole words, at least one. */
 static void answer_block_data(app *a, const link_frame *request, answer *to)
 {
   const uint8_t tail = (uint8_t)(request->length - LINK_SIZE_BLOCK_DATA);
@@ -332,6 +343,8 @@ uint8_t app_answer(app *a, const link_frame *request, uint8_t *payload, uint8_t 
   }
   if (request->type == LINK_TYPE_BLOCK_DATA) {
     answer_block_data(a, request, &to);
+  } else if (request->type == (uint8_t)LINK_TYPE_XCP) {
+    answer_xcp(request, &to);
   } else if (kind == NULL) {
     say_nak(&to, request->type, LINK_REASON_TYPE, 0);
   } else if (request->length != kind->length) {

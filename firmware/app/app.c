@@ -146,10 +146,12 @@ static void perform(app *a, const link_frame *request, uint8_t *wire)
 }
 
 /* Does a new request. It alone shows that the PC is there: what is repeated may be a line that
-   echoes. */
+   echoes, and what is XCP may come from a master that only looks on. */
 static void perform_new(app *a, const link_frame *request)
 {
-  app_alive(a);
+  if (request->type != (uint8_t)LINK_TYPE_XCP) {
+    app_alive(a);
+  }
   perform(a, request, a->session.answer);
   a->session.answer_count = a->session.sending_count;
 }

@@ -42,6 +42,10 @@ enum {
      at zero current alone: the board's time may stand still meanwhile, for seconds. Detail: its
      generation. */
   LINK_TYPE_KEEP = 15,
+  /* A command of XCP, or nothing where only samples are wanted. Is no sign of life by itself: the
+     command is, of a master that has shown the key. A board without XCP does not know the request.
+     */
+  LINK_TYPE_XCP = 16,
   LINK_TYPE_INFO = 129, /* Who the controller is. */
   LINK_TYPE_STATUS = 130, /* What the controller did in the tick that its head names. */
   LINK_TYPE_ACK = 131, /* Done. */
@@ -51,7 +55,9 @@ enum {
   LINK_TYPE_RECORDER_INFO = 135, /* What the recorder does. */
   /* Recorded numbers, record by record, in a record signal by signal. */
   LINK_TYPE_RECORDER_DATA = 136,
-  LINK_TYPE_COUNT = 23
+  /* What the command is answered with, then events and samples: each packet behind its length. */
+  LINK_TYPE_XCP_PACKETS = 137,
+  LINK_TYPE_COUNT = 25
 };
 
 /* Why a request was not done (NAK). */
@@ -307,6 +313,8 @@ static inline void link_get_target(link_target *m, const uint8_t *p)
 
 #define LINK_SIZE_KEEP 0
 
+#define LINK_SIZE_XCP 0
+
 #define LINK_SIZE_INFO 28
 /* Who the controller is. */
 typedef struct {
@@ -460,6 +468,8 @@ static inline void link_put_recorder_data(uint8_t *p, const link_recorder_data *
 {
   link_put_u32(p + 0, m->offset);
 }
+
+#define LINK_SIZE_XCP_PACKETS 0
 
 #define LINK_SIZE_PLANT_SAMPLE 32
 /* Plant to controller: what the sensors show at the beginning of a tick. */

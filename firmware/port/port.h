@@ -78,6 +78,14 @@ void port_unlock(void);
    may take seconds, if in that time no tick begins. 1, or 0 where the board cannot or did not. */
 int port_keep(const int16_t *block, uint16_t words);
 
+/* What port_xcp returns on a board without XCP. */
+#define PORT_NO_XCP 0xFFFFU
+
+/* A command of XCP that came over the link, or nothing where its length is 0: does it and writes
+   what the board's slave has to say, LINK_PAYLOAD_MOST bytes at the most (xcp/tunnel.h). Called by
+   app_poll. How many bytes, or PORT_NO_XCP. */
+uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets);
+
 /* Cycles of the processor in the longest tick so far; 0 where the board does not count them. */
 uint32_t port_cycles(void);
 

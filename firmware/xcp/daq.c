@@ -68,7 +68,7 @@ static void put_u32(xcp_daq *d, uint32_t value)
   }
 }
 
-uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet)
+uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most)
 {
   port_lock();
   const uint16_t head = d->head;
@@ -78,6 +78,9 @@ uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet)
     return 0;
   }
   const uint8_t length = d->queue[at];
+  if (length > most) {
+    return 0;
+  }
   at = behind(at);
   for (uint8_t i = 0; i < length; i++) {
     packet[i] = d->queue[at];

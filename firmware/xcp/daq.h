@@ -72,8 +72,8 @@ void xcp_daq_start(xcp_daq *d);
 /* In the tick: samples the lists that run. */
 void xcp_daq_tick(xcp_daq *d, uint32_t tick, const int32_t *signals);
 
-/* The oldest packet that waits, XCP_PACKET bytes at the most; 0: none does. */
-uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet);
+/* The oldest packet that waits, if it has `most` bytes at the most: its length, or 0. */
+uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most);
 
 /* Stops all lists and frees them. */
 void xcp_daq_free(xcp_daq *d);

@@ -123,7 +123,7 @@ uint16_t xcp_line_take(xcp_line *line, const uint8_t *bytes, uint16_t count)
 const uint8_t *xcp_line_offer(xcp_line *line, uint16_t *count)
 {
   if (line->out_count == 0U) {
-    send(line, xcp_take(&line->slave, &line->out[XCP_LINE_HEAD]));
+    send(line, xcp_take(&line->slave, &line->out[XCP_LINE_HEAD], XCP_PACKET));
   }
   *count = (uint16_t)(line->out_count - line->out_at);
   return &line->out[line->out_at];

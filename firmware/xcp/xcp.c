@@ -50,18 +50,18 @@ void xcp_tick(xcp_slave *x)
   xcp_daq_tick(&x->daq, x->firmware->control.tick, x->firmware->signals);
 }
 
-uint16_t xcp_take(xcp_slave *x, uint8_t *packet)
+uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t most)
 {
   port_lock();
   const uint16_t lost = x->daq.lost;
   port_unlock();
-  if (lost != x->reported) {
+  if ((lost != x->reported) && (most >= 2U)) {
     x->reported = lost;
     packet[0] = PACKET_EVENT;
     packet[1] = EVENT_OVERLOAD;
     return 2;
   }
-  return xcp_daq_take(&x->daq, packet);
+  return xcp_daq_take(&x->daq, packet, most);
 }
 
 /* Session. */
@@ -233,17 +233,30 @@ static uint8_t on_short_upload(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_r
   return wrong == XCP_FINE ? upload(x, c[1], to) : wrong;
 }
 
-static uint8_t on_download(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+/* Writes `count` bytes, of which there are n. */
+static uint8_t download(xcp_slave *x, const uint8_t *bytes, uint16_t count, uint16_t n,
+                        xcp_reply *to)
 {
-  const uint16_t count = c[1];
-  if (count + 2U > n) {
-    return XCP_SYNTAX;
+  uint8_t wrong = XCP_SYNTAX;
+  if (count <= n) {
+    wrong = xcp_write(x, x->address, bytes, count, &to->reason);
   }
-  const uint8_t wrong = xcp_write(x, x->address, c + 2, count, &to->reason);
   if (wrong == XCP_FINE) {
     x->address += count;
   }
   return wrong;
+}
+
+static uint8_t on_download(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  return download(x, &c[2], c[1], (uint16_t)(n - 2U), to);
+}
+
+/* Address and bytes in one command: half the way there and back for a demand. */
+static uint8_t on_short_download(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+{
+  const uint8_t wrong = on_address(x, c, n, to);
+  return wrong == XCP_FINE ? download(x, &c[8], c[1], (uint16_t)(n - 8U), to) : wrong;
 }
 
 static uint8_t on_checksum(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
@@ -346,12 +359,12 @@ static uint8_t on_copy_page(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_repl
 }
 
 static const xcp_command commands[] = {
-    {0xFF, 2, 0, on_connect},   {0xFE, 1, 0, on_disconnect},   {0xFD, 1, 0, on_status},
-    {0xFC, 1, 0, on_synch},     {0xFB, 1, 0, on_more},         {0xFA, 2, 0, on_id},
-    {0xF8, 3, 0, on_seed},      {0xF7, 2, 0, on_unlock},       {0xF6, 8, 0, on_address},
-    {0xF5, 2, 0, on_upload},    {0xF4, 8, 0, on_short_upload}, {0xF3, 8, 0, on_checksum},
-    {0xF0, 2, 1, on_download},  {0xEB, 4, 1, on_set_page},     {0xEA, 3, 0, on_page},
-    {0xE9, 1, 0, on_page_info}, {0xE4, 5, 1, on_copy_page},
+    {0xFF, 2, 0, on_connect},  {0xFE, 1, 0, on_disconnect},     {0xFD, 1, 0, on_status},
+    {0xFC, 1, 0, on_synch},    {0xFB, 1, 0, on_more},           {0xFA, 2, 0, on_id},
+    {0xF8, 3, 0, on_seed},     {0xF7, 2, 0, on_unlock},         {0xF6, 8, 0, on_address},
+    {0xF5, 2, 0, on_upload},   {0xF4, 8, 0, on_short_upload},   {0xF3, 8, 0, on_checksum},
+    {0xF0, 2, 1, on_download}, {0xED, 8, 1, on_short_download}, {0xEB, 4, 1, on_set_page},
+    {0xEA, 3, 0, on_page},     {0xE9, 1, 0, on_page_info},      {0xE4, 5, 1, on_copy_page},
 };
 
 static uint8_t act_on(xcp_slave *x, const uint8_t *command, uint16_t length, xcp_reply *to)

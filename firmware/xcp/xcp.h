@@ -40,9 +40,9 @@ void xcp_tick(xcp_slave *x);
    0 where none is due. */
 uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8_t *answer);
 
-/* The next sample or event to be sent, XCP_PACKET bytes at the most: its length, 0 where there is
-   none. */
-uint16_t xcp_take(xcp_slave *x, uint8_t *packet);
+/* The next sample or event to be sent: its length, XCP_PACKET bytes at the most; 0 where there is
+   none, or one of more than `most` bytes, which waits on. */
+uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t most);
 
 /* The master is gone: nothing is sampled, and writing wants the key again. */
 void xcp_hang_up(xcp_slave *x);

@@ -84,6 +84,11 @@ int port_keep(const int16_t *block, uint16_t words)
 
 uint32_t port_cycles(void) { return 4711; }
 
+uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets)
+{
+  return bench.carried != NULL ? xcp_tunnel(bench.carried, command, length, packets) : PORT_NO_XCP;
+}
+
 void bench_power_on(void)
 {
   memset(&bench, 0, sizeof bench);

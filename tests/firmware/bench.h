@@ -6,6 +6,7 @@
 #include "app/app.h"
 #include "fake_compensator.h"
 #include "force/force.h"
+#include "xcp/tunnel.h"
 
 #define BENCH_WORDS 64
 #define BENCH_RATE 1000
@@ -29,6 +30,7 @@ typedef struct {
   int refuses_to_keep;
   const int16_t *kept; /* block that port_keep was given */
   uint16_t kept_words;
+  xcp_slave *carried; /* by the link; NULL: the board has no XCP */
 } bench_board;
 
 extern bench_board bench;

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Fuzzing harness: an input is a script of what a line, a PC, a master of XCP and sensors may do to
    the firmware. Parser, request handler, slave and control task run on a compiled compensator;
-   address and undefined
-   behaviour sanitizers watch the memory, `require` watches what must hold at any time. */
+   address and undefined behaviour sanitizers watch the memory, `require` watches what must hold at
+   any time. With FUZZ_XCP a script is what a master does, with a few ticks in between. */
 #include "boards/actuator.h"
 #include "app/app.h"
 #include "force/force.h"
 #include "link/crc.h"
-#include "xcp/xcp.h"
+#include "xcp/line.h"
+#include "xcp/tunnel.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -66,8 +67,9 @@ static uint32_t answers;
 static uint32_t requests;
 static uint8_t sequence;
 static int locks;
-static xcp_slave slave;
-static uint32_t stamp; /* of the last sample of list 0 */
+static xcp_slave slave; /* spoken to as it is, and by the link */
+static xcp_line serial; /* with checksums, and a slave of its own */
+static uint32_t stamp;  /* of the last sample of list 0 */
 
 static void require(int holds)
 {
@@ -134,6 +136,19 @@ int port_keep(const int16_t *block, uint16_t words)
 
 uint32_t port_cycles(void) { return 0; }
 
+/* The packets stand one behind the other, and fill what they say. */
+uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets)
+{
+  const uint16_t count = xcp_tunnel(&slave, command, length, packets);
+  uint16_t at = 0;
+  while (at < count) {
+    require(packets[at] > 0U && packets[at] <= XCP_PACKET);
+    at = (uint16_t)(at + 1U + packets[at]);
+  }
+  require(at == count && count <= LINK_PAYLOAD_MOST);
+  return count;
+}
+
 static void put_byte(uint8_t byte)
 {
   link_frame frame;
@@ -178,6 +193,7 @@ static void tick(void)
   const int was_live = states->state == ANHYST_STATE_RUN || states->conditioning != 0U;
   app_tick(&firmware);
   xcp_tick(&slave);
+  xcp_line_tick(&serial);
   require(drive >= limits.current_low && drive <= limits.current_high);
   require(states->state <= ANHYST_STATE_FAULT && states->fault < ANHYST_FAULT_COUNT);
   require((states->state == ANHYST_STATE_FAULT) == (states->fault != ANHYST_FAULT_NONE));
@@ -367,8 +383,8 @@ static void configure(script *s)
 static void take_samples(void)
 {
   uint8_t packet[XCP_PACKET];
-  uint16_t count = xcp_take(&slave, packet);
-  for (; count > 0U; count = xcp_take(&slave, packet)) {
+  uint16_t count = xcp_take(&slave, packet, XCP_PACKET);
+  for (; count > 0U; count = xcp_take(&slave, packet, XCP_PACKET)) {
     require(count <= XCP_PACKET && locks == 0);
     require(packet[0] < XCP_ODTS || (packet[0] == 0xFDU && count == 2U));
     if (packet[0] == 0U && packet[1] == 0U && count >= 6U) {
@@ -416,10 +432,104 @@ static void xcp_command(script *s)
   take_samples();
 }
 
+/* A command in a frame of the link. */
+static void carried_command(script *s)
+{
+  uint8_t payload[XCP_PACKET + 4];
+  const uint8_t length = (uint8_t)(next8(s) & 15U);
+  for (uint8_t i = 0; i < length; i++) {
+    payload[i] = next8(s);
+  }
+  if (length > 0U) {
+    payload[0] |= 0xC0U;
+  }
+  sequence++;
+  put_frame(LINK_TYPE_XCP, payload, length, 0);
+  poll();
+}
+
+/* Every packet that leaves the serial line is whole, with a checksum that is right. */
+static void drain(uint16_t most)
+{
+  uint8_t packet[XCP_LINE_MOST];
+  uint16_t have = 0;
+  uint16_t count = 0;
+  const uint8_t *bytes = xcp_line_offer(&serial, &count);
+  for (; count > 0U; bytes = xcp_line_offer(&serial, &count)) {
+    const uint16_t part = count < most ? count : most;
+    require(have + part <= sizeof packet);
+    memcpy(packet + have, bytes, part);
+    have = (uint16_t)(have + part);
+    xcp_line_sent(&serial, part);
+    if (part == count) {
+      const uint16_t length = link_get_u16(packet);
+      uint16_t sum = 0;
+      require(have == 6U + length + length % 2U);
+      for (uint16_t i = 0; i + 2U < have; i += 2U) {
+        sum = (uint16_t)(sum + link_get_u16(packet + i));
+      }
+      require(sum == link_get_u16(packet + have - 2));
+      have = 0;
+    }
+  }
+}
+
+/* A command on the serial line, whole as a rule. */
+static void serial_command(script *s)
+{
+  uint8_t bytes[XCP_LINE_MOST] = {0};
+  const uint8_t what = next8(s);
+  uint16_t count = (uint16_t)((what & 15U) + 1U);
+  uint16_t sum = 0;
+  uint16_t at = 0;
+  link_put_u16(bytes, count);
+  for (uint16_t i = 0; i < count; i++) {
+    bytes[4 + i] = next8(s);
+  }
+  bytes[4] |= 0xC0U;
+  count = (uint16_t)(4U + count + count % 2U);
+  for (uint16_t i = 0; i < count; i += 2U) {
+    sum = (uint16_t)(sum + link_get_u16(bytes + i));
+  }
+  link_put_u16(bytes + count, sum);
+  count = (uint16_t)(count + 2U - ((what & 0x20U) != 0U ? next8(s) % 4U : 0U));
+  if ((what & 0x10U) != 0U) {
+    bytes[next8(s) % count] ^= next8(s);
+  }
+  while (at < count) {
+    at = (uint16_t)(at + xcp_line_take(&serial, bytes + at, (uint16_t)(count - at)));
+    drain((uint16_t)((what >> 6) + 1U));
+  }
+  check_session();
+}
+
+/* A master on one of its three ways. */
+static void any_command(script *s, uint8_t way)
+{
+  if (way == 0U) {
+    carried_command(s);
+  } else if (way == 1U) {
+    serial_command(s);
+  } else {
+    xcp_command(s);
+  }
+}
+
 static void step(script *s)
 {
   const uint8_t what = next8(s);
   accepts = (uint16_t)((what >> 3) + 1U);
+#ifdef FUZZ_XCP
+  if ((what & 7U) != 7U) {
+    any_command(s, (what >> 3) & 3U);
+    return;
+  }
+  if ((what & 0x38U) != 0U) {
+    sample.tick++;
+    tick();
+    return;
+  }
+#endif
   switch (what & 7U) {
   case 0:
     raw_bytes(s);
@@ -444,7 +554,7 @@ static void step(script *s)
     }
     break;
   case 6:
-    xcp_command(s);
+    any_command(s, (what >> 3) & 3U);
     break;
   default:
     quiet_ticks(s);
@@ -469,6 +579,7 @@ static void start(void)
   locks = 0;
   stamp = 0;
   xcp_start(&slave, &firmware);
+  xcp_line_start(&serial, &firmware, 1);
 }
 
 /* Without a session nothing but a hello is done. */

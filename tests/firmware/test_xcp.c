@@ -210,14 +210,15 @@ static void a_sample_is_of_one_tick(void)
   connect_master();
   sample(LINK_SIGNAL_COUNT);
   tick();
-  CHECK(xcp_take(&slave, packet) == 6 + 4 * LINK_SIGNAL_COUNT && packet[0] == 0 && packet[1] == 0);
+  CHECK(xcp_take(&slave, packet, XCP_PACKET) == 6 + 4 * LINK_SIGNAL_COUNT && packet[0] == 0 &&
+        packet[1] == 0);
   CHECK(link_get_u32(packet + 2) == bench.sample.tick);
   const uint8_t *value = packet + 6;
   for (int i = 0; i < (int)LINK_SIGNAL_COUNT; i++, value += 4) {
     CHECK(link_get_i32(value) == bench.firmware.signals[i]);
   }
   CHECK(bench.firmware.signals[LINK_SIGNAL_GAP] == bench.sample.gap);
-  CHECK(xcp_take(&slave, packet) == 0);
+  CHECK(xcp_take(&slave, packet, XCP_PACKET) == 0);
 }
 
 static void a_full_queue_drops_whole_samples_and_says_so(void)
@@ -230,14 +231,28 @@ static void a_full_queue_drops_whole_samples_and_says_so(void)
     for (int i = 0; i < fit + 5; i++) {
       tick();
     }
-    CHECK(xcp_take(&slave, packet) == 2 && packet[0] == 0xFDU && packet[1] == 6);
+    CHECK(xcp_take(&slave, packet, XCP_PACKET) == 2 && packet[0] == 0xFDU && packet[1] == 6);
     const uint32_t first = bench.sample.tick - (uint32_t)fit - 4U;
     for (int i = 0; i < fit; i++) {
-      CHECK(xcp_take(&slave, packet) == 6 + 4 * 8);
+      CHECK(xcp_take(&slave, packet, XCP_PACKET) == 6 + 4 * 8);
       CHECK(link_get_u32(packet + 2) == first + (uint32_t)i);
     }
-    CHECK(xcp_take(&slave, packet) == 0);
+    CHECK(xcp_take(&slave, packet, XCP_PACKET) == 0);
   }
+}
+
+static void address_and_value_go_in_one_command(void)
+{
+  const uint8_t setting = (uint8_t)XCP_AREA_SETTING;
+  const uint8_t at = 4U * (uint8_t)LINK_SETTING_DEMAND_SLEW;
+  connect_master();
+  CHECK(SEND(0xED, 4, 0, 0, at, 0, setting, 0, 0x39, 0x30, 0, 0) == XCP_LOCKED);
+  unlock();
+  CHECK(SEND(0xED, 4, 0, 0, at, 0, setting, 0, 0x39, 0x30, 0, 0) == 0);
+  CHECK(bench.firmware.settings[LINK_SETTING_DEMAND_SLEW] == 12345);
+  CHECK(SEND(0xED, 4, 0, 0, at, 0, setting, 0, 0, 0, 0) == XCP_SYNTAX);
+  CHECK(SEND(0xED, 4, 0, 1, at, 0, setting, 0, 1, 0, 0, 0) == XCP_RANGE);
+  CHECK(bench.firmware.settings[LINK_SETTING_DEMAND_SLEW] == 12345);
 }
 
 static void who_looks_on_is_no_heartbeat(void)
@@ -287,6 +302,7 @@ int main(void)
   a_list_runs_once_all_its_entries_are_signals();
   a_sample_is_of_one_tick();
   a_full_queue_drops_whole_samples_and_says_so();
+  address_and_value_go_in_one_command();
   who_looks_on_is_no_heartbeat();
   the_own_link_and_a_master_do_not_mix_their_blocks();
   an_edited_word_is_in_force_when_its_page_is_set();

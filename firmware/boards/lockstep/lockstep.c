@@ -2,8 +2,10 @@
 #include "lockstep.h"
 
 #include "port/port.h"
+#include "xcp/tunnel.h"
 
 static app firmware;
+static xcp_slave carried; /* by the link */
 static uint8_t record[LINK_SIZE_PLANT_SAMPLE];
 static uint16_t filled;
 static link_plant_sample sample;
@@ -12,6 +14,7 @@ static link_plant_drive drive;
 app *lockstep_start(void)
 {
   app_start(&firmware, &lockstep_board);
+  xcp_start(&carried, &firmware);
   return &firmware;
 }
 
@@ -43,6 +46,7 @@ void lockstep_receive(uint8_t byte)
     filled = 0;
     app_tick(&firmware);
     answer();
+    xcp_tick(&carried);
     board_ticked();
     return;
   }
@@ -83,3 +87,8 @@ int port_keep(const int16_t *block, uint16_t words)
 }
 
 uint32_t port_cycles(void) { return 0; }
+
+uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets)
+{
+  return xcp_tunnel(&carried, command, length, packets);
+}

@@ -3,7 +3,8 @@
 
    A tick begins when the plant's sample has arrived and is over when the drive has been sent back;
    the plant waits for it, so that virtual time stands still while either side computes. port_sense,
-   port_drive, port_lock and port_unlock are implemented here; records as in link/frames.h. */
+   port_drive, port_lock, port_unlock and
+   port_xcp are implemented here; records as in link/frames.h. */
 #ifndef LOCKSTEP_H
 #define LOCKSTEP_H
 

@@ -30,6 +30,7 @@
 #include "services/thermal.h"
 #include "stage.h"
 #include "xcp/line.h"
+#include "xcp/tunnel.h"
 
 /* Of about 8 kHz: 5 ms and four ticks. */
 #define WATCHDOG_COUNTS (40U + 32000U / ACTUATOR_RATE_HZ)
@@ -61,6 +62,7 @@
 static uint32_t tick;
 static app firmware;
 static xcp_line xcp;
+static xcp_slave carried; /* by the link */
 
 /* What counts until a set is kept: a code of the encoder is 2^-16 of the position's full scale. */
 static memory_set set = {
@@ -161,6 +163,11 @@ int port_keep(const int16_t *block, uint16_t words)
 
 uint32_t port_cycles(void) { return cycles; }
 
+uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets)
+{
+  return xcp_tunnel(&carried, command, length, packets);
+}
+
 /* The three values are there: computes the tick. One that began meanwhile is missed: what it
    converted is left alone, and the number of the next sample shows it. */
 static void converted(void)
@@ -171,6 +178,7 @@ static void converted(void)
   tick = TIM5_CNT;
   app_tick(&firmware);
   xcp_line_tick(&xcp);
+  xcp_tick(&carried);
   const uint32_t took = DWT_CYCCNT - began;
   if (took > cycles) {
     cycles = took;
@@ -282,6 +290,7 @@ static void start_app(void)
   }
   app_start(&firmware, &in_use);
   xcp_line_start(&xcp, &firmware, 1);
+  xcp_start(&carried, &firmware);
 }
 
 static void start_services(void)

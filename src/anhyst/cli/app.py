@@ -26,6 +26,7 @@ from anhyst.cli.tune import tune
 from anhyst.cli.use import invert, predict
 from anhyst.cli.verify import verify
 from anhyst.cli.watch import watch
+from anhyst.cli.xcp import xcp
 from anhyst.support.errors import InputError, Interrupted, NegativeResult, RenamedWarning
 
 BAD_INPUT = 2
@@ -56,6 +57,7 @@ app.command(no_args_is_help=True)(simulate)
 app.command(no_args_is_help=True)(tune)
 app.command(no_args_is_help=True)(live)
 app.command(no_args_is_help=True)(watch)
+app.command(no_args_is_help=True)(xcp)
 
 
 def _print_version(wanted: bool) -> None:

@@ -378,6 +378,22 @@ class KeepRequest(Message):
 
 
 @dataclass(frozen=True)
+class XcpRequest(Message):
+    """A command of XCP, or nothing where only samples are wanted.
+
+    Is no sign of life by itself: the command is, of a master that has shown the key. A board
+    without XCP does not know the request.
+    """
+
+    TYPE: ClassVar[int] = 0x10
+    ANSWER: ClassVar[int] = 0x89
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
+    TAIL: ClassVar[str] = "B"
+
+    command: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class InfoAnswer(Message):
     """Who the controller is."""
 
@@ -499,6 +515,17 @@ class RecorderDataAnswer(Message):
 
 
 @dataclass(frozen=True)
+class XcpPacketsAnswer(Message):
+    """What the command is answered with, then events and samples: each packet behind its length."""
+
+    TYPE: ClassVar[int] = 0x89
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
+    TAIL: ClassVar[str] = "B"
+
+    packets: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class PlantSample(PlantRecord):
     """Plant to controller: what the sensors show at the beginning of a tick."""
 
@@ -544,5 +571,6 @@ ANSWERS: dict[int, type[Message]] = {
         BlockWordsAnswer,
         RecorderInfoAnswer,
         RecorderDataAnswer,
+        XcpPacketsAnswer,
     )
 }

@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "xcp/tunnel.h"
+
+/* Puts the length in front of a packet that stands behind it; bytes that are taken then. */
+static uint16_t put(uint8_t *packets, uint16_t at, uint16_t length)
+{
+  uint16_t end = at;
+  if (length > 0U) {
+    packets[at] = (uint8_t)length;
+    end = (uint16_t)(at + 1U + length);
+  }
+  return end;
+}
+
+uint16_t xcp_tunnel(xcp_slave *x, const uint8_t *command, uint16_t length, uint8_t *packets)
+{
+  const uint16_t most = LINK_PAYLOAD_MOST - 1U;
+  uint16_t count = put(packets, 0, xcp_answer(x, command, length, &packets[1]));
+  uint16_t before;
+  do {
+    before = count;
+    if (count < most) {
+      count = put(packets, count, xcp_take(x, &packets[count + 1U], (uint16_t)(most - count)));
+    }
+  } while (count > before);
+  return count;
+}

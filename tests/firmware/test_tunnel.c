@@ -1,0 +1,134 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims about XCP inside frames of the own link. */
+#include "../core/check.h"
+#include "bench.h"
+
+#include <string.h>
+
+#include "link/crc.h"
+
+static xcp_slave slave;
+
+/* Carries a command; what came back stands in bench.payload. */
+static uint8_t carry(const uint8_t *command, uint8_t length)
+{
+  return bench_ask(LINK_TYPE_XCP, command, length);
+}
+
+#define CARRY(...)                                                                                 \
+  carry((const uint8_t[]){__VA_ARGS__}, (uint8_t)sizeof((const uint8_t[]){__VA_ARGS__}))
+
+static void connect_master(void)
+{
+  bench_start();
+  xcp_start(&slave, &bench.firmware);
+  bench.carried = &slave;
+  CHECK(CARRY(0xFF, 0) == LINK_TYPE_XCP_PACKETS);
+  CHECK(bench.answer.length == 9 && bench.payload[0] == 8 && bench.payload[1] == 0xFF);
+}
+
+static void show_key(void)
+{
+  uint8_t command[6] = {0xF7, 4};
+  CHECK(CARRY(0xF8, 0, 1) == LINK_TYPE_XCP_PACKETS && bench.payload[0] == 6);
+  link_put_u32(command + 2, link_crc32(XCP_SECRET, bench.payload + 3, 4));
+  CHECK(carry(command, sizeof command) == LINK_TYPE_XCP_PACKETS && bench.payload[1] == 0xFF);
+}
+
+/* Eight signals, and as many ticks with the slave's beside the firmware's. */
+static void sample(int ticks)
+{
+  CHECK(CARRY(0xD6) && CARRY(0xD5, 0, 1, 0) && CARRY(0xD4, 0, 0, 0, 1));
+  CHECK(CARRY(0xD3, 0, 0, 0, 0, 8) && CARRY(0xE2, 0, 0, 0, 0, 0));
+  for (uint8_t i = 0; i < 8U; i++) {
+    CHECK(CARRY(0xE1, 0xFF, 4, 0, (uint8_t)(4U * i), 0, 1, 0));
+  }
+  CHECK(CARRY(0xDE, 1, 0, 0) == LINK_TYPE_XCP_PACKETS && bench.payload[1] == 0xFF);
+  for (int i = 0; i < ticks; i++) {
+    bench_ticks(1);
+    xcp_tick(&slave);
+  }
+}
+
+static void a_board_without_xcp_does_not_know_the_request(void)
+{
+  bench_start();
+  CHECK(CARRY(0xFF, 0) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_TYPE);
+}
+
+static void a_command_that_has_no_answer_brings_none(void)
+{
+  bench_start();
+  xcp_start(&slave, &bench.firmware);
+  bench.carried = &slave;
+  CHECK(CARRY(0xFD) == LINK_TYPE_XCP_PACKETS && bench.answer.length == 0); /* not connected */
+}
+
+static void samples_come_whole_and_none_is_lost(void)
+{
+  const int ticks = 40;
+  connect_master();
+  sample(ticks);
+  const uint32_t first = bench.sample.tick - (uint32_t)ticks + 1U;
+  uint32_t found = 0;
+  CHECK(CARRY(0xFD) == LINK_TYPE_XCP_PACKETS && bench.payload[0] == 6); /* an answer comes first */
+  uint16_t at = 7;
+  for (int asked = 0; asked < ticks; asked++) {
+    while (at < bench.answer.length) {
+      CHECK(bench.payload[at] == 38 && bench.payload[at + 1] == 0);
+      CHECK(link_get_u32(bench.payload + at + 3) == first + found);
+      at = (uint16_t)(at + 39U);
+      found++;
+    }
+    CHECK(at == bench.answer.length);
+    CHECK(carry(NULL, 0) == LINK_TYPE_XCP_PACKETS);
+    CHECK(bench.answer.length <= 6 * 39);
+    at = 0;
+  }
+  CHECK(found == (uint32_t)ticks && bench.answer.length == 0);
+}
+
+/* The line lost the answer: the same bytes again, and no sample less. */
+static void what_is_repeated_is_answered_with_the_same_bytes(void)
+{
+  uint8_t before[LINK_PAYLOAD_MOST];
+  connect_master();
+  sample(3);
+  CHECK(carry(NULL, 0) == LINK_TYPE_XCP_PACKETS && bench.answer.length == 3 * 39);
+  memcpy(before, bench.payload, 3 * 39);
+  const uint8_t number = bench.answer.sequence;
+  memset(bench.payload, 0, sizeof bench.payload);
+  (void)bench_put(LINK_TYPE_XCP, number, NULL, 0);
+  bench_poll();
+  CHECK(bench.answer.length == 3 * 39 && memcmp(before, bench.payload, 3 * 39) == 0);
+}
+
+static void who_looks_on_through_the_link_is_no_heartbeat(void)
+{
+  connect_master();
+  bench.firmware.control.silent = 7;
+  CHECK(CARRY(0xFD) && carry(NULL, 0) && bench.firmware.control.silent == 7);
+  show_key();
+  CHECK(bench.firmware.control.silent == 7); /* by the key itself a command is not yet his */
+  CHECK(carry(NULL, 0) && bench.firmware.control.silent == 7);
+  CHECK(CARRY(0xFD) && bench.firmware.control.silent == 0);
+}
+
+static void a_command_longer_than_a_packet_is_refused(void)
+{
+  uint8_t command[LINK_PAYLOAD_MOST] = {0xFD};
+  connect_master();
+  CHECK(carry(command, LINK_PAYLOAD_MOST) == LINK_TYPE_XCP_PACKETS);
+  CHECK(bench.payload[0] == 2 && bench.payload[1] == 0xFE && bench.payload[2] == XCP_SYNTAX);
+}
+
+int main(void)
+{
+  a_board_without_xcp_does_not_know_the_request();
+  a_command_that_has_no_answer_brings_none();
+  samples_come_whole_and_none_is_lost();
+  what_is_repeated_is_answered_with_the_same_bytes();
+  who_looks_on_through_the_link_is_no_heartbeat();
+  a_command_longer_than_a_packet_is_refused();
+  return verdict();
+}
