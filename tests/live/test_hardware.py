@@ -16,7 +16,7 @@ from anhyst.cli.app import main
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import Refused
 from anhyst.link.xcp import XcpMaster
-from anhyst.live.recorder import StreamRecorder
+from anhyst.live.recorder import start_recording
 from anhyst.live.session import LiveSession
 from anhyst.rig.bench.force import StandPlant
 from anhyst.rig.bench.hardware import HardwareBench
@@ -143,8 +143,8 @@ def test_nobody_there_is_said_at_once() -> None:
 
 @pytest.fixture
 def session(bench: HardwareBench, tmp_path: Path) -> Iterator[LiveSession]:
-    recorder = StreamRecorder(tmp_path / "run.csv", bench.signals, bench.rate)
-    opened = LiveSession(bench, recorder)
+    recording = start_recording(tmp_path / "run.csv", bench.signals, bench.rate)
+    opened = LiveSession(bench, recording, tmp_path)
     opened.start()
     yield opened
     opened.close()
@@ -163,7 +163,7 @@ def lost(session: LiveSession) -> str:
 
 
 def test_a_controller_whose_power_goes_ends_the_session_and_the_recording_is_whole(
-    session: LiveSession, board: Board
+    session: LiveSession, board: Board, tmp_path: Path
 ) -> None:
     operated(session)
     time.sleep(0.3)
@@ -172,8 +172,7 @@ def test_a_controller_whose_power_goes_ends_the_session_and_the_recording_is_who
     with pytest.raises(InputError, match="the controller is gone"):
         session.do(lambda: session.bench.demand(10.0))
     session.close()
-    assert session.recorder is not None
-    rows = numbers(session.recorder.path)
+    rows = numbers(tmp_path / "run.csv")
     assert (np.diff(rows[:, 0]) == 1.0).all()
     assert len(rows) > 300
 
