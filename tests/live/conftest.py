@@ -84,7 +84,7 @@ Serve = Callable[..., Served]
 
 
 @pytest.fixture
-def serve(firmware: Path, tmp_path: Path) -> Iterator[Serve]:
+def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
     """Serve a session until the test ends: of the bearing, where no other bench is given."""
     ends: list[Callable[[], None]] = []
     folder = tmp_path / "work"
@@ -100,7 +100,7 @@ def serve(firmware: Path, tmp_path: Path) -> Iterator[Serve]:
         if prepared is not None:
             opened = bench = prepared.open()
             improver = Improver(prepared, opened)
-        bench = bench or BearingBench(bearings.single(), firmware)
+        bench = bench or BearingBench(bearings.single(), request.getfixturevalue("firmware"))
         recording = start_recording(record, bench.signals, bench.rate) if record else None
         session = LiveSession(bench, recording, folder, improver)
         taken = listen_on("127.0.0.1", 0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 
 import numpy as np
@@ -62,16 +61,9 @@ def test_a_generator_ends_where_the_bench_takes_no_more_of_it(
     begin = session.bench.tick + 1
     session.do(lambda: session.generate(Generator("sine", 5.0, 2.0, begin)))
     seen: list[FloatArray] = []
-    enough = threading.Event()
-
-    def see(rows: FloatArray) -> None:
-        seen.append(rows)
-        if len(seen) > 20:
-            enough.set()
-
-    session.listen(see)
+    session.listen(seen.append)
     session.do(lambda: force_bench.command(Command.IDLE))  # past the page
-    assert enough.wait(10.0)
+    wait_for(lambda: len(seen) > 20)
     assert session.status()["generator"] is None
     assert "generator off: demand: a force is demanded in the state run" in session.log[-1].text
     assert np.all(np.diff(np.concatenate(seen)[:, 0]) == 1.0)

@@ -29,6 +29,10 @@ def program(factory: pytest.TempPathFactory) -> Program:
         built = prepare("full", find_model(rig, loops), rig.settings.rate_Hz, "host", folder)
         (folder / "program").write_bytes(pickle.dumps(built))
 
-    folder = made_once(factory, "force", make)
+    return load(made_once(factory, "force", make))
+
+
+def load(folder: Path) -> Program:
+    """Return the program that lies in a folder."""
     found: Program = pickle.loads((folder / "program").read_bytes())
     return replace(found, firmware=folder / "firmware")

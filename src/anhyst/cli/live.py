@@ -6,7 +6,7 @@ import importlib.util
 import secrets
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,18 +14,33 @@ from anhyst.cli.console import show
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError
 
+if TYPE_CHECKING:
+    from anhyst.rig.bench.protocol import Bench
+
 _PACKAGES = ("starlette", "uvicorn", "websockets")
 
 
 def live(
     rig: Annotated[
-        Path, typer.Argument(metavar="RIG", help="Rig file: a bearing, or a force rig.")
+        Path,
+        typer.Argument(
+            metavar="RIG",
+            help="Rig file: a bearing, or a force rig. With --xcp the compiled folder around which "
+            "the firmware is built.",
+        ),
     ],
     controller: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
             help="Controller file; 'controller.toml' beside the rig file if left out.",
+        ),
+    ] = None,
+    xcp: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="A controller that runs by itself and offers XCP there, in place of a virtual rig.",
         ),
     ] = None,
     record: Annotated[
@@ -52,7 +67,8 @@ def live(
     """See, touch and record a rig in a browser while it runs.
 
     The controller is compiled and built into the firmware, which levitates the virtual bearing, or
-    drives the virtual magnet, in real time; the page shows its signals and operates it. Ctrl-C ends it.
+    drives the virtual magnet, in real time; or it runs on a board already. The page shows its
+    signals and operates it. Ctrl-C ends it.
 
     Example: anhyst live examples/bearing/rig.toml
     """
@@ -64,12 +80,20 @@ def live(
     from anhyst.live.recorder import start_recording
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
-    from anhyst.study.bench import prepare_bench
+    from anhyst.study.bench import open_board, prepare_bench
 
+    if xcp is not None and controller is not None:
+        raise InputError("--controller: a controller that runs has one; leave it out with --xcp")
     taken = listen_on(*read_address(listen, token))
+    bench: Bench
+    improver: Improver | None = None
     with progress_bar("live") as progress, TemporaryDirectory(prefix="anhyst-") as place:
-        prepared = prepare_bench(rig, controller, Path(place), progress)
-        bench = prepared.open()  # runs on without the folder
+        if xcp is None:
+            prepared = prepare_bench(rig, controller, Path(place), progress)
+            bench = prepared.open()  # runs on without the folder
+            improver = Improver(prepared, bench)
+        else:
+            bench = open_board(rig, xcp)
     try:
         recording = None if record is None else start_recording(record, bench.signals, bench.rate)
     except BaseException:
@@ -81,7 +105,8 @@ def live(
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
     folder = Path() if record is None else record.parent
-    session = LiveSession(bench, recording, folder, Improver(prepared, bench))
-    serve(session, rig.resolve().parent.name, taken, shown, started)
+    session = LiveSession(bench, recording, folder, improver)
+    title = rig.resolve().parent.name if xcp is None else f"{rig.resolve().name} at {xcp}"
+    serve(session, title, taken, shown, started)
     if recording is not None:
         show(f"written: {recording.path}, {recording.rows} ticks")

@@ -97,6 +97,8 @@ def _apply(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
 
 
 def _pace(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    if session.bench.keeps_time:
+        raise InputError("time: goes by itself on a board, at its own speed")
     if "speed" in fields:
         speed = finite(fields, "speed")
         session.paced.set_speed(speed)

@@ -89,6 +89,8 @@ class LiveSession:
         self.parameters = bench.parameters()
         self._names = [signal.name for signal in bench.signals]
         self._values: dict[str, float] = {}
+        self._closed = False
+        self._missing, self._newest = 0, 0
         self._listeners: tuple[Listener, ...] = ()
         self.recorder = Recorder(bench.signals, bench.rate, folder or Path.cwd(), self._recorded)
         if recording is not None:
@@ -106,7 +108,10 @@ class LiveSession:
         self.paced.resume()
 
     def close(self) -> None:
-        """End the bench, the recording and work beside it."""
+        """End the bench, the recording and work beside it; once is enough."""
+        if self._closed:
+            return
+        self._closed = True
         if self.improver is not None:
             self.improver.close()
         self.paced.close()
@@ -199,6 +204,7 @@ class LiveSession:
             "factor": pacing.factor,
             "lateness": pacing.late_most,
             "slips": pacing.slips,
+            "missing": self._missing,
             "waits_for": pacing.waits_for,
             "target": self.bench.target,
             "load": self.bench.pulled,
@@ -232,6 +238,9 @@ class LiveSession:
     def _hand_on(self, rows: FloatArray) -> None:
         for listener in self._listeners:
             listener(rows)
+        if self._newest:
+            self._missing += int(rows[-1, 0]) - self._newest - len(rows)
+        self._newest = int(rows[-1, 0])
         self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
 
 

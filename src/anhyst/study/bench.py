@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 import tomllib
 from pathlib import Path
 
+from anhyst.link.xcp import XcpMaster
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
+from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.modelling import find_model, loops_of_rig
 from anhyst.rig.force.programs import prepare
@@ -52,6 +55,44 @@ def open_bench(
         bench = prepare_bench(rig_path, controller_path, Path(place), progress).open()
     _report(progress, _WORK)
     return bench
+
+
+def open_board(folder: PathLike, xcp: str) -> HardwareBench:
+    """Open the bench of a controller that runs by itself.
+
+    Parameters
+    ----------
+    folder : path-like
+        That ``anhyst compile`` wrote and the controller's firmware is built around.
+    xcp : str
+        ``HOST:PORT`` at which the controller offers XCP.
+
+    Returns
+    -------
+    HardwareBench
+        As it runs. To be closed.
+
+    Raises
+    ------
+    InputError
+        No such folder, nobody there, or the firmware is built around another folder.
+    """
+    place = Path(folder) / "manifest.json"
+    try:
+        manifest = json.loads(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        manifest = None
+    if not isinstance(manifest, dict) or "signals" not in manifest:
+        raise InputError(
+            f"{place}: is not there or no manifest; name the folder that anhyst compile wrote and "
+            "the firmware is built around"
+        )
+    line = XcpMaster(xcp)
+    try:
+        return HardwareBench(line, manifest)
+    except BaseException:
+        line.close()
+        raise
 
 
 def prepare_bench(

@@ -70,15 +70,16 @@ function status(now) {
     return column < 0 || !store.count ? undefined : store.value(column, store.count - 1);
   };
   page.panel.status(now, { load: last("load"), gap: last("gap") });
-  const state = bench.states[now.state] ?? now.state;
+  const state = now.ended ? "lost" : (bench.states[now.state] ?? now.state);
   at("state").textContent = state;
   at("state").dataset.state = state;
   at("fault").textContent = now.fault ? bench.faults[now.fault] : "";
   facts({
     time: `${(now.tick / bench.rate).toFixed(2)} s`,
     "real time": now.paused ? "paused" : `× ${now.factor.toFixed(2)}`,
-    "late at most": `${(1e3 * now.lateness).toFixed(1)} ms`,
-    slips: String(now.slips),
+    ...(bench.keeps_time
+      ? { "missing ticks": String(now.missing) }
+      : { "late at most": `${(1e3 * now.lateness).toFixed(1)} ms`, slips: String(now.slips) }),
     recorded: recorded(now.recording),
   });
   page.improve.status(now);

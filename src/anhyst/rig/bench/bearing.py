@@ -60,7 +60,7 @@ _OF_FIRMWARE = (
 )
 """Signals that the controller alone knows."""
 
-_COMMANDS = (
+BEARING_COMMANDS = (
     Command.CONDITION,
     Command.DEMAGNETISED,
     Command.LIFT,
@@ -70,6 +70,7 @@ _COMMANDS = (
     Command.IDLE,
     Command.ARM,
 )
+"""Of a controller of position."""
 
 _COLUMNS = tuple(LOOP_COLUMNS.split())
 _TAKEN = [_COLUMNS.index(name) for name in _OF_PLANT]
@@ -176,7 +177,7 @@ class BearingBench:
 
     def commands(self) -> tuple[Command, ...]:
         """Return the commands of a controller of position."""
-        return _COMMANDS
+        return BEARING_COMMANDS
 
     def demand(self, value: float) -> None:
         """Demand a gap, m."""

@@ -15,7 +15,7 @@ from anhyst.rig.bench.armature import Armature
 from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.parameters import check_values
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
-from anhyst.rig.bench.settings import ForceSettings
+from anhyst.rig.bench.settings import ControllerSettings, force_settings
 from anhyst.rig.force.bench import ActuatorStand, StandTick
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program
@@ -50,8 +50,27 @@ FORCE_COMMANDS = (
 """Of a controller of force."""
 
 
-class _Stand:
-    """The actuator as the plant bus knows it: signals as fractions of full scale."""
+class StandPlant:
+    """The actuator as the plant bus knows it: signals as fractions of full scale.
+
+    Parameters
+    ----------
+    rig : Rig
+        What stands there, demagnetised.
+    program : Program
+        For its scales.
+    seed : int
+        Of the sensors' noise; the seed of the rig file is added.
+
+    Attributes
+    ----------
+    armature : Armature
+        What moves it.
+    gap : float
+        Where it is, m.
+    at : StandTick
+        The last tick.
+    """
 
     def __init__(self, rig: Rig, program: Program, seed: int) -> None:
         low, high = program.scales.gap_low, program.scales.gap_high
@@ -103,7 +122,7 @@ class ForceBench:
     def __init__(self, rig: Rig, program: Program, seed: int = 0) -> None:
         self.rate = float(rig.settings.rate_Hz)
         self._scales = program.scales
-        self._stand = _Stand(rig, program, seed)
+        self._stand = StandPlant(rig, program, seed)
         self.aim = Aim("force", "demand", "N", 0.0, rig.settings.force_control.force_max_N, 0.0)
         self._open = ExitStack()
         try:
@@ -111,9 +130,8 @@ class ForceBench:
             self._bus = running.bus
             self._link = self._open.enter_context(ControllerLink(running.url))
             self._heartbeat = Heartbeat(self._link)
-            self._settings = ForceSettings(
-                self._link, self._scales.demand, self._scales.current, self.rate
-            )
+            known = force_settings(self._scales.demand, self._scales.current, self.rate)
+            self._settings = ControllerSettings(self._link, known)
             self._state = State.INIT
         except BaseException:
             self._open.close()

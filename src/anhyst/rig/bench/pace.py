@@ -71,7 +71,7 @@ class Pacing:
 
 
 class PacedBench:
-    """Runs a bench by the clock, until it is closed.
+    """Runs a bench by the clock, or as its own ticks come, until it is closed.
 
     Parameters
     ----------
@@ -260,6 +260,8 @@ class PacedBench:
             ticks = min(self._steps, chunk)
             self._steps -= ticks
             return ticks, None
+        if self._bench.keeps_time:
+            return chunk, None  # it waits for them
         left = self._due(self._tick + chunk) - time.monotonic()
         return (0, left) if left > 0.0 else (chunk, None)
 
@@ -278,7 +280,7 @@ class PacedBench:
     def _note(self) -> None:
         """Note how late the chunk was; give up the time where that is too much."""
         now = time.monotonic()
-        late = now - self._due(self._tick)
+        late = 0.0 if self._bench.keeps_time else now - self._due(self._tick)
         self._window.append((now, self._tick, late))
         while self._window[0][0] < now - _WINDOW_S and len(self._window) > 2:
             self._window.popleft()

@@ -1,17 +1,15 @@
-"""The settings of a controller of force, as parameters of a bench."""
+"""The settings of a controller, as parameters of a bench."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Protocol
 
-from anhyst.link.frames import Setting
+from anhyst.compile.a2l import HEARTBEAT_MS
+from anhyst.link.frames import SETTINGS, Setting
 from anhyst.link.plant_bus import Q30, Q31
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
-
-_AT_REST = ("ratio", "follow")
-"""Those that a firmware keeps as they are while it runs."""
 
 
 class SettingsLine(Protocol):
@@ -26,40 +24,53 @@ class SettingsLine(Protocol):
         ...  # pragma: no cover
 
 
-class ForceSettings:
-    """Settings in SI units.
+class KnownSetting(NamedTuple):
+    """A setting in SI units.
+
+    Attributes
+    ----------
+    name, unit, low, high, doc
+        As of :class:`anhyst.rig.bench.protocol.Parameter`.
+    setting : Setting
+        Which.
+    code : float
+        What one of its codes means.
+    """
+
+    name: str
+    setting: Setting
+    unit: str
+    low: float
+    high: float
+    code: float
+    doc: str
+
+
+class ControllerSettings:
+    """Settings that are read and written over a line.
 
     Parameters
     ----------
     line : SettingsLine
         To the controller.
-    demand, current : float
-        Full scales, N and A.
-    rate : float
-        Ticks a second.
+    known : sequence of KnownSetting
+        Those that there are.
     """
 
-    def __init__(self, line: SettingsLine, demand: float, current: float, rate: float) -> None:
+    def __init__(self, line: SettingsLine, known: Sequence[KnownSetting]) -> None:
         self._line = line
-        most, ratio = demand * rate, current / demand
-        self._codes = {"demand_slew": most / Q31, "ratio": ratio / Q30}
-        self._ranges = (
-            ("demand_slew", "N/s", most / Q31, most, "largest slope of the demand"),
-            ("compensation", "", 0.0, 1.0, "1: the compensator; 0: the constant ratio"),
-            ("ratio", "A/N", 0.0, 2.0 * ratio, "constant ratio of current to force"),
-            ("follow", "", 0.0, 1.0, "0: the memory follows the current driven; 1: measured"),
-        )
+        self._known = tuple(known)
         self._values = self._read()
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return them, with the values in force."""
         return tuple(
-            Parameter(name, unit, low, high, doc, self._values[name])
-            for name, unit, low, high, doc in self._ranges
+            Parameter(one.name, one.unit, one.low, one.high, one.doc, self._values[one.name])
+            for one in self._known
         )
 
     def write(self, values: Mapping[str, float], runs: bool) -> None:
-        """Write some of them, one after the other; others are left alone.
+        """Write some of them, one after the other; what is no setting is left alone.
 
         Parameters
         ----------
@@ -73,17 +84,49 @@ class ForceSettings:
         InputError
             One may not be changed while it runs; then none is written.
         """
-        mine = {name: values[name] for name in self._values if name in values}
-        kept = [name for name in _AT_REST if name in mine and mine[name] != self._values[name]]
-        if kept and runs:
-            raise InputError(f"{kept[0]}: stays as it is while the controller runs; stop it first")
-        for name, value in mine.items():
-            code = min(round(value / self._codes.get(name, 1.0)), int(Q31) - 1)
-            self._line.write_setting(Setting[name.upper()], code)
+        mine = [one for one in self._known if one.name in values]
+        for one in mine:
+            kept = runs and not SETTINGS[one.setting].while_running
+            if kept and values[one.name] != self._values[one.name]:
+                raise InputError(
+                    f"{one.name}: stays as it is while the controller runs; stop it first"
+                )
+        for one in mine:
+            code = min(round(values[one.name] / one.code), int(Q31) - 1)
+            self._line.write_setting(one.setting, code)
         self._values = self._read()
 
     def _read(self) -> dict[str, float]:
-        return {
-            name: self._line.read_setting(Setting[name.upper()]) * self._codes.get(name, 1.0)
-            for name, *_ in self._ranges
-        }
+        return {one.name: self._line.read_setting(one.setting) * one.code for one in self._known}
+
+
+def force_settings(demand: float, current: float, rate: float) -> tuple[KnownSetting, ...]:
+    """Return the settings of a controller of force.
+
+    Parameters
+    ----------
+    demand, current : float
+        Full scales, N and A.
+    rate : float
+        Ticks a second.
+    """
+    most, ratio = demand * rate, current / demand
+    slew, follow = (
+        "largest slope of the demand",
+        "0: the memory follows the current driven; 1: measured",
+    )
+    switch = "1: the compensator; 0: the constant ratio"
+    of_ratio = "constant ratio of current to force"
+    return (
+        KnownSetting("demand_slew", Setting.DEMAND_SLEW, "N/s", most / Q31, most, most / Q31, slew),
+        KnownSetting("compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, switch),
+        KnownSetting("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, of_ratio),
+        KnownSetting("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow),
+    )
+
+
+def heartbeat_setting(rate: float) -> KnownSetting:
+    """Return how long a controller waits for its operator, at so many ticks a second."""
+    low, high = SETTINGS[Setting.HEARTBEAT_TICKS].low / rate, 1e-3 * HEARTBEAT_MS
+    doc = "without a sign of life for so long the controller goes to rest"
+    return KnownSetting("heartbeat", Setting.HEARTBEAT_TICKS, "s", low, high, 1.0 / rate, doc)

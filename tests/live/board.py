@@ -1,0 +1,74 @@
+"""A stand-in for a board: the firmware as a process, whose plant keeps its own time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from anhyst.link.plant_bus import PlantBus
+from anhyst.link.process import start_host
+from anhyst.rig.bench.force import StandPlant
+from anhyst.support.errors import InputError
+
+POLL_S = 0.002
+
+LATE_S = 0.02
+"""Where this machine stood for longer, the board stood too: no board runs after lost time."""
+
+
+@dataclass
+class Board:
+    """A firmware that runs by the clock on the wall.
+
+    Attributes
+    ----------
+    url : str
+        Its own link.
+    xcp : str
+        Where it offers XCP.
+    skip : int
+        Ticks that the plant goes on alone for, at the next opportunity: the controller misses them.
+    pull : callable
+        Ends it, as a cable pulled out or its power does.
+    """
+
+    url: str
+    xcp: str
+    bus: PlantBus
+    pull: Callable[[], None]
+    skip: int = 0
+
+
+@contextmanager
+def running(firmware: Path, plant: StandPlant, rate: float, link: str = "pty") -> Iterator[Board]:
+    """Let a firmware of force run by the clock until the test ends."""
+    done = threading.Event()
+    with start_host(firmware, link, 0) as (url, ours, port):
+        board = Board(url, f"127.0.0.1:{port}", PlantBus(plant, ours), done.set)
+
+        def run() -> None:
+            last, owed = time.monotonic(), 0.0
+            try:
+                while not done.wait(POLL_S):
+                    board.bus.skip(board.skip)
+                    board.skip = 0
+                    now = time.monotonic()
+                    owed += min(now - last, LATE_S) * rate
+                    board.bus.step(int(owed))
+                    last, owed = now, owed % 1.0
+            except InputError:
+                pass  # the test ended the firmware
+            finally:
+                ours.close()  # the firmware ends with it
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        try:
+            yield board
+        finally:
+            done.set()
+            thread.join()

@@ -1,0 +1,184 @@
+"""What is lost while a rig is driven, one thing at a time: each line of the table of docs/live.md."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from anhyst.control.states import Command, Fault, State
+from anhyst.link.xcp import XcpMaster
+from anhyst.live.session import LiveSession
+from anhyst.rig.bench.force import ForceBench
+from anhyst.rig.bench.hardware import HardwareBench
+from anhyst.rig.bench.pace import PacedBench
+from anhyst.rig.force.programs import Program
+from tests.live.board import Board
+from tests.live.conftest import Serve, wait_for
+from tests.live.test_guard import meet, next_message, order
+from tests.live.test_hardware import bench as board_bench
+from tests.live.test_hardware import board, manifest, operated, program
+from tests.rig import forces
+
+__all__ = ["board", "board_bench", "manifest", "program"]
+
+
+def test_a_browser_that_goes_leaves_the_rig_running_and_the_desk_free(
+    serve: Serve, force_bench: ForceBench
+) -> None:
+    served = serve(bench=force_bench)
+    session = served.session
+    with meet(served) as first:
+        next_message(first, "status")
+        wait_for(lambda: session.status()["state"] == State.IDLE)
+        for name in ("demagnetised", "run"):
+            assert "reason" not in order(first, "command", name=name)
+        wait_for(lambda: session.status()["state"] == State.RUN)
+        first.socket.close()  # without a word
+    tick = session.bench.tick
+    wait_for(lambda: session.bench.tick > tick + session.bench.rate)
+    assert session.status()["state"] == State.RUN
+    with meet(served) as second:
+        wait_for(lambda: next_message(second, "status")["operator"] == 2)
+        assert "reason" not in order(second, "target", value=10.0)
+
+
+def children(parent: int) -> list[int]:
+    return [int(one) for one in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()]
+
+
+SERVER = """\
+import sys
+from pathlib import Path
+from anhyst.rig.bench.force import ForceBench
+from tests.rig import forces
+bench = ForceBench(forces.example(), forces.load(Path(sys.argv[1])))
+bench.advance(50)
+print("up", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_server_that_is_killed_takes_its_virtual_rig_with_it(program: Program) -> None:
+    command = [sys.executable, "-c", SERVER, str(program.firmware.parent)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
+        assert server.stdout is not None
+        assert server.stdout.readline() == b"up\n"
+        (controller,) = children(server.pid)
+        server.kill()
+    wait_for(lambda: not runs(controller))
+
+
+def runs(process: int) -> bool:
+    """Whether a process is there and no corpse."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_a_virtual_controller_that_dies_ends_the_session_and_says_why(program: Program) -> None:
+    before = set(children(os.getpid()))
+    opened = ForceBench(forces.example(), program)
+    (controller,) = set(children(os.getpid())) - before
+    with closing(LiveSession(opened)) as session:
+        session.start()
+        os.kill(controller, signal.SIGKILL)
+        wait_for(lambda: session.ended)
+        assert "the controller did not finish tick" in session.ended
+
+
+@contextmanager
+def line_to(address: str) -> Iterator[tuple[str, threading.Event]]:
+    """Yield an address that leads to another, until the event is set: then nothing passes."""
+    host, _, port = address.rpartition(":")
+    cut = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def carry(source: socket.socket, sink: socket.socket) -> None:
+            source.settimeout(0.05)
+            while not cut.is_set():
+                try:
+                    data = source.recv(1 << 16)
+                except TimeoutError:
+                    continue
+                except OSError:
+                    return
+                if not data:
+                    return
+                sink.sendall(data)
+
+        def run() -> None:
+            near, _ = listener.accept()
+            far = socket.create_connection((host, int(port)))
+            with near, far:
+                ways = [
+                    threading.Thread(target=carry, args=pair) for pair in ((near, far), (far, near))
+                ]
+                for way in ways:
+                    way.start()
+                for way in ways:
+                    way.join()
+                held.wait(10.0)  # open, and silent: as a cable that is pulled out
+
+        held = threading.Event()
+        thread = threading.Thread(target=run)
+        thread.start()
+        yield f"127.0.0.1:{listener.getsockname()[1]}", cut
+        cut.set()
+        held.set()
+        thread.join()
+
+
+def test_a_link_that_is_cut_lets_the_controller_rest_and_ends_the_session(
+    board: Board, manifest: dict[str, object]
+) -> None:
+    with line_to(board.xcp) as (address, cut):
+        opened = HardwareBench(XcpMaster(address, timeout=0.5), manifest)
+        with closing(LiveSession(opened)) as session:
+            session.start()
+            operated(session)
+            wait_for(lambda: board.bus.drive > 0.2)
+            cut.set()
+            wait_for(lambda: board.bus.state is State.FAULT)
+            assert board.bus.fault is Fault.LINK_LOST
+            wait_for(lambda: abs(board.bus.drive) < 1e-6)
+            wait_for(lambda: session.ended)
+            assert address in session.ended
+
+
+def test_a_recorder_that_stands_is_waited_for_and_the_controller_rests(
+    board: Board, board_bench: HardwareBench
+) -> None:
+    board_bench.command(Command.DEMAGNETISED)
+    board_bench.command(Command.RUN)
+    pacer = PacedBench(board_bench)
+    stuck = pacer.subscribe("the recording", complete=True)
+    wait_for(lambda: pacer.pace().waits_for == "the recording")
+    wait_for(lambda: board.bus.fault is Fault.LINK_LOST)
+    rows = 0
+    last = 0.0
+    while rows < 3000:  # what came meanwhile is not lost either
+        chunk = stuck.get(10.0)
+        assert chunk is not None
+        assert not last or chunk[0, 0] == last + 1
+        rows, last = rows + len(chunk), chunk[-1, 0]
+    pacer.close()
+
+
+def test_a_controller_that_misses_too_many_ticks_goes_to_fault_and_they_are_counted(
+    board: Board, board_bench: HardwareBench
+) -> None:
+    ticks = 40
+    with closing(LiveSession(board_bench)) as session:
+        session.start()
+        operated(session)
+        board.skip = ticks
+        wait_for(lambda: session.status()["fault"] == Fault.MISSED_TICK)
+        assert session.status()["missing"] == ticks
