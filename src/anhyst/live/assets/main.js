@@ -1,5 +1,6 @@
 // Brings link, views and controls together.
 
+import { NAME as COMPENSATION } from "./compensation.js";
 import { kept, make } from "./dom.js";
 import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
@@ -44,7 +45,7 @@ function open(bench) {
     scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, () => parameters.label()),
-    panel: new Panel(at("panel"), bench, order),
+    panel: new Panel(at("panel"), bench, order, parameters),
   };
   at("title").textContent = bench.title;
   document.title = `${bench.title} – anhyst live`;
@@ -168,6 +169,7 @@ const KEYS = {
   "+": () => page?.scope.widen(-1),
   "-": () => page?.scope.widen(1),
   b: () => page?.parameters.rollBack(),
+  c: () => page?.parameters.toggle(COMPENSATION),
   t: turnTheme,
 };
 
