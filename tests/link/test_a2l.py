@@ -109,9 +109,9 @@ def test_the_serial_line_is_described_as_a_master_uses_it(described: Description
 def test_every_signal_setting_and_input_has_its_name_and_place(described: Description) -> None:
     body = "force" if described.manifest["controller"] is None else "position"
     assert list(described.measurements) == [value.name for value in SIGNALS]
-    inputs = [value.name for value in INPUTS if value.body in ("", body)]
+    operation = {value.name for value in (*SETTINGS, *INPUTS) if value.body in ("", body)}
     words = [name for name in described.characteristics if name.startswith("block.")]
-    assert set(described.characteristics) == {one.name for one in SETTINGS} | {*inputs, *words}
+    assert set(described.characteristics) == operation | {*words}
     with master_on(described.board) as master:
         assert master.identifier(1) == described.manifest["name"]
         for name in (*described.measurements, *described.characteristics):

@@ -21,7 +21,7 @@ from anhyst.compensate.layout import PLACES
 from anhyst.compile.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.blocks import regenerate
-from anhyst.link.client import ControllerLink
+from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running, run_host
 from anhyst.link.xcp_key import key_for
@@ -204,7 +204,10 @@ def test_a_master_that_looks_on_does_not_keep_a_run_alive(xcp_board: Running) ->
     assert xcp_board.bus.fault is Fault.LINK_LOST
 
 
-@pytest.mark.parametrize("setting", SETTINGS, ids=[setting.name for setting in SETTINGS])
+OF_FORCE = [setting for setting in SETTINGS if setting.body in ("", "force")]
+
+
+@pytest.mark.parametrize("setting", OF_FORCE, ids=[setting.name for setting in OF_FORCE])
 def test_settings_keep_their_limits(xcp_board: Running, setting: object) -> None:
     number = [each is setting for each in SETTINGS].index(True)
     value = SETTINGS[number]
@@ -222,6 +225,17 @@ def test_settings_keep_their_limits(xcp_board: Running, setting: object) -> None
                     write(master, value.name, beyond)
                 assert refused(error.value) == "ERR_OUT_OF_RANGE"
         assert read(master, value.name) == high
+
+
+def test_a_controller_of_force_has_no_gains_of_a_position(xcp_board: Running) -> None:
+    with ControllerLink(xcp_board.url, timeout=1.0) as controller:
+        with pytest.raises(Refused):
+            controller.write_setting(Setting.GAINS, 1)
+        assert controller.read_setting(Setting.GAINS) == 0
+    with master_on(xcp_board, unlocked=True) as master:
+        with pytest.raises(XcpResponseError) as error:
+            write(master, "gain_p", 1 << 30)
+        assert refused(error.value) == "ERR_ACCESS_DENIED"
 
 
 def download(master: Any, words: list[int]) -> None:

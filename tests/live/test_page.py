@@ -195,13 +195,34 @@ def test_steps_show_the_figures_of_the_recording(serve: Serve, show: Show, tmp_p
     assert shown == pytest.approx(100.0 * (430e-6 - after.min()) / 20e-6, abs=0.15)
 
 
+def test_switching_the_compensation_off_shows_a_larger_overshoot(serve: Serve, show: Show) -> None:
+    served = serve()
+    page = show(served)
+    lift(page, served)
+    page.get_by_role("tab", name="3 steps").click()
+    for taken, on in ((1, "true"), (2, "false")):
+        page.wait_for_selector(f"#compensation[aria-pressed={on}]")
+        page.locator("#step-down").click()
+        page.wait_for_selector(f"#steps tbody tr:nth-child({taken})")
+        page.keyboard.press("c")  # off, and on again
+    page.wait_for_selector("#compensation[aria-pressed=true]")
+    rows = [row.split("\t") for row in page.locator("#steps tbody tr").all_inner_texts()]
+    assert [row[1] for row in rows] == ["with compensation (1)", "without compensation (1)"]
+    with_it, without = (float(row[3].split()[0]) for row in rows)
+    assert with_it < 1.0
+    assert without > 4.0
+    said = [entry.text for entry in served.session.log if "compensation" in entry.text]
+    assert said == ["compensation = 0", "compensation = 1"]
+
+
 def test_staged_values_are_applied_on_one_tick(serve: Serve, show: Show) -> None:
     served = serve()
     page = show(served)
     ready(page)
     page.get_by_role("tab", name="4 parameters").click()
     old = {one.name: one.value for one in served.session.parameters}
-    staged = {one.name: 0.5 * one.high for one in served.session.parameters[:2]}
+    drive = [one for one in served.session.parameters if one.name.startswith("load_")]
+    staged = {one.name: 0.5 * one.high for one in drive}
     for name, value in staged.items():
         page.get_by_label(name, exact=True).fill(str(value))
         page.get_by_label(name, exact=True).press("Tab")

@@ -258,6 +258,8 @@ def test_a_gain_out_of_its_range_leaves_all_as_they_are(bench: BearingBench) -> 
     gain = {one.name: one.high for one in before}["gain_p"]
     with pytest.raises(InputError, match=r"gain_p: is .* N/m; choose a value from"):
         bench.apply({"compensation": 0.0, "gain_i": 0.0, "gain_p": 1.1 * gain})
+    with pytest.raises(InputError, match=r"compensation: is 0\.5; choose 0 or 1"):
+        bench.apply({"compensation": 0.5, "gain_i": 0.0})
     assert bench.parameters() == before
     assert max(overshoots(bench)) < 0.5
 

@@ -101,11 +101,12 @@ def a2l(manifest: Mapping[str, Any]) -> str:
         _described(value, AREAS["signal"] + 4 * number, manifest, methods)
         for number, value in enumerate(SIGNALS)
     ]
+    body = "force" if manifest["controller"] is None else "position"
     operation = [
         _described(_bounded(value, rate), AREAS["setting"] + 4 * number, manifest, methods)
         for number, value in enumerate(SETTINGS)
+        if value.body in ("", body)
     ]
-    body = "force" if manifest["controller"] is None else "position"
     operation += [
         _described(_within_reach(value, manifest), AREAS["input"] + 4 * number, manifest, methods)
         for number, value in enumerate(INPUTS)

@@ -1,5 +1,6 @@
 // Brings link, views and controls together.
 
+import { NAME as COMPENSATION } from "./compensation.js";
 import { kept, make } from "./dom.js";
 import { Improve } from "./improve.js";
 import { Link } from "./link.js";
@@ -47,7 +48,7 @@ function open(bench) {
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, () => parameters.label()),
     improve: new Improve(at("improve"), bench, order),
-    panel: new Panel(at("panel"), bench, order),
+    panel: new Panel(at("panel"), bench, order, parameters),
   };
   at("title").textContent = bench.title;
   document.title = `${bench.title} – anhyst live`;
@@ -173,6 +174,7 @@ const KEYS = {
   "+": () => page?.scope.widen(-1),
   "-": () => page?.scope.widen(1),
   b: () => page?.parameters.rollBack(),
+  c: () => page?.parameters.toggle(COMPENSATION),
   t: turnTheme,
 };
 

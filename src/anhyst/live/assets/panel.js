@@ -1,5 +1,6 @@
 // Controls: commands, target, generator, load drive or armature, speed.
 
+import { NAME as COMPENSATION, compensationSwitch } from "./compensation.js";
 import { field, kept, make, select } from "./dom.js";
 import { RecorderPanel } from "./recorder.js";
 import { show, shown } from "./units.js";
@@ -8,7 +9,7 @@ const SPEEDS = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
 const SLIDER_MS = 50; // between two orders of a slider that moves
 
 export class Panel {
-  constructor(place, bench, order) {
+  constructor(place, bench, order, parameters) {
     this.bench = bench;
     this.order = order;
     this.unit = bench.aim.unit;
@@ -17,6 +18,9 @@ export class Panel {
     place.replaceChildren(
       this.#group("Commands", this.#commands()),
       this.#group("Target", ...this.#target()),
+      ...(parameters.value(COMPENSATION) === undefined
+        ? []
+        : [this.#group("Compensation", compensationSwitch(parameters))]),
       this.#group("Generator", ...this.#generator()),
       ...(bench.load_most ? [this.#group("Load drive", ...this.#load())] : []),
       ...(this.gap ? [this.#group("Armature", ...this.#armature())] : []),

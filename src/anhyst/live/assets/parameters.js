@@ -2,12 +2,14 @@
 
 import { make } from "./dom.js";
 
-export class Parameters {
+export class Parameters extends EventTarget {
   #staged = new Map();
   #before = null; // values in force before the last that were applied
   #inputs = new Map();
+  #first = null; // values that the page came upon
 
   constructor(place, order) {
+    super();
     this.order = order;
     this.confirmed = make("output", { className: "reading", id: "confirmed" });
     this.applyButton = make("button", { id: "apply", onclick: () => this.apply() });
@@ -31,6 +33,7 @@ export class Parameters {
   // Takes what is in force; what is staged stays so.
   show(parameters) {
     this.parameters = parameters;
+    this.#first ??= new Map(parameters.map((one) => [one.name, one.value]));
     this.#inputs.clear();
     const groups = Map.groupBy
       ? Map.groupBy(parameters, group)
@@ -45,6 +48,7 @@ export class Parameters {
     if (!parameters.length)
       this.tree.textContent = "this bench has no parameters that may be changed while it runs";
     this.#refresh();
+    this.dispatchEvent(new Event("shown"));
   }
 
   #table(members) {
@@ -99,29 +103,46 @@ export class Parameters {
 
   async apply() {
     if (!this.#staged.size) return;
-    await this.#put(Object.fromEntries(this.#staged));
+    await this.put(Object.fromEntries(this.#staged));
   }
 
   async rollBack() {
-    if (this.#before) await this.#put(this.#before);
+    if (this.#before) await this.put(this.#before);
   }
 
-  async #put(values) {
+  value(name) {
+    return this.parameters.find((one) => one.name === name)?.value;
+  }
+
+  // Turns a parameter that is 0 or 1, where there is one.
+  async toggle(name) {
+    const value = this.value(name);
+    if (value !== undefined) await this.put({ [name]: value === 0 ? 1 : 0 });
+  }
+
+  // Puts values in force together; what else is staged stays so.
+  async put(values) {
     const old = this.parameters
       .filter((one) => one.name in values)
       .map((one) => [one.name, one.value]);
     const answer = await this.order("apply", { values });
     if (!answer) return;
     this.#before = Object.fromEntries(old);
-    this.#staged.clear();
+    for (const name of Object.keys(values)) this.#staged.delete(name);
     this.confirmed.textContent = `in force from tick ${answer.applied} on`;
     this.show(answer.parameters);
   }
 
   // What is in force, in the few words that tell steps apart.
   label() {
-    const choice = (this.parameters ?? []).filter((one) => one.name.startsWith("compensation"));
-    return choice.map((one) => `${one.name} ${short(one.value)}`).join(", ") || "as compiled";
+    const on = this.value("compensation");
+    const words = on === undefined ? [] : [on === 0 ? "without compensation" : "with compensation"];
+    for (const one of this.parameters) {
+      const share = one.value / this.#first.get(one.name);
+      if (one.name.startsWith("gain_") && Math.abs(share - 1) > 1e-6)
+        words.push(`${one.name} × ${Number(share.toPrecision(3))}`);
+    }
+    return words.join(", ") || "as compiled";
   }
 }
 

@@ -9,6 +9,7 @@ from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import SETTINGS, Setting
 from anhyst.link.plant_bus import Q30
 from anhyst.rig.bench.protocol import Parameter
+from anhyst.support.errors import InputError
 
 _GAINS = {
     "gain_p": ("N/m", "K_p of the controller of position"),
@@ -63,8 +64,8 @@ class PositionSettings:
 
         Raises
         ------
-        Refused
-            The firmware does not do it, and says why.
+        InputError
+            A compensation that is neither 0 nor 1, or the firmware refuses, and says why.
         """
         wanted = {_setting(name): self._code(name, value) for name, value in values.items()}
         changed = {one: code for one, code in wanted.items() if code != self._codes[one]}
@@ -83,7 +84,9 @@ class PositionSettings:
 
     def _code(self, name: str, value: float) -> int:
         if name == "compensation":
-            return round(value)
+            if value not in (0.0, 1.0):
+                raise InputError(f"compensation: is {value:g}; choose 0 or 1")
+            return int(value)
         known = SETTINGS[_setting(name)]
         code = round(value / self._compiled[name] * Q30)
         return min(max(code, known.low), known.high)
