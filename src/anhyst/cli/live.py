@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import secrets
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -64,12 +63,11 @@ def live(
     from anhyst.live.recorder import start_recording
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
-    from anhyst.study.bench import prepare_bench
+    from anhyst.study.kept import prepared_once
 
     taken = listen_on(*read_address(listen, token))
-    with progress_bar("live") as progress, TemporaryDirectory(prefix="anhyst-") as place:
-        prepared = prepare_bench(rig, controller, Path(place), progress)
-        bench = prepared.open()  # runs on without the folder
+    with progress_bar("live") as progress, prepared_once(rig, controller, progress) as prepared:
+        bench = prepared.open()
     try:
         recording = None if record is None else start_recording(record, bench.signals, bench.rate)
     except BaseException:
