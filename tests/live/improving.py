@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from anhyst.control.states import Command
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
 from anhyst.rig.force.programs import prepare
 from anhyst.study.prepared import PreparedForce
+from anhyst.support.arrays import FloatArray
 from tests.study.measured_rigs import measured_rig
 
 GAP = 1.0e-3
@@ -39,3 +44,31 @@ def unknown_iron(folder: Path) -> PreparedForce:
     loops = loops_at(loops_of_rig(rig), GAP)
     program = prepare("full", find_model(rig, loops), rig.settings.rate_Hz, "host", folder / "c")
     return PreparedForce(rig, loops, program)
+
+
+def pinned_more(prepared: PreparedForce, factor: float) -> PreparedForce:
+    """Return the same controller before an iron that became harder."""
+    file = prepared.whole.solenoid
+    scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
+    iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
+    other = file.model_copy(update={"iron": iron})
+    return replace(prepared, whole=replace(prepared.whole, solenoid_file=other))
+
+
+def swung(prepared: PreparedForce, cycles: int, period: float = 1.0) -> FloatArray:
+    """Return the rows of a bench whose force goes to and fro, after it began to run."""
+    bench = prepared.open()
+    try:
+        bench.advance(50)
+        bench.command(Command.DEMAGNETISED)
+        bench.command(Command.RUN)
+        low, high, half = 5.0, 35.0, round(0.5 * period * bench.rate)
+        bench.apply({"demand_slew": 1.2 * (high - low) / (0.5 * period)})
+        parts = []
+        for _ in range(cycles):
+            for force in (high, low):
+                bench.demand(force)
+                parts.append(bench.advance(half))
+    finally:
+        bench.close()
+    return np.concatenate(parts)

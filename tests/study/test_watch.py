@@ -11,7 +11,7 @@ from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.watch.cusum import Chart, Reference
-from anhyst.study.watch.drift import DriftWatch, Finding
+from anhyst.study.watch.drift import TURN, DriftWatch, Finding
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from tests.rig.test_iron_families import EXAMPLES
@@ -111,6 +111,15 @@ def test_what_is_found_does_not_depend_on_the_chunks(rig: Rig, model: ActuatorMo
     assert whole.drifted.shift == pytest.approx(0.3, abs=0.05)
     with pytest.raises(InputError, match="ticks do not rise"):
         DriftWatch(model, 1.3e-3).take(rows[0][::-1], *rows[1:])
+
+
+def test_a_swing_that_is_met_half_way_is_a_cycle_too(model: ActuatorModel) -> None:
+    assert model.valid is not None
+    half = 0.7 * TURN * np.ptp(model.valid.input)  # to either side of where it begins
+    current = 0.6 + half * np.sin(2.0 * np.pi * np.arange(8 * RATE) / RATE)
+    at, ticks = np.full(current.size, 1.3e-3), np.arange(current.size, dtype=np.float64)
+    watch = DriftWatch(model, 1.3e-3)
+    assert watch.take(ticks, current, at, np.zeros(current.size)).cycles >= 6
 
 
 @pytest.mark.slow

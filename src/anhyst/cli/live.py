@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import secrets
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -15,6 +14,7 @@ from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
+    from anhyst.live.improver import Improver
     from anhyst.rig.bench.protocol import Bench
 
 _PACKAGES = ("starlette", "uvicorn", "websockets")
@@ -76,24 +76,14 @@ def live(
         if importlib.util.find_spec(name) is None:
             raise InputError(f"live: {name} is not installed: pip install 'anhyst[live]'")
     from anhyst.live.guard import read_address
-    from anhyst.live.improver import Improver
     from anhyst.live.recorder import start_recording
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
-    from anhyst.study.bench import open_board, prepare_bench
 
     if xcp is not None and controller is not None:
         raise InputError("--controller: a controller that runs has one; leave it out with --xcp")
     taken = listen_on(*read_address(listen, token))
-    bench: Bench
-    improver: Improver | None = None
-    with progress_bar("live") as progress, TemporaryDirectory(prefix="anhyst-") as place:
-        if xcp is None:
-            prepared = prepare_bench(rig, controller, Path(place), progress)
-            bench = prepared.open()  # runs on without the folder
-            improver = Improver(prepared, bench)
-        else:
-            bench = open_board(rig, xcp)
+    bench, improver = _open(rig, controller, xcp)
     try:
         recording = None if record is None else start_recording(record, bench.signals, bench.rate)
     except BaseException:
@@ -110,3 +100,16 @@ def live(
     serve(session, title, taken, shown, started)
     if recording is not None:
         show(f"written: {recording.path}, {recording.rows} ticks")
+
+
+def _open(rig: Path, controller: Path | None, xcp: str | None) -> tuple[Bench, Improver | None]:
+    """Open a virtual rig, and what finds a better model for it; or a controller that runs."""
+    from anhyst.live.improver import Improver
+    from anhyst.study.bench import open_board
+    from anhyst.study.kept import prepared_once
+
+    if xcp is not None:
+        return open_board(rig, xcp), None
+    with progress_bar("live") as progress, prepared_once(rig, controller, progress) as prepared:
+        bench = prepared.open()  # runs on without the folder
+        return bench, Improver(prepared, bench)

@@ -39,8 +39,6 @@ class BenchWatch:
 
     def __init__(self, model: ActuatorModel, signals: Sequence[Signal], rate: float) -> None:
         names = [signal.name for signal in signals]
-        if "current_2" in names:
-            raise InputError("watch: of a pair only the sum of both forces is known, not one's own")
         self._columns = [_place(names, choice) for choice in _READ]
         self._model, self._rate = model, rate
         self._every = max(1, round(rate / SAMPLES_HZ))

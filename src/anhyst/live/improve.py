@@ -82,7 +82,7 @@ def _files(session: LiveSession, improver: Improver, who: str, fields: Fields) -
 
 def _watch(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
     on = fields.get("on") is True
-    session.watch(improver.model if on else None)
+    session.watch(improver.to_watch() if on else None)
     session.note(who, "drift is watched from now on" if on else "drift is watched no more")
     return {}
 
@@ -90,7 +90,7 @@ def _watch(session: LiveSession, improver: Improver, who: str, fields: Fields) -
 def _watch_on(session: LiveSession, improver: Improver) -> None:
     """Begin to watch anew where another model came into force."""
     if session.watched is not None:
-        session.watch(improver.model)
+        session.watch(improver.to_watch())
 
 
 _STEPS: Mapping[str, Callable[[LiveSession, Improver, str, Fields], Fields]] = {

@@ -118,6 +118,18 @@ class Improver:
             raise InputError("back: no model was swapped yet")
         return self._exchange(*self._before)
 
+    def to_watch(self) -> ActuatorModel:
+        """Return the model that the rows of the bench can be held against.
+
+        Raises
+        ------
+        InputError
+            Two magnets pull, and the rows say no more than the sum of their forces.
+        """
+        if not self._prepared.alone:
+            raise InputError("watch: of a pair only the sum of both forces is known, not one's own")
+        return self.model
+
     def cancel(self) -> None:
         """End the job that is under way, without a result."""
         job, self._job = self._job, None

@@ -122,7 +122,7 @@ def prepare_bench(
     InputError
         As of :func:`open_bench`.
     """
-    if _is_force_rig(rig_path):
+    if is_force_rig(rig_path):
         if controller_path is not None:
             raise InputError(f"{controller_path}: a force rig has no controller file")
         return _force(rig_path, place, progress)
@@ -151,7 +151,8 @@ def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> Prepar
     return PreparedForce(rig, loops, program)
 
 
-def _is_force_rig(path: PathLike) -> bool:
+def is_force_rig(path: PathLike) -> bool:
+    """Whether a file is that of a force rig; one that cannot be read is not."""
     try:
         with Path(path).open("rb") as file:
             return tomllib.load(file).get("format") == "anhyst-rig"

@@ -53,6 +53,11 @@ class PreparedBearing:
         """The rig file."""
         return self.setup.rig.path
 
+    @property
+    def alone(self) -> bool:
+        """Whether one magnet pulls."""
+        return len(self.setup.rig.magnets) == 1
+
     def open(self) -> BearingBench:
         """Switch on; at rest, before its first tick. To be closed."""
         return BearingBench(self.setup, self.firmware)
@@ -109,6 +114,8 @@ class PreparedForce:
     whole: Rig
     loops: LoopSet
     program: Program
+
+    alone = True
 
     @property
     def rig(self) -> Path:

@@ -103,6 +103,8 @@ class _Cycles:
     """Cuts a row of samples at the turning points of the current, whatever pieces it comes in."""
 
     turn: float
+    _low: float = np.inf
+    _high: float = -np.inf
     _rising: bool | None = None
     _extreme: float = 0.0
     _at: int = 0
@@ -110,18 +112,16 @@ class _Cycles:
     _count: int = 0
     _marked: tuple[float, int] | None = None
     _since: tuple[float, int] = (0.0, 0)
-    _first: bool = True
 
     def add(self, tick: int, current: float, left: float) -> tuple[bool, float, int] | None:
         """Take a sample; return a branch that it completes: rising or not, mean, last tick."""
         self._total += left
         self._count += 1
-        if self._first:
-            self._first, self._extreme, self._at = False, current, tick
-            return None
         if self._rising is None:
-            if abs(current - self._extreme) > self.turn:
-                self._rising = current > self._extreme
+            # It may begin anywhere between the ends of a swing that is hardly wider than a turn.
+            self._low, self._high = min(self._low, current), max(self._high, current)
+            if self._high - self._low > self.turn:
+                self._rising = current == self._high
                 self._mark(tick, current)
             return None
         if (current >= self._extreme) if self._rising else (current <= self._extreme):

@@ -1,0 +1,162 @@
+"""Prepared benches, kept in the user's cache: files that were opened before open soon.
+
+What is kept is found by a hash over all that goes into it: the contents of the files that a rig
+names, where they lie, the sources and the binary that compute, the compiler. So it is never stale.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import scipy
+
+from anhyst._core import _native
+from anhyst.link.firmware import firmware_folder
+from anhyst.rig.force.file import read_rig
+from anhyst.study.bearing.ready import read_files
+from anhyst.study.bench import is_force_rig, prepare_bench
+from anhyst.study.prepared import Prepared, PreparedBearing
+from anhyst.support.atomic import PathLike
+from anhyst.support.core_folder import core_folder
+from anhyst.support.progress import Progress
+
+MOST = 20
+"""Benches that are kept; those not opened for longest go."""
+
+_FIRMWARE, _PICKLE = "firmware", "prepared.pickle"
+
+
+@contextmanager
+def prepared_once(
+    rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
+) -> Iterator[Prepared]:
+    """Prepare a bench, or take what was prepared of the same files before.
+
+    Parameters
+    ----------
+    rig_path, controller_path, progress
+        As of :func:`anhyst.study.bench.prepare_bench`.
+
+    Yields
+    ------
+    Prepared
+        To be opened before this ends; the bench then runs on.
+
+    Raises
+    ------
+    InputError
+        As of :func:`anhyst.study.bench.prepare_bench`. A cache that cannot be used is none.
+    """
+    place = cache_folder() / _key(rig_path, controller_path)
+    found = _load(place)
+    if found is not None:
+        yield found
+        return
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
+        prepared = prepare_bench(rig_path, controller_path, Path(folder), progress)
+        with suppress(OSError):
+            _keep(prepared, place)
+        yield prepared
+
+
+def cache_folder() -> Path:
+    """Return where prepared benches are kept; ``XDG_CACHE_HOME`` says where caches are."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "anhyst" / "benches"
+
+
+def _load(place: Path) -> Prepared | None:
+    """Return what is kept at a place, if it is there, whole and one's own."""
+    try:
+        if place.stat().st_uid != os.getuid():
+            return None
+        content = (place / _PICKLE).read_bytes()
+        os.utime(place)
+    except OSError:
+        return None
+    try:
+        prepared: Prepared = pickle.loads(content)
+    except (pickle.UnpicklingError, EOFError, AttributeError, ImportError, ValueError):
+        return None
+    return _with_firmware(prepared, place / _FIRMWARE)
+
+
+def _keep(prepared: Prepared, place: Path) -> None:
+    """Put a bench into the cache, whole or not at all."""
+    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
+        folder = Path(draft) / "whole"
+        folder.mkdir()
+        shutil.copy2(_firmware(prepared), folder / _FIRMWARE)
+        (folder / _PICKLE).write_bytes(pickle.dumps(prepared))
+        shutil.rmtree(place, ignore_errors=True)  # one that could not be read
+        folder.rename(place)
+    kept = sorted(
+        (one for one in place.parent.iterdir() if not one.name.startswith(".")),
+        key=lambda one: one.stat().st_mtime,
+    )
+    for old in kept[:-MOST]:
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _firmware(prepared: Prepared) -> Path:
+    if isinstance(prepared, PreparedBearing):
+        return prepared.firmware
+    return prepared.program.firmware
+
+
+def _with_firmware(prepared: Prepared, firmware: Path) -> Prepared:
+    if isinstance(prepared, PreparedBearing):
+        return replace(prepared, firmware=firmware)
+    return replace(prepared, program=replace(prepared.program, firmware=firmware))
+
+
+def _key(rig_path: PathLike, controller_path: PathLike | None) -> str:
+    """Return a name for all that goes into a bench."""
+    computed_with = f"{sys.version} {np.__version__} {scipy.__version__}"
+    digest = hashlib.sha256(computed_with.encode())
+    for path in [*_named(rig_path, controller_path), *_sources()]:
+        digest.update(f"\0{path}\0{path.resolve()}\0".encode())
+        with suppress(OSError):  # whoever reads it says what is wrong
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _named(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
+    """Return all files that a rig and a controller name."""
+    if is_force_rig(rig_path):
+        force = read_rig(rig_path)
+        named = force.settings.solenoid
+        own = [force.path, None if named is None else force.path.parent / named]
+        files = force.measured.files
+    else:
+        rig, controller = read_files(rig_path, controller_path)
+        own = [rig.path, rig.model, rig.flux_table, controller.path, controller.model]
+        files = rig.measured.files
+    return [one for one in own if one is not None] + list(files)
+
+
+def _sources() -> Iterator[Path]:
+    """Return all that computes: the package, the C that is compiled, its binary, the compiler."""
+    yield Path(_native.__file__)
+    for name in ("cc", "gcc", "clang"):
+        if found := shutil.which(name):
+            yield Path(found)
+    folders: Iterable[Path] = (
+        Path(__file__).resolve().parents[1],
+        core_folder(),
+        firmware_folder(),
+    )
+    for folder in folders:
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and path.suffix in {".py", ".c", ".h", ".j2", ".ld", ".toml"}:
+                yield path
