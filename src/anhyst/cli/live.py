@@ -59,12 +59,13 @@ def live(
     for name in _PACKAGES:
         if importlib.util.find_spec(name) is None:
             raise InputError(f"live: {name} is not installed: pip install 'anhyst[live]'")
+    from anhyst.live.curves import make_curves
     from anhyst.live.guard import read_address
     from anhyst.live.improver import Improver
     from anhyst.live.recorder import start_recording
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
-    from anhyst.study.bench import prepare_bench
+    from anhyst.study.bench import measured_loops, prepare_bench
 
     taken = listen_on(*read_address(listen, token))
     with progress_bar("live") as progress, TemporaryDirectory(prefix="anhyst-") as place:
@@ -81,7 +82,8 @@ def live(
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
     folder = Path() if record is None else record.parent
-    session = LiveSession(bench, recording, folder, Improver(prepared, bench))
+    curves = make_curves(measured_loops(rig), prepared.model)
+    session = LiveSession(bench, recording, folder, Improver(prepared, bench), curves)
     serve(session, rig.resolve().parent.name, taken, shown, started)
     if recording is not None:
         show(f"written: {recording.path}, {recording.rows} ticks")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.states import Command
+from anhyst.live.curves import Curve
 from anhyst.live.drift import BenchWatch
 from anhyst.live.drive import DrivenBench
 from anhyst.live.generator import Generator
@@ -53,6 +54,8 @@ class LiveSession:
         Where recordings are written; the working folder if left out.
     improver : Improver, optional
         Finds a better model beside the bench. Closed with the session.
+    curves : sequence of Curve, optional
+        Drawn below the loop that it runs.
 
     Attributes
     ----------
@@ -60,6 +63,7 @@ class LiveSession:
         The bench.
     paced : PacedBench
         What runs it.
+    curves : tuple of Curve
     recorder : Recorder
         The bench waits for it.
     improver : Improver or None
@@ -79,8 +83,10 @@ class LiveSession:
         recording: Recording | None = None,
         folder: Path | None = None,
         improver: Improver | None = None,
+        curves: Sequence[Curve] = (),
     ) -> None:
         self.bench = DrivenBench(bench, self._generator_refused)
+        self.curves = tuple(curves)
         self.improver = improver
         self.watched: BenchWatch | None = None
         self._unwatch: Callable[[], None] = lambda: None

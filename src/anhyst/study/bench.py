@@ -6,6 +6,8 @@ import tempfile
 import tomllib
 from pathlib import Path
 
+from anhyst.data import LoopSet
+from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.force.file import read_rig
@@ -52,6 +54,18 @@ def open_bench(
         bench = prepare_bench(rig_path, controller_path, Path(place), progress).open()
     _report(progress, _WORK)
     return bench
+
+
+def measured_loops(rig_path: PathLike) -> LoopSet:
+    """Read the loops that the file of a bearing or a force rig names.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read.
+    """
+    rig = read_rig(rig_path) if _is_force_rig(rig_path) else read_bearing(rig_path)
+    return rig.measured.read()
 
 
 def prepare_bench(

@@ -2,15 +2,17 @@
 
 import { kept, make } from "./dom.js";
 import { Improve } from "./improve.js";
+import { LevitationView } from "./levitation.js";
 import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
 import { Panel } from "./panel.js";
 import { Parameters } from "./parameters.js";
 import { Scope } from "./scope.js";
+import { SpectrumView } from "./spectrum.js";
 import { StepView } from "./steps.js";
 import { Store } from "./store.js";
 
-const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve"];
+const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum"];
 const NOTICE_MS = 8000;
 
 const at = (id) => document.getElementById(id);
@@ -47,6 +49,8 @@ function open(bench) {
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, () => parameters.label()),
     improve: new Improve(at("improve"), bench, order),
+    levitation: new LevitationView(at("levitation"), bench, store),
+    spectrum: new SpectrumView(at("spectrum"), bench, store),
     panel: new Panel(at("panel"), bench, order),
   };
   at("title").textContent = bench.title;

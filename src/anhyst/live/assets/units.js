@@ -13,6 +13,14 @@ export function shown(unit) {
   return { name, factor, least };
 }
 
+// Units for what is small beside the value itself: noise, deviations.
+const FINE = { m: ["nm", 1e9], N: ["mN", 1e3], A: ["mA", 1e3] };
+
+export function fine(unit) {
+  const [name, factor] = FINE[unit] ?? [unit, 1];
+  return { name, factor };
+}
+
 export function show(value, unit, digits = 5) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   const { name, factor } = shown(unit);
