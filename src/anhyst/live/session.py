@@ -13,7 +13,7 @@ from anhyst.control.states import Command
 from anhyst.live.curves import Curve
 from anhyst.live.drift import BenchWatch
 from anhyst.live.drive import DrivenBench
-from anhyst.live.generator import Generator
+from anhyst.live.generator import Wave
 from anhyst.live.improver import Improver
 from anhyst.live.recorder import Recording
 from anhyst.live.recording import Recorder, Span
@@ -168,7 +168,7 @@ class LiveSession:
             self.generate(None)
             self.paced.resume()
 
-    def generate(self, generator: Generator | None) -> None:
+    def generate(self, generator: Wave | None) -> None:
         """Start a generator around the target, or stop it and go back to the target."""
         self.bench.generate(generator)
 

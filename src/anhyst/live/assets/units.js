@@ -27,6 +27,13 @@ export function show(value, unit, digits = 5) {
   return `${Number((value * factor).toPrecision(digits))}${name ? ` ${name}` : ""}`;
 }
 
+// A part of the range of what may be demanded, rounded down to 1, 2 or 5 of a power of ten.
+export function usual({ low, high, unit }, part) {
+  const wanted = part * (high - low) * shown(unit).factor;
+  const power = 10 ** Math.floor(Math.log10(wanted));
+  return Number((power * [5, 2, 1].find((one) => one * power <= wanted)).toPrecision(1));
+}
+
 export function seconds(value) {
   const size = Math.abs(value);
   if (size < 1e-3) return `${Number((value * 1e6).toPrecision(4))} µs`;
