@@ -11,6 +11,7 @@ from anhyst.live.generator import Generator, Wave
 from anhyst.live.improve import improve
 from anhyst.live.recording import Span
 from anhyst.live.session import LiveSession, finite
+from anhyst.live.sets import ENDING, values_for
 from anhyst.live.waves import Chirp, read_table
 from anhyst.support.errors import InputError
 
@@ -141,6 +142,21 @@ def _record(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]
     session.note(who, f"record {name}")
     return {}
 
+
+def _save_set(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    name = str(fields.get("name"))
+    session.sets.save(name, session.parameters)
+    session.note(who, f"saved what is in force as {name}")
+    return {"file": f"{name}{ENDING}"}
+
+
+def _read_set(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    held = session.sets.read(str(fields.get("name")))
+    return {"parameters": held, "differing": values_for(session.parameters, held)}
+
+
+BESIDE: Mapping[str, Act] = {"save set": _save_set, "read set": _read_set}
+"""What touches the disk and not the bench, which does not wait for it."""
 
 _ACTS: Mapping[str, Act] = {
     "command": _command,

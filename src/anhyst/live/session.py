@@ -17,6 +17,7 @@ from anhyst.live.generator import Wave
 from anhyst.live.improver import Improver
 from anhyst.live.recorder import Recording
 from anhyst.live.recording import Recorder, Span
+from anhyst.live.sets import ParameterSets
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.bench.protocol import Bench
@@ -51,7 +52,7 @@ class LiveSession:
     recording : Recording, optional
         Gets every row from the first tick on.
     folder : Path, optional
-        Where recordings are written; the working folder if left out.
+        Where recordings and parameter sets are written; the working folder if left out.
     improver : Improver, optional
         Finds a better model beside the bench. Closed with the session.
     curves : sequence of Curve, optional
@@ -63,6 +64,7 @@ class LiveSession:
         The bench.
     paced : PacedBench
         What runs it.
+    sets : ParameterSets
     curves : tuple of Curve
     recorder : Recorder
         The bench waits for it.
@@ -96,7 +98,9 @@ class LiveSession:
         self._names = [signal.name for signal in bench.signals]
         self._values: dict[str, float] = {}
         self._listeners: tuple[Listener, ...] = ()
-        self.recorder = Recorder(bench.signals, bench.rate, folder or Path.cwd(), self._recorded)
+        folder = folder or Path.cwd()
+        self.sets = ParameterSets(folder)
+        self.recorder = Recorder(bench.signals, bench.rate, folder, self._recorded)
         if recording is not None:
             self.recorder.take(recording, Span(), 0)
             self._note_parameters()
@@ -212,6 +216,7 @@ class LiveSession:
             "fault": int(self._values.get("fault", 0)),
             "generator": shown or None,
             "recording": self.recorder.status(),
+            "sets": self.sets.names,
             "ended": self.ended,
             "improve": None if self.improver is None else self.improver.status(),
             "watch": None if self.watched is None else self.watched.status(),

@@ -8,6 +8,7 @@ import { LoopView } from "./loop.js";
 import { Panel } from "./panel.js";
 import { Parameters } from "./parameters.js";
 import { Scope } from "./scope.js";
+import { Sets } from "./sets.js";
 import { SpectrumView } from "./spectrum.js";
 import { StepView } from "./steps.js";
 import { Store } from "./store.js";
@@ -45,6 +46,7 @@ function open(bench) {
     bench,
     store,
     parameters,
+    sets: new Sets(at("parameters"), parameters, order),
     scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, () => parameters.label()),
@@ -86,6 +88,7 @@ function status(now) {
     recorded: recorded(now.recording),
   });
   page.improve.status(now);
+  page.sets.status(now);
   role(now);
   for (const entry of now.log) write(entry);
   if (now.ended) notify(now.ended);
