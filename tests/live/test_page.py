@@ -156,7 +156,8 @@ def test_a_trigger_at_minus_5_newtons_shows_and_records_the_sample_that_crossed(
     assert np.array_equal(rows[:, 0], np.arange(hit - 1000, hit + 2000))
     assert rows[999:1001, 2 + column].astype("f4").tolist() == drawn
     text = path.read_text()
-    assert "in force: load_damping = 0.0 N s/m" in text
+    assert "in force: " in text
+    assert "load_damping = 0.0 N s/m" in text
     assert "browser 1: load -50 N" in text
 
 
@@ -200,7 +201,8 @@ def test_staged_values_are_applied_on_one_tick(serve: Serve, show: Show) -> None
     ready(page)
     page.get_by_role("tab", name="4 parameters").click()
     old = {one.name: one.value for one in served.session.parameters}
-    staged = {one.name: 0.5 * one.high for one in served.session.parameters[:2]}
+    ours = [one for one in served.session.parameters if one.name.startswith("load_")]
+    staged = {one.name: 0.5 * one.high for one in ours[:2]}
     for name, value in staged.items():
         page.get_by_label(name, exact=True).fill(str(value))
         page.get_by_label(name, exact=True).press("Tab")

@@ -10,7 +10,7 @@ import pytest
 from anhyst.live.sets import ENDING, ParameterSets, values_for
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
-from tests.live.conftest import Serve, Show, wait_for
+from tests.live.conftest import Serve, Served, Show, wait_for
 from tests.live.test_page import ready, until
 
 
@@ -82,29 +82,33 @@ def test_a_set_of_another_bench_is_refused(tmp_path: Path) -> None:
         values_for(other, sets.read("one"))
 
 
+def load_damping(served: Served) -> Parameter:
+    return next(one for one in served.session.parameters if one.name == "load_damping")
+
+
 @pytest.mark.needs("chromium")
 def test_sets_are_saved_compared_staged_and_rolled_back(serve: Serve, show: Show) -> None:
     served = serve()
     page = show(served)
     ready(page)
     page.keyboard.press("4")
-    one = served.session.parameters[0]
+    one = load_damping(served)
     old, new = one.value, 0.5 * one.high
     page.locator("#set-name").fill("before")
     page.locator("#set-save").click()
     until(page, "document.getElementById('set-second').options.length === 2")
     page.get_by_label(one.name, exact=True).fill(str(new))
     page.locator("#apply").click()
-    wait_for(lambda: served.session.parameters[0].value == new)
+    wait_for(lambda: load_damping(served).value == new)
     page.select_option("#set-second", "before")
     until(page, "document.querySelectorAll('#differences td').length === 3")
     cells = page.locator("#differences td").all_inner_texts()
     assert cells == [f"{new:g} {one.unit}", f"{old:g} {one.unit}", f"{old - new:g} {one.unit}"]
     page.locator("#set-stage").click()
     page.get_by_role("button", name="apply 1 staged").click()
-    wait_for(lambda: served.session.parameters[0].value == old)
+    wait_for(lambda: load_damping(served).value == old)
     page.locator("#log").evaluate("() => document.activeElement.blur()")
     page.keyboard.press("b")
-    wait_for(lambda: served.session.parameters[0].value == new)
+    wait_for(lambda: load_damping(served).value == new)
     path = served.session.recorder.folder / f"before{ENDING}"
     assert json.loads(path.read_text())["parameters"][one.name]["value"] == old
