@@ -6,13 +6,14 @@ import pickle
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from anhyst.live.curves import Curve
 from anhyst.live.improver import Improver
 from anhyst.live.recorder import start_recording
 from anhyst.live.run import listen_on, make_server
@@ -95,6 +96,7 @@ def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
         record: Path | None = None,
         bench: Bench | None = None,
         prepared: Prepared | None = None,
+        curves: Sequence[Curve] = (),
     ) -> Served:
         improver = None
         if prepared is not None:
@@ -102,7 +104,7 @@ def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
             improver = Improver(prepared, opened)
         bench = bench or BearingBench(bearings.single(), request.getfixturevalue("firmware"))
         recording = start_recording(record, bench.signals, bench.rate) if record else None
-        session = LiveSession(bench, recording, folder, improver)
+        session = LiveSession(bench, recording, folder, improver, curves)
         taken = listen_on("127.0.0.1", 0)
         port = int(taken.getsockname()[1])
         server = make_server(session, "bearing", ("127.0.0.1", port), token)

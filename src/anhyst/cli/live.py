@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 import secrets
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -14,6 +15,7 @@ from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
+    from anhyst.live.curves import Curve
     from anhyst.live.improver import Improver
     from anhyst.rig.bench.protocol import Bench
 
@@ -83,7 +85,8 @@ def live(
     if xcp is not None and controller is not None:
         raise InputError("--controller: a controller that runs has one; leave it out with --xcp")
     taken = listen_on(*read_address(listen, token))
-    bench, improver = _open(rig, controller, xcp)
+    opened = _open(rig, controller, xcp)
+    bench = opened.bench
     try:
         recording = None if record is None else start_recording(record, bench.signals, bench.rate)
     except BaseException:
@@ -95,21 +98,31 @@ def live(
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
     folder = Path() if record is None else record.parent
-    session = LiveSession(bench, recording, folder, improver)
+    session = LiveSession(opened.bench, recording, folder, opened.improver, opened.curves)
     title = rig.resolve().parent.name if xcp is None else f"{rig.resolve().name} at {xcp}"
     serve(session, title, taken, shown, started)
     if recording is not None:
         show(f"written: {recording.path}, {recording.rows} ticks")
 
 
-def _open(rig: Path, controller: Path | None, xcp: str | None) -> tuple[Bench, Improver | None]:
-    """Open a virtual rig, and what finds a better model for it; or a controller that runs."""
+class _Opened(NamedTuple):
+    """A bench, and what the page shows and does beside it."""
+
+    bench: Bench
+    improver: Improver | None = None
+    curves: Sequence[Curve] = ()
+
+
+def _open(rig: Path, controller: Path | None, xcp: str | None) -> _Opened:
+    """Open a virtual rig, or a controller that runs."""
+    from anhyst.live.curves import make_curves
     from anhyst.live.improver import Improver
-    from anhyst.study.bench import open_board
+    from anhyst.study.bench import measured_loops, open_board
     from anhyst.study.kept import prepared_once
 
     if xcp is not None:
-        return open_board(rig, xcp), None
+        return _Opened(open_board(rig, xcp))
     with progress_bar("live") as progress, prepared_once(rig, controller, progress) as prepared:
+        curves = make_curves(measured_loops(rig), prepared.model)
         bench = prepared.open()  # runs on without the folder
-        return bench, Improver(prepared, bench)
+        return _Opened(bench, Improver(prepared, bench), curves)

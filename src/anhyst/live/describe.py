@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any
 
-from anhyst.control.states import Fault, State
+from anhyst.control.states import Fault, Phase, State
 from anhyst.live.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
 from anhyst.live.orders import parameters_of
 from anhyst.live.recording import KEPT_S
@@ -37,12 +37,14 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "commands": [command.name.lower() for command in bench.commands()],
         "states": _names(State),
         "faults": _names(Fault),
+        "phases": _names(Phase),
         "parameters": parameters_of(session),
         "shapes": list(SHAPES),
         "frequencies": [LOWEST_HZ, HIGHEST_HZ],
         "folder": str(session.recorder.folder.resolve()),
         "kept": KEPT_S,
         "limits": None if session.improver is None else session.improver.limits(),
+        "loops": [curve._asdict() for curve in session.curves],
     }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from anhyst.control.states import Command
-from anhyst.live.generator import Generator
+from anhyst.live.generator import Wave
 from anhyst.rig.bench.protocol import Aim, Bench, Parameter, Signal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -44,7 +44,7 @@ class DrivenBench:
         self._refused = refused
         self.pulled: float | None = None
         self._bench = bench
-        self._generator: Generator | None = None
+        self._generator: Wave | None = None
         self._stretch = max(1, round(_STRETCH_S * bench.rate))
 
     @property
@@ -53,7 +53,7 @@ class DrivenBench:
         return self._bench.tick
 
     @property
-    def generator(self) -> Generator | None:
+    def generator(self) -> Wave | None:
         """What is added to the target."""
         return self._generator
 
@@ -68,14 +68,18 @@ class DrivenBench:
             parts.append(self._bench.advance(left))
         return np.concatenate(parts)
 
-    def _follow(self, generator: Generator) -> None:
+    def _follow(self, generator: Wave) -> None:
         try:
-            self._bench.demand(self.target + generator.at(self.tick + 1, self.rate))
+            if self.tick + 1 - generator.begin > generator.lasts * self.rate:
+                self.generate(None)
+                self._refused("it is over")
+            else:
+                self._bench.demand(self.target + generator.at(self.tick + 1, self.rate))
         except InputError as refused:
             self._generator = None
             self._refused(str(refused))
 
-    def generate(self, generator: Generator | None) -> None:
+    def generate(self, generator: Wave | None) -> None:
         """Start a generator around the target, or stop it and go back to the target.
 
         Raises
@@ -90,12 +94,12 @@ class DrivenBench:
         self._bench.demand(self.target)
         self._generator = generator
 
-    def _check(self, target: float, generator: Generator) -> None:
-        aim, swing = self.aim, generator.amplitude
-        if not aim.low <= target - swing <= target + swing <= aim.high:
+    def _check(self, target: float, generator: Wave) -> None:
+        aim, (least, most) = self.aim, generator.swing
+        if not aim.low <= target + least <= target + most <= aim.high:
             raise InputError(
-                f"generator: {target:g} +- {swing:g} {aim.unit} is not within {aim.low:g} to "
-                f"{aim.high:g} {aim.unit}"
+                f"generator: {target + least:g} to {target + most:g} {aim.unit} is not within "
+                f"{aim.low:g} to {aim.high:g} {aim.unit}"
             )
 
     def demand(self, value: float) -> None:

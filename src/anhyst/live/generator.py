@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 from anhyst.support.errors import InputError
 
@@ -16,6 +17,28 @@ SHAPES: Mapping[str, Callable[[float], float]] = {
 """Each over a period from 0 to 1, between -1 and 1."""
 
 LOWEST_HZ, HIGHEST_HZ = 0.01, 50.0
+
+
+class Wave(Protocol):
+    """What is added to the target."""
+
+    @property
+    def begin(self) -> int:
+        """Tick at which it begins."""
+
+    @property
+    def lasts(self) -> float:
+        """s, from its begin on; infinite until it is switched off."""
+
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Smallest and largest of what it adds, m or N."""
+
+    def at(self, tick: int, rate: float) -> float:
+        """Return what is added to the target at a tick."""
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Return what a page shows of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +67,8 @@ class Generator:
     frequency: float
     begin: int
 
+    lasts: ClassVar[float] = math.inf
+
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
             raise InputError(f"generator: no shape '{self.shape}'; take {', '.join(SHAPES)}")
@@ -53,6 +78,11 @@ class Generator:
             raise InputError(
                 f"generator: the frequency is not within {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
             )
+
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Smallest and largest of what it adds."""
+        return -self.amplitude, self.amplitude
 
     def at(self, tick: int, rate: float) -> float:
         """Return what is added to the target at a tick."""

@@ -7,10 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from anhyst.control.states import Command
-from anhyst.live.generator import Generator
+from anhyst.live.generator import Generator, Wave
 from anhyst.live.improve import improve
 from anhyst.live.recording import Span
 from anhyst.live.session import LiveSession, finite
+from anhyst.live.sets import ENDING, values_for
+from anhyst.live.waves import Chirp, read_table
 from anhyst.support.errors import InputError
 
 Fields = Mapping[str, Any]
@@ -79,11 +81,21 @@ def _generator(session: LiveSession, who: str, fields: Fields) -> Mapping[str, A
         session.generate(None)
         session.note(who, "generator off")
         return {}
-    amplitude, frequency = finite(fields, "amplitude"), finite(fields, "frequency")
-    shape = str(fields["shape"])
-    session.generate(Generator(shape, amplitude, frequency, session.bench.tick + 1))
-    session.note(who, f"generator {shape}, {amplitude:g}, {frequency:g} Hz")
+    wave = _wave(session, fields)
+    session.generate(wave)
+    session.note(who, "generator " + ", ".join(f"{one}" for one in wave.as_dict().values()))
     return {}
+
+
+def _wave(session: LiveSession, fields: Fields) -> Wave:
+    begin, shape = session.bench.tick + 1, str(fields["shape"])
+    if shape == "own CSV":
+        return read_table(str(fields.get("text", "")), session.bench.aim.unit, begin)
+    amplitude = finite(fields, "amplitude")
+    if shape == "chirp":
+        low, high, lasts = (finite(fields, name) for name in ("low", "high", "lasts"))
+        return Chirp(amplitude, low, high, lasts, begin)
+    return Generator(shape, amplitude, finite(fields, "frequency"), begin)
 
 
 def _apply(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
@@ -132,6 +144,21 @@ def _record(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]
     session.note(who, f"record {name}")
     return {}
 
+
+def _save_set(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    name = str(fields.get("name"))
+    session.sets.save(name, session.parameters)
+    session.note(who, f"saved what is in force as {name}")
+    return {"file": f"{name}{ENDING}"}
+
+
+def _read_set(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    held = session.sets.read(str(fields.get("name")))
+    return {"parameters": held, "differing": values_for(session.parameters, held)}
+
+
+BESIDE: Mapping[str, Act] = {"save set": _save_set, "read set": _read_set}
+"""What touches the disk and not the bench, which does not wait for it."""
 
 _ACTS: Mapping[str, Act] = {
     "command": _command,

@@ -20,7 +20,7 @@ from anhyst.live.describe import describe
 from anhyst.live.desk import Desk
 from anhyst.live.frames import Outbox, encode
 from anhyst.live.guard import Allowance, Guard
-from anhyst.live.orders import parameters_of, perform
+from anhyst.live.orders import BESIDE, parameters_of, perform
 from anhyst.live.session import LiveSession
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
@@ -224,6 +224,8 @@ class LiveServer:
             return {}
         if self.desk.operator != client.number:
             raise InputError("another browser operates; ask to take over")
+        if (act := BESIDE.get(str(what))) is not None:
+            return await asyncio.to_thread(act, self.session, client.name, message)
         return await self._between_chunks(lambda: perform(self.session, client.name, message))
 
     async def _between_chunks(self, act: Callable[[], _Result]) -> _Result:

@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.states import Command
+from anhyst.live.curves import Curve
 from anhyst.live.drift import BenchWatch
 from anhyst.live.drive import DrivenBench
-from anhyst.live.generator import Generator
+from anhyst.live.generator import Wave
 from anhyst.live.improver import Improver
 from anhyst.live.recorder import Recording
 from anhyst.live.recording import Recorder, Span
+from anhyst.live.sets import ParameterSets
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.bench.protocol import Bench
@@ -50,9 +52,11 @@ class LiveSession:
     recording : Recording, optional
         Gets every row from the first tick on.
     folder : Path, optional
-        Where recordings are written; the working folder if left out.
+        Where recordings and parameter sets are written; the working folder if left out.
     improver : Improver, optional
         Finds a better model beside the bench. Closed with the session.
+    curves : sequence of Curve, optional
+        Drawn below the loop that it runs.
 
     Attributes
     ----------
@@ -60,6 +64,8 @@ class LiveSession:
         The bench.
     paced : PacedBench
         What runs it.
+    sets : ParameterSets
+    curves : tuple of Curve
     recorder : Recorder
         The bench waits for it.
     improver : Improver or None
@@ -79,8 +85,10 @@ class LiveSession:
         recording: Recording | None = None,
         folder: Path | None = None,
         improver: Improver | None = None,
+        curves: Sequence[Curve] = (),
     ) -> None:
         self.bench = DrivenBench(bench, self._generator_refused)
+        self.curves = tuple(curves)
         self.improver = improver
         self.watched: BenchWatch | None = None
         self._unwatch: Callable[[], None] = lambda: None
@@ -92,7 +100,9 @@ class LiveSession:
         self._closed = False
         self._missing, self._newest = 0, 0
         self._listeners: tuple[Listener, ...] = ()
-        self.recorder = Recorder(bench.signals, bench.rate, folder or Path.cwd(), self._recorded)
+        folder = folder or Path.cwd()
+        self.sets = ParameterSets(folder)
+        self.recorder = Recorder(bench.signals, bench.rate, folder, self._recorded)
         if recording is not None:
             self.recorder.take(recording, Span(), 0)
             self._note_parameters()
@@ -167,7 +177,7 @@ class LiveSession:
             self.generate(None)
             self.paced.resume()
 
-    def generate(self, generator: Generator | None) -> None:
+    def generate(self, generator: Wave | None) -> None:
         """Start a generator around the target, or stop it and go back to the target."""
         self.bench.generate(generator)
 
@@ -212,6 +222,7 @@ class LiveSession:
             "fault": int(self._values.get("fault", 0)),
             "generator": shown or None,
             "recording": self.recorder.status(),
+            "sets": self.sets.names,
             "ended": self.ended,
             "improve": None if self.improver is None else self.improver.status(),
             "watch": None if self.watched is None else self.watched.status(),

@@ -7,7 +7,9 @@ import tempfile
 import tomllib
 from pathlib import Path
 
+from anhyst.data import LoopSet
 from anhyst.link.xcp import XcpMaster
+from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
@@ -93,6 +95,18 @@ def open_board(folder: PathLike, xcp: str) -> HardwareBench:
     except BaseException:
         line.close()
         raise
+
+
+def measured_loops(rig_path: PathLike) -> LoopSet:
+    """Read the loops that the file of a bearing or a force rig names.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read.
+    """
+    rig = read_rig(rig_path) if is_force_rig(rig_path) else read_bearing(rig_path)
+    return rig.measured.read()
 
 
 def prepare_bench(

@@ -2,10 +2,12 @@
 
 import { ink } from "./strip.js";
 
-const MARGIN = { left: 62, right: 12, top: 12, bottom: 40 };
+const MARGIN = { left: 62, right: 24, top: 12, bottom: 40 };
 
 export class Plane {
-  constructor(place, xLabel, yLabel) {
+  // `log`: what is drawn are logarithms, and the axes are marked by decades.
+  constructor(place, xLabel, yLabel, log = false) {
+    this.log = log;
     this.canvas = document.createElement("canvas");
     place.append(this.canvas);
     this.context = this.canvas.getContext("2d");
@@ -26,6 +28,7 @@ export class Plane {
       width: width - MARGIN.left - MARGIN.right,
       height: height - MARGIN.top - MARGIN.bottom,
     };
+    this.xAt = (pixel) => left + ((pixel - MARGIN.left) / inner.width) * (right - left);
     this.x = (value) => MARGIN.left + ((value - left) / (right - left)) * inner.width;
     this.y = (value) => MARGIN.top + ((high - value) / (high - low)) * inner.height;
     this.#axes(left, right, low, high, width, height);
@@ -67,17 +70,19 @@ export class Plane {
     context.lineWidth = 1;
     context.beginPath();
     context.textAlign = "center";
-    for (const value of marks(left, right)) {
+    const steps = this.log ? decades : marks;
+    const text = (value) => label(this.log ? 10 ** value : value);
+    for (const value of steps(left, right)) {
       context.moveTo(this.x(value), MARGIN.top);
       context.lineTo(this.x(value), height - MARGIN.bottom);
-      context.fillText(label(value), this.x(value), height - MARGIN.bottom + 16);
+      context.fillText(text(value), this.x(value), height - MARGIN.bottom + 16);
     }
     context.fillText(this.labels[0], (MARGIN.left + width) / 2, height - 6);
     context.textAlign = "right";
-    for (const value of marks(low, high)) {
+    for (const value of steps(low, high)) {
       context.moveTo(MARGIN.left, this.y(value));
       context.lineTo(width - MARGIN.right, this.y(value));
-      context.fillText(label(value), MARGIN.left - 6, this.y(value) + 4);
+      context.fillText(text(value), MARGIN.left - 6, this.y(value) + 4);
     }
     context.stroke();
     context.save();
@@ -101,6 +106,11 @@ export function marks(low, high) {
   const found = [];
   for (let n = Math.ceil(low / step); n * step <= high; n++) found.push(n * step);
   return found;
+}
+
+function decades(low, high) {
+  const first = Math.ceil(low);
+  return Array.from({ length: Math.max(0, Math.floor(high) - first + 1) }, (_, n) => first + n);
 }
 
 // The range of some columns with a margin.

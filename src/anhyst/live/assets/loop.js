@@ -26,6 +26,9 @@ export class LoopView {
     const right = make("figure");
     const bar = make("div", { className: "bar" }, field("of the last", this.windows), this.note);
     place.replaceChildren(bar, make("div", { className: "pair" }, left, right));
+    this.gap = find("gap");
+    this.legend = make("output", { className: "reading", textContent: named(bench.loops) });
+    bar.append(this.legend);
     this.loop = new Plane(left, "current / A", "force / N");
     this.error = new Plane(right, "demand / N", "force − demand / N");
   }
@@ -38,16 +41,29 @@ export class LoopView {
     const rows = [];
     for (let row = from; row < store.count; row += every) rows.push(row);
     const column = (n) => rows.map((row) => store.value(n, row));
-    this.#drawLoop(column(this.current), column(this.force));
-    if (this.demand >= 0) this.#drawError(column(this.demand), column(this.force));
+    this.drawn = {
+      ticks: rows.map((row) => store.tick(row)),
+      currents: column(this.current),
+      forces: column(this.force),
+    };
+    const gap = this.gap < 0 ? null : store.value(this.gap, store.count - 1);
+    this.#drawLoop(this.drawn.currents, this.drawn.forces, gap);
+    if (this.demand >= 0) this.#drawError(column(this.demand), this.drawn.forces);
   }
 
-  #drawLoop(currents, forces) {
-    const measured = this.bench.loops ?? [];
-    const x = limits(currents, ...measured.map((one) => one.current));
-    const y = limits(forces, ...measured.map((one) => one.force));
+  // Below it the loops that are known; those of the gap nearest to the present one stand out.
+  #drawLoop(currents, forces, gap) {
+    const known = this.bench.loops;
+    const away = known.map((one) => (gap === null ? 0 : Math.abs(one.gap - gap)));
+    const least = Math.min(...away);
+    const x = limits(currents, ...known.map((one) => one.current));
+    const y = limits(forces, ...known.map((one) => one.force));
     this.loop.begin([...x, ...y]);
-    for (const one of measured) this.loop.line(one.current, one.force, ink("--soft"), 1, 0.6);
+    for (const [n, { kind, current, force }] of known.entries()) {
+      const near = away[n] <= least;
+      const colour = kind === "model" ? "#009e73" : ink("--soft");
+      this.loop.line(current, force, colour, near ? 1.5 : 1, near ? 0.9 : 0.3);
+    }
     this.loop.line(currents, forces, "#0072b2", 2);
     this.loop.dot(currents.at(-1), forces.at(-1), "#d55e00");
   }
@@ -60,4 +76,12 @@ export class LoopView {
     const rms = Math.sqrt(errors.reduce((sum, one) => sum + one * one, 0) / errors.length);
     this.note.textContent = `force − demand: rms ${Number(rms.toPrecision(3))} N`;
   }
+}
+
+function named(loops) {
+  if (!loops.length) return "";
+  const gaps = [...new Set(loops.map((one) => one.gap))].filter((gap) => gap !== null);
+  const at = gaps.length ? ` at ${gaps.map((gap) => Number((1e6 * gap).toPrecision(4))).join(", ")} µm` : "";
+  const model = loops.some((one) => one.kind === "model") ? ", the model's green" : "";
+  return `grey: measured${at}${model}; nearest gap bold`;
 }

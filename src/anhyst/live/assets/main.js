@@ -3,15 +3,18 @@
 import { NAME as COMPENSATION } from "./compensation.js";
 import { kept, make } from "./dom.js";
 import { Improve } from "./improve.js";
+import { LevitationView } from "./levitation.js";
 import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
 import { Panel } from "./panel.js";
 import { Parameters } from "./parameters.js";
 import { Scope } from "./scope.js";
+import { Sets } from "./sets.js";
+import { SpectrumView } from "./spectrum.js";
 import { StepView } from "./steps.js";
 import { Store } from "./store.js";
 
-const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve"];
+const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum"];
 const NOTICE_MS = 8000;
 
 const at = (id) => document.getElementById(id);
@@ -44,10 +47,13 @@ function open(bench) {
     bench,
     store,
     parameters,
+    sets: new Sets(at("parameters"), parameters, order),
     scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, () => parameters.label()),
     improve: new Improve(at("improve"), bench, order),
+    levitation: new LevitationView(at("levitation"), bench, store),
+    spectrum: new SpectrumView(at("spectrum"), bench, store),
     panel: new Panel(at("panel"), bench, order, parameters),
   };
   at("title").textContent = bench.title;
@@ -84,6 +90,7 @@ function status(now) {
     recorded: recorded(now.recording),
   });
   page.improve.status(now);
+  page.sets.status(now);
   role(now);
   for (const entry of now.log) write(entry);
   if (now.ended) notify(now.ended);

@@ -2,8 +2,9 @@
 
 import { NAME as COMPENSATION, compensationSwitch } from "./compensation.js";
 import { field, kept, make, select } from "./dom.js";
+import { GeneratorPanel } from "./generator.js";
 import { RecorderPanel } from "./recorder.js";
-import { show, shown } from "./units.js";
+import { show, shown, usual } from "./units.js";
 
 const SPEEDS = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
 const SLIDER_MS = 50; // between two orders of a slider that moves
@@ -15,13 +16,15 @@ export class Panel {
     this.unit = bench.aim.unit;
     this.shown = shown(this.unit);
     this.gap = bench.parameters.find((one) => one.name === "gap");
+    const generator = this.#group("Generator");
+    this.generator = new GeneratorPanel(generator, bench, order);
     place.replaceChildren(
       this.#group("Commands", this.#commands()),
       this.#group("Target", ...this.#target()),
       ...(parameters.value(COMPENSATION) === undefined
         ? []
         : [this.#group("Compensation", compensationSwitch(parameters))]),
-      this.#group("Generator", ...this.#generator()),
+      generator,
       ...(bench.load_most ? [this.#group("Load drive", ...this.#load())] : []),
       ...(this.gap ? [this.#group("Armature", ...this.#armature())] : []),
       ...(bench.keeps_time ? [] : [this.#group("Time", ...this.#time())]),
@@ -56,7 +59,7 @@ export class Panel {
     const remembered = `step.${this.unit}`;
     const [height, heightUnit] = this.#number(
       "step",
-      kept.get(remembered, this.#usual(0.1)),
+      kept.get(remembered, usual(this.bench.aim, 0.1)),
       this.shown.name,
     );
     const go = () => this.order("target", { value: Number(value.value) / this.shown.factor });
@@ -86,43 +89,6 @@ export class Panel {
         make("button", { textContent: "+ step", id: "step-up", onclick: () => step(1) }),
         height,
         heightUnit,
-      ),
-    ];
-  }
-
-  // A part of the range of the target, rounded down to 1, 2 or 5 of a power of ten.
-  #usual(part) {
-    const { low, high } = this.bench.aim;
-    const wanted = part * (high - low) * this.shown.factor;
-    const power = 10 ** Math.floor(Math.log10(wanted));
-    return Number((power * [5, 2, 1].find((one) => one * power <= wanted)).toPrecision(1));
-  }
-
-  #generator() {
-    const shape = select(
-      this.bench.shapes.map((name) => [name, name]),
-      "step",
-    );
-    shape.id = "shape";
-    const [amplitude, unit] = this.#number("amplitude", this.#usual(0.05), this.shown.name);
-    const [frequency] = this.#number("frequency", 2, "");
-    const start = () =>
-      this.order("generator", {
-        shape: shape.value,
-        amplitude: Number(amplitude.value) / this.shown.factor,
-        frequency: Number(frequency.value),
-      });
-    const stop = () => this.order("generator", { shape: null });
-    this.generatorNow = make("output", { className: "reading" });
-    return [
-      make("div", { className: "line" }, shape, field("±", amplitude, unit)),
-      make("div", { className: "line" }, field("at", frequency, "Hz")),
-      make(
-        "div",
-        { className: "line" },
-        make("button", { textContent: "start", id: "generate", onclick: start }),
-        make("button", { textContent: "off", id: "generate-off", onclick: stop }),
-        this.generatorNow,
       ),
     ];
   }
@@ -176,14 +142,11 @@ export class Panel {
   // Shows what the bench says; fields in which somebody types are left alone.
   status(status, values) {
     this.recorder.status(status);
+    this.generator.status(status);
     const { target } = status;
     this.targetNow.textContent = `now ${show(target, this.unit)}`;
     if (this.target.value === "" && target !== null)
       this.target.value = Number((target * this.shown.factor).toPrecision(6));
-    const { generator } = status;
-    this.generatorNow.textContent = generator
-      ? `${generator.shape} ± ${show(generator.amplitude, this.unit)}, ${generator.frequency} Hz`
-      : "off";
     if (this.load) {
       const load = status.load ?? values.load;
       this.loadNow.textContent = `commanded ${show(load, "N")}`;

@@ -96,6 +96,12 @@ export class Parameters extends EventTarget {
       input.classList.toggle("staged", this.#staged.has(name));
   }
 
+  // Stages values by name; what was staged before stays so.
+  stage(values) {
+    for (const [name, value] of Object.entries(values)) this.#staged.set(name, value);
+    this.show(this.parameters);
+  }
+
   discard() {
     this.#staged.clear();
     this.show(this.parameters);

@@ -13,10 +13,25 @@ export function shown(unit) {
   return { name, factor, least };
 }
 
+// Units for what is small beside the value itself: noise, deviations.
+const FINE = { m: ["nm", 1e9], N: ["mN", 1e3], A: ["mA", 1e3] };
+
+export function fine(unit) {
+  const [name, factor] = FINE[unit] ?? [unit, 1];
+  return { name, factor };
+}
+
 export function show(value, unit, digits = 5) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   const { name, factor } = shown(unit);
   return `${Number((value * factor).toPrecision(digits))}${name ? ` ${name}` : ""}`;
+}
+
+// A part of the range of what may be demanded, rounded down to 1, 2 or 5 of a power of ten.
+export function usual({ low, high, unit }, part) {
+  const wanted = part * (high - low) * shown(unit).factor;
+  const power = 10 ** Math.floor(Math.log10(wanted));
+  return Number((power * [5, 2, 1].find((one) => one * power <= wanted)).toPrecision(1));
 }
 
 export function seconds(value) {

@@ -1,0 +1,100 @@
+// The signal generator: a shape, a sweep, or one's own table, added to the target.
+
+import { field, make, select } from "./dom.js";
+import { seconds, show, shown, usual } from "./units.js";
+
+const CHIRP = "chirp";
+const TABLE = "own CSV";
+const LARGEST = 12000; // bytes of a table, so that it fits a message
+
+export class GeneratorPanel {
+  constructor(place, bench, order) {
+    this.order = order;
+    this.unit = bench.aim.unit;
+    this.shown = shown(this.unit);
+    const line = (...children) => make("div", { className: "line" }, ...children);
+    const number = (id, value) => {
+      const input = make("input", { type: "number", step: "any", id, value, className: "number" });
+      input.setAttribute("aria-label", id);
+      return input;
+    };
+    this.shape = select(
+      [...bench.shapes, CHIRP, TABLE].map((name) => [name, name]),
+      "step",
+    );
+    this.shape.id = "shape";
+    this.amplitude = number("amplitude", usual(bench.aim, 0.05));
+    this.frequency = number("frequency", 2);
+    this.low = number("chirp-low", 0.5);
+    this.high = number("chirp-high", 50);
+    this.lasts = number("chirp-lasts", 20);
+    this.file = make("input", { type: "file", accept: ".csv,text/csv", id: "table" });
+    const [low, high] = bench.frequencies;
+    this.lines = {
+      amplitude: line(field("±", this.amplitude, this.shown.name)),
+      frequency: line(field("at", this.frequency, "Hz")),
+      chirp: line(
+        field("from", this.low),
+        field("to", this.high, "Hz"),
+        field("in", this.lasts, "s"),
+      ),
+      table: line(this.file),
+    };
+    this.frequency.title = `${low} to ${high} Hz`;
+    this.lines.table.title = `header t_s,${this.unit === "m" ? "gap_um" : "F_N"}, then rows; added to the target`;
+    this.now = make("output", { className: "reading" });
+    const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
+    place.append(
+      line(this.shape),
+      ...Object.values(this.lines),
+      line(
+        button("generate", "start", () => this.start()),
+        button("generate-off", "off", () => order("generator", { shape: null })),
+        this.now,
+      ),
+    );
+    this.shape.onchange = () => this.#refresh();
+    this.#refresh();
+  }
+
+  #refresh() {
+    const { value } = this.shape;
+    this.lines.amplitude.hidden = value === TABLE;
+    this.lines.frequency.hidden = value === TABLE || value === CHIRP;
+    this.lines.chirp.hidden = value !== CHIRP;
+    this.lines.table.hidden = value !== TABLE;
+  }
+
+  async start() {
+    const shape = this.shape.value;
+    const amplitude = Number(this.amplitude.value) / this.shown.factor;
+    if (shape === TABLE) return this.#startTable();
+    if (shape !== CHIRP)
+      return this.order("generator", { shape, amplitude, frequency: Number(this.frequency.value) });
+    const [low, high, lasts] = [this.low, this.high, this.lasts].map((one) => Number(one.value));
+    return this.order("generator", { shape, amplitude, low, high, lasts });
+  }
+
+  async #startTable() {
+    const [file] = this.file.files;
+    if (!file || file.size > LARGEST) {
+      this.now.textContent = file ? `larger than ${LARGEST} bytes` : "choose a file";
+      return null;
+    }
+    return this.order("generator", { shape: TABLE, text: await file.text() });
+  }
+
+  status({ generator }) {
+    const key = JSON.stringify(generator);
+    if (this.key === key) return;
+    this.key = key;
+    this.now.textContent = generator ? this.#describe(generator) : "off";
+  }
+
+  #describe({ shape, amplitude, frequency, low, high, lasts, rows }) {
+    if (shape === TABLE) return `${rows} rows, ${seconds(lasts)}`;
+    const size = `± ${show(amplitude, this.unit)}`;
+    if (shape === CHIRP) return `${size}, ${low} to ${high} Hz in ${seconds(lasts)}`;
+    return `${shape} ${size}, ${frequency} Hz`;
+  }
+}

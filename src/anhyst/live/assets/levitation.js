@@ -1,0 +1,104 @@
+// The levitation view: where the armature is, readable at arm's length, and how still it stands.
+
+import { Plane, limits } from "./canvas.js";
+import { make } from "./dom.js";
+import { fine, shown } from "./units.js";
+
+const WINDOW_S = 0.5; // over which it has to stand still
+const EVERY_MS = 100;
+
+export class LevitationView {
+  #due = 0;
+
+  constructor(place, bench, store) {
+    this.bench = bench;
+    this.store = store;
+    const find = (name) => bench.signals.findIndex((signal) => signal.name === name);
+    const { signal, reference, unit } = bench.aim;
+    this.columns = {
+      actual: find(signal),
+      reference: find(reference),
+      read: find(`${signal}_read`),
+      phase: find("phase"),
+      state: find("state"),
+    };
+    this.unit = shown(unit);
+    this.fine = fine(unit);
+    this.fields = new Map();
+    const names = [
+      [signal, "large"],
+      ["reference", ""],
+      ["by the sensor", ""],
+      ["deviation", ""],
+      ["phase", ""],
+      ["standstill rms", "large"],
+      ["peak to peak", ""],
+    ];
+    const grid = make("dl", { className: "dials" });
+    for (const [name, size] of names) {
+      const value = make("dd", { className: size, textContent: "–" });
+      value.dataset.name = name;
+      this.fields.set(name, value);
+      grid.append(make("div", { className: size }, make("dt", { textContent: name }), value));
+    }
+    this.signal = signal;
+    const figure = make("figure");
+    place.replaceChildren(make("div", { className: "stack" }, grid, figure));
+    this.plane = new Plane(figure, "t / s", `${signal} − reference / ${this.fine.name}`);
+  }
+
+  draw() {
+    const { store, columns, bench } = this;
+    const now = performance.now();
+    if (!store.count || now < this.#due) return;
+    this.#due = now + EVERY_MS;
+    const last = (column) => (column < 0 ? NaN : store.value(column, store.count - 1));
+    const actual = last(columns.actual);
+    this.#say(this.signal, actual, this.unit);
+    this.#say("reference", last(columns.reference), this.unit);
+    this.#say("by the sensor", last(columns.read), this.unit);
+    const phase = bench.phases[last(columns.phase)] ?? "–";
+    this.fields.get("phase").textContent = `${phase}, ${bench.states[last(columns.state)] ?? ""}`;
+    this.#deviation(actual - last(columns.reference));
+  }
+
+  // How far it is from the reference, and how still while the reference stood.
+  #deviation(present) {
+    const { store, columns, bench } = this;
+    const { name, factor } = this.fine;
+    this.#say("deviation", present, this.fine);
+    const first = store.find(store.newest - WINDOW_S * bench.rate);
+    const times = [];
+    const errors = [];
+    const wanted = store.value(columns.reference, first);
+    let stood = store.newest - store.tick(first) >= 0.9 * WINDOW_S * bench.rate;
+    for (let row = first; row < store.count; row++) {
+      const reference = store.value(columns.reference, row);
+      if (reference !== wanted) stood = false;
+      times.push(store.tick(row) / bench.rate);
+      errors.push((store.value(columns.actual, row) - reference) * factor);
+    }
+    this.plane.begin([times[0], times.at(-1), ...limits(errors)]);
+    this.plane.line(times, errors, "#0072b2", 1);
+    const mean = errors.reduce((sum, one) => sum + one, 0) / errors.length;
+    const rms = Math.sqrt(errors.reduce((sum, one) => sum + (one - mean) ** 2, 0) / errors.length);
+    this.standstill = stood ? rms : null;
+    const [low, high] = [Math.min(...errors), Math.max(...errors)];
+    this.#write("standstill rms", stood ? `${digits(rms)} ${name}` : "moves");
+    this.#write("peak to peak", stood ? `${digits(high - low)} ${name}` : "moves");
+  }
+
+  #say(field, value, { name, factor }) {
+    this.#write(field, Number.isFinite(value) ? `${digits(value * factor)} ${name}` : "–");
+  }
+
+  #write(field, text) {
+    this.fields.get(field).textContent = text;
+  }
+}
+
+// Four figures that stay in place while they change.
+function digits(value) {
+  const whole = Math.max(1, Math.ceil(Math.log10(Math.abs(value) + 1e-9)));
+  return value.toFixed(Math.max(0, Math.min(3, 4 - whole)));
+}

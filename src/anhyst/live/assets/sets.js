@@ -1,0 +1,104 @@
+// Parameter sets: save what is in force under a name, compare two, stage one.
+
+import { field, make } from "./dom.js";
+
+const IN_FORCE = "in force";
+
+export class Sets {
+  #names = null;
+  #compared = null;
+
+  constructor(place, parameters, order) {
+    this.parameters = parameters;
+    this.order = order;
+    this.name = make("input", { id: "set-name", size: 12, placeholder: "name" });
+    this.first = make("select", { id: "set-first" });
+    this.second = make("select", { id: "set-second" });
+    this.rows = make("tbody");
+    this.note = make("output", { className: "reading", id: "set-note" });
+    const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
+    const bar = make(
+      "div",
+      { className: "bar", id: "sets" },
+      field("what is in force as", this.name),
+      button("set-save", "save", () => this.save()),
+      field("compare", this.first),
+      field("with", this.second),
+      button("set-stage", "stage the second", () => this.stage()),
+      this.note,
+    );
+    place.firstChild.after(bar, make("table", { id: "differences" }, this.rows));
+    this.first.onchange = this.second.onchange = () => this.compare();
+  }
+
+  // Takes the names of all sets; compares again where other values are in force.
+  status({ sets }) {
+    if (this.#compared && this.#compared !== this.parameters.parameters) this.compare();
+    if (sets.join() === this.#names?.join()) return;
+    this.#names = sets;
+    for (const choice of [this.first, this.second]) {
+      const chosen = choice.value || IN_FORCE;
+      const names = [IN_FORCE, ...sets];
+      choice.replaceChildren(
+        ...names.map((name) => make("option", { value: name, textContent: name })),
+      );
+      choice.value = chosen;
+    }
+  }
+
+  async save() {
+    const answer = await this.order("save set", { name: this.name.value.trim() });
+    if (!answer) return;
+    this.note.textContent = `saved as ${answer.file}`;
+    this.name.value = "";
+  }
+
+  async stage() {
+    const name = this.second.value;
+    if (name === IN_FORCE) return;
+    const answer = await this.order("read set", { name });
+    if (!answer) return;
+    this.parameters.stage(answer.differing);
+    const count = Object.keys(answer.differing).length;
+    this.note.textContent = count ? `${count} staged, apply them` : "nothing differs";
+  }
+
+  async compare() {
+    this.#compared = this.parameters.parameters;
+    const held = await Promise.all([this.first, this.second].map((one) => this.#values(one.value)));
+    if (held.some((one) => one === null)) return;
+    const [first, second] = held;
+    const names = [...new Set([...Object.keys(first), ...Object.keys(second)])];
+    const differing = names.filter((name) => first[name]?.value !== second[name]?.value);
+    const head = ["", this.first.value, this.second.value, "difference"];
+    this.rows.replaceChildren(
+      make("tr", {}, ...head.map((text) => make("th", { textContent: text }))),
+      ...differing.map((name) => row(name, first[name], second[name])),
+    );
+    this.note.textContent = differing.length ? "" : "they are the same";
+  }
+
+  async #values(name) {
+    if (name === IN_FORCE)
+      return Object.fromEntries(this.parameters.parameters.map((one) => [one.name, one]));
+    return (await this.order("read set", { name }))?.parameters ?? null;
+  }
+}
+
+function row(name, first, second) {
+  const unit = (first ?? second).unit;
+  const text = (one) => (one ? `${short(one.value)} ${one.unit}` : "–");
+  const both = first && second && first.unit === second.unit;
+  const difference = both ? `${short(second.value - first.value)} ${unit}` : "–";
+  const cells = [text(first), text(second), difference];
+  return make(
+    "tr",
+    {},
+    make("th", { textContent: name, scope: "row" }),
+    ...cells.map((one) => make("td", { textContent: one })),
+  );
+}
+
+function short(value) {
+  return String(Number(value.toPrecision(6)));
+}

@@ -1,0 +1,115 @@
+// The spectrum view: amplitude spectral density of a signal, and what it is at the cursor.
+
+import { Plane } from "./canvas.js";
+import { field, kept, make, select } from "./dom.js";
+import { WINDOWS, density } from "./fft.js";
+import { ink } from "./strip.js";
+import { fine } from "./units.js";
+
+const LENGTHS = [1024, 4096, 16384, 65536];
+const STRETCHES = 4; // lengths that are averaged over, where so much has come
+const EVERY_MS = 250;
+
+export class SpectrumView {
+  #due = 0;
+  #cursor = null; // Hz
+
+  constructor(place, bench, store) {
+    this.bench = bench;
+    this.store = store;
+    const choose = (id, names, chosen) => {
+      const element = select(
+        names.map((name) => [String(name), String(name)]),
+        String(kept.get(id, chosen)),
+      );
+      element.id = id;
+      element.onchange = () => {
+        kept.set(id, element.value);
+        this.#due = 0;
+      };
+      return element;
+    };
+    const names = bench.signals.map((one) => one.name);
+    this.signal = choose("spectrum-signal", names, bench.aim.signal);
+    this.length = choose("spectrum-length", LENGTHS, 16384);
+    this.shape = choose("spectrum-window", Object.keys(WINDOWS), "Hann");
+    this.note = make("output", { className: "reading", id: "spectrum-note" });
+    this.reading = make("output", { className: "reading", id: "spectrum-reading" });
+    const figure = make("figure");
+    place.replaceChildren(
+      make(
+        "div",
+        { className: "bar" },
+        field("signal", this.signal),
+        field("ticks", this.length),
+        field("window", this.shape),
+        this.note,
+        this.reading,
+      ),
+      make("div", { className: "whole" }, figure),
+    );
+    this.plane = new Plane(figure, "frequency / Hz", "", true);
+    figure.onmousemove = (event) => {
+      this.#cursor = 10 ** this.plane.xAt(event.offsetX);
+      this.#due = 0;
+    };
+    figure.onmouseleave = () => {
+      this.#cursor = null;
+      this.#due = 0;
+    };
+  }
+
+  draw() {
+    const now = performance.now();
+    if (now < this.#due) return;
+    this.#due = now + EVERY_MS;
+    const length = Number(this.length.value);
+    const column = this.bench.signals.findIndex((one) => one.name === this.signal.value);
+    const samples = this.#samples(column, length);
+    if (!samples) return;
+    const { name, factor } = fine(this.bench.signals[column].unit);
+    const { rate } = this.bench;
+    const found = density(samples, rate, length, WINDOWS[this.shape.value]);
+    this.found = { ...found, ticks: samples.length };
+    const scaled = found.densities.map((one) => one * factor);
+    const top = Math.max(...scaled) || 1;
+    const logs = (values) => values.map((one) => Math.log10(Math.max(one, 1e-9 * top)));
+    const [xs, ys] = [logs(found.frequencies), logs(scaled)];
+    const lowest = Math.max(Math.min(...ys), Math.log10(top) - 8);
+    this.plane.labels[1] = `${name || "1"}/√Hz`;
+    this.plane.begin([xs[0], xs.at(-1), lowest - 0.2, Math.log10(top) + 0.3]);
+    this.plane.line(xs, ys, "#0072b2", 1.2);
+    this.note.textContent =
+      `${Number((rate / length).toPrecision(3))} Hz apart, ` +
+      `rms ${Number((factor * rms(found, rate / length)).toPrecision(4))} ${name}`;
+    this.#read(found, xs, ys, scaled, name);
+  }
+
+  #read({ frequencies }, xs, ys, scaled, name) {
+    this.reading.textContent = "";
+    if (this.#cursor === null) return;
+    const step = frequencies[0];
+    const at = Math.min(frequencies.length, Math.max(1, Math.round(this.#cursor / step))) - 1;
+    this.plane.line([xs[at], xs[at]], [-99, 99], ink("--ink"), 1);
+    this.plane.dot(xs[at], ys[at], "#d55e00");
+    const value = Number(scaled[at].toPrecision(4));
+    this.reading.textContent = `${Number(frequencies[at].toPrecision(6))} Hz: ${value} ${name || "1"}/√Hz`;
+  }
+
+  // The last samples, none missing between them; fewer than one length give none.
+  #samples(column, length) {
+    const { store } = this;
+    const wanted = Math.min(STRETCHES * length, store.count);
+    const first = store.count - wanted;
+    const whole = wanted >= length && store.newest - store.tick(first) === wanted - 1;
+    if (!whole) {
+      this.note.textContent = `needs ${length} ticks without a gap between them`;
+      return null;
+    }
+    return Float64Array.from({ length: wanted }, (_, i) => store.value(column, first + i));
+  }
+}
+
+function rms({ densities }, step) {
+  return Math.sqrt(densities.reduce((sum, one) => sum + one * one * step, 0));
+}
