@@ -53,6 +53,13 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
   return ANHYST_OK;
 }
 
+void anhyst_compensator_demagnetise(anhyst_compensator *c)
+{
+  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
+  c->memory = demagnetised;
+  c->solved = 0;
+}
+
 void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words) { c->words = words; }
 
 int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap)
