@@ -76,9 +76,12 @@ static int are_valid_q31(const anhyst_position_limits_q31 *limits,
          limits->release >= limits->current_step;
 }
 
+/* A force controller without a compensator has no memory. */
 static void demagnetise_q31(anhyst_force_controller_q31 *magnet)
 {
-  anhyst_compensator_demagnetise(&magnet->compensator);
+  if (magnet->compensator.kernel != NULL) {
+    anhyst_compensator_demagnetise(&magnet->compensator);
+  }
 }
 
 #include "generic/position.h"
