@@ -112,7 +112,8 @@ def force_error(bench: ForceBench) -> float:
         if state(bench) is State.RUN:
             bench.command(Command.IDLE)
         reach(bench, State.IDLE)
-        move(bench, float(gap))
+        bench.apply({"gap": float(gap)})
+        bench.advance(200)
         bench.command(Command.CONDITION)
         reach(bench, State.READY)
         bench.command(Command.RUN)
@@ -120,14 +121,6 @@ def force_error(bench: ForceBench) -> float:
             bench.demand(force)
             errors.append(column(bench, bench.advance(300)[150:], "force") - force)
     return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
-
-
-def move(bench: ForceBench, gap: float) -> None:
-    """Move the armature, as slowly as a gap that jumps is no fault."""
-    here = column(bench, bench.advance(1), "gap")[-1]
-    for place in np.linspace(here, gap, 200):
-        bench.apply({"gap": float(place)})
-        bench.advance(5)
 
 
 def reach(bench: Bench, wanted: State) -> None:

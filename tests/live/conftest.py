@@ -107,7 +107,8 @@ def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
         session = LiveSession(bench, recording, folder, improver, curves)
         taken = listen_on("127.0.0.1", 0)
         port = int(taken.getsockname()[1])
-        server = make_server(session, "bearing", ("127.0.0.1", port), token)
+        title = "bearing" if prepared is None else "solenoid"
+        server = make_server(session, title, ("127.0.0.1", port), token)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]})
 
         def end() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -62,7 +63,10 @@ def test_a_killed_server_leaves_a_recording_that_inspect_reads(
     path = tmp_path / "run.csv"
     command = [sys.executable, "-m", "anhyst.cli.app", "live", str(EXAMPLE), "--listen", "0"]
     with subprocess.Popen(
-        [*command, "--record", str(path)], stdout=subprocess.PIPE, text=True
+        [*command, "--record", str(path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")},
     ) as process:
         try:
             assert process.stdout is not None

@@ -71,6 +71,7 @@ def test_the_same_files_are_prepared_once_and_others_anew(
         pass
 
 
+@pytest.mark.slow
 def test_a_cache_that_cannot_be_written_is_none_and_a_full_one_forgets(
     rig: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -172,20 +172,19 @@ class Improver:
             if isinstance(outcome, str):
                 self._trouble = f"{step}: {outcome}"
             else:
-                self._leave(step, outcome)
+                self._leave(step, {**outcome, "took_s": time.monotonic() - self._began})
 
         self._job = Job(work, self._prepared, self.place, *given, ended=ended)
 
     def _leave(self, step: str, result: Mapping[str, Any]) -> None:
         """Keep what a step left; what came after it before counts no more."""
-        took = time.monotonic() - self._began
         shown = {name: value for name, value in result.items() if name != "words"}
         if "words" in result:
             self._words = list(result["words"])
         kept = STEPS[: STEPS.index(step)]
         self.results = {
             **{name: one for name, one in self.results.items() if name in kept},
-            step: {**shown, "took_s": took},
+            step: shown,
         }
 
     def _exchange(self, words: Sequence[int], model: ActuatorModel) -> int:
