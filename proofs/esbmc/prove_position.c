@@ -119,7 +119,11 @@ void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitati
   *levitation = next;
 }
 
-void anhyst_compensator_demagnetise(anhyst_compensator *compensator) { compensator->solved = 0; }
+void anhyst_compensator_demagnetise(anhyst_compensator *compensator)
+{
+  SHOW(compensator != 0);
+  compensator->solved = 0;
+}
 
 void anhyst_compensator_swap(anhyst_compensator *compensator, const int16_t *words)
 {
