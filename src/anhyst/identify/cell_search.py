@@ -22,7 +22,7 @@ from anhyst.identify.space import CoordinateSpace
 COARSE, FINE = 40, 100
 """Samples of a loop on which ways to begin are tried, and on which the fit runs, at most."""
 
-_SHORT, _LONG, _POLISHED = 6, 30, 8
+_SHORT, _LONG, _POLISHED = 6, 100, 8
 _ROUGH, _CLOSE = 1e-3, 1e-5
 
 _PINNINGS = (1.0, 0.4)
@@ -37,6 +37,9 @@ _NARROW = (0.25, 8.0, 0.1, 2.0)
 
 _LANGEVIN = {"langevin": 1.0, "tanh": 3.0}
 """Width of each curve that has the slope of Langevin's of width 1 at its middle."""
+
+_GAIN = 0.98
+"""Cost, in parts of that with a population less, from which on a further one says nothing."""
 
 SLOPES = {"tanh": 1.0, "langevin": 1.0 / 3.0}
 """Slope of each curve at its middle."""
@@ -58,7 +61,7 @@ _FURTHER = (
 def search_cells(
     base: FoundModel, records: FitRecords, wanted: Sequence[ModelCandidate]
 ) -> dict[ModelCandidate, Fits]:
-    """Fit play cells of one curve.
+    """Fit play cells of one curve, until a population more gains next to nothing.
 
     Parameters
     ----------
@@ -75,7 +78,10 @@ def search_cells(
         assert one.cells is not None
         form = replace(base.space.form, law=LAW_OF[one.cells.shape], cells=one.cells, dead_band=0.0)
         more = first_population if wide is base else one_more
-        wide = more(wide, form, records)
+        found = more(wide, form, records)
+        if fits and found.cost > _GAIN * wide.cost:
+            break
+        wide = found
         fits[one] = Fits(wide, only_demanded(wide, _CLOSE, _LONG))
     return fits
 

@@ -191,6 +191,7 @@ def _compare_cells(
         of_shape = [one for one in new if one.cells and one.cells.shape == shape]
         wide = contest.fits[base].wide
         contest.fits.update(run.step(partial(search_cells, wide, run.searched, of_shape)))
+    new = [one for one in new if one in contest.fits]
     run.step(partial(_leave_out, contest, loopset, new, by))
     if contest.places and base.gap_map != "free":
         best = min(new, key=lambda one: contest.error(one) or 0.0)
