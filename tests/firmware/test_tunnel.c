@@ -7,6 +7,8 @@
 
 #include "link/crc.h"
 
+#define SAMPLE 39U /* of eight signals, its length in front */
+
 static xcp_slave slave;
 
 /* Carries a command; what came back stands in bench.payload. */
@@ -77,12 +79,12 @@ static void samples_come_whole_and_none_is_lost(void)
     while (at < bench.answer.length) {
       CHECK(bench.payload[at] == 38 && bench.payload[at + 1] == 0);
       CHECK(link_get_u32(bench.payload + at + 3) == first + found);
-      at = (uint16_t)(at + 39U);
+      at = (uint16_t)(at + SAMPLE);
       found++;
     }
     CHECK(at == bench.answer.length);
     CHECK(carry(NULL, 0) == LINK_TYPE_XCP_PACKETS);
-    CHECK(bench.answer.length <= 6 * 39);
+    CHECK(bench.answer.length <= 6U * SAMPLE);
     at = 0;
   }
   CHECK(found == (uint32_t)ticks && bench.answer.length == 0);
@@ -94,13 +96,14 @@ static void what_is_repeated_is_answered_with_the_same_bytes(void)
   uint8_t before[LINK_PAYLOAD_MOST];
   connect_master();
   sample(3);
-  CHECK(carry(NULL, 0) == LINK_TYPE_XCP_PACKETS && bench.answer.length == 3 * 39);
-  memcpy(before, bench.payload, 3 * 39);
+  CHECK(carry(NULL, 0) == LINK_TYPE_XCP_PACKETS && bench.answer.length == 3U * SAMPLE);
+  memcpy(before, bench.payload, bench.answer.length);
   const uint8_t number = bench.answer.sequence;
   memset(bench.payload, 0, sizeof bench.payload);
   (void)bench_put(LINK_TYPE_XCP, number, NULL, 0);
   bench_poll();
-  CHECK(bench.answer.length == 3 * 39 && memcmp(before, bench.payload, 3 * 39) == 0);
+  CHECK(bench.answer.length == 3U * SAMPLE &&
+        memcmp(before, bench.payload, bench.answer.length) == 0);
 }
 
 static void who_looks_on_through_the_link_is_no_heartbeat(void)
