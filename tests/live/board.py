@@ -48,7 +48,7 @@ def running(firmware: Path, plant: StandPlant, rate: float, link: str = "pty") -
     """Let a firmware of force run by the clock until the test ends."""
     done = threading.Event()
     with start_host(firmware, link, 0) as (url, ours, port):
-        board = Board(url, f"127.0.0.1:{port}", PlantBus(plant, ours), done.set)
+        board = Board(url, f"socket://127.0.0.1:{port}", PlantBus(plant, ours), done.set)
 
         def run() -> None:
             last, owed = time.monotonic(), 0.0

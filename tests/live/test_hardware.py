@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -135,10 +134,10 @@ def test_a_folder_of_another_controller_is_refused(board: Board, manifest: dict[
 
 
 def test_nobody_there_is_said_at_once() -> None:
-    with pytest.raises(InputError, match=r"127.0.0.1:9: .*see that the controller offers XCP"):
-        XcpMaster("127.0.0.1:9")
-    with pytest.raises(InputError, match="no address; write HOST:PORT"):
-        XcpMaster("here")
+    with pytest.raises(InputError, match=r"127.0.0.1:9: nobody listens there"):
+        XcpMaster("socket://127.0.0.1:9")
+    with pytest.raises(InputError, match=r"socket://here: .*; name a"):
+        XcpMaster("socket://here")
 
 
 @pytest.fixture
@@ -166,7 +165,8 @@ def test_a_controller_whose_power_goes_ends_the_session_and_the_recording_is_who
     session: LiveSession, board: Board, tmp_path: Path
 ) -> None:
     operated(session)
-    time.sleep(0.3)
+    first = session.bench.tick
+    wait_for(lambda: session.bench.tick > first + 300)
     board.pull()
     assert "the controller is gone" in lost(session)
     with pytest.raises(InputError, match="the controller is gone"):
@@ -213,5 +213,8 @@ def test_the_page_of_a_controller_says_when_it_is_lost(
 
 def test_a_folder_that_is_none_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"manifest.json: is not there or no manifest"):
-        open_board(tmp_path, "127.0.0.1:9")
-    assert main(["live", str(tmp_path), "--xcp", "127.0.0.1:9", "--controller", "c.toml"]) == 2
+        open_board(tmp_path, "socket://127.0.0.1:9")
+    here = ["live", str(tmp_path), "--xcp", "127.0.0.1:9"]
+    assert main([*here, "--controller", "c.toml"]) == 2
+    assert main([*here, "--port", "/dev/ttyACM0"]) == 2
+    assert main(["live", str(tmp_path), "--port", "/dev/none", "--listen", "0"]) == 2

@@ -97,7 +97,7 @@ def test_a_virtual_controller_that_dies_ends_the_session_and_says_why(program: P
 @contextmanager
 def line_to(address: str) -> Iterator[tuple[str, threading.Event]]:
     """Yield an address that leads to another, until the event is set: then nothing passes."""
-    host, _, port = address.rpartition(":")
+    host, _, port = address.removeprefix("socket://").rpartition(":")
     cut = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
@@ -130,7 +130,7 @@ def line_to(address: str) -> Iterator[tuple[str, threading.Event]]:
         held = threading.Event()
         thread = threading.Thread(target=run)
         thread.start()
-        yield f"127.0.0.1:{listener.getsockname()[1]}", cut
+        yield f"socket://127.0.0.1:{listener.getsockname()[1]}", cut
         cut.set()
         held.set()
         thread.join()

@@ -28,6 +28,7 @@ class Counter:
     aim = Aim("demand", "demand", "", -1.0, 1.0, 0.0)
     load_most = 0.0
     keeps_time = False
+    every = 1
 
     def __init__(self, rate: float = RATE, cost: float = 0.0) -> None:
         self.rate = rate

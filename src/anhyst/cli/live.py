@@ -27,8 +27,8 @@ def live(
         Path,
         typer.Argument(
             metavar="RIG",
-            help="Rig file: a bearing, or a force rig. With --xcp the compiled folder around which "
-            "the firmware is built.",
+            help="Rig file: a bearing, or a force rig. With --xcp or --port the compiled folder "
+            "around which the firmware is built.",
         ),
     ],
     controller: Annotated[
@@ -43,6 +43,13 @@ def live(
         typer.Option(
             metavar="HOST:PORT",
             help="A controller that runs by itself and offers XCP there, in place of a virtual rig.",
+        ),
+    ] = None,
+    port: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PORT",
+            help="The same on a serial port that carries XCP, such as /dev/ttyACM0.",
         ),
     ] = None,
     record: Annotated[
@@ -82,25 +89,30 @@ def live(
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
 
-    if xcp is not None and controller is not None:
-        raise InputError("--controller: a controller that runs has one; leave it out with --xcp")
-    taken = listen_on(*read_address(listen, token))
-    opened = _open(rig, controller, xcp)
-    bench = opened.bench
-    try:
-        recording = None if record is None else start_recording(record, bench.signals, bench.rate)
-    except BaseException:
-        bench.close()
-        raise
+    if xcp is not None and port is not None:
+        raise InputError("--port: one controller at a time; leave it or --xcp out")
+    url = port if xcp is None else f"socket://{xcp}"
+    if url is not None and controller is not None:
+        raise InputError("--controller: a controller that runs has one already; leave it out")
     shown = secrets.token_urlsafe(16) if token else ""
 
     def started(address: str) -> None:
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
-    folder = Path() if record is None else record.parent
-    session = LiveSession(opened.bench, recording, folder, opened.improver, opened.curves)
-    title = rig.resolve().parent.name if xcp is None else f"{rig.resolve().name} at {xcp}"
-    serve(session, title, taken, shown, started)
+    with listen_on(*read_address(listen, token)) as taken:
+        opened = _open(rig, controller, url)
+        bench = opened.bench
+        try:
+            recording = (
+                None if record is None else start_recording(record, bench.signals, bench.rate)
+            )
+        except BaseException:
+            bench.close()
+            raise
+        folder = Path() if record is None else record.parent
+        session = LiveSession(bench, recording, folder, opened.improver, opened.curves)
+        title = rig.resolve().parent.name if url is None else f"{rig.resolve().name} at {url}"
+        serve(session, title, taken, shown, started)
     if recording is not None:
         show(f"written: {recording.path}, {recording.rows} ticks")
 
@@ -113,15 +125,15 @@ class _Opened(NamedTuple):
     curves: Sequence[Curve] = ()
 
 
-def _open(rig: Path, controller: Path | None, xcp: str | None) -> _Opened:
+def _open(rig: Path, controller: Path | None, url: str | None) -> _Opened:
     """Open a virtual rig, or a controller that runs."""
     from anhyst.live.curves import make_curves
     from anhyst.live.improver import Improver
     from anhyst.study.bench import measured_loops, open_board
     from anhyst.study.kept import prepared_once
 
-    if xcp is not None:
-        return _Opened(open_board(rig, xcp))
+    if url is not None:
+        return _Opened(open_board(rig, url))
     with progress_bar("live") as progress, prepared_once(rig, controller, progress) as prepared:
         curves = make_curves(measured_loops(rig), prepared.model)
         bench = prepared.open()  # runs on without the folder

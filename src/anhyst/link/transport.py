@@ -52,7 +52,10 @@ class Port:
 
     def close(self) -> None:
         """Let go of the port."""
+        connection = getattr(self._serial, "_socket", None)
         self._serial.close()
+        if connection is not None:
+            connection.close()  # pyserial leaves it open where the other end hung up first
 
     def write(self, data: bytes) -> None:
         """Send bytes; returns once all are on their way.

@@ -1,4 +1,4 @@
-"""A master of XCP on TCP, for the slave of this firmware: values, commands, every tick's signals.
+"""A master of XCP for the slave of this firmware: values, commands, every tick's signals.
 
 Knows what ``firmware/xcp`` says and no more: one list of samples with one packet a sample, addresses
 of :mod:`anhyst.compile.xcp_map`.
@@ -6,18 +6,14 @@ of :mod:`anhyst.compile.xcp_map`.
 
 from __future__ import annotations
 
-import socket
+import math
 import struct
-import threading
-import time
-from collections import deque
 from contextlib import suppress
-from queue import Empty, Queue
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compile.xcp_map import AREAS, INPUTS, PACKET, SIGNALS
+from anhyst.compile.xcp_map import AREAS, INPUTS, SIGNALS
 from anhyst.control.states import Command, State
 from anhyst.link.client import Refused
 from anhyst.link.frames import (
@@ -30,22 +26,36 @@ from anhyst.link.frames import (
     SettingWriteRequest,
     TargetRequest,
 )
+from anhyst.link.transport import BAUD
 from anhyst.link.xcp_key import key_for
+from anhyst.link.xcp_line import AnswerLost, XcpLine
 from anhyst.support.errors import InputError
 
-_CONNECT, _STATUS, _ID, _SEED, _UNLOCK = 0xFF, 0xFD, 0xFA, 0xF8, 0xF7
-_ADDRESS, _UPLOAD, _SHORT_UPLOAD, _DOWNLOAD, _CLOCK = 0xF6, 0xF5, 0xF4, 0xF0, 0xDC
-_ANSWER, _ERROR, _EVENT = 0xFF, 0xFE, 0xFD
-_HEAD = struct.Struct("<HH")
+_CONNECT, _DISCONNECT, _STATUS, _ID, _SEED, _UNLOCK = 0xFF, 0xFE, 0xFD, 0xFA, 0xF8, 0xF7
+_ADDRESS, _UPLOAD, _SHORT_UPLOAD, _DOWNLOAD = 0xF6, 0xF5, 0xF4, 0xF0
+_CLOCK, _RESOLUTION = 0xDC, 0xD9
+_ANSWER, _ERROR = 0xFF, 0xFE
 _STAMPED = 0x10
-_MOST = 1 << 19
-"""Samples that wait to be taken; more, and the oldest are lost."""
+_AGAIN = 3
+"""Times that a question is asked whose answer a serial port loses."""
 
-_TOGETHER_S = 0.001
-"""What comes within it is taken at once: a tick alone costs as much as many, s."""
+_CLOCKS = 1000
+"""Questions for the time until a tick must have passed."""
+
+_CARRIED = 0.8 * BAUD / 10.0
+"""Of the bytes a second of a serial port, those that samples may take."""
+
+_PACKET_BYTES = 12
+"""Of a sample on a serial port, beside its signals: head, list, time stamp, checksum."""
 
 _INPUT = {value.name: AREAS["input"] + 4 * n for n, value in enumerate(INPUTS)}
 _STATE = AREAS["signal"] + 4 * [value.name for value in SIGNALS].index("state")
+
+_NOT_OF = {
+    Body.FORCE: {"position", "reference", "phase", "current_2", "drive_2"},
+    Body.POSITION: {"force", "gap"},
+}
+"""Signals that say nothing of a controller of this kind."""
 
 Samples = NDArray[np.int64]
 
@@ -53,51 +63,43 @@ Samples = NDArray[np.int64]
 class XcpMaster:
     """A controller that is measured and operated over XCP.
 
-    Connects, shows the key and samples all signals of every tick from then on.
+    Connects, shows the key and samples all signals of every tick from then on, or of as many ticks
+    as a serial port carries.
 
     Parameters
     ----------
-    address : str
-        ``HOST:PORT``.
+    url : str
+        ``socket://HOST:PORT``, or a serial port as :class:`anhyst.link.transport.Port` takes it.
     timeout : float, optional
         For an answer, and for the next sample, s.
 
     Attributes
     ----------
     url : str
-        `address`, for messages.
     name : str
         What the controller is called; its description is ``NAME.a2l``.
     body : Body
         What it controls.
-    overloads : int
-        How often the controller had no room for samples, which are missing then.
+    signals : tuple of str
+        That are sampled.
+    every : int
+        Ticks from one sample to the next.
 
     Raises
     ------
     InputError
-        Nobody listens there, or no slave of this firmware.
+        The port is not there, nobody listens, or no slave of this firmware.
     """
 
-    signals = tuple(value.name for value in SIGNALS)
-
-    def __init__(self, address: str, timeout: float = 2.0) -> None:
-        self.url = address
-        self.timeout = timeout
-        self.overloads = 0
-        self._answers: Queue[bytes | None] = Queue()
-        self._samples: deque[bytes] = deque(maxlen=_MOST)
-        self._came = threading.Condition()
-        self._gone = False
+    def __init__(self, url: str, timeout: float = 2.0) -> None:
+        self.url = url
+        self.every = 1
         self._last = -1
-        self._lock = threading.RLock()
-        self._line = _connect(address, timeout)
-        self._reader = threading.Thread(target=self._read, name="xcp", daemon=True)
-        self._reader.start()
+        self._line = XcpLine(url, timeout)
         try:
             self._begin()
         except BaseException:
-            self.close()
+            self._line.close()
             raise
 
     def _begin(self) -> None:
@@ -111,25 +113,26 @@ class XcpMaster:
             self.body = Body.FORCE
         except InputError:
             self.body = Body.POSITION
+        left_out = _NOT_OF[self.body]
+        self.signals = tuple(one.name for one in SIGNALS if one.name not in left_out)
+        if self._line.serial:
+            wanted = self._rate() * (_PACKET_BYTES + 4 * len(self.signals))
+            self.every = min(255, math.ceil(wanted / _CARRIED))
         self._sample()
 
     def close(self) -> None:
         """Hang up. A controller that drives current goes to its safe state by itself."""
-        self._hang_up()
-        self._reader.join()
+        with suppress(InputError):
+            self._ask(bytes((_DISCONNECT,)))  # a serial line has no end by itself
         self._line.close()
-
-    def _hang_up(self) -> None:
-        with suppress(OSError):
-            self._line.shutdown(socket.SHUT_RDWR)
 
     def beat(self) -> None:
         """Say that the operator is there."""
-        self._ask(bytes((_STATUS,)))
+        self._question(bytes((_STATUS,)))
 
     def read(self, address: int, count: int) -> bytes:
         """Return some bytes, at most 135."""
-        return self._ask(struct.pack("<BBBBI", _SHORT_UPLOAD, count, 0, 0, address))[1:]
+        return self._question(struct.pack("<BBBBI", _SHORT_UPLOAD, count, 0, 0, address))[1:]
 
     def read_words(self, first: int, count: int) -> list[int]:
         """Return words of the parameter block in force, at most 67."""
@@ -159,13 +162,13 @@ class XcpMaster:
         Refused
             It does not do that in its state.
         """
-        with self._lock:
+        with self._line.lock:
             self._write(_INPUT["command"], int(command), CommandRequest(command))
             done = self.clock()
-            for _ in range(_MOST):
+            for _ in range(_CLOCKS):
                 if self.clock() != done:
                     return State(self._value(_STATE))
-        raise self._stands()
+        raise InputError(f"{self.url}: no tick passes; the controller stands")
 
     def aim(self, code: int) -> None:
         """Demand a force, or a position, q31 of full scale.
@@ -186,10 +189,10 @@ class XcpMaster:
 
     def clock(self) -> int:
         """Return the number of the last tick, modulo 2^32."""
-        return int.from_bytes(self._ask(bytes((_CLOCK,)))[4:8], "little")
+        return int.from_bytes(self._question(bytes((_CLOCK,)))[4:8], "little")
 
     def take(self, tick: int) -> Samples:
-        """Wait until a tick has passed, and return all that came.
+        """Wait for the last sample up to a tick, and return all that came.
 
         Parameters
         ----------
@@ -204,17 +207,11 @@ class XcpMaster:
         Raises
         ------
         InputError
-            The controller is gone, or no sample came for :attr:`timeout`.
+            The controller is gone, or no sample came for long.
         """
         rows = np.empty((0, 1 + len(self.signals)), dtype=np.int64)
-        while not len(rows) or rows[-1, 0] < tick:
-            with self._came:
-                self._came.wait_for(lambda: self._samples or self._gone, self.timeout)
-                if not self._samples:
-                    raise self._lost() if self._gone else self._stands()
-                packets = b"".join(self._samples)
-                self._samples.clear()
-            rows = np.concatenate((rows, self._decoded(packets)))
+        while not len(rows) or rows[-1, 0] + self.every <= tick:
+            rows = np.concatenate((rows, self._decoded(self._line.take())))
         return rows
 
     def _decoded(self, packets: bytes) -> Samples:
@@ -228,15 +225,21 @@ class XcpMaster:
         self._last = int(ticks[-1])
         return np.column_stack((ticks, found["values"].astype(np.int64)))
 
+    def _rate(self) -> float:
+        """Return the ticks a second, as exact as the period of a time stamp is said."""
+        mode, count = struct.unpack("<BH", self._question(bytes((_RESOLUTION,)))[5:8])
+        return 1e9 / float(count * 10 ** (mode >> 4))
+
     def _sample(self) -> None:
-        """Sample all signals of every tick from the next one on."""
-        count = len(self.signals)
+        """Sample from the next tick on."""
+        numbers = [n for n, one in enumerate(SIGNALS) if one.name in self.signals]
+        count = len(numbers)
         commands = [b"\xd6", b"\xd5\0\1\0", b"\xd4\0\0\0\1", bytes((0xD3, 0, 0, 0, 0, count))]
         commands.append(b"\xe2\0\0\0\0\0")
         commands += [
-            struct.pack("<BBBBI", 0xE1, 0xFF, 4, 0, AREAS["signal"] + 4 * n) for n in range(count)
+            struct.pack("<BBBBI", 0xE1, 0xFF, 4, 0, AREAS["signal"] + 4 * n) for n in numbers
         ]
-        commands += [bytes((0xE0, _STAMPED, 0, 0, 0, 0, 1, 0)), b"\xde\1\0\0"]
+        commands += [bytes((0xE0, _STAMPED, 0, 0, 0, 0, self.every, 0)), b"\xde\1\0\0"]
         for command in commands:
             self._ask(command)
 
@@ -245,9 +248,9 @@ class XcpMaster:
 
     def _write(self, address: int, value: int, request: Message) -> None:
         """Write four bytes; `request` is what the own link would call it."""
-        with self._lock:
+        with self._line.lock:
             self._ask(struct.pack("<BBBBI", _ADDRESS, 0, 0, 0, address))
-            answer = self._exchange(bytes((_DOWNLOAD, 4)) + struct.pack("<i", value))
+            answer = self._line.ask(bytes((_DOWNLOAD, 4)) + struct.pack("<i", value))
             if answer[0] == _ERROR and len(answer) >= 4:
                 reason = int.from_bytes(answer[2:4], "little")
                 state = self._value(_STATE)
@@ -255,7 +258,14 @@ class XcpMaster:
             self._check(answer, _DOWNLOAD)
 
     def _ask(self, command: bytes) -> bytes:
-        return self._check(self._exchange(command), command[0])
+        return self._check(self._line.ask(command), command[0])
+
+    def _question(self, command: bytes) -> bytes:
+        """Ask what changes nothing, and again where the answer is lost."""
+        for _ in range(_AGAIN - 1 if self._line.serial else 0):
+            with suppress(AnswerLost):
+                return self._ask(command)
+        return self._ask(command)
 
     def _check(self, answer: bytes, command: int) -> bytes:
         if answer[0] != _ANSWER:
@@ -264,75 +274,3 @@ class XcpMaster:
                 "see that the firmware is of this version of anhyst"
             )
         return answer
-
-    def _exchange(self, command: bytes) -> bytes:
-        with self._lock:
-            try:
-                self._line.sendall(_HEAD.pack(len(command), 0) + command)
-                answer = self._answers.get(timeout=self.timeout)
-            except (OSError, Empty):
-                self._hang_up()  # a late answer would be taken for that to the next command
-                raise self._lost() from None
-            if answer is None:
-                self._answers.put(None)  # for whoever asks next
-                raise self._lost()
-            return answer
-
-    def _lost(self) -> InputError:
-        return InputError(
-            f"{self.url}: the controller is gone; see its power and the network, then start again"
-        )
-
-    def _stands(self) -> InputError:
-        return InputError(f"{self.url}: no tick came for {self.timeout:g} s; the controller stands")
-
-    def _read(self) -> None:
-        """Hand on what comes, until the line ends."""
-        rest = b""
-        try:
-            while data := self._line.recv(1 << 16):
-                rest = self._sort(rest + data)
-                time.sleep(_TOGETHER_S)
-        except OSError:
-            pass  # whoever waits learns of it below
-        self._answers.put(None)
-        with self._came:
-            self._gone = True
-            self._came.notify_all()
-
-    def _sort(self, data: bytes) -> bytes:
-        """Hand on whole packets; returns the rest."""
-        at, end, samples = 0, len(data), []
-        while at + 4 <= end:
-            length = data[at] | data[at + 1] << 8
-            if not 0 < length <= PACKET:
-                raise OSError("no packet of XCP")
-            if at + 4 + length > end:
-                break
-            packet = data[at + 4 : at + 4 + length]
-            at += 4 + length
-            if packet[0] < 0xFC:
-                samples.append(packet)
-            elif packet[0] == _EVENT:
-                self.overloads += 1
-            else:
-                self._answers.put(packet)
-        if samples:
-            with self._came:
-                self._samples.extend(samples)
-                self._came.notify_all()
-        return data[at:]
-
-
-def _connect(address: str, timeout: float) -> socket.socket:
-    host, _, port = address.rpartition(":")
-    if not host or not port.isdigit():
-        raise InputError(f"{address}: is no address; write HOST:PORT, such as 127.0.0.1:5555")
-    try:
-        line = socket.create_connection((host.strip("[]"), int(port)), timeout=timeout)
-    except (OSError, OverflowError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise InputError(f"{address}: {why}; see that the controller offers XCP there") from None
-    line.settimeout(None)
-    line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return line

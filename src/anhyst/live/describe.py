@@ -34,6 +34,7 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "aim": bench.aim._asdict(),
         "load_most": bench.load_most,
         "keeps_time": bench.keeps_time,
+        "every": bench.every,
         "commands": [command.name.lower() for command in bench.commands()],
         "states": _names(State),
         "faults": _names(Fault),

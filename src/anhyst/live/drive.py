@@ -40,6 +40,7 @@ class DrivenBench:
         self.aim: Aim = bench.aim
         self.load_most: float = bench.load_most
         self.keeps_time: bool = bench.keeps_time
+        self.every: int = bench.every
         self.target = bench.aim.value
         self._refused = refused
         self.pulled: float | None = None

@@ -86,10 +86,13 @@ class Outbox:
     ----------
     most : int, optional
         Rows that may wait.
+    every : int, optional
+        Ticks from one row to the next where none is missing.
     """
 
-    def __init__(self, most: int = MOST) -> None:
+    def __init__(self, most: int = MOST, every: int = 1) -> None:
         self._most = most
+        self._every = every
         self._runs: deque[Run] = deque()
         self._lock = threading.Lock()
 
@@ -102,7 +105,7 @@ class Outbox:
         """Add rows; thin what waits where it has become too much."""
         if not len(rows):
             return
-        breaks = np.flatnonzero(np.diff(rows[:, 0]) != 1.0) + 1
+        breaks = np.flatnonzero(np.diff(rows[:, 0]) != self._every) + 1
         with self._lock:
             for part in np.split(rows, breaks):
                 self._append(Run(int(part[0, 0]), int(part[-1, 0]), part, False))
@@ -116,7 +119,7 @@ class Outbox:
         return runs
 
     def _append(self, new: Run) -> None:
-        if self._runs and self._runs[-1].last + 1 == new.first:
+        if self._runs and self._runs[-1].last + self._every == new.first:
             old = self._runs.pop()
             rows = np.concatenate((old.rows, new.rows))
             new = Run(old.first, new.last, rows, old.thinned)

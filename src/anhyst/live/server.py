@@ -52,12 +52,14 @@ class Client:
     number : int
         From 1 on, in the order in which they came.
     socket : WebSocket
+    every : int
+        Ticks from one row to the next.
     """
 
-    def __init__(self, number: int, socket: WebSocket) -> None:
+    def __init__(self, number: int, socket: WebSocket, every: int) -> None:
         self.number = number
         self.socket = socket
-        self.outbox = Outbox()
+        self.outbox = Outbox(every=every)
         self.logged = 0
         self.parameters: tuple[Parameter, ...] = ()
         self.results: Mapping[str, Any] = {}
@@ -140,7 +142,7 @@ class LiveServer:
 
     async def _serve(self, socket: WebSocket) -> None:
         self._count += 1
-        client = Client(self._count, socket)
+        client = Client(self._count, socket, self.session.bench.every)
         self._clients[client.number] = client
         self.desk.join(client.number)
         client.parameters = self.session.parameters

@@ -250,7 +250,8 @@ class LiveSession:
         for listener in self._listeners:
             listener(rows)
         if self._newest:
-            self._missing += int(rows[-1, 0]) - self._newest - len(rows)
+            passed = int(rows[-1, 0]) - self._newest
+            self._missing += passed // self.bench.every - len(rows)
         self._newest = int(rows[-1, 0])
         self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
 

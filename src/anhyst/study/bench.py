@@ -59,15 +59,15 @@ def open_bench(
     return bench
 
 
-def open_board(folder: PathLike, xcp: str) -> HardwareBench:
+def open_board(folder: PathLike, url: str) -> HardwareBench:
     """Open the bench of a controller that runs by itself.
 
     Parameters
     ----------
     folder : path-like
         That ``anhyst compile`` wrote and the controller's firmware is built around.
-    xcp : str
-        ``HOST:PORT`` at which the controller offers XCP.
+    url : str
+        Where it offers XCP: ``socket://HOST:PORT``, or a serial port.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def open_board(folder: PathLike, xcp: str) -> HardwareBench:
             f"{place}: is not there or no manifest; name the folder that anhyst compile wrote and "
             "the firmware is built around"
         )
-    line = XcpMaster(xcp)
+    line = XcpMaster(url)
     try:
         return HardwareBench(line, manifest)
     except BaseException:

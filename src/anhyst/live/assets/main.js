@@ -40,7 +40,7 @@ async function order(what, fields) {
 }
 
 function open(bench) {
-  const store = new Store(bench.signals.length);
+  const store = new Store(bench.signals.length, bench.every);
   const parameters = new Parameters(at("parameters"), order);
   parameters.show(bench.parameters);
   page = {

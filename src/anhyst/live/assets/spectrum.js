@@ -68,7 +68,7 @@ export class SpectrumView {
     const samples = this.#samples(column, length);
     if (!samples) return;
     const { name, factor } = fine(this.bench.signals[column].unit);
-    const { rate } = this.bench;
+    const rate = this.bench.rate / this.bench.every;
     const found = density(samples, rate, length, WINDOWS[this.shape.value]);
     this.found = { ...found, ticks: samples.length };
     const scaled = found.densities.map((one) => one * factor);

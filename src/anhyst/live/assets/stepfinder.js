@@ -6,14 +6,16 @@ const LEAST = 1e-3; // of the reference itself, or it is no step
 const BAND = 0.05; // of the step, within which it counts as settled
 
 export class StepFinder {
-  #rate;
+  #rate; // rows a second
+  #every; // ticks from one row to the next
   #columns;
   #rows = []; // [tick, reference, actual], of the last while
   #since = 0; // rows since the reference last changed
   #jump = null; // row of a jump that is being watched
 
-  constructor(rate, reference, actual) {
-    this.#rate = rate;
+  constructor({ rate, every }, reference, actual) {
+    this.#rate = rate / every;
+    this.#every = every;
     this.#columns = [reference, actual];
   }
 
@@ -41,7 +43,7 @@ export class StepFinder {
   #row(tick, reference, actual) {
     const rows = this.#rows;
     const last = rows.at(-1);
-    if (last && tick !== last[0] + 1) this.#reset();
+    if (last && tick !== last[0] + this.#every) this.#reset();
     if (last && reference !== last[1]) {
       const rested = this.#since >= BEFORE_S * this.#rate;
       const high = Math.abs(reference - last[1]) > LEAST * Math.abs(last[1]);

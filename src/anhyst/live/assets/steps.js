@@ -16,7 +16,7 @@ export class StepView {
     this.inForce = inForce;
     const find = (name) => bench.signals.findIndex((signal) => signal.name === name);
     this.unit = bench.aim.unit;
-    this.finder = new StepFinder(bench.rate, find(bench.aim.reference), find(bench.aim.signal));
+    this.finder = new StepFinder(bench, find(bench.aim.reference), find(bench.aim.signal));
     const clear = make("button", { textContent: "clear", onclick: () => this.clear() });
     this.hint = make("output", {
       className: "reading",

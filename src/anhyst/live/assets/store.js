@@ -8,10 +8,12 @@ export class Store {
 
   #ticks = new Float64Array(CAPACITY);
   #data;
+  #every; // ticks from one row to the next where none is missing
   #begin = 0;
   #count = 0;
 
-  constructor(columns) {
+  constructor(columns, every = 1) {
+    this.#every = every;
     this.#data = Array.from({ length: columns }, () => new Float32Array(CAPACITY));
   }
 
@@ -24,7 +26,8 @@ export class Store {
   }
 
   push(frame) {
-    if (this.#count && frame.first > this.newest + 1) this.#lose(this.newest + 1, frame.first - 1);
+    if (this.#count && frame.first > this.newest + this.#every)
+      this.#lose(this.newest + 1, frame.first - 1);
     const rows = frame.ticks.length;
     for (let i = 0; i < rows; i++) {
       const at = this.#place(frame.ticks[i]);

@@ -105,6 +105,7 @@ class BearingBench:
 
     signals: tuple[Signal, ...] = (*_OF_PLANT.values(), *_OF_FIRMWARE)
     keeps_time = False
+    every = 1
 
     def __init__(self, setup: Setup, firmware: Path, seed: int = 0) -> None:
         rig = setup.rig

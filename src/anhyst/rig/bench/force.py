@@ -118,6 +118,7 @@ class ForceBench:
     signals: tuple[Signal, ...] = _SIGNALS
     load_most = 0.0
     keeps_time = False
+    every = 1
 
     def __init__(self, rig: Rig, program: Program, seed: int = 0) -> None:
         self.rate = float(rig.settings.rate_Hz)

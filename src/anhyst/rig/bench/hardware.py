@@ -40,14 +40,17 @@ class BoardLine(Protocol):
         What the controller controls.
     signals : tuple of str
         Signals of ``contract/signals.toml`` that :meth:`take` returns.
+    every : int
+        Ticks from one sample to the next.
     """
 
     url: str
     body: Body
     signals: tuple[str, ...]
+    every: int
 
     def take(self, tick: int) -> NDArray[np.int64]:
-        """Wait until a tick has passed, and return all samples since: tick, signals as codes."""
+        """Wait for the last sample up to a tick, and return all that came: tick, codes."""
         ...  # pragma: no cover
 
     def beat(self) -> None:
@@ -126,6 +129,7 @@ class HardwareBench:
 
     def __init__(self, line: BoardLine, manifest: Mapping[str, Any]) -> None:
         self.rate = float(manifest["rate_Hz"])
+        self.every = line.every
         self._line = line
         self._beaten = 0.0
         self._stretch = max(1, int(_BEAT_S * self.rate))
@@ -163,7 +167,9 @@ class HardwareBench:
             if now - self._beaten > _BEAT_S:
                 self._line.beat()
                 self._beaten = now
-            parts.append(self._line.take(min(end, self.tick + self._stretch)))
+            parts.append(
+                self._line.take(max(self.tick + self.every, min(end, self.tick + self._stretch)))
+            )
             self.tick = int(parts[-1][-1, 0])
         codes = np.concatenate(parts)
         self._state = State(int(codes[-1, self._state_at]))

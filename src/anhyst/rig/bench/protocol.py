@@ -92,6 +92,8 @@ class Bench(Protocol):
         Largest force of the load drive either way, N; 0: there is none.
     keeps_time : bool
         Whether its ticks come by themselves, as those of hardware do: time cannot stand there.
+    every : int
+        Ticks from one row to the next; more than 1 where a line does not carry every tick.
     """
 
     @property
@@ -122,6 +124,11 @@ class Bench(Protocol):
     @property
     def keeps_time(self) -> bool:
         """Whether its ticks come by themselves."""
+        ...  # pragma: no cover
+
+    @property
+    def every(self) -> int:
+        """Ticks from one row to the next."""
         ...  # pragma: no cover
 
     def advance(self, ticks: int) -> FloatArray:
