@@ -15,6 +15,9 @@ from anhyst.support.errors import InputError
 _HTTP_MOST = 64
 """Connections at a time, of pages that load and of those that are open."""
 
+_SLOW_S = 60.0
+"""A browser that has not read for so long has gone, s; a slow one has frames to draw before."""
+
 _GO_S = 2
 """For browsers to go when the server ends, s."""
 
@@ -60,6 +63,7 @@ def make_server(
             ws="websockets-sansio",
             ws_max_size=MESSAGE_MOST,
             ws_per_message_deflate=False,
+            ws_ping_timeout=_SLOW_S,
             limit_concurrency=_HTTP_MOST,
             timeout_graceful_shutdown=_GO_S,
             lifespan="off",

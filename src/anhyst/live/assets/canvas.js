@@ -17,6 +17,7 @@ export class Plane {
   // Begins a picture within limits [x low, x high, y low, y high].
   begin([left, right, low, high]) {
     const { canvas, context } = this;
+    this.limits = [left, right, low, high];
     const width = canvas.parentElement.clientWidth;
     const height = canvas.parentElement.clientHeight;
     const ratio = devicePixelRatio;
@@ -51,6 +52,26 @@ export class Plane {
     context.lineWidth = width;
     context.globalAlpha = alpha;
     context.stroke();
+    context.restore();
+  }
+
+  // What seldom changes: drawn aside by `draw`, and again only where the key or the axes differ.
+  backdrop(key, draw) {
+    const { canvas, context } = this;
+    const full = [key, canvas.width, canvas.height, this.limits, ink("--ink")].join();
+    if (this.drawnKey !== full) {
+      this.drawnKey = full;
+      this.aside ??= document.createElement("canvas");
+      this.aside.width = canvas.width;
+      this.aside.height = canvas.height;
+      this.context = this.aside.getContext("2d");
+      this.context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+      draw();
+      this.context = context;
+    }
+    context.save();
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.drawImage(this.aside, 0, 0);
     context.restore();
   }
 

@@ -6,10 +6,13 @@ import { field, make, select } from "./dom.js";
 import { ink } from "./strip.js";
 import { seconds } from "./units.js";
 
-const POINTS = 12000;
+const POINTS = 5000;
+const EVERY_MS = 50;
 const WINDOWS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
 
 export class LoopView {
+  #due = 0;
+
   constructor(place, bench, store) {
     this.bench = bench;
     this.store = store;
@@ -35,7 +38,9 @@ export class LoopView {
 
   draw() {
     const { store, bench } = this;
-    if (!store.count) return;
+    const now = performance.now();
+    if (!store.count || now < this.#due) return;
+    this.#due = now + EVERY_MS;
     const from = store.find(store.newest - Number(this.windows.value) * bench.rate);
     const every = Math.max(1, Math.ceil((store.count - from) / POINTS));
     const rows = [];
@@ -59,11 +64,16 @@ export class LoopView {
     const x = limits(currents, ...known.map((one) => one.current));
     const y = limits(forces, ...known.map((one) => one.force));
     this.loop.begin([...x, ...y]);
-    for (const [n, { kind, current, force }] of known.entries()) {
-      const near = away[n] <= least;
-      const colour = kind === "model" ? "#009e73" : ink("--soft");
-      this.loop.line(current, force, colour, near ? 1.5 : 1, near ? 0.9 : 0.3);
-    }
+    this.loop.backdrop(least === Infinity ? "" : away.indexOf(least), () => {
+      for (const one of ["measured", "model"]) {
+        for (const [n, { kind, current, force }] of known.entries()) {
+          if (kind !== one) continue;
+          const near = away[n] <= least;
+          const [colour, width] = kind === "model" ? ["#009e73", 1] : [ink("--soft"), 3];
+          this.loop.line(current, force, colour, width, near ? 0.9 : 0.2);
+        }
+      }
+    });
     this.loop.line(currents, forces, "#0072b2", 2);
     this.loop.dot(currents.at(-1), forces.at(-1), "#d55e00");
   }
