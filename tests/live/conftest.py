@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from anhyst.live.curves import Curve
+from anhyst.live.curves import DrawnLoop
 from anhyst.live.improver import Improver
 from anhyst.live.recorder import start_recording
 from anhyst.live.run import listen_on, make_server
@@ -96,7 +96,7 @@ def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
         record: Path | None = None,
         bench: Bench | None = None,
         prepared: Prepared | None = None,
-        curves: Sequence[Curve] = (),
+        curves: Sequence[DrawnLoop] = (),
     ) -> Served:
         improver = None
         if prepared is not None:

@@ -16,7 +16,7 @@ from anhyst.cli.app import main
 from anhyst.control.states import Command
 from anhyst.data.formats import open_table
 from anhyst.live.recorder import start_recording
-from anhyst.live.recording import KEPT_S, Crossing, Recorder, Ring, Span
+from anhyst.live.recording import KEPT_S, Crossing, Ring, Span, TickRecorder
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Signal
 from anhyst.rig.bench.subscription import Subscription
@@ -39,7 +39,7 @@ class Fed:
 
     def __init__(self, folder: Path) -> None:
         self.said: list[str] = []
-        self.recorder = Recorder(SIGNALS, RATE, folder, self.said.append)
+        self.recorder = TickRecorder(SIGNALS, RATE, folder, self.said.append)
         self.tick = 0
         self._subscription = Subscription("recorder", 10**6, complete=True)
         self._thread = threading.Thread(target=self.recorder.run, args=(self._subscription,))

@@ -15,7 +15,7 @@ from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
-    from anhyst.live.curves import Curve
+    from anhyst.live.curves import DrawnLoop
     from anhyst.live.improver import Improver
     from anhyst.rig.bench.protocol import Bench
 
@@ -122,7 +122,7 @@ class _Opened(NamedTuple):
 
     bench: Bench
     improver: Improver | None = None
-    curves: Sequence[Curve] = ()
+    curves: Sequence[DrawnLoop] = ()
 
 
 def _open(rig: Path, controller: Path | None, url: str | None) -> _Opened:

@@ -18,7 +18,7 @@ _POINTS = 200
 _LOOPS = 60
 
 
-class Curve(NamedTuple):
+class DrawnLoop(NamedTuple):
     """A loop as it is drawn.
 
     Attributes
@@ -37,7 +37,7 @@ class Curve(NamedTuple):
     force: list[float]
 
 
-def make_curves(loops: LoopSet, model: ActuatorModel | None = None) -> tuple[Curve, ...]:
+def make_curves(loops: LoopSet, model: ActuatorModel | None = None) -> tuple[DrawnLoop, ...]:
     """Return loops of force over current, thinned; and those of a model along the same currents.
 
     Parameters
@@ -58,9 +58,9 @@ def make_curves(loops: LoopSet, model: ActuatorModel | None = None) -> tuple[Cur
     return tuple(found)
 
 
-def _curve(kind: str, loop: Loop, force: FloatArray) -> Curve:
+def _curve(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
     kept = thinned(loop.input, _POINTS * max(1, loop.reversals // 2))
-    return Curve(kind, loop.schedule_value, loop.input[kept].tolist(), force[kept].tolist())
+    return DrawnLoop(kind, loop.schedule_value, loop.input[kept].tolist(), force[kept].tolist())
 
 
 def thinned(current: FloatArray, points: int) -> Sequence[int]:

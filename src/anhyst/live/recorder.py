@@ -25,7 +25,7 @@ _WHOLE = frozenset({"state", "fault", "phase", "flags"})
 """Signals that are numbers of something."""
 
 
-class Recording(Protocol):
+class RecordingFile(Protocol):
     """A file that rows and notes are written to as they come."""
 
     path: Path
@@ -108,7 +108,7 @@ _KINDS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {
 }
 
 
-def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recording:
+def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> RecordingFile:
     """Begin a recording in a new file, of the kind that its name says.
 
     Parameters

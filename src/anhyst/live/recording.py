@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anhyst.live.recorder import Recording, start_recording
+from anhyst.live.recorder import RecordingFile, start_recording
 from anhyst.rig.bench.protocol import Signal
 from anhyst.rig.bench.subscription import Subscription
 from anhyst.support.arrays import FloatArray
@@ -112,7 +112,7 @@ class Span(NamedTuple):
     crossing: Crossing | None = None
 
 
-class Recorder:
+class TickRecorder:
     """Keeps the last seconds of every tick, and writes recordings into one folder.
 
     Parameters
@@ -147,7 +147,7 @@ class Recorder:
         self._said = said
         self._ring = Ring(math.ceil((KEPT_S + _SLACK_S) * rate), 1 + len(signals))
         self._lock = threading.RLock()
-        self._file: Recording | None = None
+        self._file: RecordingFile | None = None
         self._span = Span()
         self._next: int | None = None  # row to be written next; None while a crossing is waited for
         self._first, self._last = 0, math.inf  # ticks
@@ -194,7 +194,7 @@ class Recorder:
                 raise InputError(f"record: {self._file.path.name} is being written; stop it first")
             self.take(start_recording(self.folder / name, self._signals, self._rate), span, tick)
 
-    def take(self, file: Recording, span: Span, tick: int) -> None:
+    def take(self, file: RecordingFile, span: Span, tick: int) -> None:
         """Write a recording to a file that is open."""
         with self._lock:
             self.trouble = ""
@@ -288,7 +288,7 @@ class Recorder:
         if self._ring.take(end - 1, end)[0, 0] >= self._last:
             self._end("written")
 
-    def _guarded(self, write: Callable[[Recording], None]) -> None:
+    def _guarded(self, write: Callable[[RecordingFile], None]) -> None:
         """Write; a disk that is full ends the recording and not the bench."""
         if self._file is None:
             return

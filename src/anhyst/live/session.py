@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.states import Command
-from anhyst.live.curves import Curve
+from anhyst.live.curves import DrawnLoop
 from anhyst.live.drift import BenchWatch
 from anhyst.live.drive import DrivenBench
 from anhyst.live.generator import Wave
 from anhyst.live.improver import Improver
-from anhyst.live.recorder import Recording
-from anhyst.live.recording import Recorder, Span
+from anhyst.live.recorder import RecordingFile
+from anhyst.live.recording import Span, TickRecorder
 from anhyst.live.sets import ParameterSets
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.bench.pace import PacedBench
@@ -49,13 +49,13 @@ class LiveSession:
     ----------
     bench : Bench
         Closed with the session.
-    recording : Recording, optional
+    recording : RecordingFile, optional
         Gets every row from the first tick on.
     folder : Path, optional
         Where recordings and parameter sets are written; the working folder if left out.
     improver : Improver, optional
         Finds a better model beside the bench. Closed with the session.
-    curves : sequence of Curve, optional
+    curves : sequence of DrawnLoop, optional
         Drawn below the loop that it runs.
 
     Attributes
@@ -65,8 +65,8 @@ class LiveSession:
     paced : PacedBench
         What runs it.
     sets : ParameterSets
-    curves : tuple of Curve
-    recorder : Recorder
+    curves : tuple of DrawnLoop
+    recorder : TickRecorder
         The bench waits for it.
     improver : Improver or None
     watched : BenchWatch or None
@@ -82,10 +82,10 @@ class LiveSession:
     def __init__(
         self,
         bench: Bench,
-        recording: Recording | None = None,
+        recording: RecordingFile | None = None,
         folder: Path | None = None,
         improver: Improver | None = None,
-        curves: Sequence[Curve] = (),
+        curves: Sequence[DrawnLoop] = (),
     ) -> None:
         self.bench = DrivenBench(bench, self._generator_refused)
         self.curves = tuple(curves)
@@ -102,7 +102,7 @@ class LiveSession:
         self._listeners: tuple[Listener, ...] = ()
         folder = folder or Path.cwd()
         self.sets = ParameterSets(folder)
-        self.recorder = Recorder(bench.signals, bench.rate, folder, self._recorded)
+        self.recorder = TickRecorder(bench.signals, bench.rate, folder, self._recorded)
         if recording is not None:
             self.recorder.take(recording, Span(), 0)
             self._note_parameters()

@@ -81,7 +81,7 @@ class Chirp:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class WaveTable:
     """Values over time that are added to the target, straight between its rows.
 
     Parameters
@@ -117,7 +117,7 @@ class Table:
         return {"shape": "own CSV", "rows": float(len(self.times)), "lasts": self.lasts}
 
 
-def read_table(text: str, unit: str, begin: int) -> Table:
+def read_table(text: str, unit: str, begin: int) -> WaveTable:
     """Read one's own wave: a header ``t_s,gap_um`` with units, then rows of two numbers.
 
     Parameters
@@ -159,7 +159,7 @@ def read_table(text: str, unit: str, begin: int) -> Table:
             f"own CSV: {len(rows)} rows; at least {_ROWS_LEAST} and at most {LONGEST_S:g} s are needed"
         )
     table = np.array(rows)
-    return Table(table[:, 0], table[:, 1], begin)
+    return WaveTable(table[:, 0], table[:, 1], begin)
 
 
 def _units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
