@@ -30,20 +30,32 @@
 #define FORGET_GALLOP                                                                              \
   first = nondet_i16();                                                                            \
   end = nondet_i16();                                                                              \
+  *missing = any_within(-3 * HALF, 3 * HALF);                                                      \
   step = nondet_i16()
 #define HALVING (first >= 0 && first <= end && end <= along->stride - 2)
 #define FORGET_HALVING                                                                             \
   first = nondet_i16();                                                                            \
+  *missing = any_within(-3 * HALF, 3 * HALF);                                                      \
   end = nondet_i16()
 #define GATHERING                                                                                  \
-  (is_path(along) && least > begun && least <= most && most <= along->moved && along->low >= place)
+  (is_path(along) && least > begun && least <= cell && cell <= most && most <= along->moved &&     \
+   along->low >= place && is_inside(*next))
 #define FORGET_GATHERING                                                                           \
+  cell = nondet_i16();                                                                             \
+  *next = nondet_i32();                                                                            \
+  met = nondet_i16() != 0;                                                                         \
   least = nondet_i16();                                                                            \
   most = nondet_i16();                                                                             \
   move_on(along)
-#define JOINING (along->active >= before && along->active <= along->cells + 1)
-#define JOINED (along->active > before && along->active <= along->cells + 1)
-#define PARTING (cell >= least && cell < along->active)
+#define JOINING (cell >= along->active && cell <= along->cells + 1)
+#define JOINED (cell > along->active && cell <= along->cells + 1 && next >= place && next < ONE)
+#define FORGET_JOINING                                                                             \
+  cell = nondet_i16();                                                                             \
+  next = nondet_i32()
+#define PARTING (cell >= least && cell < along->active && low >= begin && low < ONE)
+#define FORGET_PARTING                                                                             \
+  cell = nondet_i16();                                                                             \
+  low = nondet_i32()
 #define PURSUING (is_path(along) && is_inside(*next) && low >= x && low <= *next)
 #define FORGET_PURSUING                                                                            \
   along->left = any_spot(along, along->rows);                                                      \
@@ -51,6 +63,7 @@
   along->moved = nondet_i16();                                                                     \
   low = nondet_i32();                                                                              \
   *next = nondet_i32();                                                                            \
+  met = nondet_i16() != 0;                                                                         \
   move_on(along)
 
 #include "compensator/cells_path.h"
@@ -60,10 +73,10 @@ static int is_path(const cell_path *along);
 static anhyst_spot any_spot(const cell_path *along, const int16_t *row);
 static void move_on(cell_path *along);
 
+#define HALF (ONE / 2)
+
 #include "compensator/cells.c"
 #include "compensator/cells_block.c"
-
-#define HALF (ONE / 2)
 
 static int16_t block_words[ANHYST_BLOCK_MOST_WORDS]; /* any */
 static int32_t rested[ANHYST_CELLS];                 /* any plays */
@@ -136,6 +149,7 @@ static cell_path any_path(void)
   along.x = any_within(-ONE, ONE - 1);
   along.low = any_within(-ONE, ONE - 1);
   along.falling = nondet_i16() != 0 ? -1 : 0;
+  along.segment = along.row;
   SHOW(is_path(&along));
   return along;
 }
@@ -196,13 +210,15 @@ static int32_t missing_at(const cell_path *along, const equation *solve, int32_t
   return any_within(-3 * HALF, 3 * HALF);
 }
 
-static int32_t beside(const cell_path *along, const equation *solve, int32_t x, anhyst_spot spot,
-                      int32_t missing)
+static int32_t part_with_target(const equation *solve, int32_t from, int16_t row_rise,
+                                uint16_t fine, int32_t missing)
 {
-  SHOW(is_inside(x) && missing >= -3 * HALF && missing <= 3 * HALF);
-  SHOW(is_on(along, spot, along->active - 1));
-  return nondet_i32();
+  SHOW(missing >= -3 * HALF && missing <= 3 * HALF && is_target(solve->target));
+  SHOW(from >= 0 && from <= 0x7FFF && fine >= 2U && fine <= 13U);
+  return any_within(-1, 0x8000);
 }
+
+static int16_t rise_of(const int16_t *segment) { return (int16_t)any_within(0, ANHYST_Q15_MAX); }
 #endif
 
 #ifdef PART_BY_CONTRACT
@@ -236,7 +252,7 @@ static void let_move(cell_path *along, int16_t cells)
   along->row = along->rows + (cells - 1) * along->stride;
 }
 
-static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
+static int32_t gather_here(cell_path *along, anhyst_spot here, int32_t place)
 {
   SHOW(is_path(along) && along->active <= along->cells && is_inside(place));
   SHOW(is_on(along, here, along->active - 1));
@@ -244,11 +260,13 @@ static void gather_here(cell_path *along, anhyst_spot here, int32_t place)
   move_on(along);
   along->low = place;
   ASSUME(along->active >= least);
+  return any_within(place, ONE - 1);
 }
 
-static void part(cell_path *along, int16_t least, int32_t begin)
+static void part(cell_path *along, anhyst_spot here, int16_t least, int32_t begin)
 {
   SHOW(is_path(along) && least >= 1 && along->active > least && is_inside(begin));
+  SHOW(is_on(along, here, along->active - 1));
   SHOW(begin <= along->low);
   const int32_t place = along->low;
   move_on(along);
@@ -274,6 +292,7 @@ static void go(cell_path *along, const equation *solve, int32_t low, int32_t hig
   SHOW(is_path(along) && is_target(solve->target));
   SHOW(is_inside(low) && is_inside(high) && low <= high);
   along->x = any_within(low, high);
+  along->segment = along->row + any_within(0, along->stride - 2);
 }
 #endif
 
@@ -286,13 +305,16 @@ static int32_t node(const cell_path *along, int16_t segment)
 #endif
 
 #ifdef GATHER_BY_CONTRACT
-static void gather_left(cell_path *along, const equation *solve, int32_t place)
+static int gather_left(cell_path *along, const equation *solve, int32_t *next)
 {
+  const int32_t place = *next;
   SHOW(is_path(along) && is_target(solve->target) && is_inside(place));
   SHOW(along->active < along->moved);
   const int32_t least = along->active + 1;
   move_on(along);
   ASSUME(along->active >= least && along->low >= place);
+  *next = any_within(along->low, ONE - 1);
+  return nondet_i16() != 0;
 }
 #endif
 
@@ -304,6 +326,7 @@ static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *
   move_on(along);
   along->x = any_within(x, ONE - 1);
   along->low = any_within(-ONE, ONE - 1);
+  along->segment = along->row + any_within(0, along->stride - 2);
   *next = any_within(along->x, ONE - 1);
 }
 #endif
@@ -338,7 +361,11 @@ static void prove_residual(void)
   ASSUME(spot.at[1] >= spot.at[0] && spot.at[1] - spot.at[0] <= ANHYST_Q15_MAX);
   const int32_t missing = missing_at(&along, &solve, x, spot);
   SHOW(missing >= -3 * HALF && missing <= 3 * HALF);
-  (void)beside(&along, &solve, x, spot, any_within(-3 * HALF, 3 * HALF));
+  const uint16_t fine = fineness(&along, x);
+  const int32_t left = any_within(-3 * HALF, 3 * HALF);
+  const int32_t part = part_with_target(&solve, part_at(x, fine), rise_of(spot.at), fine, left);
+  SHOW(part >= -1 && part <= 0x8000);
+  (void)beside(x, fine, part);
 }
 
 static void prove_joins(void)
@@ -377,8 +404,9 @@ static void prove_gather_here(void)
   const int32_t place = any_within(-ONE, ONE - 1);
   const int16_t active = along.active;
   ASSUME(active <= along.cells);
-  gather_here(&along, here, place);
+  const int32_t next = gather_here(&along, here, place);
   SHOW(is_path(&along) && along.active > active && along.low == place);
+  SHOW(next >= place && next < ONE);
 }
 
 static void prove_apart(void)
@@ -388,7 +416,7 @@ static void prove_apart(void)
   const int32_t begin = any_within(-ONE, along.low);
   const int32_t place = along.low;
   ASSUME(along.active > least);
-  part(&along, least, begin);
+  part(&along, any_spot(&along, along.row), least, begin);
   SHOW(is_path(&along) && along.active >= least);
   SHOW(along.low >= begin && along.low <= place);
 }
@@ -405,10 +433,12 @@ static void prove_gather_left(void)
   cell_path along = any_path();
   const equation solve = any_equation();
   const int32_t place = any_within(-ONE, ONE - 1);
+  int32_t next = place;
   begun = along.active;
   ASSUME(begun < along.moved);
-  gather_left(&along, &solve, place);
+  (void)gather_left(&along, &solve, &next);
   SHOW(is_path(&along) && along.active > begun && along.low >= place);
+  SHOW(next >= along.low && is_inside(next));
 }
 
 static void prove_go(void)
@@ -457,7 +487,7 @@ static void prove_flux(void)
 {
   (void)any_path();
   const anhyst_memory from = any_memory();
-  const anhyst_candidate solved = {any_memory(), nondet_i32(), nondet_i16(), 0, 0};
+  const anhyst_candidate solved = {any_memory(), nondet_i32(), nondet_i16(), 0, 0, 2};
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};

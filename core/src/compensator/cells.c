@@ -248,7 +248,7 @@ static int gather_left(cell_path *along, const equation *solve, int32_t *next)
       least = (int16_t)(cell + 1);
     } else {
       *next = there;
-      met = there > along->low;
+      met = 1;
       most = cell;
     }
     cell = (int16_t)((least + most) / 2);
@@ -256,8 +256,9 @@ static int gather_left(cell_path *along, const equation *solve, int32_t *next)
   if (along->active != least) {
     let_move(along, least);
   }
-  if (met == 0) {
+  if (met == 0 || *next <= along->low) {
     *next = joins_at(along, least, along->low);
+    met = 0;
   }
   return met;
 }
