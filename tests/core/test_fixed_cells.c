@@ -4,6 +4,7 @@
 /* Their static functions are meant. */
 #include "compensator/cells.c"       /* NOLINT(bugprone-suspicious-include) */
 #include "compensator/cells_block.c" /* NOLINT(bugprone-suspicious-include) */
+#include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include) */
 
 #include "check.h"
 #include "truth.h"
@@ -135,10 +136,30 @@ static void a_current_leads_where_it_must(void)
   CHECK_BELOW("flux and current", worst, OFF);
 }
 
+static void a_demagnetised_iron_forgets_where_its_plays_were(void)
+{
+  anhyst_compensator c;
+  anhyst_candidate found;
+  int32_t fields[2];
+  c.kernel = &anhyst_kernel_cells;
+  c.words = words;
+  for (int i = 0; i < 2; i++) {
+    anhyst_compensator_demagnetise(&c);
+    fields[i] = cells_field(words, &c.memory, c.plays, ANHYST_Q30_ONE / 8, &found);
+    (void)cells_field(words, &c.memory, c.plays, ANHYST_Q30_ONE / 2, &found);
+    keep(&c, &found.memory);
+    (void)cells_field(words, &c.memory, c.plays, -ANHYST_Q30_ONE / 4, &found);
+    keep(&c, &found.memory);
+  }
+  CHECK(c.plays[0] != 0);
+  CHECK(fields[0] == fields[1]);
+}
+
 int main(void)
 {
   fill();
   a_field_gives_the_flux_that_was_asked_for();
   a_current_leads_where_it_must();
+  a_demagnetised_iron_forgets_where_its_plays_were();
   return verdict();
 }

@@ -452,10 +452,10 @@ static void advance(const int16_t *words, const anhyst_memory *from, const int32
       propose(&along, fine, 0, along.x, to);
       return;
     }
-    const int32_t part = part_with_target(solve, spot.part, rise_of(spot.at), fine, missing);
-    const int32_t there = beside(along.x, fine, part);
+    const int32_t met = part_with_target(solve, spot.part, rise_of(spot.at), fine, missing);
+    const int32_t there = beside(along.x, fine, met);
     const int32_t next = joins_at(&along, along.active, along.x);
-    if (part <= 0x7FFF && there >= along.x && there <= next) {
+    if (met <= 0x7FFF && there >= along.x && there <= next) {
       along.low = along.x;
       along.x = there;
       propose(&along, fine, 1, next, to);
@@ -497,7 +497,7 @@ static int32_t flux_with(const equation *solve, int32_t x, int32_t rest, int16_t
 }
 
 /* The flux to which a solved step leads. */
-static int32_t flux_of(const equation *solve, const anhyst_candidate *at)
+static int32_t flux_reached(const equation *solve, const anhyst_candidate *at)
 {
   const int32_t falling = at->memory.p < 0 ? -1 : 0;
   const int32_t flux = flux_with(solve, turned(at->memory.x, falling),
@@ -517,9 +517,9 @@ static int slid(const equation *solve, const anhyst_candidate *solved, anhyst_me
   const int32_t here = flux_with(solve, x, rest, solved->y_slope, solved->m_slope, fine);
   const int32_t missing = solve->target - anhyst_scale(here, solve->flux_arm) -
                           (anhyst_scale(x, solve->field_arm) >> 2);
-  const int32_t part = part_with_target(solve, part_at(x, fine), solved->m_slope, fine, missing);
-  const int32_t there = beside(x, fine, part);
-  if (part < 0 || part > 0x7FFF || there < solved->memory.level || there > solved->m) {
+  const int32_t met = part_with_target(solve, part_at(x, fine), solved->m_slope, fine, missing);
+  const int32_t there = beside(x, fine, met);
+  if (met < 0 || met > 0x7FFF || there < solved->memory.level || there > solved->m) {
     return missing > 0 ? 1 : -1;
   }
   const int32_t found = flux_with(solve, there, rest, solved->y_slope, solved->m_slope, fine);
@@ -579,7 +579,7 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
     advance(words, from, plays, &solve, &found);
   }
   *to = found.memory;
-  return flux_of(&solve, &found);
+  return flux_reached(&solve, &found);
 }
 
 const anhyst_kernel anhyst_kernel_cells = {
