@@ -29,8 +29,11 @@ struct app_body {
 };
 
 /* The state of a controller with its task, without what it knows of its sensors: 192 bytes where a
-   pointer has four. */
-typedef char app_force_is_at_most_192_bytes
-    [sizeof(struct app_body) - 3 * sizeof(app_sensor) + 16 <= 176 + 4 * sizeof(void *) ? 1 : -1];
+   pointer has four or fewer. */
+typedef char
+    app_force_is_at_most_192_bytes[sizeof(struct app_body) - 3 * sizeof(app_sensor) + 16 <=
+                                           176 + 4 * (sizeof(void *) > 4 ? sizeof(void *) : 4)
+                                       ? 1
+                                       : -1];
 
 #endif
