@@ -85,13 +85,6 @@ void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32
 
 int32_t anhyst_compensator_output_q31(const anhyst_compensator *c) { return c->flux_applied * 3; }
 
-void anhyst_compensator_demagnetise(anhyst_compensator *c)
-{
-  const anhyst_memory demagnetised = {0};
-  c->memory = demagnetised;
-  c->solved = 0;
-}
-
 int32_t anhyst_conditioning_length(const anhyst_compensator *c)
 {
   return (int32_t)c->words[ANHYST_WORD_CONDITION_CYCLES] * c->words[ANHYST_WORD_CONDITION_TICKS];
