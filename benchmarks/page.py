@@ -123,7 +123,7 @@ def drawn(session: LiveSession, page: Page) -> Row:
         f"{SIGNALS} signals at {session.bench.rate:g} Hz in Chromium",
         ">= 55 frames a second; server <= 15 % of a core",
         f"{frames:.1f} frames a second; server {100 * server:.1f} %, recording "
-        f"{100 * used['the recording']:.1f} %, plant {100 * used['pacer']:.1f} % of a core",
+        f"{100 * used['recorder']:.1f} %, plant {100 * used['pacer']:.1f} % of a core",
         frames >= 55.0 and server <= 0.15,
     )
 

@@ -121,8 +121,9 @@ def test_messages_come_back_as_they_were_packed(kind: type[frames.Message]) -> N
         numbers[-1] = (1, 2, 3) if kind.TAIL.isupper() else (1, -2, 3)
     message = kind(*numbers)
     assert kind.unpack(message.pack()) == message
-    with pytest.raises(ValueError, match=kind.__name__):
-        kind.unpack(message.pack() + b"\0")
+    if kind.TAIL != "B":  # a row of bytes has any length
+        with pytest.raises(ValueError, match=kind.__name__):
+            kind.unpack(message.pack() + b"\0")
 
 
 def test_types_are_different_and_answers_are_there() -> None:
