@@ -195,7 +195,7 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE),
         (int32_t)lrint(start[1] * ANHYST_Q30_ONE)};
     const anhyst_arms arms = {0, iron, air};
-    const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0};
+    const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0, 0};
     anhyst_memory to;
     const int32_t flux = full_flux(words, &from, 0, &none, &arms, target * 4, &to);
     const double m =

@@ -134,7 +134,7 @@ static int32_t left_with(const cell_path *along, int16_t cell)
 /* Whether a cell came to rest on a path of this direction. */
 static int follows(const cell_path *along, int16_t cell)
 {
-  return (((uint32_t)turned(along->frozen, along->falling) >> (uint16_t)cell) & 1U) != 0U;
+  return (((uint32_t)turned(along->frozen, along->falling) >> ((uint16_t)cell & 31U)) & 1U) != 0U;
 }
 
 /* What is missing of the target at the beginning of a segment. */
