@@ -176,7 +176,8 @@ class LiveServer:
         await client.say(self._status(client))
         if client.parameters is not self.session.parameters:
             client.parameters = self.session.parameters
-            await client.say({"kind": "parameters", "parameters": parameters_of(self.session)})
+            said = {"parameters": parameters_of(self.session), "applied": self.session.applied}
+            await client.say({"kind": "parameters", **said})
         improver = self.session.improver
         if improver is not None and client.results is not improver.results:
             client.results = improver.results

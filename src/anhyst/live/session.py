@@ -77,6 +77,8 @@ class LiveSession:
         Entries since the start.
     parameters : tuple of Parameter
         With the values in force; another tuple after each change.
+    applied : int
+        Number of the first tick at which they were in force.
     """
 
     def __init__(
@@ -95,6 +97,7 @@ class LiveSession:
         self.log: deque[LogEntry] = deque(maxlen=_LOG)
         self.logged = 0
         self.parameters = bench.parameters()
+        self.applied = 0
         self._names = [signal.name for signal in bench.signals]
         self._values: dict[str, float] = {}
         self._closed = False
@@ -199,7 +202,7 @@ class LiveSession:
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together; returns the first tick that uses them."""
-        tick = self.bench.apply(values)
+        tick = self.applied = self.bench.apply(values)
         self.parameters = self.bench.parameters()
         return tick
 

@@ -25,7 +25,7 @@ let view = "scope";
 link.addEventListener("bench", (event) => open(event.detail));
 link.addEventListener("frame", (event) => feed(event.detail));
 link.addEventListener("status", (event) => status(event.detail));
-link.addEventListener("parameters", (event) => page?.parameters.show(event.detail.parameters));
+link.addEventListener("parameters", (event) => page?.parameters.take(event.detail.parameters, event.detail.applied));
 link.addEventListener("improve", (event) => page?.improve.show(event.detail.results));
 link.addEventListener("lost", (event) => lost(event.detail));
 
@@ -42,7 +42,7 @@ async function order(what, fields) {
 function open(bench) {
   const store = new Store(bench.signals.length, bench.every);
   const parameters = new Parameters(at("parameters"), order);
-  parameters.show(bench.parameters);
+  parameters.take(bench.parameters, 0);
   page = {
     bench,
     store,
@@ -50,7 +50,7 @@ function open(bench) {
     sets: new Sets(at("parameters"), parameters, order),
     scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
-    steps: new StepView(at("steps"), bench, () => parameters.label()),
+    steps: new StepView(at("steps"), bench, (tick) => parameters.label(tick)),
     improve: new Improve(at("improve"), bench, order),
     levitation: new LevitationView(at("levitation"), bench, store),
     spectrum: new SpectrumView(at("spectrum"), bench, store),

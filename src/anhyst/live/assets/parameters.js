@@ -7,6 +7,7 @@ export class Parameters extends EventTarget {
   #before = null; // values in force before the last that were applied
   #inputs = new Map();
   #first = null; // values that the page came upon
+  #eras = []; // what was in force from which tick on, in words
 
   constructor(place, order) {
     super();
@@ -30,10 +31,16 @@ export class Parameters extends EventTarget {
     place.replaceChildren(bar, this.tree);
   }
 
-  // Takes what is in force; what is staged stays so.
-  show(parameters) {
+  // Takes what is in force from a tick on; what is staged stays so.
+  take(parameters, applied) {
     this.parameters = parameters;
     this.#first ??= new Map(parameters.map((one) => [one.name, one.value]));
+    this.#eras.push({ from: applied, words: this.#words() });
+    this.show();
+  }
+
+  show() {
+    const { parameters } = this;
     this.#inputs.clear();
     const groups = Map.groupBy
       ? Map.groupBy(parameters, group)
@@ -99,12 +106,12 @@ export class Parameters extends EventTarget {
   // Stages values by name; what was staged before stays so.
   stage(values) {
     for (const [name, value] of Object.entries(values)) this.#staged.set(name, value);
-    this.show(this.parameters);
+    this.show();
   }
 
   discard() {
     this.#staged.clear();
-    this.show(this.parameters);
+    this.show();
   }
 
   async apply() {
@@ -136,11 +143,15 @@ export class Parameters extends EventTarget {
     this.#before = Object.fromEntries(old);
     for (const name of Object.keys(values)) this.#staged.delete(name);
     this.confirmed.textContent = `in force from tick ${answer.applied} on`;
-    this.show(answer.parameters);
+    this.take(answer.parameters, answer.applied);
   }
 
-  // What is in force, in the few words that tell steps apart.
-  label() {
+  // What was in force at a tick, in the few words that tell steps apart.
+  label(tick) {
+    return (this.#eras.findLast((era) => era.from <= tick) ?? this.#eras[0]).words;
+  }
+
+  #words() {
     const on = this.value("compensation");
     const words = on === undefined ? [] : [on === 0 ? "without compensation" : "with compensation"];
     for (const one of this.parameters) {

@@ -36,7 +36,7 @@ export class StepView {
 
   feed(frame) {
     for (const step of this.finder.feed(frame)) {
-      this.#steps = [...this.#steps, { ...step, label: this.inForce() }].slice(-KEPT);
+      this.#steps = [...this.#steps, { ...step, label: this.inForce(step.tick) }].slice(-KEPT);
       this.#dirty = true;
     }
   }
