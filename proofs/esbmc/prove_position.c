@@ -193,13 +193,6 @@ static void prove_tick(anhyst_position_q31 *c)
 
 static void prove_swap(anhyst_position_q31 *c) { anhyst_position_swap_q31(c, NULL); }
 
-static void prove_compensate(anhyst_position_q31 *c)
-{
-  const int on = nondet_i16();
-  const anhyst_status done = anhyst_position_compensate_q31(c, on);
-  SHOW(done == (on != 0 || settings.plain != NULL ? ANHYST_OK : ANHYST_BAD_PARAMETER));
-}
-
 static void prove_retune(anhyst_position_q31 *c)
 {
   const anhyst_status done = anhyst_position_retune_q31(c, &other);
