@@ -131,7 +131,7 @@ def replace_once(file: Path, right: str, wrong: str) -> None:
 def leave_to_contract(file: Path, function: str) -> None:
     """Turn a static function into a declaration, so that the harness can define it again."""
     text = file.read_text(encoding="utf-8")
-    head = re.compile(rf"^(static [^;{{}}()]*\b){function}(\([^;{{}}]*\))\n\{{", re.MULTILINE)
+    head = re.compile(rf"^(static [^;{{}}()]*\b){function}(\([^;{{}}]*\))\s\{{", re.MULTILINE)
     if len(head.findall(text)) != 1:
         raise ValueError(f"{file.name}: no static function {function}; adapt proofs.toml")
     declared = rf"\1{function}\2;\n\1{function}_body\2\n{{"

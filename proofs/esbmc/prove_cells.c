@@ -38,8 +38,8 @@
   *missing = any_within(-3 * HALF, 3 * HALF);                                                      \
   end = nondet_i16()
 #define GATHERING                                                                                  \
-  (is_path(along) && least > begun && least <= cell && cell <= most && most <= along->moved &&     \
-   along->low >= place && is_inside(*next))
+  (is_path(along) && least > begun && least <= cell && (cell < most || least == most) &&           \
+   cell <= most && most <= along->moved && along->low >= place && is_inside(*next))
 #define FORGET_GATHERING                                                                           \
   cell = nondet_i16();                                                                             \
   *next = nondet_i32();                                                                            \

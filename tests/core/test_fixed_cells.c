@@ -27,7 +27,8 @@ static double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / 
 /* Where a row has an entry. */
 static double field_of(int entry)
 {
-  const double from_middle = (double)(2 * entry - STRIDE) / 256.0;
+  const int middle = STRIDE / 2;
+  const double from_middle = (entry - middle) / 128.0;
   const double beyond = fabs(from_middle) - 0.5;
   return beyond > 0.0 ? copysign(0.5 + 2.0 * beyond, from_middle) : from_middle;
 }
