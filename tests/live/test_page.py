@@ -172,7 +172,7 @@ def test_the_page_names_files_of_one_folder_alone(serve: Serve, show: Show) -> N
     page.locator("#keep").click()
     wait_for((served.session.recorder.folder / "last.mf4").exists)
     wait_for(lambda: served.session.recorder.status() is None)
-    assert page.locator("#record-name").input_value() == "last-2"
+    until(page, "document.getElementById('record-name').value === 'last-2'")
     assert [one.name for one in served.session.recorder.folder.iterdir()] == ["last.mf4"]
 
 

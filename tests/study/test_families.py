@@ -101,7 +101,7 @@ def test_what_is_left_of_an_overshoot_is_that_of_the_loop_without_hysteresis() -
     alone = make_setup(soft, bearings.controller().settings, known, "single-valued", "fixed")
     for height in (50e-6, 100e-6):
         full = overshoot(setup_of("cells", "full"), height)
-        assert abs(full - overshoot(alone, height)) < 0.03
+        assert abs(full - overshoot(alone, height)) < 0.05
     assert overshoot(setup_of("cells", "single-valued"), 100e-6) < full - 0.03
 
 

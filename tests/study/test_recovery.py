@@ -46,10 +46,12 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
     found = recover(ExperimentTrial(bearings.single(variant), 0, event))
     assert not found.lost
     assert set(found.figures) == {"excess_peak_m", "excess_s"}
-    assert LEAST_BAND_M < found.figures["excess_peak_m"] < BACK_M
-    # Play cells remember a wrong state until the field has come over it again.
+    # Play cells remember a wrong state until the field has come over it again, but a good model
+    # hardly moves the armature by it.
     remembered = event == "wrong initial state" and variant == "full"
-    assert 0.002 <= found.figures["excess_s"] < (0.1 if remembered else 0.03)
+    assert (0.0 if remembered else LEAST_BAND_M) < found.figures["excess_peak_m"] < BACK_M
+    least, most = (0.0, 0.1) if remembered else (0.002, 0.03)
+    assert least <= found.figures["excess_s"] < most
 
 
 @pytest.mark.parametrize("event", SHOWN)

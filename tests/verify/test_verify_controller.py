@@ -56,7 +56,7 @@ def plausible(result: TargetResult, folder: Path) -> None:
     for cost in result.costs:
         assert 0 < cost.least <= cost.mean <= cost.most, cost
     controls, _, rests, tick = result.costs
-    assert rests.most < controls.most == tick.most
+    assert rests.most < controls.most <= tick.most
     rows = len((folder / "controller.csv").read_text().splitlines()) - 1
     assert result.vectors == rows > 1000
     assert result.sizes is not None
@@ -123,7 +123,7 @@ def test_msp430_gives_the_bits_of_the_host(folder: Path) -> None:
     (result,) = ticks_of(verify(folder, "msp430", target_steps=300))
     plausible(result, folder)
     assert result.sizes is not None
-    assert result.sizes.code + result.sizes.control_code < 0xBFE0
+    assert result.sizes.code + result.sizes.control_code < 0xD000
 
 
 def spoiled(folder: Path, name: str, right: str, wrong: str, place: Path) -> Path:

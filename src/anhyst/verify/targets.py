@@ -262,7 +262,7 @@ def _msp430(workshop: Workshop, simulator: str) -> Variant:
         str(HARNESS / "msp430.ld"),
         "-Wl,--entry=reset",
     ]
-    # 52 KiB of flash hold a whole position controller only where it is compiled for size.
+    # 56 KiB of flash hold a whole position controller only where it is compiled for size.
     level = "-Os" if workshop.subject == "controller" else "-O2"
     # Without -g the linker drops the symbols.
     build = workshop.build("msp430", level, "-g", "-Wl,--gc-sections")
