@@ -52,6 +52,7 @@ def test_options_of_the_readme_exist() -> None:
         "live",
         "excite",
         "watch",
+        "xcp",
     }
     for verb, options in shown.items():
         found = subprocess.run(
