@@ -2,8 +2,9 @@
 #   make demo    run the bundled examples, results in demo/
 #   make test    tests, without the slow ones   make check   format, lint, types, C analysis
 #   make test-all  every test, the slow ones too
-#   make prove   proofs of the fixed-point C
+#   make prove   proofs of the fixed-point C that changed   make prove-all  all of them
 #   make bench   the table of figures           make format  lay out Python and C sources
+#   make docs    the documentation site, in build/site/
 #   make build   compile the core again          make clean   remove what make made, .venv too
 #   make fuzz    ten million inputs to the firmware; RUNS=n for another number
 PYTHON ?= python3
@@ -15,11 +16,11 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PARALLEL := --numprocesses auto --maxprocesses 8 --dist worksteal
 
 C_SOURCES := $(shell find core plant firmware tests/core tests/firmware tests/plant -name '*.c' -o -name '*.h') \
-	$(wildcard src/anhyst/_core/*.cpp src/anhyst/_core/*.h)
+	$(wildcard src/anhyst/_core/*.cpp src/anhyst/_core/*.h src/anhyst/exchange/fmu/*.[ch])
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test test-all check prove bench build format clean fuzz \
+.PHONY: demo test test-all check docs prove prove-all bench build format clean fuzz \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
 demo: build
@@ -36,8 +37,14 @@ test: build
 test-all: build
 	@$(BIN)/python -m pytest $(PARALLEL)
 
+docs: build
+	@$(BIN)/python tools/docs
+
 prove: build
-	@$(BIN)/python tools/prove.py
+	@$(BIN)/python -m tools.prove
+
+prove-all: build
+	@$(BIN)/python -m tools.prove --all
 
 bench: build .venv/.stamp-bench
 	@$(BIN)/python benchmarks/run.py
@@ -77,6 +84,7 @@ check-cppcheck: build/analysis/compile_commands.json
 
 fuzz: build
 	@$(BIN)/python tools/fuzz.py $(if $(RUNS),--runs $(RUNS))
+	@$(BIN)/python tools/fuzz_files.py
 	@ANHYST_RANDOM=1 $(BIN)/python -m pytest -q tests/property
 
 format: build

@@ -8,24 +8,25 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst.compensate.block import DemandLimits, Scales, TableSizes
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales
 from anhyst.compensate.scheduled import nodes
 from anhyst.compensate.simplified import build_simplified, fit_closed_form
 from anhyst.compensate.twin import FixedTwin
-from anhyst.compile.output import Compiled, compile_model
+from anhyst.compilation.output import Compiled, compile_model
 from anhyst.data.reading import read_loops
-from anhyst.identify import identify
+from anhyst.identification import identify
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.support.arrays import FloatArray
-from anhyst.verify import Verification, verify
-from anhyst.verify.bundle import read_bundle
-from anhyst.verify.protocol import COMPENSATOR, ON_GRID, START, VECTORS, WINDOW, Request
-from anhyst.verify.targets import cortex_m
-from anhyst.verify.workshop import Workshop
+from anhyst.verification import Verification, verify
+from anhyst.verification.bundle import read_bundle
+from anhyst.verification.protocol import COMPENSATOR, ON_GRID, START, VECTORS, WINDOW, Request
+from anhyst.verification.targets import cortex_m
+from anhyst.verification.workshop import Workshop
 from rows import ROOT, Row, Stopwatch
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
@@ -134,8 +135,24 @@ def _controlled(folder: Path, kind: str) -> Row:
     codes = np.zeros((ticks.size, len(COMPENSATOR.places)), dtype="<u4")
     codes[:, 0], codes[:, 1] = np.round(2**15 * demand), np.round(2**15 * gap)
     codes[:, COMPENSATOR.inputs.index("how")] = ON_GRID
-    parts = ("solve", "commit, rounded", "tick, rounded")
-    places = [COMPENSATOR.sections.index(part) for part in parts]
+    most, total = ported_costs(folder, codes)
+    texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(PARTS, most, total, strict=True)]
+    reach = CONTROLLED_REACH[kind]
+    return Row(
+        f"'{kind}' with PIDD2 on Cortex-M4 with the port header, worst of a controlled force",
+        f"<= {reach[0]} instructions, commit <= {reach[1]}" if reach else "reported",
+        ", ".join(texts),
+        None if reach is None else bool(most[2] <= reach[0] and most[1] <= reach[1]),
+    )
+
+
+PARTS = ("solve", "commit, rounded", "tick, rounded")
+"""Of a step on the converter's grid."""
+
+
+def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, FloatArray]:
+    """Return the most and the mean of `PARTS` on a Cortex-M4 with the port header, instructions."""
+    places = [COMPENSATOR.sections.index(part) for part in PARTS]
     most, total = np.zeros(3), np.zeros(3)
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as scratch:
         workshop = Workshop.set_up(read_bundle(folder), Path(scratch))
@@ -145,25 +162,18 @@ def _controlled(folder: Path, kind: str) -> Row:
             if one.name == "port header"
         )
         requests = [Request(START, seed=1)]
-        for first in range(0, ticks.size, WINDOW):
+        for first in range(0, len(codes), WINDOW):
             rows = codes[first : first + WINDOW]
             vectors = Request(VECTORS, steps=len(rows), rows=rows, places=COMPENSATOR.places)
             requests.append(vectors)
         replies = ported.program.run(requests)
     clock = replies[-1].sections[0].least
     sections = replies[-1].sections
-    for i, (part, place) in enumerate(zip(parts, places, strict=True)):
+    for i, (part, place) in enumerate(zip(PARTS, places, strict=True)):
         own = clock * COMPENSATOR.calls.get(part, 1)
         most[i] = sections[place].most - own
         total[i] = sections[place].total / sections[place].count - own
-    texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(parts, most, total, strict=True)]
-    reach = CONTROLLED_REACH[kind]
-    return Row(
-        f"'{kind}' with PIDD2 on Cortex-M4 with the port header, worst of a controlled force",
-        f"<= {reach[0]} instructions, commit <= {reach[1]}" if reach else "reported",
-        ", ".join(texts),
-        None if reach is None else bool(most[2] <= reach[0] and most[1] <= reach[1]),
-    )
+    return most, total
 
 
 def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:

@@ -20,7 +20,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import LoopSet
-from anhyst.identify.options import IdentifyTable
+from anhyst.identification.options import IdentifyTable
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops

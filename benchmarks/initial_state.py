@@ -20,7 +20,7 @@ from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_simplified, fit_closed_form
 from anhyst.compensate.twin import FixedTwin
 from anhyst.data import read_loops
-from anhyst.identify import identify
+from anhyst.identification import identify
 from anhyst.laws.oracle.explicit import ExplicitForm
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray

@@ -20,7 +20,7 @@ from anhyst.data import LoopSet
 from anhyst.data.clean import thin
 from anhyst.data.reading import read_loops
 from anhyst.data.verdict import single_valued
-from anhyst.identify import identify
+from anhyst.identification import identify
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
 from rows import ROOT, Row, Stopwatch, measurements

@@ -16,11 +16,11 @@ import baseline_scipy_de as baseline
 from anhyst.data import Loop, LoopSet
 from anhyst.data.clean import thin
 from anhyst.data.reading import read_loops
-from anhyst.identify import identify
-from anhyst.identify.default import search_one_gap
-from anhyst.identify.fit_records import records_of
-from anhyst.identify.gauge import form_of
-from anhyst.identify.objective import Objective
+from anhyst.identification import identify
+from anhyst.identification.default import search_one_gap
+from anhyst.identification.fit_records import records_of
+from anhyst.identification.gauge import form_of
+from anhyst.identification.objective import Objective
 from anhyst.support.arrays import FloatArray
 from rows import Row
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from anhyst.control.states import Command
 from anhyst.live.recorder import start_recording
-from anhyst.live.run import listen_on, make_server
+from anhyst.live.run import listen_on, make_server, settle
 from anhyst.live.session import LiveSession
 from anhyst.study.bench import open_bench
 from rows import ROOT, Row
@@ -78,6 +78,7 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
     port = int(taken.getsockname()[1])
     server = make_server(session, "bearing", ("127.0.0.1", port))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]}, name="server")
+    settle()
     session.start()
     thread.start()
     names = json.dumps([signal.name for signal in bench.signals[:SIGNALS]])
@@ -87,9 +88,11 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
                 executable_path=shutil.which("chromium"), args=["--no-sandbox"]
             )
             page = chromium.new_page(viewport={"width": 1440, "height": 860})
-            page.add_init_script(f"localStorage.setItem('anhyst.signals', {json.dumps(names)})")
+            page.add_init_script(f"localStorage.setItem('anhyst.signals.gap', {json.dumps(names)})")
             page.goto(f"http://127.0.0.1:{port}/")
-            page.wait_for_function("window.anhyst !== undefined && window.anhyst.store.count > 0")
+            # Playwright's own way of waiting is forbidden by the page's policy.
+            while not page.evaluate("window.anhyst !== undefined && anhyst.store.count > 0"):
+                time.sleep(0.05)
             session.do(lambda: session.bench.command(Command.DEMAGNETISED))
             session.do(lambda: session.bench.command(Command.LIFT))
             time.sleep(2.0)

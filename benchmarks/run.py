@@ -27,13 +27,13 @@ from rich.console import Console
 from rich.table import Table
 
 from anhyst.data.reading import read_loops
-from anhyst.identify import identify
+from anhyst.identification import identify
 from machine import Machine, this_machine
 from rows import ROOT, Row, Stopwatch, measurements
 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
-           "families", "solenoids", "levitation", "live", "page", "improve", "closed_loop", "tuned",
-           "measured", "laws")  # fmt: skip
+           "families", "tracking", "solenoids", "levitation", "live", "page", "improve", "closed_loop", "tuned",
+           "measured", "laws", "actuators")  # fmt: skip
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from random import Random
 
 from anhyst.compensate.plan import CompileRequest
-from anhyst.compile.output import compile_model
+from anhyst.compilation.output import compile_model
 from anhyst.control.states import Command, State
 from anhyst.data.reading import read_loops
-from anhyst.identify import identify
+from anhyst.identification import identify
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build, read_sizes
 from anhyst.link.frames import DemandRequest, StatusAnswer

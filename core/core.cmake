@@ -41,6 +41,8 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/control/pidd2_real.c"
   "${ANHYST_CORE_DIR}/src/compensator/map.c"
   "${ANHYST_CORE_DIR}/src/compensator/map_real.c"
+  "${ANHYST_CORE_DIR}/src/compensator/play_map.c"
+  "${ANHYST_CORE_DIR}/src/compensator/play_map_real.c"
   "${ANHYST_CORE_DIR}/src/compensator/force_controller.c"
   "${ANHYST_CORE_DIR}/src/compensator/force_controller_real.c"
   "${ANHYST_CORE_DIR}/src/control/supervisor.c"

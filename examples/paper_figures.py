@@ -33,10 +33,10 @@ from scipy.interpolate import CubicSpline
 
 from anhyst.data import LoopSet
 from anhyst.data.reading import read_loops
-from anhyst.identify import IdentifyResult, identify
-from anhyst.identify.paper.search import spline_model_at
+from anhyst.identification import IdentifyResult, identify
+from anhyst.identification.paper.search import spline_model_at
 from anhyst.model.actuator import ActuatorModel
-from anhyst.report.model.figures import figure_reduction
+from anhyst.reports.model.figures import figure_reduction
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.page.style import (

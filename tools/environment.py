@@ -81,7 +81,7 @@ def prepare() -> None:
 def fill() -> None:
     """Install everything but the package itself."""
     install("what anhyst computes with", project()["project"]["dependencies"], " (2 of 4)")
-    targets = [*extra("verify"), *extra("link"), *extra("control"), *extra("live")]
+    targets = [*extra("verify"), *extra("link"), *extra("control"), *extra("live"), *extra("io")]
     install("what it verifies, controls and shows with", targets, " (3 of 4)")
     install("what its tests and checks need", extra("dev"), " (4 of 4)")
 

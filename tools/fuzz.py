@@ -19,7 +19,7 @@ import sys
 from pathlib import Path
 
 from anhyst.compensate.plan import CompileRequest
-from anhyst.compile.output import compile_model
+from anhyst.compilation.output import compile_model
 from anhyst.link.firmware import actuator_defines
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import ValidRange

@@ -24,18 +24,18 @@ from rich.console import Console
 from rich.table import Table
 
 from anhyst.compensate.plan import CompileRequest
-from anhyst.compile.output import compile_model
+from anhyst.compilation.output import compile_model
 from anhyst.data import LoopSet
 from anhyst.data.inspection import inspect
 from anhyst.data.reading import read_loops
 from anhyst.data.verdict import monotone_fit, single_valued
-from anhyst.identify import identify
+from anhyst.identification import identify
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
-from anhyst.report import write_plots, write_report
+from anhyst.reports import write_plots, write_report
 from anhyst.support.arrays import FloatArray
-from anhyst.verify import verify
+from anhyst.verification import verify
 
 Array = FloatArray
 

@@ -139,7 +139,7 @@ static void substep(const anhyst_plant_bearing *bearing, anhyst_plant_state *sta
   state->at = (state->at + 1U) & MASK;
   pushing = pushed(bearing, state, &damping);
   state->velocity += push * (pushing - damping * state->velocity);
-  state->gap += seconds * state->velocity;
+  state->gap += seconds * (state->velocity - state->frame_velocity);
   magnets_step(bearing, state, seconds);
   state->load += bearing->load.share * (load_command - state->load);
   pushing = pushed(bearing, state, &damping);

@@ -52,6 +52,8 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   anhyst_plant_read(loop->bearing, loop->state, &readings);
   memset(sample, 0, sizeof *sample);
   sample->gap = readings.gap + events->inject[i];
+  sample->position =
+      loop->state->gap + (events->frame ? events->frame[i] : 0.0) + events->inject[i];
   for (j = 0; j < ANHYST_PLANT_MAGNETS; j++) {
     sample->current[j] = readings.current[j];
     sample->flux[j] = loop->has_hall ? readings.density[j] : (double)NAN;
@@ -84,6 +86,9 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     memcpy(command, answer.current, sizeof command);
     if (loop->current_loop.gain > 0.0) {
       control_currents(loop, command, sample.current, command);
+    }
+    if (events->frame) {
+      loop->state->frame_velocity = (events->frame[i + 1] - events->frame[i]) / bearing->tick;
     }
     anhyst_plant_advance(bearing, loop->state, command, events->load[i]);
     loop->ticks++;

@@ -16,6 +16,7 @@ from anhyst.support.errors import InputError, NegativeResult
 
 VERBS = (
     "excite",
+    "convert",
     "inspect",
     "identify",
     "predict",
@@ -28,6 +29,8 @@ VERBS = (
     "simulate",
     "tune",
     "watch",
+    "fleet",
+    "export",
 )
 
 

@@ -203,7 +203,9 @@ def test_a_place_that_cannot_be_written_is_said_and_nothing_is_left(tmp_path: Pa
         assert said == f"{out}: cannot be written: Permission denied; choose another place"
 
 
-@pytest.mark.parametrize("name", ["bearing", "electromagnet", "solenoid"])
+@pytest.mark.parametrize(
+    "name", ["bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage"]
+)
 def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
     result = quick("init", "--example", name, "--out", "my", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
@@ -218,4 +220,5 @@ def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
 
 def test_an_unknown_example_is_refused_with_those_there_are(tmp_path: Path) -> None:
     said = refused("init", "--example", "motor", "--out", "my", cwd=tmp_path)
-    assert said == "example: 'motor' is not known; there are: bearing, electromagnet, solenoid"
+    known = "bearing, electromagnet, magnetostrictive, piezo, solenoid, stage"
+    assert said == f"example: 'motor' is not known; there are: {known}"

@@ -118,7 +118,8 @@ def test_a_key_of_the_rig_that_will_not_do(
         pytest.param("[lift_off]", "[liftoff]", "liftoff", "is unknown; did you mean lift_off?",
                      id="unknown table"),
         pytest.param('"full"', '"ful"', "compensation.variant", "must be 'ratio', 'secant', "
-                     "'linearised', 'single-valued', 'simplified', 'full' or 'flux', is 'ful'",
+                     "'linearised', 'single-valued', 'play', 'simplified', 'full' or 'flux', is "
+                     "'ful'",
                      id="unknown variant"),
         pytest.param("current_high_A = 4.5", "current_high_A = 6.0", "limits.current_high_A",
                      "the amplifier of rig.toml ends at 4.5 A; lower it", id="current"),

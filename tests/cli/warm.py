@@ -31,8 +31,15 @@ def serve() -> None:
 def load() -> None:
     """Import what the verbs import, and keep the children from looking through all of it."""
     names = (
-        *("cli.app", "data.inspection", "model.diff", "identify", "report", "model.predict_file"),
-        *("report.bearing.from_simulation", "study.bearing.simulate"),
+        *(
+            "cli.app",
+            "data.inspection",
+            "model.diff",
+            "identification",
+            "reports",
+            "model.predict_file",
+        ),
+        *("reports.bearing.from_simulation", "study.bearing.simulate"),
     )
     for name in (*(f"anhyst.{name}" for name in names), "scipy.stats", "scipy.interpolate"):
         importlib.import_module(name)

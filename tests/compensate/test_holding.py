@@ -17,7 +17,7 @@ from anhyst.compensate.paths import Path as Way
 from anhyst.compensate.paths import find_reach
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compensate.twin import FixedTwin, Io, twin_of
-from anhyst.identify import identify
+from anhyst.identification import identify
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.sources import ReadOptions
 from anhyst.model.writer import write_model

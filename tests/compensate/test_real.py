@@ -16,8 +16,8 @@ from anhyst.compensate.block import DemandLimits, Scales, TableSizes
 from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, build_real
 from anhyst.compensate.twin import FixedTwin, RealTwin
 from anhyst.compensate.words import Names
-from anhyst.compile.core import SINGLE
-from anhyst.compile.floating_source import c_parameters_f32, literal
+from anhyst.compilation.core import SINGLE
+from anhyst.compilation.floating_source import c_parameters_f32, literal
 from anhyst.model.compilable import least_slope
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray

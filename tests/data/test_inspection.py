@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from anhyst.data import History, Loop, LoopSet
 from anhyst.data.inspection import inspect
-from anhyst.data.plot import plot_inspection, plot_loops
+from anhyst.data.plot import plot_inspection
 from anhyst.data.verdict import judge, monotone_fit
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -170,7 +170,7 @@ def test_monotone_fit_is_the_best_one() -> None:
 
 def test_pictures_have_units_and_legends() -> None:
     loops = loopset(magnet(3e-4), magnet(6e-4))
-    ax = plot_loops(loops)
+    ax = loops.plot()
     assert ax.get_xlabel() == "current I [A]"
     assert ax.get_ylabel() == "force F [N]"
     legend = ax.get_legend()
@@ -178,5 +178,5 @@ def test_pictures_have_units_and_legends() -> None:
     assert [text.get_text() for text in legend.get_texts()] == ["gap 0.3 mm", "gap 0.6 mm"]
     figure = plot_inspection(inspect(loops), loops)
     assert isinstance(figure, Figure)
-    assert plot_loops(loops, figure.axes[0]) is figure.axes[0]
+    assert loops.plot(figure.axes[0]) is figure.axes[0]
     figure.canvas.draw()

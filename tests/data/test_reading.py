@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from anhyst.data import History, Loop, LoopSet
-from anhyst.data.reading import loops_of_frame, read_loops
+from anhyst.data.reading import read_loops
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
 
@@ -270,15 +270,15 @@ def test_frames_follow_the_same_rules() -> None:
     frame = pd.DataFrame(
         {"I [mA]": UP_AND_BACK * 2, "F_N": np.arange(26.0), "loop": ["a"] * 13 + ["b"] * 13}
     )
-    loops = loops_of_frame(frame, constants={"gap_mm": 0.3}, history="settled")
+    loops = read_loops(frame, constants={"gap_mm": 0.3}, history="settled")
     assert [loop.label for loop in loops.loops] == ["a", "b"]
     assert loops.loops[0].input.max() == 2e-3
     assert loops.schedule_values == (0.0003,)
     with pytest.raises(InputError, match="data frame: column 'F_N' holds text"):
-        loops_of_frame(frame.assign(F_N="x"))
+        read_loops(frame.assign(F_N="x"))
     frame.loc[3, "F_N"] = np.nan
     with pytest.raises(InputError, match="data frame: row 3: nan is no measured value"):
-        loops_of_frame(frame)
+        read_loops(frame)
 
 
 def test_loops_are_immutable() -> None:

@@ -31,6 +31,13 @@ def test_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (tmp_path / "model.toml").is_file()
 
 
+def test_python_of_the_page_about_python_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    code = "\n".join(line[4:] for line in page.splitlines() if line.startswith("    "))
+    monkeypatch.chdir(ROOT)
+    exec(compile(code, "python.md", "exec"), {})
+
+
 def test_options_of_the_readme_exist() -> None:
     shown: dict[str, set[str]] = {}
     for line in block("Command line").splitlines():
@@ -38,6 +45,7 @@ def test_options_of_the_readme_exist() -> None:
         shown.setdefault(verb, set()).update(re.findall(r"--[a-z-]+", rest.split("#")[0]))
     assert set(shown) == {
         "inspect",
+        "convert",
         "identify",
         "init",
         "predict",
@@ -52,6 +60,8 @@ def test_options_of_the_readme_exist() -> None:
         "live",
         "excite",
         "watch",
+        "fleet",
+        "export",
         "xcp",
     }
     for verb, options in shown.items():

@@ -73,7 +73,7 @@ class PreisachIron:
 
         # B never falls as H rises: the field cannot move further than this.
         end = self._field + excess(self._field) / length
-        if end != self._field:
+        if abs(end - self._field) > 1e-9:  # below it stands rounding, with either sign
             self._field = float(brentq(excess, self._field, end, xtol=1e-10))
         flux_density = self._flux_density(self._field)
         self._plays = self._moved(self._field)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -13,12 +14,15 @@ from anhyst.compensate.plan import find_limits, find_scales
 from anhyst.model.file import read_model
 from tests.actuators import reversals
 from tests.cli.command import Result, anhyst
+from tests.foreign.identified import identified_once
 from tests.foreign.magnets import MAGNETS
 from tests.swaps import jump
 
 RATE = 20000
 BEARINGS = {"u": (20.0, 150.0, 0.45e-3), "hard": (8.0, 80.0, 0.4e-3), "soft": (0.1, 1.0, 0.25e-3)}
 """Mass, kg; load, N; gap, m."""
+TRIES = 60
+"""Sets of gains, a quarter of what is usual: the aims must be met even so."""
 
 
 def run(folder: Path, *arguments: object) -> Result:
@@ -33,9 +37,9 @@ def run(folder: Path, *arguments: object) -> Result:
 def magnet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with the loops of one magnet and the model identified from them."""
     folder = tmp_path_factory.mktemp(request.param)
-    MAGNETS[request.param].write_loops(folder / "loops.csv")
+    known = identified_once(tmp_path_factory, request.param)
+    shutil.copytree(known, folder, dirs_exist_ok=True)
     run(folder, "inspect", "loops.csv")
-    run(folder, "identify", "loops.csv", "--out", "model.toml")
     return folder
 
 
@@ -70,4 +74,4 @@ def test_a_bearing_is_set_up_and_tuned(magnet: Path) -> None:
     mass, load, gap = BEARINGS[name]
     where = ("--mass", mass, "--load", load, "--gap", gap)
     run(magnet, "init", "loops.csv", *where, "--out", "bearing")
-    run(magnet, "tune", "bearing/rig.toml", "--out", "tuned")
+    run(magnet, "tune", "bearing/rig.toml", "--out", "tuned", "--budget", TRIES)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.compile.core import CONTROL, SINGLE, SOURCES
+from anhyst.compilation.core import CONTROL, SINGLE, SOURCES
 
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core" / "src"

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from anhyst.cli.app import app
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS, MemoryTable
-from anhyst.identify import identify
+from anhyst.identification import identify
 from anhyst.laws.law import Law, ParameterSpec
 from anhyst.laws.registry import LAWS
 from anhyst.laws.sampled import SampledIron, State

@@ -16,14 +16,14 @@ from pya2l.api.inspect import Project
 from pya2l.api.validate import Validator
 from pyxcp.types import XcpResponseError
 
-from anhyst.compile.xcp_map import INPUTS, SETTINGS, SIGNALS
+from anhyst.compilation.xcp_map import INPUTS, SETTINGS, SIGNALS
 from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.firmware import build
 from anhyst.link.plant_bus import Reading
 from anhyst.link.process import Running, run_host
 from tests.once import made_once
-from tests.verify.conftest import Compile, compiled  # noqa: F401 - a fixture
-from tests.verify.test_verify_controller import compile_bearing
+from tests.verification.conftest import Compile, compiled  # noqa: F401 - a fixture
+from tests.verification.test_verify_controller import compile_bearing
 
 from .plant import NoisyPlant
 from .xcp_master import ECU, SEGMENT, SERIAL, XCP, master_on, refused

@@ -21,7 +21,7 @@ from .handmade import write_parameters
 from .plant import NoisyPlant
 
 COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "10000"))
-"""CI sends 100000."""
+"""CI sends 30000."""
 
 
 def test_the_nucleo_s_firmware_fits_with_room_to_spare(parameters: Path, tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from anhyst.link.frames import (
 )
 from anhyst.link.wire import Receiver, encode
 from tests.once import made_once
-from tests.verify.test_verify_controller import compile_bearing
+from tests.verification.test_verify_controller import compile_bearing
 
 from . import nucleo
 from .conftest import RATE

@@ -18,12 +18,13 @@ import pytest
 from pyxcp.types import XcpResponseError
 
 from anhyst.compensate.layout import PLACES
-from anhyst.compile.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
+from anhyst.compilation.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running, run_host
+from anhyst.link.xcp_frame import framed, split
 from anhyst.link.xcp_key import key_for
 from tests.actuators import compiled, ranges
 from tests.firmware.build import tool
@@ -37,6 +38,9 @@ from .xcp_master import ADDRESSES, ECU, SEGMENT, XCP, Samples, master_on, read, 
 EIGHT = ("demand", "force", "gap", "current", "drive", "flux", "state", "flags")
 TICK_NS = round(1e9 / RATE)
 FULL = (1 << 31) - 1
+MOST = PACKET + 4
+"""Bytes of a packet and its head."""
+
 OVERLOAD = b"\xfd\x06"
 BLOCK = AREAS["block"]
 
@@ -151,7 +155,7 @@ def test_a_wrong_key_ends_the_connection(xcp_board: Running) -> None:
         seed = ask(line, b"\xf8\x00\x01")
         assert seed[:2] == b"\xff\x04"
         assert ask(line, b"\xf7\x04" + key_for(seed[2:], secret=1)) == b"\xfe\x25"
-        line.sendall(frame(b"\xfd"))
+        line.sendall(framed(b"\xfd"))
         line.settimeout(0.1)
         with pytest.raises(TimeoutError):
             line.recv(1)
@@ -372,15 +376,15 @@ def start_sampling(line: socket.socket, names: list[str], prescaler: int = 1) ->
         assert ask(line, command)[0] == 0xFF, command
 
 
-def frame(packet: bytes) -> bytes:
-    """Put the head of TCP in front of a packet."""
-    return struct.pack("<HH", len(packet), 0) + packet
-
-
 def take(line: socket.socket) -> bytes:
     """Return the next packet."""
-    (length, _) = struct.unpack("<HH", exactly(line, 4))
-    return exactly(line, length)
+    packets: list[bytes] = []
+    while not packets:
+        seen = line.recv(MOST, socket.MSG_PEEK)
+        assert seen, "hung up"
+        packets = split(seen).packets
+    exactly(line, len(framed(packets[0])))
+    return packets[0]
 
 
 def exactly(line: socket.socket, count: int) -> bytes:
@@ -395,5 +399,5 @@ def exactly(line: socket.socket, count: int) -> bytes:
 
 def ask(line: socket.socket, packet: bytes) -> bytes:
     """Send a command and return its answer."""
-    line.sendall(frame(packet))
+    line.sendall(framed(packet))
     return take(line)

@@ -11,11 +11,12 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from anhyst.compile.xcp_map import SIGNALS
+from anhyst.compilation.xcp_map import SIGNALS
 from anhyst.control.states import Command, State
 from anhyst.link.client import Refused
 from anhyst.link.frames import Setting
 from anhyst.link.xcp import XcpMaster
+from anhyst.link.xcp_frame import framed
 from anhyst.link.xcp_line import AnswerLost, XcpLine
 
 from .conftest import RATE
@@ -64,16 +65,13 @@ def terminal() -> Iterator[Terminal]:
         yield opened
 
 
-def framed(packet: bytes) -> bytes:
-    """Return a packet as ``firmware/xcp/line.c`` sends it."""
-    whole = len(packet).to_bytes(2, "little") + b"\5\0" + packet + b"\0" * (len(packet) % 2)
-    words = np.frombuffer(whole, "<u2").astype(int)
-    return whole + int(words.sum() & 0xFFFF).to_bytes(2, "little")
+def on_line(packet: bytes) -> bytes:
+    return framed(packet, 5, serial=True)
 
 
 def test_what_a_line_spoils_is_skipped_and_what_follows_is_taken(terminal: Terminal) -> None:
     with closing(XcpLine(terminal.url, 2.0)) as line:
-        good = [framed(bytes((0, 0, n, 7))) for n in range(4)]
+        good = [on_line(bytes((0, 0, n, 7))) for n in range(4)]
         broken = bytearray(good[1])
         broken[6] ^= 4
         os.write(terminal.ours, b"\x11\x22\x33" + good[0] + bytes(broken) + good[2] + good[3])
@@ -89,9 +87,9 @@ def test_a_lost_answer_is_said_and_the_next_one_is_not_mistaken(terminal: Termin
         """Lose the first answer, send it late, then be in step."""
         os.read(terminal.ours, 64)
         os.read(terminal.ours, 64)  # the question whether both are in step
-        os.write(terminal.ours, framed(b"\xff\1") + framed(b"\xfe\0"))
+        os.write(terminal.ours, on_line(b"\xff\1") + on_line(b"\xfe\0"))
         os.read(terminal.ours, 64)
-        os.write(terminal.ours, framed(b"\xff\2"))
+        os.write(terminal.ours, on_line(b"\xff\2"))
 
     with closing(XcpLine(terminal.url, 2.0)) as line:
         thread = threading.Thread(target=answer)

@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.link.plant_bus import PlantBus
+from anhyst.link.plant_bus import Plant, PlantBus
 from anhyst.link.process import start_host
-from anhyst.rig.bench.force import StandPlant
 from anhyst.support.errors import InputError
 
 POLL_S = 0.002
@@ -32,6 +31,8 @@ class Board:
         Where it offers XCP.
     skip : int
         Ticks that the plant goes on alone for, at the next opportunity: the controller misses them.
+    ahead : int
+        Ticks that pass at once at the next opportunity.
     pull : callable
         Ends it, as a cable pulled out or its power does.
     """
@@ -41,13 +42,16 @@ class Board:
     bus: PlantBus
     pull: Callable[[], None]
     skip: int = 0
+    ahead: int = 0
 
 
 @contextmanager
-def running(firmware: Path, plant: StandPlant, rate: float, link: str = "pty") -> Iterator[Board]:
-    """Let a firmware of force run by the clock until the test ends."""
+def running(
+    firmware: Path, plant: Plant, rate: float, link: str = "pty", xcp: int = 0
+) -> Iterator[Board]:
+    """Let a firmware run by the clock until the test ends."""
     done = threading.Event()
-    with start_host(firmware, link, 0) as (url, ours, port):
+    with start_host(firmware, link, xcp) as (url, ours, port, _):
         board = Board(url, f"socket://127.0.0.1:{port}", PlantBus(plant, ours), done.set)
 
         def run() -> None:
@@ -57,7 +61,8 @@ def running(firmware: Path, plant: StandPlant, rate: float, link: str = "pty") -
                     board.bus.skip(board.skip)
                     board.skip = 0
                     now = time.monotonic()
-                    owed += min(now - last, LATE_S) * rate
+                    owed += min(now - last, LATE_S) * rate + board.ahead
+                    board.ahead = 0
                     board.bus.step(int(owed))
                     last, owed = now, owed % 1.0
             except InputError:

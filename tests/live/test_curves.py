@@ -7,19 +7,20 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.data.reading import read_loops
-from anhyst.live.curves import make_curves, thinned
-from anhyst.study.bench import measured_loops
+from anhyst.live.curves import make_curves
+from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.force.file import read_rig
 from tests.study import bearings
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
 def test_the_loops_of_a_rig_lie_under_the_one_that_runs() -> None:
-    curves = make_curves(measured_loops(EXAMPLES / "bearing" / "rig.toml"))
+    curves = make_curves(read_bearing(EXAMPLES / "bearing" / "rig.toml").measured.read())
     assert {curve.kind for curve in curves} == {"measured"}
     assert {curve.gap for curve in curves} == {0.35e-3, 0.42e-3, 0.48e-3, 0.55e-3}
     assert max(max(curve.force) for curve in curves) > 300.0
-    assert make_curves(measured_loops(EXAMPLES / "solenoid" / "rig.toml"))
+    assert make_curves(read_rig(EXAMPLES / "solenoid" / "rig.toml").measured.read())
 
 
 def test_the_model_is_drawn_along_the_same_currents() -> None:
@@ -33,13 +34,16 @@ def test_the_model_is_drawn_along_the_same_currents() -> None:
         assert np.abs(error).max() < 0.1 * max(one.force)
 
 
-def test_thinning_keeps_reversals_to_a_step() -> None:
+def test_a_loop_is_drawn_with_its_reversals(tmp_path: Path) -> None:
     current = np.concatenate([np.linspace(0, 4, 5000), np.linspace(4, 1, 3000), np.full(100, 1.0)])
-    kept = current[thinned(current, 200)]
-    assert len(kept) <= 201
-    step = 7.0 / 199
-    assert abs(kept.max() - 4.0) < step
-    assert np.abs(np.diff(kept)).max() < 2.0 * step
+    path = tmp_path / "loop.csv"
+    np.savetxt(
+        path, np.column_stack((current, current**2)), "%.9g", ",", header="I_A,F_N", comments=""
+    )
+    (curve,) = make_curves(read_loops(path))
+    assert len(curve.current) <= 210
+    assert (max(curve.current), curve.current[-1]) == (4.0, 1.0)
+    assert np.abs(np.diff(curve.current)).max() < 2.0 * 7.0 / 199
 
 
 def test_loops_of_other_quantities_are_not_drawn(tmp_path: Path) -> None:

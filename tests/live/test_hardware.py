@@ -14,6 +14,8 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import Refused
+from anhyst.link.frames import Setting
+from anhyst.link.plant_bus import Reading
 from anhyst.link.xcp import XcpMaster
 from anhyst.live.recorder import start_recording
 from anhyst.live.session import LiveSession
@@ -52,7 +54,7 @@ def board(program: Program) -> Iterator[Board]:
 
 @pytest.fixture
 def bench(board: Board, manifest: dict[str, Any]) -> Iterator[HardwareBench]:
-    with closing(HardwareBench(XcpMaster(board.xcp), manifest)) as opened:
+    with closing(HardwareBench(lambda: XcpMaster(board.xcp), manifest)) as opened:
         yield opened
 
 
@@ -126,11 +128,8 @@ def test_who_does_not_advance_is_no_operator(board: Board, bench: HardwareBench)
 def test_a_folder_of_another_controller_is_refused(board: Board, manifest: dict[str, Any]) -> None:
     other = json.loads(json.dumps(manifest))
     other["signals"]["demand"]["scale"] *= 2.0
-    with (
-        closing(XcpMaster(board.xcp)) as line,
-        pytest.raises(InputError, match="the full scale of the demand of its block is 50"),
-    ):
-        HardwareBench(line, other)
+    with pytest.raises(InputError, match="the full scale of the demand of its block is 50"):
+        HardwareBench(lambda: XcpMaster(board.xcp), other)
 
 
 def test_nobody_there_is_said_at_once() -> None:
@@ -156,20 +155,15 @@ def operated(session: LiveSession) -> None:
     wait_for(lambda: session.status()["state"] == State.RUN)
 
 
-def lost(session: LiveSession) -> str:
-    wait_for(lambda: session.ended)
-    return session.ended
-
-
-def test_a_controller_whose_power_goes_ends_the_session_and_the_recording_is_whole(
+def test_a_controller_whose_power_goes_is_said_to_be_lost_and_the_recording_is_whole(
     session: LiveSession, board: Board, tmp_path: Path
 ) -> None:
     operated(session)
     first = session.bench.tick
     wait_for(lambda: session.bench.tick > first + 300)
     board.pull()
-    assert "the controller is gone" in lost(session)
-    with pytest.raises(InputError, match="the controller is gone"):
+    wait_for(lambda: "is gone" in session.status()["lost"])
+    with pytest.raises(InputError, match="is gone"):
         session.do(lambda: session.bench.demand(10.0))
     session.close()
     rows = numbers(tmp_path / "run.csv")
@@ -208,7 +202,7 @@ def test_the_page_of_a_controller_says_when_it_is_lost(
     assert page.locator("#pause").count() == 0  # its time cannot stand
     board.pull()
     state_is(page, "lost")
-    until(page, "document.getElementById('notice').textContent.includes('controller is gone')")
+    until(page, "document.getElementById('notice').textContent.includes('is gone')")
 
 
 def test_a_folder_that_is_none_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:
@@ -218,3 +212,29 @@ def test_a_folder_that_is_none_and_options_that_do_not_fit_are_refused(tmp_path:
     assert main([*here, "--controller", "c.toml"]) == 2
     assert main([*here, "--port", "/dev/ttyACM0"]) == 2
     assert main(["live", str(tmp_path), "--port", "/dev/none", "--listen", "0"]) == 2
+
+
+class HeldArmature:
+    """A bearing at the middle of its travel, whose currents are as commanded."""
+
+    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+        del tick
+        return Reading(0.5, 0.0, currents[0], position=0.0, current_2=currents[1])
+
+
+def test_a_board_that_levitates_offers_compensation_and_gains(firmware: Path) -> None:
+    manifest = json.loads((firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8"))
+    compiled = manifest["controller"]["gains"]
+    with running(firmware, HeldArmature(), manifest["rate_Hz"]) as board:
+        with closing(HardwareBench(lambda: XcpMaster(board.xcp), manifest)) as bench:
+            bench.advance(5)
+            values = {one.name: one.value for one in bench.parameters()}
+            assert values["compensation"] == 1.0
+            assert values["gain_d"] == pytest.approx(compiled["K_d_N_s_per_m"], rel=1e-9)
+            wanted = {"compensation": 0.0, "gain_d": 1.1 * values["gain_d"]}
+            assert bench.apply(wanted) > bench.tick
+            with pytest.raises(InputError, match=r"compensation: is 0\.5; choose 0 or 1"):
+                bench.apply({"compensation": 0.5})
+        with closing(XcpMaster(board.xcp)) as other:  # what the controller itself says
+            assert other.read_setting(Setting.COMPENSATION) == 0
+            assert other.read_setting(Setting.GAIN_D) == pytest.approx(1.1 * 2**30, abs=1.0)

@@ -85,6 +85,8 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_r
 ) -> None:
     session.do(lambda: reach(session, State.IDLE))
     before = force_error(session)
+    assert session.improver is not None
+    known = session.improver.curves
     with pytest.raises(InputError, match="identify: measure comes first"):
         order(session, "identify")
     with pytest.raises(InputError, match="compile first"):
@@ -101,8 +103,13 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_r
     assert answer["applied"] == session.bench.tick + 1
     after = force_error(session)
     assert after < 0.2 * before
+    assert [one.kind for one in session.curves[:2]] == ["measured", "model"]
+    for one, other in zip(session.curves[0::2], session.curves[1::2], strict=True):
+        assert np.abs(np.subtract(one.force, other.force)).max() < 0.05 * max(one.force)
+    assert session.curves[0].force != known[0].force
     assert set(order(session, "files")["files"]) == {"loops.csv", "loops.toml", "model.toml"}
     order(session, "back")
+    assert session.curves == known
     assert force_error(session) == pytest.approx(before, rel=0.1)
     assert "the new model is swapped in" in [entry.text for entry in session.log]
 

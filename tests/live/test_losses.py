@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
+
+import numpy as np
+import pytest
 
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.xcp import XcpMaster
@@ -21,9 +21,11 @@ from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.force.programs import Program
 from tests.live.board import Board
 from tests.live.conftest import Serve, wait_for
+from tests.live.lines import tcp_line
 from tests.live.test_guard import meet, next_message, order
 from tests.live.test_hardware import bench as board_bench
 from tests.live.test_hardware import board, manifest, operated, program
+from tests.live.test_recorder import numbers
 from tests.rig import forces
 
 __all__ = ["board", "board_bench", "manifest", "program"]
@@ -56,23 +58,39 @@ def children(parent: int) -> list[int]:
 SERVER = """\
 import sys
 from pathlib import Path
+from anhyst.live.recorder import start_recording
+from anhyst.live.session import LiveSession
 from anhyst.rig.bench.force import ForceBench
 from tests.rig import forces
 bench = ForceBench(forces.example(), forces.load(Path(sys.argv[1])))
-bench.advance(50)
+session = LiveSession(bench, start_recording(Path(sys.argv[2]), bench.signals, bench.rate))
+session.start()
+while (session.recorder.status() or {"rows": 0})["rows"] < 2000:
+    pass
 print("up", flush=True)
 sys.stdin.read()
 """
 
 
-def test_a_server_that_is_killed_takes_its_virtual_rig_with_it(program: Program) -> None:
-    command = [sys.executable, "-c", SERVER, str(program.firmware.parent)]
+@pytest.mark.parametrize("kind", ["csv", "mf4"])
+def test_a_server_that_is_killed_leaves_its_recording_and_takes_its_rig_along(
+    program: Program, tmp_path: Path, kind: str
+) -> None:
+    path = tmp_path / f"run.{kind}"
+    command = [sys.executable, "-c", SERVER, str(program.firmware.parent), str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
         assert server.stdout is not None
         assert server.stdout.readline() == b"up\n"
         (controller,) = children(server.pid)
         server.kill()
     wait_for(lambda: not runs(controller))
+    if kind == "mf4":
+        with pytest.importorskip("asammdf").MDF(path) as file:
+            ticks = file.get("tick").samples
+    else:
+        ticks = numbers(path)[:, 0]
+    assert len(ticks) >= 2000
+    assert np.array_equal(ticks, np.arange(1, len(ticks) + 1))
 
 
 def runs(process: int) -> bool:
@@ -94,63 +112,21 @@ def test_a_virtual_controller_that_dies_ends_the_session_and_says_why(program: P
         assert "the controller did not finish tick" in session.ended
 
 
-@contextmanager
-def line_to(address: str) -> Iterator[tuple[str, threading.Event]]:
-    """Yield an address that leads to another, until the event is set: then nothing passes."""
-    host, _, port = address.removeprefix("socket://").rpartition(":")
-    cut = threading.Event()
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-
-        def carry(source: socket.socket, sink: socket.socket) -> None:
-            source.settimeout(0.05)
-            while not cut.is_set():
-                try:
-                    data = source.recv(1 << 16)
-                except TimeoutError:
-                    continue
-                except OSError:
-                    return
-                if not data:
-                    return
-                sink.sendall(data)
-
-        def run() -> None:
-            near, _ = listener.accept()
-            far = socket.create_connection((host, int(port)))
-            with near, far:
-                ways = [
-                    threading.Thread(target=carry, args=pair) for pair in ((near, far), (far, near))
-                ]
-                for way in ways:
-                    way.start()
-                for way in ways:
-                    way.join()
-                held.wait(10.0)  # open, and silent: as a cable that is pulled out
-
-        held = threading.Event()
-        thread = threading.Thread(target=run)
-        thread.start()
-        yield f"socket://127.0.0.1:{listener.getsockname()[1]}", cut
-        cut.set()
-        held.set()
-        thread.join()
-
-
-def test_a_link_that_is_cut_lets_the_controller_rest_and_ends_the_session(
+def test_a_link_that_is_cut_lets_the_controller_rest_and_the_page_says_so(
     board: Board, manifest: dict[str, object]
 ) -> None:
-    with line_to(board.xcp) as (address, cut):
-        opened = HardwareBench(XcpMaster(address, timeout=0.5), manifest)
+    with tcp_line(board.xcp) as line:
+        opened = HardwareBench(lambda: XcpMaster(line.url, timeout=0.5), manifest)
         with closing(LiveSession(opened)) as session:
             session.start()
             operated(session)
             wait_for(lambda: board.bus.drive > 0.2)
-            cut.set()
+            line.cut.set()
             wait_for(lambda: board.bus.state is State.FAULT)
             assert board.bus.fault is Fault.LINK_LOST
             wait_for(lambda: abs(board.bus.drive) < 1e-6)
-            wait_for(lambda: session.ended)
-            assert address in session.ended
+            wait_for(lambda: session.status()["lost"])
+            assert line.url in session.status()["lost"]
 
 
 def test_a_recorder_that_stands_is_waited_for_and_the_controller_rests(

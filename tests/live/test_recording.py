@@ -230,7 +230,7 @@ def test_no_mdf_and_an_empty_one_are_refused(
     path.unlink()
     start_recording(path, SIGNALS, RATE).close()
     assert main(["inspect", str(path)]) == 2
-    assert "0 groups of channels with samples" in capsys.readouterr().err
+    assert "holds 0 channels of numbers with samples" in capsys.readouterr().err
 
 
 def swing(bench: BearingBench) -> Iterator[FloatArray]:

@@ -14,7 +14,7 @@ from anhyst.model.actuator import ActuatorModel
 from anhyst.model.diff import diff
 from anhyst.model.file import read_model
 from anhyst.model.writer import model_text, write_model
-from anhyst.report.model.page import write_report
+from anhyst.reports.model.page import write_report
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
 

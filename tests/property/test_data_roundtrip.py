@@ -16,10 +16,10 @@ from anhyst.data.columns import Texts
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import turning_points
 from anhyst.data.reading import read_loops
-from anhyst.support.units import INPUTS, QUANTITIES, UNITS, parse_header
+from anhyst.support.units import DIMENSIONS, INPUTS, QUANTITIES, UNITS, parse_header
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=True)
-DIMENSION = {"displacement": "length", "gap": "length"}
+DIMENSION = dict(DIMENSIONS)
 
 
 @st.composite
@@ -113,7 +113,7 @@ def test_loops_survive_a_file(drive: str, answer: str, samples: int, seed: int) 
     before = LoopSet(tuple(loops), QUANTITIES[drive], QUANTITIES[answer], QUANTITIES["gap"])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "loops.csv"
-        before.to_csv(path)
+        before.save(path)
         after = read_loops(path, history="settled")
     key = [(loop.label, loop.schedule_value) for loop in after.loops]
     assert sorted(key) == sorted((loop.label, loop.schedule_value) for loop in before.loops)

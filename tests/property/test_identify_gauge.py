@@ -10,12 +10,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from anhyst.data.history import DEMAGNETISED
-from anhyst.identify.fit_records import FitRecord, FitRecords
-from anhyst.identify.gauge import AIR_CORE, form_of, physical
-from anhyst.identify.objective import Objective
-from anhyst.identify.past import Past
-from anhyst.identify.response import Local, ResponseForm
-from anhyst.identify.space import CoordinateSpace
+from anhyst.identification.fit_records import FitRecord, FitRecords
+from anhyst.identification.gauge import AIR_CORE, form_of, physical
+from anhyst.identification.objective import Objective
+from anhyst.identification.past import Past
+from anhyst.identification.response import Local, ResponseForm
+from anhyst.identification.space import CoordinateSpace
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray

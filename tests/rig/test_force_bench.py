@@ -127,6 +127,8 @@ def test_what_does_not_fit_is_refused_and_nothing_changes(bench: ForceBench) -> 
     before = bench.parameters()
     with pytest.raises(InputError, match="follow: stays as it is while the controller runs"):
         bench.apply({"demand_slew": 100.0, "follow": 1})
+    with pytest.raises(InputError, match=r"compensation: is 0\.5; choose 0 or 1"):
+        bench.apply({"demand_slew": 100.0, "compensation": 0.5})
     with pytest.raises(InputError, match=r"demand: is 1000 N; choose one from 0 to 40 N"):
         bench.demand(1000.0)
     with pytest.raises(InputError, match="load: a force rig has no load drive"):

@@ -28,7 +28,9 @@ class Counter:
     aim = Aim("demand", "demand", "", -1.0, 1.0, 0.0)
     load_most = 0.0
     keeps_time = False
+    process = 0
     every = 1
+    lost = ""
 
     def __init__(self, rate: float = RATE, cost: float = 0.0) -> None:
         self.rate = rate
@@ -63,6 +65,9 @@ class Counter:
     def apply(self, values: Mapping[str, float]) -> int:
         self._values |= values
         return self.tick + 1
+
+    def news(self) -> tuple[str, ...]:
+        return ()
 
     def close(self) -> None:
         pass

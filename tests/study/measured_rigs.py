@@ -10,7 +10,7 @@ import numpy as np
 
 from anhyst.data import LoopSet
 from anhyst.data.history import History
-from anhyst.identify import identify
+from anhyst.identification import identify
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.measuring import HeldBearing

@@ -16,8 +16,8 @@ from anhyst.compensate.interface import MethodName
 from anhyst.compensate.paths import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
-from anhyst.identify.first_rise import first_rise
-from anhyst.identify.options import IdentifyTable
+from anhyst.identification.first_rise import first_rise
+from anhyst.identification.options import IdentifyTable
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from anhyst.cli.app import main
 from anhyst.cli.force_control import _show as show_terminal
@@ -18,7 +19,7 @@ from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.link.firmware import build
 from anhyst.model.file import read_model
-from anhyst.report.force.figures import draw, figure_constant_gap, figure_moving, figure_positions
+from anhyst.reports.force.figures import draw, figure_constant_gap, figure_moving, figure_positions
 from anhyst.rig.force.bench import ActuatorBench
 from anhyst.rig.force.demand import with_lead_in
 from anhyst.rig.force.file import read_rig
@@ -79,6 +80,15 @@ def test_the_firmware_does_what_the_simulated_program_does(run: ForceControl) ->
             expected, demand = outcome.simulated[kind], outcome.trial.demand
             off = (expected - demand.force)[demand.lead_in :]
             assert np.abs(off).max() < (0.4 if kind == "full" else 2.5)
+
+
+def test_its_table_and_its_picture_hold_every_controller(run: ForceControl) -> None:
+    table = run.to_dataframe()
+    errors = table.groupby("controller")["error_rms_N"].mean()
+    assert errors["full"] < errors["single"] < errors["ratio"]
+    names = run.plot(Figure().add_subplot()).get_legend_handles_labels()[1]
+    assert set(names) == {"demand", *run.outcomes[0].recordings}
+    assert "full: force off by" in repr(run)
 
 
 def test_a_hysteresis_model_beats_the_best_curve_without_memory(run: ForceControl) -> None:

@@ -16,7 +16,7 @@ import pytest
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.irons import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.identify.options import IdentifyTable
+from anhyst.identification.options import IdentifyTable
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import SimulatedLoop

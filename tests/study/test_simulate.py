@@ -13,16 +13,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from scipy.io import loadmat
 
 from anhyst.cli.app import main
 from anhyst.compensate.methods import METHODS
 from anhyst.control.position import PositionLimits
 from anhyst.control.states import Command, Flag, Phase, State
-from anhyst.identify.options import IdentifyTable
+from anhyst.identification.options import IdentifyTable
 from anhyst.model.writer import write_model
-from anhyst.report.bearing import write_simulation_report
-from anhyst.report.bearing.from_simulation import subject_of
+from anhyst.reports.bearing import write_simulation_report
+from anhyst.reports.bearing.from_simulation import subject_of
 from anhyst.rig.bearing import scenario
 from anhyst.rig.bearing.make_setup import identify_magnet
 from anhyst.rig.bearing.measuring import measure_loops
@@ -103,6 +104,17 @@ def test_it_writes_the_recording_as_a_table(run: tuple[Path, Simulation, list[fl
     assert table["state"].iloc[-1] == 48
     lifted = table[table["state"] == HOVER]
     assert lifted["gap_m"].between(0.41e-3, 0.49e-3).all()
+
+
+def test_its_table_and_its_picture_hold_every_variant(
+    run: tuple[Path, Simulation, list[float]],
+) -> None:
+    _, found, _ = run
+    table = found.to_dataframe()
+    assert set(table["variant"]) == set(found.setups)
+    assert table["overshoot_percent"].notna().all()
+    assert len(found.plot(Figure().add_subplot()).lines) == len(found.shown)
+    assert f"controller: {found.own}" in repr(found)
 
 
 def test_figures_are_json_and_those_that_were_found(

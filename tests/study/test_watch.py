@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst.data.reading import read_loops
-from anhyst.identify import identify
+from anhyst.identification import identify
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.parts.iron import CellSteel

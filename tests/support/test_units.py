@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.support.errors import InputError
-from anhyst.support.units import QUANTITIES, UNITS, parse_header, unit_of
+from anhyst.support.units import QUANTITIES, UNITS, join_header, parse_header, split_header, unit_of
 
 
 @pytest.mark.parametrize(
@@ -123,3 +123,26 @@ def test_millimetres_become_the_nearest_float() -> None:
 )
 def test_values_are_shown_as_people_say_them(name: str, value: float, text: str) -> None:
     assert QUANTITIES[name].show(value) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "header"),
+    [
+        ("I", "A", "I_A"),
+        ("H", "kA/m", "H_kA_per_m"),
+        ("spindle torque", "Nm", "spindle torque [Nm]"),
+        ("load cell", "N", "load cell [N]"),
+        ("count", "", "count"),
+    ],
+)
+def test_a_name_and_a_unit_survive_a_header(name: str, unit: str, header: str) -> None:
+    assert join_header(name, unit) == header
+    found, written = split_header(header)
+    assert (found, written.replace("_per_", "/")) == (name, unit)
+
+
+@pytest.mark.parametrize("unit", ["A", "[A]", "-"])
+def test_a_unit_that_repeats_the_one_of_the_name_is_no_other(unit: str) -> None:
+    header = parse_header("I_A", unit)
+    assert (header.quantity, header.problem) == (QUANTITIES["current"], None)
+    assert parse_header("I_A", "mA").problem == "its name says A, its unit mA"

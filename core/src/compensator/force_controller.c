@@ -86,6 +86,9 @@ anhyst_status anhyst_force_controller_init_compensator_q31(anhyst_force_controll
 int32_t anhyst_force_controller_expected_q31(const anhyst_force_controller_q31 *c, int32_t applied,
                                              int32_t gap)
 {
+  if (c->method == ANHYST_FORCE_BY_PLAY) {
+    return c->play->demand;
+  }
   return c->method == ANHYST_FORCE_BY_COMPENSATOR ? anhyst_compensator_output_q31(&c->compensator)
                                                   : anhyst_map_force_q31(c->map, applied, gap);
 }

@@ -91,7 +91,9 @@ static int listen_on(int port)
   struct sockaddr_in address = local(port);
   socklen_t size = sizeof address;
   const int fd = new_socket();
-  if (bind(fd, (const struct sockaddr *)&address, size) != 0 || listen(fd, 1) != 0 ||
+  const int yes = 1; /* a port whose last process was killed can be taken again at once */
+  if (setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
+      bind(fd, (const struct sockaddr *)&address, size) != 0 || listen(fd, 1) != 0 ||
       getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
     quit("port", strerror(errno));
   }

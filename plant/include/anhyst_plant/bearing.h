@@ -3,6 +3,8 @@
 
      mass*gap" = F_load + mass*gravity - F_1 (+ F_2) - damping*gap' + what the end stops push
 
+   The magnets may ride on something that moves: gap' is then the armature's velocity less theirs.
+
    Each magnet is fed by an amplifier behind a digital-analogue converter. The load is a moving coil
    with a current amplifier (a lag of first order) and a state controller of its own, which renders
    force, damping and stiffness from an encoder.
@@ -71,10 +73,11 @@ typedef struct {
 } anhyst_plant_readings;
 
 typedef struct {
-  double gap;      /* true, m */
-  double velocity; /* of the gap, m/s */
-  double force;    /* of the magnets, net, N */
-  double load;     /* of the load drive, N */
+  double gap;            /* true, m */
+  double velocity;       /* of the armature, m/s: of the gap where the magnets stand still */
+  double frame_velocity; /* of the magnets, m/s, to the same side; set from outside */
+  double force;          /* of the magnets, net, N */
+  double load;           /* of the load drive, N */
   anhyst_plant_coil coil[ANHYST_PLANT_MAGNETS];
   double output[ANHYST_PLANT_MAGNETS]; /* of the converters, A or V */
   double line[ANHYST_PLANT_DELAY_MOST][ANHYST_PLANT_MAGNETS];

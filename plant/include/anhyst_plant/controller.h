@@ -12,9 +12,10 @@ extern "C" {
 /* What the controller is given at one tick. */
 typedef struct {
   double gap;        /* as the sensor says, m; NAN: the sample was dropped */
+  double position;   /* gap and place of the magnets, as an interferometer says, m */
   double current[2]; /* as the shunts say, A */
   double flux[2];    /* as the Hall probes say, T; NAN without */
-  double target;     /* wanted gap, m */
+  double target;     /* wanted gap, or position where the magnets move, m */
   double load;       /* load that is fed forward, N */
   double inject;     /* what the loop has added to gap already (swept sine), m; for records */
   uint32_t command;  /* 0 none, 1 condition, 2 demagnetised, 3 lift, 4 land, 5 stop, 6 clear */

@@ -36,11 +36,13 @@ typedef struct {
 
 /* What happens at each of n ticks. */
 typedef struct {
-  const double *target;    /* wanted gap, m */
+  const double *target;    /* wanted gap, or position where the magnets move, m */
   const double *load;      /* force commanded to the load drive, N */
-  const double *inject;    /* added to the gap that the controller sees, m */
+  const double *inject;    /* added to gap and position that the controller sees, m */
   const double *feed;      /* load that the controller is given, N */
   const uint32_t *command; /* as in controller.h; bit 8: the gap's sample is dropped */
+  const double *frame;     /* where the magnets are at each of n + 1 ticks, m, positive where the
+                              gap opens to; straight between. NULL: they stand still */
 } anhyst_plant_events;
 
 #define ANHYST_LOOP_DROP 256U

@@ -19,12 +19,10 @@ class AnyIron:
         self, drive: _Array, rho: _Array, eddy: _Array, state: _Array
     ) -> tuple[_Array, _Array, _Array, int, int]:
         """Return flux density (T), field (A/m), state after, status, index."""
-
     def inverse(
         self, b: _Array, rho: _Array, eddy: _Array, state: _Array
     ) -> tuple[_Array, _Array, _Array, int, int]:
         """Return drive (A/m), field (A/m), state after, status, index."""
-
     def settle(
         self,
         given: _Array,
@@ -36,10 +34,8 @@ class AnyIron:
         tol: float = 1e-12,
     ) -> tuple[_Array, int, int]:
         """Repeat a cycle till it closes; return state, cycles, status."""
-
     def check_state(self, state: _Array) -> int:
         """Return the status of a state given from outside; ValueError for a wrong length."""
-
     def flux_of(self, state: _Array) -> float:
         """Return the flux density of a state, T."""
 
@@ -96,7 +92,6 @@ class Operator:
         self, omega: _Array, r: _Array, state: _Array
     ) -> tuple[_Array, _Array, _Array, int, int]:
         """Follow x + omega*m(x) = r; return x, m, state after, status, index."""
-
     def sensitivity(
         self,
         omega: _Array,
@@ -122,12 +117,10 @@ class CellOperator:
     @property
     def steepest(self) -> float:
         """Upper bound of dM/dx over all states."""
-
     def run(
         self, omega: _Array, r: _Array, state: _Array
     ) -> tuple[_Array, _Array, _Array, int, int]:
         """Follow x + omega*M(x) = r; return x, M, state after, status, index."""
-
     def sensitivity(
         self,
         omega: _Array,
@@ -218,20 +211,15 @@ class Controller:
     def __init__(self, gains: _Array) -> None: ...
     def start(self, reference: float, position: float, load: float, output: float) -> None:
         """Be at rest there, with the integral that makes the output be the given one."""
-
     def solve(self, reference: float, position: float, load: float) -> float:
         """Return the output of this tick, within its limits."""
-
     def commit(self, applied: float) -> None:
         """Go on to the next tick with the output that was applied."""
-
     def change(self, gains: _Array, reference: float, position: float, load: float) -> None:
         """Go over to other gains without a jump of the output."""
-
     @property
     def wanted(self) -> float:
         """The last output before its limits."""
-
     @property
     def state(self) -> tuple[float, float, float]:
         """Filtered position, velocity a tick, integral."""
@@ -252,7 +240,6 @@ class FixedController:
     @property
     def wanted(self) -> int:
         """The last output before its limits, q28."""
-
     @property
     def state(self) -> tuple[int, int, int]:
         """Filtered position and velocity a tick, q30; integral, q30 of the output."""
@@ -319,6 +306,11 @@ class _RealForceController:
         high: float,
     ) -> Self: ...
     @classmethod
+    def play(
+        cls, entries: _Array, half: _Array, radius: float, force_high: float, gap_low: float,
+        gap_high: float, low: float, high: float,
+    ) -> Self: ...  # fmt: skip
+    @classmethod
     def flux(
         cls,
         entries: _Array,
@@ -332,10 +324,8 @@ class _RealForceController:
     ) -> Self: ...
     def solve(self, demand: float, gap: float, flux: float) -> float:
         """Return the current for a force; `flux` is the measured density, T, or NaN."""
-
     def commit(self, applied: float, gap: float) -> float:
         """Advance with the current that was applied; return the force to expect."""
-
     @property
     def flags(self) -> int: ...
     def conditioning_length(self) -> int: ...
@@ -355,6 +345,15 @@ class FixedForceController:
     @staticmethod
     def map(entries: NDArray[np.int16], low: int, high: int) -> FixedForceController: ...
     @staticmethod
+    def play(
+        entries: NDArray[np.int16],
+        half: NDArray[np.int16],
+        radius: int,
+        steepness: NDArray[np.int16],
+        low: int,
+        high: int,
+    ) -> FixedForceController: ...
+    @staticmethod
     def compensator(kind: str, words: NDArray[np.int16]) -> FixedForceController: ...
     @staticmethod
     def flux(
@@ -365,13 +364,10 @@ class FixedForceController:
         high: int,
     ) -> FixedForceController:
         """Make one; a row of `loop` is mantissa and shift of a factor."""
-
     def solve(self, demand: int, gap: int, flux: int) -> int:
         """Return the current for a force; `flux` is the measured density, or -2^31 for none."""
-
     def commit(self, applied: int, gap: int) -> int:
         """Advance with the current that was applied; return the force to expect."""
-
     @property
     def flags(self) -> int: ...
     def conditioning_length(self) -> int: ...
@@ -402,19 +398,14 @@ class Piece:
     def __init__(self, steel: Steel) -> None: ...
     def flux_density(self, field: float) -> tuple[float, float]:
         """Return flux density (T) and its slope if the field (A/m) moved there straight."""
-
     def commit(self, field: float) -> None:
         """Move to a field (A/m) in a straight line."""
-
     def solve(self, a: float, b: float, r: float) -> float:
         """Move to where ``a*H + b*B = r``, a > 0 and b >= 0, and return the field H (A/m)."""
-
     def run(self, field: _Array) -> _Array:
         """Move to fields one after the other; rows of field (A/m) and flux density (T)."""
-
     def demagnetise(self) -> None:
         """Forget everything, as after a field that alternated and died away."""
-
     @property
     def field(self) -> float: ...
     @property
@@ -436,13 +427,10 @@ class Coil:
     def __init__(self, magnet: Magnet) -> None: ...
     def hold(self, current: float, gap: float) -> None:
         """Move to a current (A) at a gap (m) so slowly that nothing is induced."""
-
     def step(self, voltage: float, gap: float, seconds: float) -> None:
         """Go on for some seconds under a voltage."""
-
     def run(self, current: _Array, gap: _Array) -> _Array:
         """Hold one after the other; rows of force (N), flux linkage (Wb), flux density (T)."""
-
     @property
     def force(self) -> float: ...
     @property
@@ -471,22 +459,17 @@ class Bearing:
     ) -> None: ...
     def read(self) -> tuple[float, float, float, float, float, float]:
         """Return gap (m), two currents (A), two flux densities (T), force (N), as read now."""
-
     def advance(self, first: float, second: float, load: float) -> None:
         """Go on by one tick with commands to two amplifiers and to the load drive (N)."""
-
     def place(self, gap: float, velocity: float) -> None:
         """Put the armature somewhere, m and m/s."""
-
     def set_load(self, damping: float, stiffness: float) -> None:
         """Let the load drive render another damping, N s/m, and stiffness, N/m."""
-
     def hold(self, current: float, magnet: int) -> None:
         """Let a current flow that has come slowly, A."""
 
     supply: float
     """Of the amplifiers, V."""
-
     @property
     def gap(self) -> float: ...
     @property
@@ -518,7 +501,6 @@ class _RealPosition(LoopController):
         command: int = 0,
     ) -> tuple[float, float, float, float, int, int]:
         """Return both currents, reference (a gap), demand, 16*state + phase, flags; SI."""
-
     @property
     def fault(self) -> int:
         """First reason of a fault, levitation.h."""
@@ -559,10 +541,21 @@ class BusController(LoopController):
     def __init__(self, socket: int, scales: Mapping[str, float]) -> None: ...
     def take(self) -> NDArray[np.uint32]:
         """Return its answers since the last time, a row of words a tick."""
-
     @property
     def tick(self) -> int:
         """Number of the last sample; 0 before the first."""
+
+class Tracking(LoopController):
+    """PID, feedforward and allocation of a pair, plant/include/anhyst_plant/tracking.h."""
+
+    def __init__(
+        self,
+        magnets: list[ForceController | ForceControllerF32 | FixedForceController],
+        settings: Mapping[str, float],
+    ) -> None: ...
+
+def allocate(net: float, idle: float) -> tuple[float, float]:
+    """Share a net force (N) out to a pair, class AB; idle is what either pulls at none."""
 
 class BearingLoop:
     """A bearing and its controller in lock-step, plant/include/anhyst_plant/loop.h."""
@@ -581,5 +574,6 @@ class BearingLoop:
         inject: _Array,
         feed: _Array,
         command: NDArray[np.uint32],
+        frame: _Array | None = None,
     ) -> _Array:
         """Go on tick by tick; a row a tick, fewer where a number ceased to be finite."""

@@ -118,4 +118,5 @@ NB_MODULE(_native, m)
   bind_position(m);
   bind_bus(m);
   bind_loop(m);
+  bind_tracking(m);
 }

@@ -16,10 +16,14 @@ struct ForceControllerF64 {
   using Format = F64;
   using Map = anhyst_map_f64;
   using Loop = anhyst_flux_loop_f64;
+  using Law = anhyst_play_law_f64;
+  using Play = anhyst_play_map_f64;
   using State = anhyst_force_controller_f64;
   static constexpr auto init_map = anhyst_force_controller_init_map_f64;
   static constexpr auto init_compensator = anhyst_force_controller_init_compensator_f64;
   static constexpr auto init_flux = anhyst_force_controller_init_flux_f64;
+  static constexpr auto make_play = anhyst_play_map_init_f64;
+  static constexpr auto init_play = anhyst_force_controller_init_play_f64;
   static constexpr auto solve = anhyst_force_controller_solve_f64;
   static constexpr auto commit = anhyst_force_controller_commit_f64;
   static constexpr auto conditioning_length = anhyst_force_controller_conditioning_length_f64;
@@ -31,10 +35,14 @@ struct ForceControllerF32 {
   using Format = F32;
   using Map = anhyst_map_f32;
   using Loop = anhyst_flux_loop_f32;
+  using Law = anhyst_play_law_f32;
+  using Play = anhyst_play_map_f32;
   using State = anhyst_force_controller_f32;
   static constexpr auto init_map = anhyst_force_controller_init_map_f32;
   static constexpr auto init_compensator = anhyst_force_controller_init_compensator_f32;
   static constexpr auto init_flux = anhyst_force_controller_init_flux_f32;
+  static constexpr auto make_play = anhyst_play_map_init_f32;
+  static constexpr auto init_play = anhyst_force_controller_init_play_f32;
   static constexpr auto solve = anhyst_force_controller_solve_f32;
   static constexpr auto commit = anhyst_force_controller_commit_f32;
   static constexpr auto conditioning_length = anhyst_force_controller_conditioning_length_f32;
@@ -63,6 +71,19 @@ public:
     Made made(new RealForceController);
     made->current_ = made->table(entries, force_high, gap_low, gap_high);
     check_controller(F::init_map(&made->state_, &made->current_, real(low), real(high)));
+    return made;
+  }
+
+  static Made play(const InTable &entries, const InTable &half, double radius, double force_high,
+                   double gap_low, double gap_high, double low, double high)
+  {
+    same_length(entries.shape(0), half.shape(0), "half");
+    same_length(entries.shape(1), half.shape(1), "a row of half");
+    Made made(new RealForceController);
+    made->law_ = {made->table(entries, force_high, gap_low, gap_high),
+                  made->table(half, force_high, gap_low, gap_high), real(radius)};
+    check_controller(F::make_play(&made->play_, &made->law_, real(low), real(high)));
+    F::init_play(&made->state_, &made->play_);
     return made;
   }
 
@@ -124,6 +145,8 @@ private:
   typename F::State state_{};
   typename F::Map current_{};
   typename F::Loop loop_{};
+  typename F::Law law_{};
+  typename F::Play play_{};
   std::vector<std::vector<Real>> tables_;
 };
 
@@ -139,6 +162,8 @@ public:
   FixedForceController &operator=(const FixedForceController &) = delete;
 
   static Made map(const Entries &entries, int32_t low, int32_t high);
+  static Made play(const Entries &entries, const Entries &half, int32_t radius,
+                   const Words &steepness, int32_t low, int32_t high);
   static Made compensator(const std::string &kind, const Words &words);
   static Made flux(const Entries &entries, const Entries &wanted, const Factors &loop, int32_t low,
                    int32_t high);
@@ -171,6 +196,8 @@ private:
   anhyst_force_controller_q31 state_{};
   anhyst_map_q31 current_{};
   anhyst_flux_loop_q31 loop_{};
+  anhyst_play_law_q31 law_{};
+  anhyst_play_map_q31 play_{};
   std::vector<std::vector<int16_t>> tables_;
 };
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A bearing and its controller in lock-step.
+#include <nanobind/stl/optional.h>
+
 #include "anhyst_plant/loop.h"
 #include "plant.h"
 #include "position.h"
@@ -23,16 +25,20 @@ public:
   }
 
   OutTable run(const In &target, const In &load, const In &inject, const In &feed,
-               const Commands &command)
+               const Commands &command, const std::optional<In> &frame)
   {
     const size_t n = target.shape(0);
     same_length(n, load.shape(0), "load");
     same_length(n, inject.shape(0), "inject");
     same_length(n, feed.shape(0), "feed");
     same_length(n, command.shape(0), "command");
+    if (frame) {
+      same_length(n + 1, frame->shape(0), "frame");
+    }
     std::vector<double> record(n * ANHYST_LOOP_COLUMNS);
-    const anhyst_plant_events events = {target.data(), load.data(), inject.data(), feed.data(),
-                                        command.data()};
+    const anhyst_plant_events events = {target.data(),  load.data(),
+                                        inject.data(),  feed.data(),
+                                        command.data(), frame ? frame->data() : nullptr};
     size_t rows;
     {
       nb::gil_scoped_release release;
@@ -58,5 +64,5 @@ void bind_loop(nb::module_ &m)
            "controller"_a, "current_loop"_a, "has_hall"_a, nb::keep_alive<1, 2>(),
            nb::keep_alive<1, 3>())
       .def("run", &Loop::run, "target"_a.noconvert(), "load"_a.noconvert(), "inject"_a.noconvert(),
-           "feed"_a.noconvert(), "command"_a.noconvert());
+           "feed"_a.noconvert(), "command"_a.noconvert(), "frame"_a = nb::none());
 }

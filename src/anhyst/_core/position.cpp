@@ -125,8 +125,8 @@ public:
                  std::pair<double, double> flux, uint32_t command)
   {
     const anhyst_loop_sample sample = {
-        gap,    {current.first, current.second}, {flux.first, flux.second}, target, load, 0.0,
-        command};
+        gap, gap,    {current.first, current.second}, {flux.first, flux.second}, target, load,
+        0.0, command};
     anhyst_loop_answer answer;
     F::tick(&adapter_, &sample, &answer);
     return nb::make_tuple(answer.current[0], answer.current[1], answer.reference, answer.demand,

@@ -6,15 +6,18 @@ import errno
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, cast
 
 import typer
 
 from anhyst.cli.compile import compile_
 from anhyst.cli.console import one_line, say_error, warn
+from anhyst.cli.convert import convert
 from anhyst.cli.diff import diff
 from anhyst.cli.excite import excite
+from anhyst.cli.export import export
+from anhyst.cli.fleet import fleet
 from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
 from anhyst.cli.init import init
@@ -42,22 +45,21 @@ _Refusal = cast(
 
 app = typer.Typer(
     name="anhyst",
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _verb in (init, excite, inspect, identify, predict, invert, report, diff):
-    app.command(no_args_is_help=True)(_verb)
-app.command("compile", no_args_is_help=True)(compile_)
-app.command(no_args_is_help=True)(verify)
-app.command(no_args_is_help=True)(force_control)
-app.command(no_args_is_help=True)(simulate)
-app.command(no_args_is_help=True)(tune)
-app.command(no_args_is_help=True)(live)
-app.command(no_args_is_help=True)(watch)
-app.command(no_args_is_help=True)(xcp)
+_GROUPS: dict[str, tuple[Callable[..., None], ...]] = {
+    "From measurements to a model": (inspect, convert, identify, fleet, report, diff),
+    "Use a model": (predict, invert, compile_, verify, export),
+    "Rigs, virtual and real": (init, simulate, tune, force_control, excite),
+    "While it runs": (live, watch, xcp),
+}
+for _group, _verbs in _GROUPS.items():
+    for _verb in _verbs:
+        _name = _verb.__name__.strip("_").replace("_", "-")
+        app.command(_name, no_args_is_help=True, rich_help_panel=_group)(_verb)
 
 
 def _print_version(wanted: bool) -> None:
@@ -79,8 +81,9 @@ def _anhyst(
 ) -> None:
     """From measured hysteresis loops to the model of an actuator, and back to its current.
 
-    Files are CSV with units in their headers (I_A, F_N, gap_mm); models are TOML. Exit code 0 on
-    success, 1 for a negative result, 2 on bad input, 130 after ctrl-C.
+    Files are CSV with units in their headers (I_A, F_N, gap_mm), or recordings (MAT, MDF 4, TDMS,
+    HDF5, Parquet, Excel); models are TOML. Exit code 0 on success, 1 for a negative result, 2 on
+    bad input, 70 for a fault of anhyst itself, 130 after ctrl-C. NO_COLOR is honoured.
     """
 
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson, ModelPath
 from anhyst.cli.progress import progress_bar
-from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
-    from anhyst.compile.output import Compiled
+    from anhyst.compilation.output import Compiled
+    from anhyst.compilation.play import CompiledPlay
 
 
 class KindChoice(StrEnum):
@@ -22,6 +22,7 @@ class KindChoice(StrEnum):
 
     FULL = "full"
     SIMPLIFIED = "simplified"
+    PLAY = "play"
 
 
 class IoChoice(StrEnum):
@@ -55,7 +56,8 @@ Kind = Annotated[
     typer.Option(
         metavar="KIND",
         help="'full': the law with its exact step; 'simplified': a straight anhysteretic curve "
-        "in closed form, less exact and faster.",
+        "in closed form, less exact and faster; 'play': of a magnet, the best current without "
+        "memory and one play, fitted to the model's loops.",
     ),
 ]
 Io = Annotated[
@@ -106,39 +108,57 @@ def compile_(
 
     Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
-    from anhyst.compensate.plan import CompileRequest
-    from anhyst.compile.output import compile_model
+    from anhyst.compilation.play import CompiledPlay
+    from anhyst.compilation.verb import compile_actuator
 
-    request = CompileRequest(kind.value, io.value, _rate(rate, controller), accuracy, name)
     with progress_bar("choosing tables and measuring") as progress:
-        compiled = compile_model(model, out, request, controller, progress)
-    for text in compiled.warnings:
+        compiled = compile_actuator(
+            model,
+            out,
+            rate=rate,
+            kind=kind.value,
+            io=io.value,
+            accuracy=accuracy,
+            name=name,
+            controller=controller,
+            progress=progress,
+        )
+    warnings = () if isinstance(compiled, CompiledPlay) else compiled.warnings
+    for text in warnings:
         warn(text)
     if as_json:
-        print_json(_as_dict(compiled))
+        print_json(compiled.as_dict())
+    elif isinstance(compiled, CompiledPlay):
+        _show_play(compiled)
     else:
         _show(compiled)
 
 
-def _rate(rate: float | None, controller: Path | None) -> float:
-    """Return what was given, or what the controller file says."""
-    if rate is not None:
-        return rate
-    if controller is None:
-        raise InputError("--rate: is missing; give the ticks a second, or a --controller file")
-    from anhyst.control.controller_file import read_controller
-
-    return read_controller(controller).settings.rate_Hz
-
-
-def _as_dict(compiled: Compiled) -> dict[str, Any]:
-    return {"out": str(compiled.out), **compiled.manifest, "files": list(compiled.files)}
+def _show_play(compiled: CompiledPlay) -> None:
+    manifest = compiled.manifest
+    largest = manifest["accuracy"]["largest_output"]
+    rows = table(
+        f"force of the model less demand, per cent of {largest:.4g} N",
+        ("", "whole loop, rms", "worst", "cycles of 10 %, rms", "worst"),
+    )
+    for title, key in (("map with one play", "play"), ("without memory", "single-valued")):
+        found = manifest["accuracy"][key]
+        rows.add_row(title, *(f"{value:.2g}" for value in found.values()))
+    size = manifest["memory"]["parameters_bytes"]
+    numbers = manifest["play"]
+    show(
+        f"{compiled.out}: play, {manifest['io']}, {size} bytes of parameters",
+        rows,
+        f"half-width of the play: {numbers['radius_A']:.3g} A; of the loops: up to "
+        f"{numbers['half_width_A']:.3g} A",
+        f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",
+    )
 
 
 def _show(compiled: Compiled) -> None:
     from anhyst.compensate.budget import percent
     from anhyst.compensate.choices import explain
-    from anhyst.compile.memory import parameters_bytes
+    from anhyst.compilation.memory import parameters_bytes
 
     plan, budget = compiled.plan, compiled.budget
     rows = table(

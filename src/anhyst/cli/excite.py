@@ -11,6 +11,7 @@ from anhyst.cli.console import print_json, show, table
 from anhyst.cli.inspect import check_plot
 from anhyst.cli.options import AsJson
 from anhyst.cli.progress import progress_bar
+from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
     from anhyst.study.excite.excite import Excitation
@@ -30,6 +31,24 @@ def excite(
         Path | None,
         typer.Option(metavar="FILE", help="Draw drive and loops (png, svg or pdf)."),
     ] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="With --xcp or --port: the compiled folder around which the firmware is built.",
+        ),
+    ] = None,
+    xcp: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Measure through a controller of force that runs by itself and offers XCP there.",
+        ),
+    ] = None,
+    port: Annotated[
+        str | None,
+        typer.Option(metavar="PORT", help="The same on a serial port that carries XCP."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure loops: design a drive within the limits of a rig, run it, write what was read.
@@ -38,16 +57,26 @@ def excite(
     about the operating point, come to from below, from above and by a decaying sine. Every record
     begins demagnetised, or conditioned where the amplifier does not drive below zero. Current, its
     rate, force and I^2 t of the winding keep to the rig file; what had to be designed down is
-    said. The rig is the virtual one.
+    said. The rig is the virtual one, or with --xcp or --port a real one at the gap where its
+    armature is held: its controller drives the current, and is stopped again.
 
     Example: anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
     """
+    from anhyst.study.bench import through
     from anhyst.study.excite.excite import excite as run
 
     if plot is not None:
         check_plot(plot)
+    url = port if xcp is None else f"socket://{xcp}"
+    if xcp is not None and port is not None:
+        raise InputError("--port: one controller at a time; leave it or --xcp out")
+    if (url is None) is not (folder is None):
+        raise InputError("--folder: goes together with --xcp or --port, and they with it")
     with progress_bar("measuring") as progress:
-        found = run(rig, out, progress)
+        if folder is None or url is None:
+            found = run(rig, out, progress)
+        else:
+            found = run(rig, out, progress, through(folder, url))
     if plot is not None:
         _draw(found, plot)
     if as_json:
@@ -59,7 +88,7 @@ def excite(
 def _draw(found: Excitation, path: Path) -> None:
     from io import BytesIO
 
-    from anhyst.report.excite import figure_excitation
+    from anhyst.reports.excite import figure_excitation
     from anhyst.support.atomic import write_bytes
 
     picture = BytesIO()

@@ -53,7 +53,7 @@ def force_control(
 
     Example: anhyst force-control examples/solenoid/rig.toml --out run
     """
-    from anhyst.report.force.figures import draw
+    from anhyst.reports.force.figures import draw
     from anhyst.study.force.force_control import force_control as run
 
     with progress_bar("force control") as progress:

@@ -28,7 +28,7 @@ from anhyst.laws.registry import LAWS
 from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.identify import IdentifyResult
+    from anhyst.identification import IdentifyResult
     from anhyst.model.actuator import ActuatorModel
     from anhyst.model.fit_record import CandidateFit
 
@@ -154,8 +154,8 @@ def identify(
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
     # Only now: these take longer to import than it takes to refuse a bad file.
-    from anhyst.identify import identify as find_model
-    from anhyst.identify.options import IdentifyTable
+    from anhyst.identification import identify as find_model
+    from anhyst.identification.options import IdentifyTable
     from anhyst.model.sources import with_read_options
     from anhyst.model.writer import write_model
 

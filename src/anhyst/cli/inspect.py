@@ -25,6 +25,7 @@ from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from anhyst.data.inspection import Inspection, LoopFigures
+    from anhyst.data.listing import ChannelFigures
     from anhyst.data.loop_set import LoopSet
 
 
@@ -49,7 +50,8 @@ def inspect(
     single-valued curve is off, and so what a model can gain at most.
 
     Columns are named with their unit: t_s, I_A, F_N, gap_m, H_A_per_m, B_T, psi_Wb, u_V, x_m, T_C,
-    loop; 'I [mA]', 'gap (mm)' and a row of units are understood as well.
+    loop; 'I [mA]', 'gap (mm)' and a row of units are understood as well. Of a recording (MAT, MDF 4,
+    TDMS, HDF5, Parquet, Excel) the channels are listed first, with what they may be.
 
     Example: anhyst inspect loops.csv --plot loops.png
     """
@@ -60,17 +62,43 @@ def inspect(
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     # Thinning would hide noise and skew, which are what is looked for.
     options = replace(options, clean=tuple(step for step in options.clean if step != "thin"))
+    listed = _list(loops) if columns is None else []
+    if listed and not as_json:
+        _show_channels(listed)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
     found = look_at(measured)
     if plot is not None:
         _draw(found, measured, plot)
     if as_json:
-        print_json(found.as_dict())
+        channels = {"channels": [one.as_dict() for one in listed]} if listed else {}
+        print_json(found.as_dict() | channels)
         return
     _show(found)
     if plot is not None:
         show(f"{plot} written")
+
+
+def _list(loops: list[Path]) -> list[ChannelFigures]:
+    """List the channels of a recording; the columns of a text are what its first line says."""
+    from anhyst.data.formats import ChannelTable, open_table
+    from anhyst.data.listing import list_channels
+
+    alone = len(loops) == 1 and not loops[0].is_dir()
+    if not alone or not isinstance(open_table(loops[0]), ChannelTable):
+        return []
+    return list_channels(loops[0])
+
+
+def _show_channels(listed: list[ChannelFigures]) -> None:
+    from rich.markup import escape
+
+    figures = table("channels", ["name", "unit", "samples", "per s", "range", "is"])
+    for one in listed:
+        span = "" if one.low is None else f"{one.low:.4g} to {one.high:.4g}"
+        rate = "" if one.rate is None else f"{one.rate:.6g}"
+        figures.add_row(escape(one.name), escape(one.unit), str(one.samples), rate, span, one.role)
+    show(figures)
 
 
 def check_plot(path: Path) -> None:
@@ -96,24 +124,28 @@ def _draw(found: Inspection, loops: LoopSet, path: Path) -> None:
 
 
 def _show(found: Inspection) -> None:
+    from anhyst.support.units import in_small_unit
+
     for text in found.warnings:
         warn(text)
     drive, answer, schedule = found.input, found.output, found.schedule
     at, scale = in_small_units(schedule)
     headers = ["loop", *([at] if schedule else []), "rows", "cycles"]
-    headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {answer.unit}"]
-    headers += [f"width {drive.unit}", f"noise {answer.unit}"]
-    headers += [f"drift {answer.unit}", f"closure {answer.unit}", "skew", "saturation", "history"]
+    largest = max(max(abs(one.output_low), abs(one.output_high)) for one in found.loops)
+    unit, small = in_small_unit(answer, largest)
+    headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {unit}"]
+    headers += [f"width {drive.unit}", f"noise {unit}"]
+    headers += [f"drift {unit}", f"closure {unit}", "skew", "saturation", "history"]
     figures = table(f"{len(found.loops)} loops, {drive.name} to {answer.name}", headers)
     for loop in found.loops:
-        figures.add_row(*_row(loop, scale if schedule else None))
+        figures.add_row(*_row(loop, scale if schedule else None, small))
     show(figures)
     _show_texts("repaired", found.repairs)
     _show_texts("noted", found.notes)
     show("is it worth it?", *(f"  {sentence}" for sentence in found.verdict.sentences))
 
 
-def _row(loop: LoopFigures, scale: float | None) -> list[str]:
+def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
     cells = [loop.label]
     if scale is not None:
         cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
@@ -122,19 +154,19 @@ def _row(loop: LoopFigures, scale: float | None) -> list[str]:
         str(loop.samples),
         f"{loop.cycles:g}",
         f"{loop.input_low:.4g} to {loop.input_high:.4g}",
-        f"{loop.output_low:.4g} to {loop.output_high:.4g}",
+        f"{small * loop.output_low:.4g} to {small * loop.output_high:.4g}",
         _number(loop.width),
-        _number(loop.noise),
-        _number(loop.drift),
-        _number(loop.closure),
+        _number(loop.noise, small),
+        _number(loop.drift, small),
+        _number(loop.closure, small),
         _number(loop.skew),
         _number(loop.saturation),
         str(loop.history),
     ]
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g}"
+def _number(value: float | None, scale: float = 1.0) -> str:
+    return "" if value is None else f"{scale * value:.3g}"
 
 
 def _show_texts(title: str, texts: tuple[str, ...]) -> None:

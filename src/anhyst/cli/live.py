@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import secrets
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,11 +14,10 @@ from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
-    from anhyst.live.curves import DrawnLoop
     from anhyst.live.improver import Improver
     from anhyst.rig.bench.protocol import Bench
 
-_PACKAGES = ("starlette", "uvicorn", "websockets")
+_PACKAGES = ("orjson", "starlette", "uvicorn", "websockets")
 
 
 def live(
@@ -50,6 +48,15 @@ def live(
         typer.Option(
             metavar="PORT",
             help="The same on a serial port that carries XCP, such as /dev/ttyACM0.",
+        ),
+    ] = None,
+    known: Annotated[
+        Path | None,
+        typer.Option(
+            "--rig",
+            metavar="FILE",
+            help="With --xcp or --port: rig file of the actuator, to measure and improve its model "
+            "through the controller.",
         ),
     ] = None,
     record: Annotated[
@@ -92,6 +99,8 @@ def live(
     if xcp is not None and port is not None:
         raise InputError("--port: one controller at a time; leave it or --xcp out")
     url = port if xcp is None else f"socket://{xcp}"
+    if url is None and known is not None:
+        raise InputError("--rig: the rig file of a virtual rig is the argument; leave --rig out")
     if url is not None and controller is not None:
         raise InputError("--controller: a controller that runs has one already; leave it out")
     shown = secrets.token_urlsafe(16) if token else ""
@@ -100,8 +109,7 @@ def live(
         show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
 
     with listen_on(*read_address(listen, token)) as taken:
-        opened = _open(rig, controller, url)
-        bench = opened.bench
+        bench, improver = _open(rig, controller, url, known)
         try:
             recording = (
                 None if record is None else start_recording(record, bench.signals, bench.rate)
@@ -110,31 +118,27 @@ def live(
             bench.close()
             raise
         folder = Path() if record is None else record.parent
-        session = LiveSession(bench, recording, folder, opened.improver, opened.curves)
+        session = LiveSession(
+            bench, recording, folder, improver, improver.curves if improver else ()
+        )
         title = rig.resolve().parent.name if url is None else f"{rig.resolve().name} at {url}"
         serve(session, title, taken, shown, started)
     if recording is not None:
         show(f"written: {recording.path}, {recording.rows} ticks")
 
 
-class _Opened(NamedTuple):
-    """A bench, and what the page shows and does beside it."""
-
-    bench: Bench
-    improver: Improver | None = None
-    curves: Sequence[DrawnLoop] = ()
-
-
-def _open(rig: Path, controller: Path | None, url: str | None) -> _Opened:
-    """Open a virtual rig, or a controller that runs."""
-    from anhyst.live.curves import make_curves
+def _open(
+    rig: Path, controller: Path | None, url: str | None, known: Path | None
+) -> tuple[Bench, Improver | None]:
+    """Open a virtual rig, whose model can be improved, or a controller that runs."""
     from anhyst.live.improver import Improver
-    from anhyst.study.bench import measured_loops, open_board
+    from anhyst.study.bench import open_board, prepare_board
     from anhyst.study.kept import prepared_once
 
     if url is not None:
-        return _Opened(open_board(rig, url))
+        on_board = None if known is None else prepare_board(known, rig)
+        board = open_board(rig, url)
+        return board, None if on_board is None else Improver(on_board, board)
     with progress_bar("live") as progress, prepared_once(rig, controller, progress) as prepared:
-        curves = make_curves(measured_loops(rig), prepared.model)
         bench = prepared.open()  # runs on without the folder
-        return _Opened(bench, Improver(prepared, bench), curves)
+        return bench, Improver(prepared, bench)

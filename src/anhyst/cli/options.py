@@ -20,9 +20,18 @@ class BoardChoice(StrEnum):
 
 
 Loops = Annotated[
-    list[Path], typer.Argument(metavar="LOOPS", help="CSV or MDF 4 files, or folders.")
+    list[Path], typer.Argument(metavar="LOOPS", help="CSV files, recordings or folders.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Let the workers of a dask scheduler do the work, such as tcp://host:8786 (extra "
+        "'cluster'); they see the same files. [default: processes of this machine]",
+        show_default=False,
+    ),
+]
 
 Columns = Annotated[
     str | None,

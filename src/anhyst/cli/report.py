@@ -27,7 +27,7 @@ def report(
 
     Example: anhyst report model.toml --out report.html
     """
-    from anhyst.report import write_report
+    from anhyst.reports import write_report
     from anhyst.support.atomic import check_writable
 
     check_writable(out, reads=[model])

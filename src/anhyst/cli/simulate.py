@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, BoardChoice
+from anhyst.cli.options import AsJson, BoardChoice, Scheduler
+from anhyst.cli.piezo import simulate_piezo
 from anhyst.cli.progress import progress_bar
+from anhyst.cli.stage import simulate_stage_verb
 from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
@@ -28,7 +30,10 @@ REPORT = "report.html"
 
 
 def simulate(
-    rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.")],
+    rig: Annotated[
+        Path,
+        typer.Argument(metavar="RIG", help="Rig file of a bearing, a stage, or a piezo stage."),
+    ],
     out: Annotated[
         Path,
         typer.Option("--out", "-o", metavar="FILE", help="Recording to write, '.csv' or '.mat'."),
@@ -68,43 +73,68 @@ def simulate(
             show_default=False,
         ),
     ] = None,
+    scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a magnetic bearing with and without compensation of its hysteresis.
+    """Simulate a magnetic bearing or a stage with and without compensation of its hysteresis.
 
     The controller's own C runs in the loop, in its number format, against a magnet with hysteresis,
     with delay, converters and noise. Beside the recording, figures.json and report.html are
     written: step responses, standstill, loads, what goes wrong, sensitivity, for every kind of
     compensation behind the same gains.
 
+    A piezo stage follows a triangle instead; a picture of it stands beside the recording.
+
     Example: anhyst simulate examples/bearing/rig.toml --out run/run.csv
+
+    Example: anhyst simulate examples/piezo/rig.toml --out run/stage.csv
 
     Example: anhyst simulate examples/bearing/rig.toml --out plants/plants.jsonl --monte-carlo 1000
 
     Example: anhyst simulate examples/bearing/rig.toml --out map/benefit.json --benefit
 
     Example: anhyst simulate examples/bearing/rig.toml --out run/firmware.json --board host
+
+    Example: anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """
+    from anhyst.rig.piezo.file import FORMAT as PIEZO
+    from anhyst.rig.stage.file import FORMAT as STAGE
+    from anhyst.support.jobs import workers_of
+    from anhyst.support.toml_file import format_of
+
     chosen = "" if controller is None else f" --controller {controller}"
     command = f"anhyst simulate {rig}{chosen} --out {out}"
     given = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
     asked = [name for name, value in given.items() if value]
     if len(asked) > 1:
         raise InputError(f"{' and '.join(asked)} do not go together; give one of them")
-    if board is not None:
-        _firmware(rig, out, controller, board.value, as_json)
-    elif benefit:
-        _map(rig, out, controller, f"{command} --benefit", as_json)
-    elif monte_carlo is not None:
-        command = f"{command} --monte-carlo {monte_carlo}"
-        _fly(rig, out, controller, monte_carlo, command, as_json)
-    else:
-        _simulate(rig, out, controller, command, as_json)
+    kind = format_of(rig)
+    with workers_of(scheduler):
+        if kind == PIEZO:
+            if controller is not None or asked:
+                more = ["--controller"] if controller is not None else []
+                raise InputError(f"a piezo stage has no {' or '.join(more + asked)}; leave it out")
+            simulate_piezo(rig, out, as_json)
+        elif kind == STAGE:
+            if controller is not None or board is not None or benefit:
+                raise InputError(
+                    "a stage has no --controller, --board or --benefit; leave them out"
+                )
+            simulate_stage_verb(rig, out, monte_carlo, command, as_json)
+        elif board is not None:
+            _firmware(rig, out, controller, board.value, as_json)
+        elif benefit:
+            _map(rig, out, controller, f"{command} --benefit", as_json)
+        elif monte_carlo is not None:
+            command = f"{command} --monte-carlo {monte_carlo}"
+            _fly(rig, out, controller, monte_carlo, command, as_json)
+        else:
+            _simulate(rig, out, controller, command, as_json)
 
 
 def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_json: bool) -> None:
-    from anhyst.report.bearing import write_simulation_report
-    from anhyst.report.bearing.from_simulation import subject_of
+    from anhyst.reports.bearing import write_simulation_report
+    from anhyst.reports.bearing.from_simulation import subject_of
     from anhyst.study.bearing.simulate import explore, refuse_losses, write_simulation
     from anhyst.support.atomic import check_writable
 
@@ -171,8 +201,8 @@ def _faults(endings: Sequence[Ending]) -> Table:
 def _fly(
     rig_path: Path, out: Path, controller_path: Path | None, count: int, command: str, as_json: bool
 ) -> None:
-    from anhyst.report.bearing import write_simulation_report
-    from anhyst.report.bearing.from_plants import subject_of_plants
+    from anhyst.reports.bearing import write_simulation_report
+    from anhyst.reports.bearing.from_plants import subject_of_plants
     from anhyst.study.bearing.monte_carlo import COMPARED, monte_carlo
     from anhyst.study.bearing.ready import make_ready, read_files
     from anhyst.support.atomic import atomic_writer
@@ -204,8 +234,8 @@ def _fly(
 def _map(
     rig_path: Path, out: Path, controller_path: Path | None, command: str, as_json: bool
 ) -> None:
-    from anhyst.report.bearing import write_simulation_report
-    from anhyst.report.bearing.from_benefit import subject_of_benefit
+    from anhyst.reports.bearing import write_simulation_report
+    from anhyst.reports.bearing.from_benefit import subject_of_benefit
     from anhyst.study.bearing.benefit import benefit
     from anhyst.study.bearing.ready import make_ready, read_files
     from anhyst.support.atomic import atomic_writer
@@ -299,8 +329,8 @@ def _overshoot(cell: StepCell) -> str:
 
 
 def _show(found: Simulation, out: Path) -> None:
-    from anhyst.report.bearing.subject import grouped
-    from anhyst.report.bearing.verdict import judge
+    from anhyst.reports.bearing.subject import grouped
+    from anhyst.reports.bearing.verdict import judge
 
     heights = list(dict.fromkeys(cell.height for cell in found.cells))
     gap = found.rig.settings.simulate.gap_m

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, Scheduler
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import Interrupted, NegativeResult
 
@@ -54,6 +54,7 @@ def tune(
         int, typer.Option(metavar="N", help="Sets of gains to try in the nonlinear loop.")
     ] = 240,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 0,
+    scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the gains of a magnetic bearing for stated aims, and say what limits them.
@@ -66,13 +67,14 @@ def tune(
 
     Example: anhyst tune examples/bearing/rig.toml --out tuned
     """
-    from anhyst.report.bearing.tuning import write_pareto
+    from anhyst.reports.bearing.tuning import write_pareto
     from anhyst.study.tuning.aims import Aims
     from anhyst.study.tuning.output import figures_of, shortfall
     from anhyst.study.tuning.tuning import tune as run
+    from anhyst.support.jobs import workers_of
 
     aims = Aims(overshoot, peak, settling, standstill, effort)
-    with progress_bar("tuning") as progress:
+    with workers_of(scheduler), progress_bar("tuning") as progress:
         found = run(
             rig,
             out,

@@ -13,7 +13,7 @@ from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.verify import Verification
+    from anhyst.verification import Verification
 
 
 def verify(
@@ -43,8 +43,8 @@ def verify(
 
     Example: anhyst verify controller --on host,cortex-m4,avr
     """
-    from anhyst.verify import verify as run
-    from anhyst.verify.report import write_report
+    from anhyst.verification import verify as run
+    from anhyst.verification.report import write_report
 
     with progress_bar("verifying") as progress:
         found = run(folder, on, progress=progress)
@@ -61,7 +61,7 @@ def verify(
 
 
 def _show(found: Verification) -> None:
-    from anhyst.verify.report import tables
+    from anhyst.verification.report import tables
 
     for rows in tables(found):
         shown = table(rows.title, rows.headings)

@@ -158,6 +158,15 @@ def fit_single_valued(loops: LoopSet, force_max: float) -> SingleValued:
 def midway(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
     """Return what lies midway between the least and the largest current at levels of the force.
 
+    As :func:`envelope`.
+    """
+    low, high = envelope(members, levels)
+    return 0.5 * (low + high)
+
+
+def envelope(members: Sequence[Loop], levels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the largest current at levels of the force.
+
     Parameters
     ----------
     members : sequence of Loop
@@ -167,14 +176,14 @@ def midway(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (l,)
+    low, high : ndarray, shape (l,)
         A; NaN where no loop passes.
     """
     crossings = [_crossings(loop.input, loop.output, levels) for loop in members]
     low = np.min([least for least, _ in crossings], axis=0)
     high = np.max([largest for _, largest in crossings], axis=0)
     known = low <= high
-    return np.where(known, 0.5 * (np.where(known, low, 0.0) + np.where(known, high, 0.0)), np.nan)
+    return np.where(known, low, np.nan), np.where(known, high, np.nan)
 
 
 def _crossings(

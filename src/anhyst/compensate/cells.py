@@ -31,6 +31,7 @@ from anhyst.compensate.scheduled import (
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 
 MARGIN = 1.02
 """Rows reach a little further than any current within its limits drives the field."""
@@ -183,9 +184,20 @@ def fewer(weights: CellWeights, cells: int, reach: float) -> CellWeights:
 def cell_rows(
     weights: CellWeights, arms: Arms, limits: DemandLimits, sizes: TableSizes
 ) -> CellRows:
-    """Return the rows of a law, as far as currents within their limits lead."""
+    """Return the rows of a law, as far as currents within their limits lead.
+
+    Raises
+    ------
+    InputError
+        No cell moves there.
+    """
     reach = MARGIN * largest_field(weights, arms, limits.current)
     few = fewer(weights, sizes.cells, reach / MARGIN)
+    if few.thresholds.size < 2:
+        raise InputError(
+            "model: no hysteresis within the range of its input, where the least threshold of its "
+            "cells is not reached; look at its loops, or drive by a curve without memory"
+        )
 
     def rows(field: FloatArray) -> FloatArray:
         moving = curves(few, field - few.thresholds[:, None])

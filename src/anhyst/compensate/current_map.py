@@ -76,10 +76,13 @@ def single_valued_map(sources: Sources, _: NumberFormat) -> CurrentMap:
 
 
 def current_map(
-    entries: FloatArray, operating: Operating, numbers: Mapping[str, float]
+    entries: FloatArray,
+    operating: Operating,
+    numbers: Mapping[str, float],
+    half: FloatArray | float = 0.0,
 ) -> CurrentMap:
-    """Make a map with full scales that hold every entry, beside force and current."""
-    current = max(operating.current_max, float(np.abs(entries).max()))
+    """Make a map with full scales that hold every entry and half a width around it."""
+    current = max(operating.current_max, float((np.abs(entries) + half).max()))
     scales = Scales(full_scale(operating.force_max), full_scale(current), *operating.gap_range)
     limits = 0.0, operating.current_max
     return CurrentMap(np.ascontiguousarray(entries), scales, limits, numbers)

@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike
 
 from anhyst.support.arrays import FloatArray
 
-MethodName = Literal["ratio", "secant", "linearised", "single-valued", "simplified", "full", "flux"]
+MethodName = Literal[
+    "ratio", "secant", "linearised", "single-valued", "play", "simplified", "full", "flux"
+]
 """How a force controller finds its current; a row of :data:`anhyst.compensate.methods.METHODS`."""
 
 NumberFormat = Literal["f64", "f32", "fixed"]

@@ -20,6 +20,7 @@ from anhyst.compensate.flux_feedback import flux_feedback
 from anhyst.compensate.force_controller import ForceController, MethodParameters
 from anhyst.compensate.hysteresis_inverse import full_inverse, simplified_inverse
 from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.compensate.play_map import one_play
 from anhyst.compensate.sources import Sources
 
 Role = Literal["baseline", "model", "sensor"]
@@ -34,7 +35,7 @@ class Method:
     title : str
         In words.
     role : str
-        ``"model"``: with a hysteresis model; ``"sensor"``: with another sensor; ``"baseline"``:
+        ``"model"``: with a model of the iron; ``"sensor"``: with another sensor; ``"baseline"``:
         with neither.
     fit : callable
         From what is known of a magnet and a number format to the parameters.
@@ -50,6 +51,7 @@ METHODS: Mapping[MethodName, Method] = {
     "secant": Method("force in proportion to current", "baseline", secant_map),
     "linearised": Method("two constants, k_i and k_s", "baseline", linearised_map),
     "single-valued": Method("best current without memory", "baseline", single_valued_map),
+    "play": Method("map with one play", "baseline", one_play),
     "simplified": Method("simplified hysteresis compensator", "model", simplified_inverse),
     "full": Method("full hysteresis compensator", "model", full_inverse),
     "flux": Method("measured flux density", "sensor", flux_feedback),

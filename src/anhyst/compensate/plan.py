@@ -12,6 +12,7 @@ from anhyst.compensate.scheduled import flux_gain, flux_shift, refuse_uncompilab
 from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
 from anhyst.compensate.start import StartUp, plan_start
 from anhyst.compensate.twin import AnyBlock, Io
+from anhyst.data.output_map import output_map
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.errors import InputError, NegativeResult
 
@@ -120,8 +121,8 @@ class Plan:
 
     @property
     def largest(self) -> float:
-        """Output to which per cent refer: the largest that may be demanded."""
-        return largest_output(self.block.limits)
+        """Output to which per cent refer; as :func:`reference_output`."""
+        return reference_output(self.model, self.block.limits)
 
 
 def full_scale(largest: float) -> float:
@@ -141,6 +142,13 @@ def full_scale(largest: float) -> float:
 def largest_output(limits: DemandLimits) -> float:
     """Return the largest magnitude of a demand."""
     return max(abs(end) for end in limits.demand)
+
+
+def reference_output(model: ActuatorModel, limits: DemandLimits) -> float:
+    """Return the largest demand; of what has no natural zero the range of demands, its stroke."""
+    if output_map(model.output).from_zero:
+        return largest_output(limits)
+    return limits.demand[1] - limits.demand[0]
 
 
 def make_plan(
@@ -180,9 +188,10 @@ def make_plan(
     limits = find_limits(model)
     scales = scales or find_scales(model, limits)
     flux_shift(flux_gain(model, scales, np.linspace(scales.gap_low, scales.gap_high, GAPS)))
-    allowance = ACCURACY / 100.0 * largest_output(limits)
+    reference = reference_output(model, limits)
+    allowance = ACCURACY / 100.0 * reference
     if request.accuracy is not None:
-        asked = request.accuracy / 100.0 * largest_output(limits)
+        asked = request.accuracy / 100.0 * reference
         allowance = asked if request.kind == "full" else min(asked, allowance)
     try:
         start = plan_start(model, scales, limits, request.rate, allowance)
@@ -232,12 +241,27 @@ def find_limits(model: ActuatorModel) -> DemandLimits:
     return limits
 
 
+def _largest_word(model: ActuatorModel, limits: DemandLimits) -> float:
+    """Return the largest magnitude that the words of a demand hold.
+
+    What has no natural zero may lie far from the output at zero flux: that, and the way from there,
+    must fit too.
+    """
+    largest = largest_output(limits)
+    if output_map(model.output).from_zero:
+        return largest
+    offsets = np.atleast_1d(model.parameters["out_0"])
+    return max(
+        largest, *(abs(float(one) - end) for one in offsets for end in (0.0, *limits.demand))
+    )
+
+
 def find_scales(model: ActuatorModel, limits: DemandLimits) -> Scales:
     """Return what 1.0 of each signal means: round values, the gap's range as it is."""
     assert model.valid is not None
     gap_low, gap_high = model.valid.schedule or (0.0, 0.0)
     return Scales(
-        demand=full_scale(largest_output(limits)),
+        demand=full_scale(_largest_word(model, limits)),
         current=full_scale(max(abs(end) for end in limits.current)),
         gap_low=gap_low,
         gap_high=gap_high,

@@ -50,7 +50,7 @@ def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
     InputError
         If python-control is not installed.
     """
-    library = _library()
+    library = control_library()
     p, k, d, e, load, _, s, t, weight = (float(x) for x in controller.per_tick[:9])
     integrates, first, second = k != 0.0, d != 0.0 or e != 0.0, e != 0.0
     whole = Polynomial([1.0])
@@ -98,7 +98,7 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
     InputError
         If the function is no PIDD2 of this rate, or python-control is not installed.
     """
-    _library()
+    control_library()
     _check_time(transfer, rate)
     if (transfer.noutputs, transfer.ninputs) == (1, 1):
         p, k, d, e, shares = _parts(transfer.num[0][0], transfer.den[0][0])
@@ -126,8 +126,14 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
     )
 
 
-def _library() -> Any:
-    """Import python-control."""
+def control_library() -> Any:
+    """Import python-control.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
     try:
         import control
     except ImportError as error:

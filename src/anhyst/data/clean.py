@@ -13,6 +13,7 @@ from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
 from anhyst.data.loop_set import Loop, LoopSet
 from anhyst.data.noise import noise as noise_of
+from anhyst.data.output_map import output_map
 from anhyst.data.path import turning_points
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -162,6 +163,8 @@ def skew(loopset: LoopSet) -> LoopSet:
 def thin(loopset: LoopSet, most: int = MOST_POINTS) -> LoopSet:
     """Average long loops down to ``most`` samples along their path, reversals kept as measured.
 
+    What creeps keeps its samples: there the clock counts.
+
     Parameters
     ----------
     loopset
@@ -170,7 +173,7 @@ def thin(loopset: LoopSet, most: int = MOST_POINTS) -> LoopSet:
         Samples to leave of a loop at most (more only if it has more reversals).
     """
     counts = [loop.n for loop in loopset.loops if loop.n > most]
-    if not counts:
+    if not counts or output_map(loopset.output).creeps:
         return loopset
     loops = [_thinned(loop, most) if loop.n > most else loop for loop in loopset.loops]
     return loopset.with_loops(

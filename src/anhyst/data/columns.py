@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,12 @@ class Texts:
     values: tuple[str, ...]
     codes: NDArray[np.int32]
 
+    @classmethod
+    def of(cls, rows: Sequence[str]) -> Texts:
+        """Take the texts of all rows; values in their order of appearance."""
+        order = {text: code for code, text in enumerate(dict.fromkeys(rows))}
+        return cls(tuple(order), np.array([order[text] for text in rows], np.int32))
+
     def __len__(self) -> int:
         return self.codes.size
 
@@ -31,6 +37,10 @@ class Texts:
     def rows(self) -> list[str]:
         """Return the text of every row."""
         return [self.values[code] for code in self.codes.tolist()]
+
+    def __array__(self, dtype: object = None, copy: bool | None = None) -> NDArray[np.object_]:
+        """Return the text of every row, for NumPy."""
+        return np.array(self.values, dtype=np.object_)[self.codes]
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,8 @@ _WORDS = {
     "flux_density": ("induction", "induktion", "b"),
     "flux_linkage": ("flux", "fluss", "linkage"),
     "displacement": ("displ", "position", "stroke", "weg", "pos", "x", "y"),
+    "strain": ("strain", "dehnung", "eps", "epsilon"),
+    "magnetostriction": ("magnetostriction", "lambda"),
     "gap": ("gap", "spalt", "clearance", "distance", "dist"),
     "temperature": ("temp",),
     "time": ("time", "zeit", "sec"),
@@ -46,20 +48,8 @@ def mapping(
     -------
     Clause such as ``; or map it: --columns "Strom=I_A"``, empty if no column is left to map.
     """
-    free = [
-        place
-        for place, header in enumerate(headers)
-        if header.text and not header.is_label and place not in skip
-        if not header.is_known or header.problem
-    ]
-    pairs = []
-    for names in wanted:
-        pool = [(_likeness(headers[place], name), place, name) for place in free for name in names]
-        # Of equals the first: max keeps it.
-        score, best, name = max(pool, key=lambda one: one[0], default=(least - 1, 0, ""))
-        if score >= least:
-            free.remove(best)
-            pairs.append((headers[best].text, _target(headers[best], name)))
+    found = likely(headers, wanted, skip, least)
+    pairs = [(headers[place].text, _target(headers[place], name)) for place, name in found]
     if not pairs:
         return ""
     which = "it" if len(pairs) == 1 else "them"
@@ -67,6 +57,30 @@ def mapping(
         lines = ", ".join(f"'{text}' = '{target}'" for text, target in pairs)
         return f"; or map {which} in a file of the same name, .toml: columns = {{{lines}}}"
     return f"; or map {which}: --columns {_quoted(','.join(map('='.join, pairs)))}"
+
+
+def likely(
+    headers: Sequence[Header],
+    wanted: Sequence[Sequence[str]],
+    skip: Collection[int] = (),
+    least: int = -8,
+) -> list[tuple[int, str]]:
+    """Find the likeliest columns for what is missing, as `mapping`: index and quantity."""
+    free = [
+        place
+        for place, header in enumerate(headers)
+        if header.text and not header.is_label and place not in skip
+        if not header.is_known or header.problem
+    ]
+    found = []
+    for names in wanted:
+        pool = [(_likeness(headers[place], name), place, name) for place in free for name in names]
+        # Of equals the first: max keeps it.
+        score, best, name = max(pool, key=lambda one: one[0], default=(least - 1, 0, ""))
+        if score >= least:
+            free.remove(best)
+            found.append((best, name))
+    return found
 
 
 def map_one(header: Header) -> str:

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
 from anhyst.data.history import History
+from anhyst.data.look import length_scale
 from anhyst.data.loop_set import Loop, LoopSet
 from anhyst.data.noise import noise as noise_of
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.start import Proposal, propose_histories
 from anhyst.data.verdict import Verdict, judge, loop_width, single_valued
 from anhyst.support.arrays import FloatArray
+from anhyst.support.result import Result, columns_of
 from anhyst.support.units import Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +80,8 @@ class LoopFigures:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Inspection:
+@dataclass(frozen=True, slots=True, repr=False)
+class Inspection(Result):
     """What was understood of a set of loops.
 
     Attributes
@@ -129,6 +134,38 @@ class Inspection:
             "repairs": list(self.repairs),
             "notes": list(self.notes),
         }
+
+    def facts(self) -> dict[str, str]:
+        """Return the verdict and what it rests on."""
+        verdict, drive, answer = self.verdict, self.input, self.output
+        return {
+            "worth a hysteresis model": verdict.level,
+            "loops": str(len(self.loops)),
+            "width": f"{verdict.width:.3g} {drive.unit} ({100 * verdict.width_relative:.2g} %)",
+            "best single-valued curve": f"{verdict.single_mean:.3g} {answer.unit} mean, "
+            f"{verdict.single_worst:.3g} {answer.unit} worst",
+            "noise": f"{verdict.noise_mean:.2g} {answer.unit} mean",
+        }
+
+    def to_columns(self) -> dict[str, list[Any]]:
+        """Return the figures of each loop, units in their names."""
+        return columns_of(self.as_dict()["loops"])
+
+    def draw(self, ax: Axes) -> None:
+        """Draw what the best single-valued curve leaves of each loop, beside the noise."""
+        scale, label = length_scale(self.output)
+        places = np.arange(len(self.loops))
+        for offset, name, text in (
+            (-0.27, "single_worst", "single-valued curve, worst"),
+            (0.0, "single_mean", "single-valued curve, mean"),
+            (0.27, "noise", "noise, rms"),
+        ):
+            heights = [scale * getattr(loop, name) for loop in self.loops]
+            ax.bar(places + offset, heights, 0.25, label=text)
+        names = [loop.label for loop in self.loops]
+        ax.set_xticks(places, names, rotation=60.0, ha="right", fontsize="small")
+        ax.set_xlabel("loop")
+        ax.set_ylabel(label)
 
     def _units(self) -> dict[str, str]:
         """Return the unit suffix of each figure that has one."""

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anhyst.data.columns import Texts
 from anhyst.data.files import Column, write_csv
 from anhyst.data.history import SETTLED, History
+from anhyst.data.look import few, group_label, length_scale, shades
 from anhyst.data.path import reversal_count, time_fault, value_fault
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.result import Result, range_text
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _REVERSAL = 0.02
 """A reversal counts once the input has come back by this share of its range."""
@@ -125,8 +132,8 @@ class Source:
     columns: Mapping[str, str]
 
 
-@dataclass(frozen=True, eq=False)
-class LoopSet:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopSet(Result):
     """Loops of one device, in one input and one output quantity.
 
     ``notes`` say what was found while reading (comments of the file, columns left out, histories
@@ -273,7 +280,37 @@ class LoopSet:
             found[self.schedule.column] = np.concatenate(values)
         return found
 
-    def to_csv(self, path: PathLike) -> None:
+    def facts(self) -> dict[str, str]:
+        """Return number of loops and samples, ranges, and where they were measured."""
+        drive = [end for loop in self.loops for end in (loop.input.min(), loop.input.max())]
+        answer = [end for loop in self.loops for end in (loop.output.min(), loop.output.max())]
+        told = {
+            "loops": str(len(self)),
+            "samples": str(sum(loop.n for loop in self.loops)),
+            self.input.name: range_text(min(drive), max(drive), self.input.unit),
+            self.output.name: range_text(min(answer), max(answer), self.output.unit),
+        }
+        if self.schedule is not None:
+            values = self.schedule_values
+            told["measured at"] = ", ".join(map(self.schedule.show, values)) or "moving"
+        return told
+
+    def draw(self, ax: Axes) -> None:
+        """Draw all loops, output over input, one colour a scheduling value."""
+        scale, label = length_scale(self.output)
+        moving = any(loop.schedule_value is None for loop in self.loops)
+        for group, shade in shades(self.schedule_values, moving=moving).items():
+            name = group_label(self.schedule, group)
+            for loop in self.loops:
+                if loop.schedule_value == group:
+                    every = few(loop.n)
+                    output = loop.output[every] * scale
+                    ax.plot(loop.input[every], output, color=shade, lw=1.1, label=name)
+                    name = None  # one entry a group
+        ax.set_xlabel(self.input.label)
+        ax.set_ylabel(label)
+
+    def save(self, path: PathLike) -> Path:
         """Write all loops to one CSV file, SI units, full precision, whole or not at all.
 
         Histories are not written: state them when reading the file back.
@@ -284,3 +321,4 @@ class LoopSet:
             If the file cannot be written.
         """
         write_csv(path, self.to_columns())
+        return Path(path)

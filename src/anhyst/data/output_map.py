@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from anhyst.support.arrays import FloatArray
-from anhyst.support.units import Quantity
+from anhyst.support.units import QUANTITIES, Quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,10 @@ class OutputMap:
         Whether the output is the flux density itself, ``c_out = 1``.
     from_zero
         Whether the output has a natural zero; else deviations refer to its range.
+    creeps
+        Whether a body that deforms by itself gives it, with lag and creep and no iron in it.
+    magnetised
+        Name of the quantity that it is where a current or a field drives, if that is another one.
     """
 
     quantity: str
@@ -32,6 +36,8 @@ class OutputMap:
     of_flux: bool = False
     absolute: bool = False
     from_zero: bool = True
+    creeps: bool = False
+    magnetised: str = ""
 
     @property
     def even(self) -> bool:
@@ -54,7 +60,9 @@ OUTPUT_MAPS = {
         OutputMap("force", power=2, of_flux=True),
         OutputMap("flux_density", of_flux=True, absolute=True),
         OutputMap("flux_linkage", of_flux=True),
-        OutputMap("displacement", from_zero=False),
+        OutputMap("displacement", from_zero=False, creeps=True),
+        OutputMap("strain", from_zero=False, creeps=True, magnetised="magnetostriction"),
+        OutputMap("magnetostriction", power=2),
     )
 }
 """By the name of the quantity, first choice of an output first."""
@@ -63,6 +71,12 @@ OUTPUT_MAPS = {
 def output_map(output: Quantity) -> OutputMap:
     """Return the map of an output; in proportion to the flux density if nothing else is known."""
     return OUTPUT_MAPS.get(output.name) or OutputMap(output.name)
+
+
+def answer_of(drive: Quantity, answer: Quantity) -> Quantity:
+    """Return what a column measures under a drive: strain of what is magnetised is even."""
+    name = output_map(answer).magnetised
+    return QUANTITIES[name] if name and drive.name in {"current", "field"} else answer
 
 
 class Device(Protocol):

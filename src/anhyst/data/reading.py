@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from anhyst.data.branches import are_even
 from anhyst.data.columns import Texts, is_number
-from anhyst.data.formats import FORMATS, MemoryTable, OpenTable, open_table
+from anhyst.data.formats import FORMATS, OpenTable, open_table
+from anhyst.data.frames import is_frame, table_of
 from anhyst.data.history import History
 from anhyst.data.joining import LoopPart, join
 from anhyst.data.labels import SHORTEST, find_label, may_label
 from anhyst.data.loop_set import Loop, LoopSet, Source
+from anhyst.data.output_map import answer_of
 from anhyst.data.path import time_fault, value_fault
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
 from anhyst.data.sequence import IN_ONE_RUN, one_after_another
@@ -55,7 +57,7 @@ class _Columns:
 
 
 def read_loops(
-    paths: PathLike | Sequence[PathLike],
+    paths: PathLike | Sequence[PathLike] | Any,
     *,
     columns: Mapping[str, str] | None = None,
     history: History | str | None = None,
@@ -67,12 +69,14 @@ def read_loops(
     sidecar: PathLike | None = None,
     progress: Progress | None = None,
 ) -> LoopSet:
-    """Read loops from one or several files, or from all in a folder.
+    """Read loops from one or several files, from all in a folder, or from columns in memory.
 
     Parameters
     ----------
     paths
-        Files or folders. Loops of several files join into one set.
+        Files or folders. Loops of several files join into one set. Or columns: a data frame
+        (pandas, polars, pyarrow, whatever has ``__dataframe__``) or a mapping of names to arrays;
+        names are read as headers of a file.
     columns, history, schedule, loop, constants, select, file_name
         What the headers do not say, as the keys of a sidecar (`Reading.from_toml`); goes before
         what a sidecar says.
@@ -98,6 +102,10 @@ def read_loops(
         file_name=file_name,
     )
     beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
+    if is_frame(paths):
+        table = table_of(paths)
+        described = given if beside is None else given.over(beside)
+        return join(_with_histories([_read_table(table, _ALONE, described, progress)]))
     files = _expand(paths)
     parts = []
     for path in files:
@@ -119,32 +127,6 @@ def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = 
         return [*files, Path(sidecar)]
     beside = [path.with_suffix(".toml") for path in files if path.suffix != ".toml"]
     return files + [path for path in beside if is_sidecar(path)]
-
-
-def loops_of_frame(
-    frame: Any,
-    *,
-    columns: Mapping[str, str] | None = None,
-    history: History | str | None = None,
-    schedule: str | None = None,
-    loop: str | None = None,
-    constants: Mapping[str, float | str] | None = None,
-) -> LoopSet:
-    """Take loops from a data frame or a mapping of columns; names are read as headers of a file.
-
-    Raises
-    ------
-    InputError
-        If a column is missing, holds text or cannot be understood.
-    """
-    given = FileDescription.from_arguments(
-        columns=columns, history=history, schedule=schedule, loop=loop, constants=constants
-    )
-    names = list(getattr(frame, "columns", frame))
-    table = MemoryTable(
-        "data frame", tuple(map(str, names)), tuple(np.asarray(frame[name]) for name in names)
-    )
-    return join(_with_histories([_read_table(table, _ALONE, given, None)]))
 
 
 def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
@@ -181,7 +163,7 @@ def _read_table(
 ) -> LoopPart:
     """Read a table; ``name`` is that of its loop where it is all there is to call it by."""
     place = table.place
-    headers = map_headers(place, table.header, given.columns, table.units)
+    headers = map_headers(table, given.columns)
     head = table.first_rows(SHORTEST)
     words = [index for row in head[:1] for index, field in enumerate(row) if not is_number(field)]
     roles = find_roles(place, headers, given, words)
@@ -282,6 +264,7 @@ def _cut(
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
     assert answer is not None
+    answer = answer_of(drive, answer)
     quantity, found = roles.quantity, [*roles.notes(headers), *notes]
     if quantity == QUANTITIES["gap"]:
         _refuse_negative_gaps(columns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,7 +138,7 @@ def read_columns(
         As `read_raw`; also if ``columns`` names a column that is not there.
     """
     opened = open_table(path, least=1)
-    headers = map_headers(opened.place, opened.header, columns or {}, opened.units)
+    headers = map_headers(opened, columns or {})
     (first,) = opened.first_rows(1)
     known = {place for place, header in enumerate(headers) if header.is_known}
     texts = {
@@ -165,39 +165,30 @@ def read_columns(
     return DataTable(opened.place, raw.sha256, headers, tuple(held), raw.notes, opened)
 
 
-def map_headers(
-    place: str,
-    texts: Sequence[str],
-    columns: Mapping[str, str],
-    units: Sequence[str] | None = None,
-) -> tuple[Header, ...]:
+def map_headers(table: OpenTable, columns: Mapping[str, str]) -> tuple[Header, ...]:
     """Understand the headers of a table, as given by ``columns`` where it says something.
 
     Parameters
     ----------
-    place
-        Where the headers stand, for messages.
-    texts
-        The headers.
+    table
+        The table.
     columns
-        What some of them mean. A target without a unit (``psi``) keeps the unit of the file's
-        header; an empty target leaves the column out.
-    units
-        The unit row, if there is one.
+        What some of its columns mean. A target without a unit (``psi``) keeps the unit of the
+        file's header; an empty target leaves the column out.
 
     Raises
     ------
     InputError
         If a mapped column is not there, or is mapped to another unit of the same kind.
     """
-    rows = units or (None,) * len(texts)
-    headers = [parse_header(text, unit) for text, unit in zip(texts, rows, strict=True)]
+    rows = table.units or (None,) * len(table.header)
+    headers = [parse_header(text, unit) for text, unit in zip(table.header, rows, strict=True)]
     for source, target in columns.items():
-        found = [index for index, text in enumerate(texts) if text == source]
-        if not found:
-            have = ", ".join(texts)
-            raise InputError(f"{place}: has no column '{source}' to map (columns: {have})")
-        headers[found[0]] = _map_header(place, headers[found[0]], target)
+        index = table.find(source)
+        if index is None:
+            have = ", ".join(table.header)
+            raise InputError(f"{table.place}: has no column '{source}' to map (columns: {have})")
+        headers[index] = _map_header(table.place, headers[index], target)
     return tuple(headers)
 
 
@@ -209,7 +200,9 @@ def _map_header(place: str, own: Header, target: str) -> Header:
         meant = with_own
     where = f"{place}: column '{own.text}' mapped to '{target}'"
     if meant.problem:
-        raise InputError(f"{where}: {meant.problem}")
+        raise InputError(
+            f"{where}: {own.problem if own.unit is None and own.problem else meant.problem}"
+        )
     if meant.unit and own.unit and meant.unit.dimension == own.unit.dimension:
         same = (meant.unit.scale, meant.unit.offset) == (own.unit.scale, own.unit.offset)
         if not same:

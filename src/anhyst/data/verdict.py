@@ -13,6 +13,7 @@ from anhyst.data.loop_set import Loop, LoopSet
 from anhyst.data.noise import noise
 from anhyst.data.output_map import output_map
 from anhyst.support.arrays import FloatArray
+from anhyst.support.units import in_small_unit
 
 Level = Literal["yes", "little", "no"]
 
@@ -209,6 +210,7 @@ def _worded(loopset: LoopSet, figures: Verdict) -> Verdict:
     what = answer.name.replace("_", " ")
     kind = output_map(answer).reference
     reference = f"range of the {what}" if kind == "range" else f"largest {what}"
+    unit, scale = in_small_unit(answer, largest_output(loopset))
     conclusion = {
         "yes": "A hysteresis model is worth it",
         "little": "A hysteresis model gains little",
@@ -216,7 +218,7 @@ def _worded(loopset: LoopSet, figures: Verdict) -> Verdict:
     }[figures.level]
     sentences = (
         f"The widest loop is {figures.width:.4g} {drive.unit} wide ({figures.width_relative:.1%} "
-        f"of the {drive.name.replace('_', ' ')}'s range) and {figures.height:.4g} {answer.unit} "
+        f"of the {drive.name.replace('_', ' ')}'s range) and {scale * figures.height:.4g} {unit} "
         f"high ({figures.height_relative:.1%} of the {reference}).",
         f"The best single-valued curve misses by {figures.single_mean_relative:.2%} on average and "
         f"{figures.single_worst_relative:.2%} at worst.",

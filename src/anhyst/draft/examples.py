@@ -16,7 +16,16 @@ NEXT: Mapping[str, tuple[str, ...]] = {
         "anhyst inspect {out}/loops.csv",
         "anhyst identify {out}/loops.csv --out {out}/model.toml",
     ),
+    "magnetostrictive": (
+        "anhyst inspect {out}/loops.csv",
+        "anhyst identify {out}/loops.csv --out {out}/model.toml",
+    ),
+    "piezo": (
+        "anhyst identify {out}/loops.csv --out {out}/model.toml",
+        "anhyst simulate {out}/rig.toml --out {out}/run.csv",
+    ),
     "solenoid": ("anhyst force-control {out}/rig.toml --out {out}/run",),
+    "stage": ("anhyst simulate {out}/rig.toml --out {out}/run.csv",),
 }
 """The examples, and what to run in a copy of one."""
 

@@ -95,6 +95,8 @@ class Refused(InputError):  # noqa: N818 - an answer
         self.detail = nak.detail
         if self.reason is Reason.STATE:
             meaning = f"not {_state(request, nak.detail)}"
+            if nak.detail == State.IDLE and _begins(request):
+                meaning += "; condition the magnet first, or declare it demagnetised"
         super().__init__(f"{url}: the controller refused {_words(name)}: {meaning}")
 
 
@@ -470,6 +472,10 @@ def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) ->
     if isinstance(answer, NakAnswer):
         raise Refused(url, request, answer)
     raise InputError(f"{url}: {type(answer).__name__} in answer to {type(request).__name__}")
+
+
+def _begins(request: Message) -> bool:
+    return isinstance(request, CommandRequest) and request.command in (Command.RUN, Command.LIFT)
 
 
 def _state(request: Message, detail: int) -> str:

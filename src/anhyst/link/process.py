@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from anhyst.link.plant_bus import Plant, PlantBus
 from anhyst.support.errors import InputError
@@ -29,11 +30,31 @@ class Running:
         Its plant; without :meth:`PlantBus.step` no time passes for it.
     xcp : int
         Port of this machine on which a master of XCP may come in; 0: there is none.
+    process : int
+        Its number.
     """
 
     url: str
     bus: PlantBus
-    xcp: int = 0
+    xcp: int
+    process: int
+
+
+class Started(NamedTuple):
+    """A firmware that runs, with nothing that drives its bus yet.
+
+    Attributes
+    ----------
+    url, xcp, process
+        As of :class:`Running`.
+    bus : socket
+        The plant's end of its bus.
+    """
+
+    url: str
+    bus: socket.socket
+    xcp: int
+    process: int
 
 
 @contextmanager
@@ -62,14 +83,12 @@ def run_host(
     InputError
         It does not start.
     """
-    with start_host(program, link, xcp) as (url, ours, port):
-        yield Running(url, PlantBus(plant, ours), port)
+    with start_host(program, link, xcp) as (url, ours, port, process):
+        yield Running(url, PlantBus(plant, ours), port, process)
 
 
 @contextmanager
-def start_host(
-    program: Path, link: str = "pty", xcp: int | None = None
-) -> Iterator[tuple[str, socket.socket, int]]:
+def start_host(program: Path, link: str = "pty", xcp: int | None = None) -> Iterator[Started]:
     """Start a firmware built for the board ``host``, with nothing that drives its bus yet.
 
     Parameters
@@ -81,12 +100,7 @@ def start_host(
 
     Yields
     ------
-    url : str
-        Its link.
-    bus : socket
-        The plant's end of its bus.
-    xcp_port : int
-        Where XCP is offered; 0: nowhere.
+    Started
 
     Raises
     ------
@@ -101,7 +115,8 @@ def start_host(
         if link == "pty" or link.startswith("tcp:"):
             place = _printed(process, program)
             url = place if link == "pty" else f"socket://127.0.0.1:{place}"
-        yield url, ours, 0 if xcp is None else int(_printed(process, program))
+        offered = 0 if xcp is None else int(_printed(process, program))
+        yield Started(url, ours, offered, process.pid)
 
 
 def _printed(process: subprocess.Popen[bytes], program: Path) -> str:
@@ -150,9 +165,9 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     if xcp:
         command += _serial("xcp", served[1])
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
-    with ours, _started(command, [*listeners, theirs]):
+    with ours, _started(command, [*listeners, theirs]) as process:
         url = f"socket://127.0.0.1:{ports[0]}"
-        yield Running(url, PlantBus(plant, ours), ports[1] if xcp else 0)
+        yield Running(url, PlantBus(plant, ours), ports[1] if xcp else 0, process.pid)
 
 
 def find_qemu() -> str:

@@ -1,22 +1,26 @@
 """A master of XCP for the slave of this firmware: values, commands, every tick's signals.
 
 Knows what ``firmware/xcp`` says and no more: one list of samples with one packet a sample, addresses
-of :mod:`anhyst.compile.xcp_map`.
+of :mod:`anhyst.compilation.xcp_map`.
 """
 
 from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compile.xcp_map import AREAS, INPUTS, SIGNALS
+from anhyst.compilation.xcp_map import AREAS, INPUTS, SIGNALS
 from anhyst.control.states import Command, State
+from anhyst.link.blocks import GENERATION_AT, LENGTH_AT
 from anhyst.link.client import Refused
 from anhyst.link.frames import (
+    BlockDataRequest,
+    BlockSwapRequest,
     Body,
     CommandRequest,
     DemandRequest,
@@ -33,7 +37,13 @@ from anhyst.support.errors import InputError
 
 _CONNECT, _DISCONNECT, _STATUS, _ID, _SEED, _UNLOCK = 0xFF, 0xFE, 0xFD, 0xFA, 0xF8, 0xF7
 _ADDRESS, _UPLOAD, _SHORT_UPLOAD, _DOWNLOAD = 0xF6, 0xF5, 0xF4, 0xF0
-_CLOCK, _RESOLUTION = 0xDC, 0xD9
+_CLOCK, _RESOLUTION, _SET_PAGE = 0xDC, 0xD9, 0xEB
+_IN_FORCE, _SEEN = 0x01, 0x02
+"""For whom a page is chosen: the controller, its master."""
+
+_WORDS = 67
+"""Of the parameter block in a packet."""
+
 _ANSWER, _ERROR = 0xFF, 0xFE
 _STAMPED = 0x10
 _AGAIN = 3
@@ -137,6 +147,40 @@ class XcpMaster:
     def read_words(self, first: int, count: int) -> list[int]:
         """Return words of the parameter block in force, at most 67."""
         return list(struct.unpack(f"<{count}h", self.read(AREAS["block"] + 2 * first, 2 * count)))
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        (length,) = self.read_words(LENGTH_AT, 1)
+        words: list[int] = []
+        while len(words) < length:
+            words += self.read_words(len(words), min(_WORDS, length - len(words)))
+        return words
+
+    def swap_block(self, words: Sequence[int]) -> None:
+        """Download another parameter block and put it in force between two ticks.
+
+        Parameters
+        ----------
+        words : sequence of int
+            The whole block, its generation and checksum included.
+
+        Raises
+        ------
+        Refused
+            It is not valid or not for this controller; the old one stays in force.
+        """
+        row = [int(word) for word in words]
+        with self._line.lock:
+            self._ask(bytes((_SET_PAGE, _SEEN, 0, 1)))
+            try:
+                for at in range(0, len(row), _WORDS):
+                    part = tuple(row[at : at + _WORDS])
+                    data = struct.pack(f"<{len(part)}h", *part)
+                    self._put(AREAS["block"] + 2 * at, data, BlockDataRequest(at, part))
+                swap = BlockSwapRequest(row[GENERATION_AT] & 0xFFFF)
+                self._order(bytes((_SET_PAGE, _IN_FORCE, 0, 1)), swap)
+            finally:
+                self._ask(bytes((_SET_PAGE, _SEEN, 0, 0)))
 
     def read_setting(self, setting: Setting) -> int:
         """Ask for a setting."""
@@ -248,14 +292,22 @@ class XcpMaster:
 
     def _write(self, address: int, value: int, request: Message) -> None:
         """Write four bytes; `request` is what the own link would call it."""
+        self._put(address, struct.pack("<i", value), request)
+
+    def _put(self, address: int, data: bytes, request: Message) -> None:
         with self._line.lock:
             self._ask(struct.pack("<BBBBI", _ADDRESS, 0, 0, 0, address))
-            answer = self._line.ask(bytes((_DOWNLOAD, 4)) + struct.pack("<i", value))
+            self._order(bytes((_DOWNLOAD, len(data))) + data, request)
+
+    def _order(self, command: bytes, request: Message) -> None:
+        """Let something be done, or say why the firmware refuses."""
+        with self._line.lock:
+            answer = self._line.ask(command)
             if answer[0] == _ERROR and len(answer) >= 4:
                 reason = int.from_bytes(answer[2:4], "little")
                 state = self._value(_STATE)
                 raise Refused(self.url, request, NakAnswer(request.TYPE, reason, state))
-            self._check(answer, _DOWNLOAD)
+            self._check(answer, command[0])
 
     def _ask(self, command: bytes) -> bytes:
         return self._check(self._line.ask(command), command[0])

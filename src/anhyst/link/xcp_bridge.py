@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import select
 import socket
-import struct
 from collections.abc import Iterator
 
-from anhyst.compile.xcp_map import PACKET
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Reason, XcpPacketsAnswer, XcpRequest
+from anhyst.link.xcp_frame import framed, split
 from anhyst.support.errors import InputError
 
-_HEAD = struct.Struct("<HH")
 _DISCONNECT = b"\xfe"
 _PACE = 0.002
 """Between two questions for samples while none come, s."""
@@ -78,7 +76,7 @@ class XcpBridge:
                 self._hang_up()
 
     def _serve(self, master: socket.socket) -> None:
-        arrived = bytearray()
+        arrived = b""
         counter = 0
         wait = _PACE
         while True:
@@ -87,15 +85,13 @@ class XcpBridge:
                 data = master.recv(4096)
                 if not data:
                     return
-                arrived += data
-                commands = list(_commands(arrived))
+                commands, arrived, _, broken = split(arrived + data)
+                if broken:
+                    return
             packets = [packet for command in commands or [b""] for packet in self._carry(command)]
             wait = 0.0 if packets else _PACE
             if packets:
-                heads = (
-                    _HEAD.pack(len(one), counter + n & 0xFFFF) for n, one in enumerate(packets)
-                )
-                master.sendall(b"".join(map(bytes.__add__, heads, packets)))
+                master.sendall(b"".join(framed(one, counter + n) for n, one in enumerate(packets)))
                 counter += len(packets)
 
     def _carry(self, command: bytes) -> list[bytes]:
@@ -115,18 +111,6 @@ class XcpBridge:
             raise InputError(
                 f"{self._controller.url}: this firmware carries no XCP; build it with this anhyst"
             ) from None
-
-
-def _commands(arrived: bytearray) -> Iterator[bytes]:
-    """Take the whole commands out of what has arrived; OSError where one cannot be."""
-    while len(arrived) >= _HEAD.size:
-        length, _ = _HEAD.unpack_from(arrived)
-        if not 0 < length <= PACKET:
-            raise OSError("no command of XCP")
-        if len(arrived) < _HEAD.size + length:
-            return
-        yield bytes(arrived[_HEAD.size : _HEAD.size + length])
-        del arrived[: _HEAD.size + length]
 
 
 def _packets(answer: bytes) -> Iterator[bytes]:

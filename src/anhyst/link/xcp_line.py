@@ -1,22 +1,16 @@
-"""The PC's end of a line that carries XCP: commands and their answers, samples beside them.
-
-In front of a packet stand its length and a counter, 16 bits each. On TCP that is all; on a serial
-port a checksum follows, as ``firmware/xcp/line.h`` says.
-"""
+"""The PC's end of a line that carries XCP: commands and their answers, samples beside them."""
 
 from __future__ import annotations
 
-import struct
 import threading
 import time
 from collections import deque
 from queue import Empty, Queue
 
-from anhyst.compile.xcp_map import PACKET
 from anhyst.link.transport import Port
+from anhyst.link.xcp_frame import framed, split
 from anhyst.support.errors import InputError
 
-_HEAD = struct.Struct("<HH")
 _EVENT = 0xFD
 _COMMAND_LEAST = 0xFC
 _SYNCH, _IN_STEP = b"\xfc", b"\xfe\x00"
@@ -127,9 +121,7 @@ class XcpLine:
 
     def lost(self) -> InputError:
         """Return the error of a controller that hung up or does not answer."""
-        return InputError(
-            f"{self.url}: the controller is gone; see its power and the line, then start again"
-        )
+        return InputError(f"{self.url}: the controller is gone; see its power and the line")
 
     def _stands(self) -> InputError:
         return InputError(f"{self.url}: no tick came for {self.timeout:g} s; the controller stands")
@@ -154,11 +146,7 @@ class XcpLine:
         raise self.lost()
 
     def _framed(self, packet: bytes) -> bytes:
-        whole = _HEAD.pack(len(packet), 0) + packet
-        if not self.serial:
-            return whole
-        whole += b"\0" * (len(packet) % 2)
-        return whole + _checksum(whole)
+        return framed(packet, serial=self.serial)
 
     def _read(self) -> None:
         rest = b""
@@ -175,24 +163,11 @@ class XcpLine:
 
     def _split(self, data: bytes) -> tuple[list[bytes], bytes]:
         """Return whole packets, and the rest."""
-        at, packets = 0, []
-        while at + _HEAD.size <= len(data):
-            length = data[at] | data[at + 1] << 8
-            begin = at + _HEAD.size
-            end = begin + length + (length % 2 if self.serial else 0)
-            behind = end + 2 if self.serial else end
-            possible = 0 < length <= PACKET
-            if possible and behind > len(data):
-                break
-            if possible and (not self.serial or _checksum(data[at:end]) == data[end:behind]):
-                packets.append(data[begin : begin + length])
-                at = behind
-            elif self.serial:
-                self.skipped += 1
-                at += 1
-            else:
-                raise InputError(f"{self.url}: does not speak XCP")
-        return packets, data[at:]
+        found = split(data, self.serial)
+        self.skipped += found.skipped
+        if found.broken:
+            raise InputError(f"{self.url}: does not speak XCP")
+        return found.packets, found.rest
 
     def _hand_on(self, packets: list[bytes]) -> None:
         samples = [packet for packet in packets if packet[0] < _COMMAND_LEAST]
@@ -205,9 +180,3 @@ class XcpLine:
             with self._came:
                 self._samples.extend(samples)
                 self._came.notify_all()
-
-
-def _checksum(data: bytes) -> bytes:
-    """Return the sum of words, low byte first."""
-    total: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
-    return (total & 0xFFFF).to_bytes(2, "little")

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
-
-import numpy as np
 
 from anhyst.data import LoopSet
 from anhyst.data.loop_set import Loop
+from anhyst.identification.fit_records import thinned
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
 
@@ -61,13 +59,3 @@ def make_curves(loops: LoopSet, model: ActuatorModel | None = None) -> tuple[Dra
 def _curve(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
     kept = thinned(loop.input, _POINTS * max(1, loop.reversals // 2))
     return DrawnLoop(kind, loop.schedule_value, loop.input[kept].tolist(), force[kept].tolist())
-
-
-def thinned(current: FloatArray, points: int) -> Sequence[int]:
-    """Return places evenly along the way of a current: no reversal is cut off by more than a step."""
-    if len(current) <= points:
-        return range(len(current))
-    way = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(current)))))
-    wanted = np.linspace(0.0, way[-1], points)
-    places: list[int] = np.unique(np.searchsorted(way, wanted)).tolist()
-    return places

@@ -45,8 +45,13 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "folder": str(session.recorder.folder.resolve()),
         "kept": KEPT_S,
         "limits": None if session.improver is None else session.improver.limits(),
-        "loops": [curve._asdict() for curve in session.curves],
+        "loops": loops_of(session),
     }
+
+
+def loops_of(session: LiveSession) -> list[dict[str, Any]]:
+    """Return the loops to be drawn below the one that runs."""
+    return [curve._asdict() for curve in session.curves]
 
 
 def _names(kind: type[IntEnum]) -> dict[str, str]:

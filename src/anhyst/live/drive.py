@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -25,6 +25,9 @@ class DrivenBench:
         What does the work.
     refused : callable
         Called with the reason where the bench takes no more of a generator, which is off then.
+    happened : callable
+        Called with what happened to the controller: it was lost, or is back. A generator is off
+        then, and the target what the controller says.
 
     Attributes
     ----------
@@ -34,15 +37,19 @@ class DrivenBench:
         Last force commanded to the load drive, N; None before the first.
     """
 
-    def __init__(self, bench: Bench, refused: Callable[[str], None]) -> None:
+    def __init__(
+        self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]
+    ) -> None:
         self.rate: float = bench.rate
         self.signals: tuple[Signal, ...] = bench.signals
         self.aim: Aim = bench.aim
         self.load_most: float = bench.load_most
         self.keeps_time: bool = bench.keeps_time
+        self.process: int = bench.process
         self.every: int = bench.every
         self.target = bench.aim.value
         self._refused = refused
+        self._happened = happened
         self.pulled: float | None = None
         self._bench = bench
         self._generator: Wave | None = None
@@ -67,7 +74,25 @@ class DrivenBench:
                 self._follow(self._generator)
                 left = min(left, self._stretch)
             parts.append(self._bench.advance(left))
+            self._heed(self._bench.news())
+            if self.lost:
+                break
         return np.concatenate(parts)
+
+    def _heed(self, news: Sequence[str]) -> None:
+        for text in news:
+            self._generator = None
+            self.target = self._bench.aim.value
+            self._happened(text)
+
+    @property
+    def lost(self) -> str:
+        """Why the controller is looked for; empty while it answers."""
+        return self._bench.lost
+
+    def news(self) -> Sequence[str]:
+        """Return nothing: it was said already."""
+        return ()
 
     def _follow(self, generator: Wave) -> None:
         try:
@@ -100,7 +125,7 @@ class DrivenBench:
         if not aim.low <= target + least <= target + most <= aim.high:
             raise InputError(
                 f"generator: {target + least:g} to {target + most:g} {aim.unit} is not within "
-                f"{aim.low:g} to {aim.high:g} {aim.unit}"
+                f"{aim.low:g} to {aim.high:g} {aim.unit}; set a target in between, or take less"
             )
 
     def demand(self, value: float) -> None:

@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from anhyst.live.improver import Improver
+from anhyst.live.seat import SessionSeat
 from anhyst.live.session import LiveSession, finite
 from anhyst.support.errors import InputError
 
 Fields = Mapping[str, Any]
+_Act = Callable[[LiveSession, Improver, str, Fields], Fields]
 
 
 def improve(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
@@ -33,46 +35,33 @@ def _measure(session: LiveSession, improver: Improver, who: str, fields: Fields)
     given = fields.get("limits", {})
     if not isinstance(given, dict):
         raise InputError("limits: name none")
-    improver.measure({str(name): finite(given, name) for name in given})
+    tighter = {str(name): finite(given, name) for name in given}
+    improver.measure(tighter, lambda: SessionSeat(session))
     session.note(who, "loops are measured")
     return {}
 
 
-def _identify(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-    del fields
-    improver.identify()
-    session.note(who, "a model is identified")
-    return {}
+def _do(do: Callable[[Improver], None], text: str) -> _Act:
+    def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
+        del fields
+        do(improver)
+        session.note(who, text)
+        return {}
+
+    return act
 
 
-def _compile(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-    del fields
-    improver.compile()
-    session.note(who, "the model is compiled")
-    return {}
+def _exchange(exchange: Callable[[Improver], int], text: str) -> _Act:
+    def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
+        del fields
+        tick = exchange(improver)
+        session.note(who, text)
+        session.curves = improver.curves
+        if session.watched is not None:
+            session.watch(improver.to_watch())  # anew: another model came into force
+        return {"applied": tick}
 
-
-def _swap(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-    del fields
-    tick = improver.swap()
-    session.note(who, "the new model is swapped in")
-    _watch_on(session, improver)
-    return {"applied": tick}
-
-
-def _back(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-    del fields
-    tick = improver.back()
-    session.note(who, "the model before is swapped in")
-    _watch_on(session, improver)
-    return {"applied": tick}
-
-
-def _cancel(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-    del fields
-    improver.cancel()
-    session.note(who, "work cancelled")
-    return {}
+    return act
 
 
 def _files(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
@@ -87,19 +76,13 @@ def _watch(session: LiveSession, improver: Improver, who: str, fields: Fields) -
     return {}
 
 
-def _watch_on(session: LiveSession, improver: Improver) -> None:
-    """Begin to watch anew where another model came into force."""
-    if session.watched is not None:
-        session.watch(improver.to_watch())
-
-
-_STEPS: Mapping[str, Callable[[LiveSession, Improver, str, Fields], Fields]] = {
+_STEPS: Mapping[str, _Act] = {
     "measure": _measure,
-    "identify": _identify,
-    "compile": _compile,
-    "swap": _swap,
-    "back": _back,
-    "cancel": _cancel,
+    "identify": _do(Improver.identify, "a model is identified"),
+    "compile": _do(Improver.compile, "the model is compiled"),
+    "swap": _exchange(Improver.swap, "the new model is swapped in"),
+    "back": _exchange(Improver.back, "the model before is swapped in"),
+    "cancel": _do(Improver.cancel, "work cancelled"),
     "files": _files,
     "watch": _watch,
 }

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from anhyst.data.reading import read_loops
 from anhyst.link.blocks import GENERATION_AT, regenerate
-from anhyst.live.job import Job, Work
+from anhyst.live.board_job import BoardJob, Seat
+from anhyst.live.curves import DrawnLoop, make_curves
+from anhyst.live.job import Ended, Job, Work
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.rig.bench.exchange import BlockHolder
@@ -20,10 +23,12 @@ from anhyst.study.improve.steps import (
     identify_model,
     limits_of,
     measure_loops,
+    measure_running,
     within,
 )
-from anhyst.study.prepared import Prepared
+from anhyst.study.prepared import Improvable, PreparedBoard
 from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
 
 STEPS = ("measure", "identify", "compile", "swap")
 """In this order; each needs what the one before it left."""
@@ -34,7 +39,7 @@ class Improver:
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared : Improvable
         What the bench was opened from.
     bench : BlockHolder
         Touched within :meth:`swap` and :meth:`back` alone, which are called in its thread.
@@ -43,21 +48,27 @@ class Improver:
     ----------
     model : ActuatorModel
         Of the compensator in force.
+    curves : tuple of DrawnLoop
+        The loops it was identified from, and what it makes of them.
     results : mapping of str to mapping
         What each step left, by its name; another mapping after each step. Steps after one that was
         done again are gone.
     """
 
-    def __init__(self, prepared: Prepared, bench: BlockHolder) -> None:
+    def __init__(self, prepared: Improvable, bench: BlockHolder) -> None:
         self.model = prepared.model
+        self.curves = make_curves(prepared.measured, prepared.model)
         self.results: Mapping[str, Mapping[str, Any]] = {}
         self._prepared = prepared
         self._bench = bench
         self._folder = tempfile.TemporaryDirectory(prefix="anhyst-improve-")
-        self._job: Job | None = None
+        self._job: Job | BoardJob | None = None
         self._step, self._trouble, self._began = "", "", 0.0
         self._words: list[int] = []
-        self._before: tuple[list[int], ActuatorModel] | None = None
+        self._in_force: list[int] = []
+        self._first = self.model, self.curves
+        self._found: tuple[ActuatorModel, tuple[DrawnLoop, ...]] | None = None
+        self._before: tuple[list[int], ActuatorModel, tuple[DrawnLoop, ...]] | None = None
 
     @property
     def place(self) -> Path:
@@ -68,16 +79,36 @@ class Improver:
         """Return what a drive will keep to."""
         return limits_of(self._prepared)
 
-    def measure(self, tighter: Mapping[str, float]) -> None:
+    @property
+    def drives(self) -> bool:
+        """Whether a measurement drives the controller that runs."""
+        return isinstance(self._job, BoardJob)
+
+    def measure(self, tighter: Mapping[str, float], seat: Callable[[], Seat]) -> None:
         """Begin to measure loops, with some limits drawn tighter.
+
+        Parameters
+        ----------
+        tighter : mapping of str to float
+            By their names.
+        seat : callable
+            Takes a seat at the controller that runs, where the rig is no virtual one.
 
         Raises
         ------
         InputError
             A limit that is none, or wider than that of the rig file; or other work is under way.
         """
-        within(self._prepared.specimen(), tighter)
-        self._begin("measure", measure_loops, dict(tighter))
+        prepared, place = self._prepared, self.place
+        within(prepared.specimen(), tighter)
+        if not isinstance(prepared, PreparedBoard):
+            self._begin("measure", measure_loops, dict(tighter))
+            return
+
+        def work(progress: Progress, bench: Seat) -> Mapping[str, Any]:
+            return measure_running(progress, bench, prepared, place, tighter)
+
+        self._start("measure", lambda ended: BoardJob(work, seat, ended))
 
     def identify(self) -> None:
         """Begin to identify a model of the loops."""
@@ -100,9 +131,9 @@ class Improver:
         InputError
             Nothing is compiled, or the controller refuses it.
         """
-        if "compile" not in self.results:
+        if "compile" not in self.results or self._found is None:
             raise InputError("swap: nothing is compiled yet; compile first")
-        tick = self._exchange(self._words, read_model(self.place / MODEL))
+        tick = self._exchange(self._words, *self._found)
         self._leave("swap", {"tick": tick})
         return tick
 
@@ -131,7 +162,10 @@ class Improver:
         return self.model
 
     def cancel(self) -> None:
-        """End the job that is under way, without a result."""
+        """End the job that is under way, without a result; one that drives stops the rig first."""
+        if isinstance(self._job, BoardJob):
+            self._job.cancel()
+            return
         job, self._job = self._job, None
         if job is not None:
             job.cancel()
@@ -156,10 +190,24 @@ class Improver:
 
     def close(self) -> None:
         """End a job and forget the files."""
+        job = self._job
         self.cancel()
+        if isinstance(job, BoardJob):
+            job.wait()
         self._folder.cleanup()
 
+    def look_again(self) -> None:
+        """See whether a controller that was lost still has what was swapped in; in its thread."""
+        if self._before is None or self._bench.read_block() == self._in_force:
+            return
+        self.model, self.curves = self._first
+        self._before = None
+        self.results = {name: one for name, one in self.results.items() if name != "swap"}
+
     def _begin(self, step: str, work: Work, *given: Any) -> None:
+        self._start(step, lambda ended: Job(work, self._prepared, self.place, *given, ended=ended))
+
+    def _start(self, step: str, make: Callable[[Ended], Job | BoardJob]) -> None:
         if self._job is not None:
             raise InputError(f"{step}: {self._step} is still under way; wait, or cancel it")
         needed = STEPS[: STEPS.index(step)]
@@ -168,13 +216,16 @@ class Improver:
         self._step, self._trouble, self._began = step, "", time.monotonic()
 
         def ended(outcome: Mapping[str, Any] | str) -> None:
-            self._job = None
             if isinstance(outcome, str):
                 self._trouble = f"{step}: {outcome}"
             else:
+                if step == "identify":
+                    model = read_model(self.place / MODEL)
+                    self._found = model, make_curves(read_loops(self.place / LOOPS), model)
                 self._leave(step, {**outcome, "took_s": time.monotonic() - self._began})
+            self._job = None
 
-        self._job = Job(work, self._prepared, self.place, *given, ended=ended)
+        self._job = make(ended)
 
     def _leave(self, step: str, result: Mapping[str, Any]) -> None:
         """Keep what a step left; what came after it before counts no more."""
@@ -187,9 +238,14 @@ class Improver:
             step: shown,
         }
 
-    def _exchange(self, words: Sequence[int], model: ActuatorModel) -> int:
+    def _exchange(
+        self, words: Sequence[int], model: ActuatorModel, curves: tuple[DrawnLoop, ...]
+    ) -> int:
+        if self.drives:
+            raise InputError("swap: a measurement drives the controller; wait, or cancel it")
         old = self._bench.read_block()
-        tick = self._bench.swap_block(regenerate(words, (old[GENERATION_AT] + 1) & 0xFFFF))
-        self._before = old, self.model
-        self.model = model
+        self._in_force = regenerate(words, (old[GENERATION_AT] + 1) & 0xFFFF)
+        tick = self._bench.swap_block(self._in_force)
+        self._before = old, self.model, self.curves
+        self.model, self.curves = model, curves
         return tick

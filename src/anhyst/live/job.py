@@ -11,9 +11,13 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.one_core import spread
 
 Work = Callable[..., Mapping[str, Any]]
 """Called with a :data:`anhyst.support.progress.Progress` and what else was given; of a module."""
+
+Ended = Callable[[Mapping[str, Any] | str], None]
+"""Called with the result, or with the reason why there is none."""
 
 _NICE = 10
 """The bench goes before."""
@@ -38,9 +42,7 @@ class Job:
         Done so far, 0 to 1.
     """
 
-    def __init__(
-        self, work: Work, *given: Any, ended: Callable[[Mapping[str, Any] | str], None]
-    ) -> None:
+    def __init__(self, work: Work, *given: Any, ended: Ended) -> None:
         self.share = 0.0
         self._ended = ended
         self._cancelled = False
@@ -61,6 +63,7 @@ class Job:
         self._thread.join()
 
     def _listen(self) -> None:
+        spread()  # whoever asked may be kept on the core of the bench
         self._process.start()  # takes a while, for which whoever asked does not wait
         self._says.close()
         self._started.set()

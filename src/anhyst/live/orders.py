@@ -18,6 +18,9 @@ from anhyst.support.errors import InputError
 Fields = Mapping[str, Any]
 Act = Callable[[LiveSession, str, Fields], Mapping[str, Any]]
 
+_DRIVES = ("command", "target", "generator", "apply")
+"""What moves a controller."""
+
 _SWITCHES_MOST = 200
 """Parameters in one message."""
 
@@ -46,7 +49,15 @@ def perform(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]
     act = _ACTS.get(str(fields.get("do")))
     if act is None:
         raise InputError(f"no order '{str(fields.get('do'))[:40]}'")
+    _check_free(session, fields)
     return {"tick": session.bench.tick, **act(session, who, fields)}
+
+
+def _check_free(session: LiveSession, fields: Fields) -> None:
+    """Refuse what would disturb a measurement through the controller; a stop ends it."""
+    driven = session.improver is not None and session.improver.drives
+    if driven and fields["do"] in _DRIVES and fields.get("name") != "stop":
+        raise InputError("a measurement drives the controller; wait, cancel it, or stop")
 
 
 def _command(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
@@ -83,8 +94,15 @@ def _generator(session: LiveSession, who: str, fields: Fields) -> Mapping[str, A
         return {}
     wave = _wave(session, fields)
     session.generate(wave)
-    session.note(who, "generator " + ", ".join(f"{one}" for one in wave.as_dict().values()))
+    session.note(who, f"generator {_described(wave, session.bench.aim.unit)}")
     return {}
+
+
+def _described(wave: Wave, unit: str) -> str:
+    shape, *rest = wave.as_dict().items()
+    units = {"amplitude": f" {unit}", "rows": "", "lasts": " s"}
+    numbers = [f"{name} {value:g}{units.get(name, ' Hz')}" for name, value in rest]
+    return ", ".join([str(shape[1]), *numbers])
 
 
 def _wave(session: LiveSession, fields: Fields) -> Wave:

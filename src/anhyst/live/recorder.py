@@ -8,6 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+import orjson
+
 from anhyst.live.mdf import MdfRecorder
 from anhyst.rig.bench.protocol import Signal
 from anhyst.support.arrays import FloatArray
@@ -20,9 +23,6 @@ HEADERS = {
     "load": "load_N",
 }
 """Names under which a recording's columns are read as a measurement; others keep theirs."""
-
-_WHOLE = frozenset({"state", "fault", "phase", "flags"})
-"""Signals that are numbers of something."""
 
 
 class RecordingFile(Protocol):
@@ -44,7 +44,8 @@ class RecordingFile(Protocol):
 class CsvRecorder:
     """Writes rows as they come, whole lines at a time; a kill leaves a readable file.
 
-    Every number is written so that it reads back as it was, bit for bit.
+    Every number is written so that it reads back as it was, bit for bit, and whole ones without a
+    point; what is not finite is written as ``nan``.
 
     Parameters
     ----------
@@ -74,29 +75,26 @@ class CsvRecorder:
         self.rows = 0
         self._rate = rate
         self._lock = threading.Lock()
-        kinds = ["%d" if signal.name in _WHOLE else "%r" for signal in signals]
-        self._row = ",".join(["%d", "%r", *kinds]) + "\n"
         heads = [HEADERS.get(one.name, _header(one)) for one in signals]
-        self._write(",".join(["tick", "t_s", *heads]) + "\n")
+        self._write((",".join(["tick", "t_s", *heads]) + "\n").encode())
 
     def put(self, rows: FloatArray) -> None:
         """Write rows, column 0 the tick."""
-        values = []
-        for tick, *rest in rows.tolist():
-            values += [tick, tick / self._rate, *rest]
-        self._write(self._row * len(rows) % tuple(values))
+        ticks = rows[:, :1]
+        table = np.hstack((ticks, ticks / self._rate, rows[:, 1:]))
+        self._write(_lines(table))
         self.rows += len(rows)
 
     def note(self, tick: int, text: str) -> None:
         """Write a line between the rows; readers take it as a comment."""
-        self._write(f"# after tick {tick}, {' '.join(text.split())}\n")
+        self._write(f"# after tick {tick}, {' '.join(text.split())}\n".encode())
 
     def close(self) -> None:
         """Close the file."""
         os.close(self._file)
 
-    def _write(self, text: str) -> None:
-        data = memoryview(text.encode())
+    def _write(self, lines: bytes) -> None:
+        data = memoryview(lines)
         with self._lock:
             while data:
                 data = data[os.write(self._file, data) :]
@@ -134,6 +132,14 @@ def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recor
         raise InputError(f"{path}: is there already; name a new file") from None
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
+
+
+def _lines(table: FloatArray) -> bytes:
+    """Return rows as lines; a JSON writer is ten times as fast as formatting in Python."""
+    text = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2] + b"\n"
+    for old, new in ((b"],[", b"\n"), (b".0,", b","), (b".0\n", b"\n"), (b"null", b"nan")):
+        text = text.replace(old, new)
+    return text
 
 
 def _header(signal: Signal) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 from collections.abc import Callable
 
@@ -74,6 +75,12 @@ def make_server(
     )
 
 
+def settle() -> None:
+    """Let no collection of garbage go through all that stays, which takes tens of ms, later on."""
+    gc.collect()
+    gc.freeze()
+
+
 def serve(
     session: LiveSession,
     title: str,
@@ -96,6 +103,7 @@ def serve(
     """
     host, port = taken.getsockname()[:2]
     server = make_server(session, title, (host, port), token)
+    settle()
     session.start()
     try:
         if started is not None:

@@ -16,7 +16,8 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from anhyst.live.describe import describe
+from anhyst.live.curves import DrawnLoop
+from anhyst.live.describe import describe, loops_of
 from anhyst.live.desk import Desk
 from anhyst.live.frames import Outbox, encode
 from anhyst.live.guard import Allowance, Guard
@@ -62,6 +63,7 @@ class Client:
         self.outbox = Outbox(every=every)
         self.logged = 0
         self.parameters: tuple[Parameter, ...] = ()
+        self.curves: tuple[DrawnLoop, ...] = ()
         self.results: Mapping[str, Any] = {}
         self._answers: deque[Mapping[str, Any]] = deque(maxlen=_ANSWERS)
 
@@ -145,7 +147,7 @@ class LiveServer:
         client = Client(self._count, socket, self.session.bench.every)
         self._clients[client.number] = client
         self.desk.join(client.number)
-        client.parameters = self.session.parameters
+        client.parameters, client.curves = self.session.parameters, self.session.curves
         await client.say(describe(self.session, self._title, client.number))
         leave = self.session.listen(client.outbox.put)
         sender = asyncio.create_task(self._send(client))
@@ -178,6 +180,9 @@ class LiveServer:
             client.parameters = self.session.parameters
             said = {"parameters": parameters_of(self.session), "applied": self.session.applied}
             await client.say({"kind": "parameters", **said})
+        if client.curves is not self.session.curves:
+            client.curves = self.session.curves
+            await client.say({"kind": "loops", "loops": loops_of(self.session)})
         improver = self.session.improver
         if improver is not None and client.results is not improver.results:
             client.results = improver.results

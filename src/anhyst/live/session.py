@@ -6,6 +6,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -66,6 +67,7 @@ class LiveSession:
         What runs it.
     sets : ParameterSets
     curves : tuple of DrawnLoop
+        Another tuple after each change.
     recorder : TickRecorder
         The bench waits for it.
     improver : Improver or None
@@ -89,7 +91,7 @@ class LiveSession:
         improver: Improver | None = None,
         curves: Sequence[DrawnLoop] = (),
     ) -> None:
-        self.bench = DrivenBench(bench, self._generator_refused)
+        self.bench = DrivenBench(bench, self._generator_refused, self._happened)
         self.curves = tuple(curves)
         self.improver = improver
         self.watched: BenchWatch | None = None
@@ -226,6 +228,7 @@ class LiveSession:
             "generator": shown or None,
             "recording": self.recorder.status(),
             "sets": self.sets.names,
+            "lost": self.bench.lost,
             "ended": self.ended,
             "improve": None if self.improver is None else self.improver.status(),
             "watch": None if self.watched is None else self.watched.status(),
@@ -248,6 +251,15 @@ class LiveSession:
 
     def _generator_refused(self, reason: str) -> None:
         self.note("bench", f"generator off: {reason}")
+
+    def _happened(self, text: str) -> None:
+        """Log what happened to the controller; what it has in force is as it says."""
+        self.note("controller", text)
+        self.parameters = self.bench.parameters()
+        if self.improver is not None and not self.bench.lost:
+            with suppress(InputError):  # it is lost again, and this comes again
+                self.improver.look_again()
+                self.curves = self.improver.curves
 
     def _hand_on(self, rows: FloatArray) -> None:
         for listener in self._listeners:

@@ -3,18 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst.data.history import History
+from anhyst.data.look import group_label, length_scale, shades
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
-from anhyst.model.predict import Prediction, invert, predict
+from anhyst.model.predict import invert, predict
+from anhyst.model.prediction import Prediction
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.stepper import Stepper
+from anhyst.model.writer import write_model
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.result import Result, range_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DRAWN = 400
+"""Samples of a branch that is drawn."""
+
+CYCLE_S = 1.0
+"""Length of the cycle of a model whose loops depend on the rate."""
 
 
-@dataclass(frozen=True)
-class ActuatorModel(ActuatorRecord):
+@dataclass(frozen=True, repr=False)
+class ActuatorModel(Result, ActuatorRecord):
     """A record of an actuator, and what can be done with it.
 
     Examples
@@ -24,7 +43,31 @@ class ActuatorModel(ActuatorRecord):
     >>> model = ActuatorModel("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
     >>> model.predict([0.0, 100.0, 0.0]).output.round(3)
     array([0.   , 0.32 , 0.079])
+    >>> model([0.0, 100.0, 0.0]).round(3)
+    array([0.   , 0.32 , 0.079])
+    >>> model.inverse([0.0, 0.32, 0.079]).round(0)
+    array([  0., 100.,   0.])
     """
+
+    def __call__(
+        self,
+        drive: ArrayLike,
+        schedule: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+        history: History | str | None = None,
+    ) -> FloatArray:
+        """Return the output that a drive gives, shape (n,); see :meth:`predict`."""
+        return self.predict(drive, schedule, time, history).output
+
+    def inverse(
+        self,
+        demand: ArrayLike,
+        schedule: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+        history: History | str | None = None,
+    ) -> FloatArray:
+        """Return the drive that a demanded output needs, shape (n,); see :meth:`invert`."""
+        return self.invert(demand, schedule, time, history).drive
 
     def predict(
         self,
@@ -70,3 +113,78 @@ class ActuatorModel(ActuatorRecord):
         """
         check = self.check_over_gap()
         return check is None or check.passed
+
+    def settled_loop(self, schedule: float | None, samples: int) -> tuple[FloatArray, FloatArray]:
+        """Return the settled loop over the range of the input where the model holds.
+
+        Parameters
+        ----------
+        schedule : float or None
+            Scheduling variable, SI.
+        samples : int
+            Of each branch.
+
+        Returns
+        -------
+        drive, output : ndarray, shape (2*samples,)
+            Up, then down; a model whose loops depend on the rate is cycled in :data:`CYCLE_S`.
+
+        Raises
+        ------
+        InputError
+            The model does not say where it holds.
+        """
+        if self.valid is None:
+            raise InputError("the model does not say where it holds ([valid]): no range for a loop")
+        up = np.linspace(*self.valid.input, samples)
+        drive = np.concatenate([up, up[::-1]])
+        time = np.linspace(0.0, CYCLE_S, drive.size) if self.needs_time else None
+        return drive, self(drive, schedule, time, "settled")
+
+    def facts(self) -> dict[str, str]:
+        """Return law, gap map, where the model holds and how well it fits."""
+        told = {"name": self.name, "law": self.law, "gap map": self.gap_map}
+        valid, fit = self.valid, self.fit
+        if valid is not None:
+            told[self.input.name] = range_text(*valid.input, self.input.unit)
+            told[self.output.name] = range_text(*valid.output, self.output.unit)
+        if valid is not None and valid.schedule is not None and self.schedule is not None:
+            ends = (self.schedule.show(value) for value in valid.schedule)
+            told["holds from"] = " to ".join(ends)
+        if fit is not None:
+            share = 100.0 / fit.largest_output
+            told["fit"] = f"mean {share * fit.mean_abs:.2g} %, worst {share * fit.worst:.2g} %"
+        return told
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the parameters, SI: one row each, and one for each node where they vary."""
+        rows = []
+        for name, value in self.parameters.items():
+            values = value if isinstance(value, tuple) else (value,)
+            nodes = self.nodes if len(values) > 1 else (float("nan"),)
+            rows += [(self.keys[name][1], *pair) for pair in zip(nodes, values, strict=True)]
+        at = self.schedule.column if self.schedule is not None else "node"
+        names, places, numbers = zip(*rows, strict=True)
+        return {"parameter": list(names), at: list(places), "value": list(numbers)}
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the settled loop over the range where the model holds, at each node.
+
+        Raises
+        ------
+        InputError
+            The model does not say where it holds.
+        """
+        scale, label = length_scale(self.output)
+        for node, colour in shades(self.nodes or (0.0,)).items():
+            at = node if self.nodes else None
+            drive, output = self.settled_loop(at, DRAWN)
+            name = group_label(self.schedule, at)
+            ax.plot(drive, scale * output, color=colour, lw=1.1, label=name)
+        ax.set_xlabel(self.input.label)
+        ax.set_ylabel(label)
+
+    def save(self, path: PathLike) -> Path:
+        """Write the model file; see :func:`anhyst.model.writer.write_model`."""
+        write_model(self, path)
+        return Path(path)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.parameters import Parameter
 from anhyst.support.errors import InputError
+from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from anhyst.model.fit_record import Range
 
 DRIVES_A_BRANCH = 200
@@ -49,8 +52,8 @@ class LoopDifference:
     at_drive: float
 
 
-@dataclass(frozen=True, slots=True)
-class ModelDiff:
+@dataclass(frozen=True, slots=True, repr=False)
+class ModelDiff(Result):
     """What two models have different.
 
     Parameters
@@ -82,6 +85,29 @@ class ModelDiff:
     def same(self) -> bool:
         """Whether the models compute the same (names and records of origin aside)."""
         return not self.settings and not self.parameters
+
+    def facts(self) -> dict[str, str]:
+        """Return what differs, and how far apart the loops are."""
+        told = {"different": ", ".join(one.name for one in (*self.settings, *self.parameters))}
+        if self.mean is not None and self.worst is not None:
+            told |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} in SI units"}
+        return {"same": "yes"} if self.same else told
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return how far the settled loops are apart at each scheduling value, SI."""
+        return columns_of([asdict(one) for one in self.loops])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain data, for JSON."""
+        return {"same": self.same, **asdict(self)}
+
+    def draw(self, ax: Axes) -> None:
+        """Draw mean and largest difference of the settled loops over the scheduling variable."""
+        at = [0.0 if one.schedule is None else one.schedule for one in self.loops]
+        ax.plot(at, [one.worst for one in self.loops], "o-", lw=1.1, label="largest difference")
+        ax.plot(at, [one.mean for one in self.loops], "o-", lw=1.1, label="mean")
+        ax.set_xlabel("scheduling variable, SI")
+        ax.set_ylabel("difference of the outputs, SI")
 
 
 def diff(first: ActuatorModel, second: ActuatorModel) -> ModelDiff:

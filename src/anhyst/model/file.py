@@ -20,6 +20,7 @@ from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law
 from anhyst.laws.registry import LAWS, law_of
 from anhyst.model.actuator import ActuatorModel
+from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import (
     CandidateFit,
     CrossValidation,
@@ -276,7 +277,8 @@ class _Reader:
             history = History.parse(table.history)
         except InputError as error:
             self.file.add(("history",), str(error))
-            self._stop_if_wrong()
+        late = self._dynamics(table)
+        self._stop_if_wrong()
         model = ActuatorModel(
             name=table.name,
             input=given,
@@ -296,6 +298,7 @@ class _Reader:
             reduction=tuple(ReductionStep(**dict(step)) for step in table.reduction),
             provenance=_provenance(table),
             cells=cells,
+            dynamics=late,
         )
         try:
             for node in model.nodes if model.fixed_gap_only else (None,):
@@ -304,6 +307,18 @@ class _Reader:
             self.file.add(("parameters",), str(error).removeprefix("model parameters: "))
             self._stop_if_wrong()
         return model
+
+    def _dynamics(self, table: ModelTable) -> Dynamics | None:
+        given = table.dynamics
+        if given is None:
+            return None
+        try:
+            return Dynamics(
+                given.lag, tuple(given.creep_times), tuple(given.creep_shares), given.fastest
+            )
+        except InputError as error:
+            self.file.add(("dynamics",), str(error).removeprefix("model dynamics: "))
+            return None
 
     def _stop_if_wrong(self) -> None:
         if self.file.problems:

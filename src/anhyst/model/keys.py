@@ -60,6 +60,11 @@ def section_names(
         ("cells",): {
             name: (name, column(name, "A/m")) for name in ("thresholds", "widths", "weights")
         },
+        ("dynamics",): {
+            "lag": ("lag", "lag_s"),
+            "creep_times": ("creep_times", "creep_times_s"),
+            "fastest": ("fastest", "fastest_Hz"),
+        },
         ("valid",): ranges,
         ("fit",): deviations,
         ("fit", "loop"): deviations | at,

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from anhyst._core import status_text
 from anhyst.data.history import History
 from anhyst.laws.law import IronOperator
 from anhyst.model.circuit import Circuit
+from anhyst.model.dynamics import Dynamics, too_fast
+from anhyst.model.prediction import Prediction
 from anhyst.model.record import ActuatorRecord
-from anhyst.model.valid_range import Given, flag, warn_if_far
+from anhyst.model.valid_range import BoolArray, Given, flag, warn_if_far
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
-
-BoolArray = NDArray[np.bool_]
 
 OK = 0
 NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
@@ -56,53 +56,6 @@ class SampleError(InputError):
         super().__init__(f"{name}: sample {sample} {what}")
         self.sample = sample
         self.what = what
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """What a model computed over a record; all arrays of shape (n,).
-
-    Parameters
-    ----------
-    drive : ndarray
-        Input of the actuator, in units of the input.
-    output : ndarray
-        Output of the actuator, in units of the output. After ``invert``, what the drive really
-        gives: the demand, except where the demand has no answer.
-    flux_density : ndarray
-        T.
-    field : ndarray
-        Field in the iron, A/m.
-    valid : ndarray of bool
-        Whether the sample lies inside the valid range of the model.
-    state : ndarray, shape (s,)
-        State of the iron after the last sample (``x/a``, ``M_irr/M_s``, play ``/a``).
-    cycles : int
-        Repetitions it took to settle; 0 for another history.
-    history : History
-        What was assumed to have happened before.
-    reachable : ndarray of bool
-        Whether the demand has an answer at all; all True after ``predict``.
-    flags, notes : tuple of str
-        Sentences about samples outside the valid range, and about what was assumed.
-    """
-
-    drive: FloatArray
-    output: FloatArray
-    flux_density: FloatArray
-    field: FloatArray
-    valid: BoolArray
-    state: FloatArray
-    cycles: int
-    history: History
-    reachable: BoolArray
-    flags: tuple[str, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a reader has to know, one sentence each."""
-        return self.flags + self.notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +180,22 @@ def run_through(
 ) -> Prediction:
     """Compute as `predict` (``"drive"``) or `invert` (``"demand"``), without a Python warning."""
     given = as_samples(values, kind)
+    if model.dynamics is not None and model.dynamics.needs_time:
+        clock = _clock(time, given.size)
+        run = _drive_late if kind == "drive" else _demand_late
+        return run(model, model.dynamics, given, schedule, clock, as_history(history, model))
+    return _run_at_once(model, kind, given, schedule, time, history)
+
+
+def _run_at_once(
+    model: ActuatorRecord,
+    kind: Given,
+    given: FloatArray,
+    schedule: ArrayLike | None,
+    time: ArrayLike | None,
+    history: History | str | None,
+) -> Prediction:
+    """Compute a record of an actuator that answers at once."""
     at = None if schedule is None else as_samples(schedule, "schedule", given.size)
     if at is None:
         model.schedule_or_default(None)
@@ -271,7 +240,86 @@ def run_through(
         reachable=record.reachable,
         flags=flags,
         notes=tuple(notes),
+        quantities=(model.input, model.output),
     )
+
+
+def _drive_late(
+    model: ActuatorRecord,
+    late: Dynamics,
+    drive: FloatArray,
+    schedule: ArrayLike | None,
+    time: FloatArray,
+    past: History,
+) -> Prediction:
+    """Compute the output of an actuator that lags and creeps."""
+    found = _run_at_once(model, "drive", late.delayed(drive, time), schedule, time, past)
+    at = None if schedule is None else as_samples(schedule, "schedule", drive.size)
+    output = found.output
+    if late.times:
+        flux = found.flux_density
+        slow = _slow_start(model, late, past, at, flux, time, known=True)
+        circuit = model.circuit(at, np.zeros(drive.size))
+        output = circuit.output(late.added(flux, time, slow).found)
+    valid, flags = flag(model, "drive", drive, output, at, found.reachable)
+    notes = found.notes + too_fast(late, drive, time)
+    return replace(found, drive=drive, output=output, valid=valid, flags=flags, notes=notes)
+
+
+def _demand_late(
+    model: ActuatorRecord,
+    late: Dynamics,
+    demand: FloatArray,
+    schedule: ArrayLike | None,
+    time: FloatArray,
+    past: History,
+) -> Prediction:
+    """Compute the drive of an actuator that lags and creeps: what it must be a lag earlier."""
+    at = None if schedule is None else as_samples(schedule, "schedule", demand.size)
+    circuit = model.circuit(at, np.zeros(demand.size))
+    at_once, reachable = demand, np.ones(demand.size, dtype=np.bool_)
+    if late.times:
+        flux, reachable = circuit.flux_density(demand)
+        slow = _slow_start(model, late, past, at, flux, time, known=False)
+        at_once = circuit.output(late.removed(flux, time, slow).found)
+    found = _run_at_once(model, "demand", at_once, schedule, time, past)
+    drive = late.advanced(found.drive, time)
+    valid, flags = flag(model, "demand", drive, demand, at, reachable & found.reachable)
+    notes = found.notes + too_fast(late, drive, time)
+    return replace(found, drive=drive, output=demand, valid=valid, flags=flags, notes=notes)
+
+
+def _slow_start(
+    model: ActuatorRecord,
+    late: Dynamics,
+    past: History,
+    schedule: FloatArray | None,
+    flux: FloatArray,
+    time: FloatArray,
+    *,
+    known: bool,
+) -> FloatArray:
+    """Return the slow parts at the first sample: after a long rest, or of a settled cycle."""
+    if past.kind == "settled":
+        return late.settled(flux, time, known=known)
+    rest = 0.0
+    if past.turning_points:
+        at = None if schedule is None else schedule[:1]
+        last = as_samples(past.turning_points[-1:], "turning point")
+        rest = float(_run_at_once(model, "drive", last, at, [0.0], past).flux_density[0])
+    return np.full(len(late.times), rest)
+
+
+def _clock(time: ArrayLike | None, size: int) -> FloatArray:
+    if time is None:
+        raise InputError(
+            "the model has a lag or creep ([dynamics]): give the time, in a file as column t_s"
+        )
+    clock = as_samples(time, "time", size)
+    if (np.diff(clock) <= 0.0).any():
+        sample = int(np.argmax(np.diff(clock) <= 0.0)) + 1
+        raise InputError(f"time: does not ascend at sample {sample}")
+    return clock
 
 
 def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray, int]:

@@ -14,6 +14,7 @@ from anhyst.data.columns import Texts
 from anhyst.data.files import write_csv
 from anhyst.data.history import SETTLED, History
 from anhyst.data.loop_set import Loop
+from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.sequence import IN_ONE_RUN, one_after_another
 from anhyst.data.table import DataTable, read_columns
 from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
@@ -147,7 +148,7 @@ def _compute(
     """Compute all runs of a table: what was wanted, where it is valid, how many, what to say."""
     forward = direction == "predict"
     given = model.input if forward else model.output
-    values = table.need(given.name, given.column)
+    values = table.need(_named(table, given), given.column)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
     if schedule is None and model.schedule is not None:
         try:
@@ -155,7 +156,7 @@ def _compute(
         except InputError as error:
             raise InputError(f"{table.path}: {error}{table.hint(model.schedule.name)}") from None
     # A column of time that nothing needs may be as it likes.
-    time = table.get("time") if np.any(model.parameters["gamma"]) else None
+    time = table.get("time") if model.needs_time else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
     pasts = _pasts(model, direction, table, runs, values, schedule, history)
     found, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
@@ -197,7 +198,7 @@ def _pasts(
 ) -> list[History]:
     """Say what was before each run: settled ones that the file shows to lie one within the other."""
     past = History.parse(history)
-    measured, time = _measured(table, model.output.name), _measured(table, "time")
+    measured, time = _measured(table, _named(table, model.output)), _measured(table, "time")
     if past != SETTLED or direction == "invert" or measured is None or time is None:
         return [past] * len(runs)
     try:
@@ -215,6 +216,15 @@ def _pasts(
         return [past] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
     return [loop.history for loop in one_after_another(loops, over_gaps=is_gap)]
+
+
+def _named(table: DataTable, wanted: Quantity) -> str:
+    """Name of a quantity in a table, where what is magnetised has another one than what is not."""
+    names = {wanted.name} | {
+        name for name, kind in OUTPUT_MAPS.items() if kind.magnetised == wanted.name
+    }
+    held = {header.quantity.name for header in table.headers if header.quantity is not None}
+    return next((name for name in sorted(names) if name in held), wanted.name)
 
 
 def _measured(table: DataTable, name: str) -> FloatArray | None:
@@ -272,7 +282,7 @@ def _write(
 
 
 def _deviation(table: DataTable, wanted: Quantity, found: FloatArray) -> Deviation | None:
-    measured = _measured(table, wanted.name)
+    measured = _measured(table, _named(table, wanted))
     if measured is None:
         return None
     apart = np.abs(found - measured)

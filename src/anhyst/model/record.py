@@ -27,6 +27,7 @@ from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
 from anhyst.laws.registry import DEFAULT_LAW, LAWS, law_of
 from anhyst.model.circuit import Circuit
+from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.gap_map import Curve
 from anhyst.model.keys import Names, parameter_names
@@ -86,6 +87,8 @@ class ActuatorRecord:
         Records of the identification; see :mod:`anhyst.model.fit_record`.
     cells : CellWeights or None
         The cells of a law that has some, in place of the parameters that describe them.
+    dynamics : Dynamics or None
+        Lag and creep; None for what answers at once.
 
     Raises
     ------
@@ -108,6 +111,7 @@ class ActuatorRecord:
     reduction: tuple[ReductionStep, ...] = ()
     provenance: Provenance = field(default_factory=Provenance)
     cells: CellWeights | None = None
+    dynamics: Dynamics | None = None
 
     def __post_init__(self) -> None:
         given = {name: _as_parameter(value) for name, value in self.parameters.items()}
@@ -174,6 +178,12 @@ class ActuatorRecord:
     def needs_schedule(self) -> bool:
         """Whether a run has to say where the scheduling variable was."""
         return bool(self.varying)
+
+    @property
+    def needs_time(self) -> bool:
+        """Whether a run has to say when its samples were taken."""
+        late = self.dynamics is not None and self.dynamics.needs_time
+        return late or bool(np.any(self.parameters["gamma"]))
 
     @cached_property
     def curves(self) -> Mapping[str, Curve]:

@@ -74,6 +74,15 @@ class CellsTable(Table):
     weights: list[list[FiniteFloat]]
 
 
+class DynamicsTable(Table):
+    """``[dynamics]``: what comes late."""
+
+    lag: FiniteFloat = 0.0
+    creep_times: list[FiniteFloat] = []
+    creep_shares: list[FiniteFloat] = []
+    fastest: FiniteFloat = 0.0
+
+
 class ValidTable(Table):
     """``[valid]``: smallest and largest measured values."""
 
@@ -177,6 +186,7 @@ class ModelTable(Table):
     schedule: ScheduleTable | None = None
     parameters: dict[str, Any]
     cells: CellsTable | None = None
+    dynamics: DynamicsTable | None = None
     valid: ValidTable | None = None
     fit: FitTable | None = None
     uncertainty: UncertaintyTable | None = None

@@ -83,6 +83,32 @@ class Stepper:
         past = as_history(history, model)
         self._state = self._cycled() if past.kind == "settled" else self._conditioned(past)
         self._output: float | None = None
+        late = model.dynamics
+        self._late = late if late is not None and late.times else None
+        self._flux = self._at_rest(past)
+        self._slow = np.full(len(self._late.times) if self._late else 0, self._flux)
+
+    def _at_rest(self, past: History) -> float:
+        """Return the flux density before the first step, where creep has come to its end."""
+        if self._late is None or past.kind == "demagnetised":
+            return 0.0
+        points = past.turning_points
+        if past.kind == "settled" and self.model.valid is not None:
+            points = self.model.valid.input[:1]
+        circuit = self._circuit(self._schedule, None)
+        core = circuit.magnetomotive(np.array(points[-1:]))
+        return float(self._iron.forward(core, circuit.rho, circuit.eddy, self._state)[0][0])
+
+    def _creep(self, dt: float | None) -> tuple[float, FloatArray]:
+        """Return what creep adds to the flux density now, T, and its slow parts."""
+        if self._late is None:
+            return 0.0, self._slow
+        slow = self._slow
+        if self._output is not None:
+            if dt is None:
+                raise InputError("dt: the model creeps ([dynamics]); give the time of the step")
+            slow = self._late.follow(self._flux, slow, dt)
+        return float(np.array(self._late.shares) @ slow), slow
 
     def _conditioned(self, history: History) -> FloatArray:
         return initial_state(self.model, self._iron, history, self._schedule)
@@ -125,7 +151,8 @@ class Stepper:
         schedule : float, optional
             Scheduling variable, SI; that of the last commit if left out.
         dt : float, optional
-            Time since the last commit, s; for a model with eddy currents, otherwise not used.
+            Time since the last commit, s; for a model with eddy currents or creep, otherwise not
+            used. A lag is not looked at: what is committed acts at once.
 
         Returns
         -------
@@ -141,6 +168,7 @@ class Stepper:
         at = self._at(schedule)
         circuit = self._circuit(at, dt)
         flux, reachable = circuit.flux_density(wanted)
+        flux = flux - self._creep(dt)[0]
         drive, _, _, status, _ = self._iron.inverse(flux, circuit.rho, circuit.eddy, self._state)
         check(status, "demand", 0, wanted)
         applied = circuit.drive(drive)
@@ -180,8 +208,9 @@ class Stepper:
         core = circuit.magnetomotive(given)
         flux, _, state, status, _ = self._iron.forward(core, circuit.rho, circuit.eddy, self._state)
         check(status, "applied drive", 0, given)
-        self._state, self._schedule = state, at
-        self._output = float(circuit.output(flux)[0])
+        added, self._slow = self._creep(dt)
+        self._state, self._schedule, self._flux = state, at, float(flux[0])
+        self._output = float(circuit.output(flux + added)[0])
         return self._output
 
     def follow(self, applied: FloatArray, schedule: FloatArray) -> FloatArray:
@@ -208,6 +237,8 @@ class Stepper:
         at = as_samples(schedule, "schedule", given.size)
         if np.any(self.model.over_schedule("gamma", at) > 0.0):
             raise InputError("the model has eddy currents (gamma); commit one by one, with dt")
+        if self._late is not None:
+            raise InputError("the model creeps ([dynamics]); commit one by one, with dt")
         for end in (at.min(), at.max()):
             self._at(float(end))
         circuit = self.model.circuit(at, np.zeros(given.size))

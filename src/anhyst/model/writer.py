@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.registry import LAWS
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
 from anhyst.model.keys import FORMAT, VERSION, column
+from anhyst.model.record import ActuatorRecord
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import Quantity
@@ -38,6 +39,11 @@ CELLS = """
 # The cells of the iron: thresholds ascending from 0, and what each adds to the saturation on the
 # curve (shape) of each width, a row a threshold. They stand for the parameters of the populations.
 """
+DYNAMICS = """
+# What comes late: the lag from the input to the output; creep, slow parts with these time constants
+# that add these shares of what the actuator does at once; and the rate of cycles up to which the
+# model was seen to hold, 0 where that is not known.
+"""
 FIT = """
 # How far the model is from the measurement it was found from: mean absolute, root mean square and
 # largest deviation. left_out: mean deviation on schedule values that were left out of the fit, in
@@ -54,12 +60,12 @@ UNCERTAINTY = """
 """
 
 
-def write_model(model: ActuatorModel, path: PathLike) -> None:
+def write_model(model: ActuatorRecord, path: PathLike) -> None:
     """Write a model to a file, whole or not at all.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model.
     path : path-like
         Where; a file that stands there is replaced once the new one is complete.
@@ -74,12 +80,12 @@ def write_model(model: ActuatorModel, path: PathLike) -> None:
         stream.write(text)
 
 
-def model_text(model: ActuatorModel) -> str:
+def model_text(model: ActuatorRecord) -> str:
     """Return the text of the model file.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorRecord
         The model.
 
     Returns
@@ -97,6 +103,7 @@ def model_text(model: ActuatorModel) -> str:
         _schedule(model),
         "\n[parameters]" + PARAMETERS_HEAD + _parameters(model),
         _cells(model.cells) if model.cells else "",
+        _dynamics(model.dynamics) if model.dynamics else "",
         _valid(model),
     ]
     if model.fit:
@@ -138,14 +145,14 @@ def _quantity(quantity: Quantity) -> str:
     return _keys({"quantity": quantity.name, "symbol": quantity.symbol, "unit": quantity.unit})
 
 
-def _schedule(model: ActuatorModel) -> str:
+def _schedule(model: ActuatorRecord) -> str:
     if model.schedule is None:
         return ""
     nodes = {column("nodes", model.schedule.unit): list(model.nodes)} if model.nodes else {}
     return "\n[schedule]\n" + _quantity(model.schedule) + _keys(nodes)
 
 
-def _parameters(model: ActuatorModel) -> str:
+def _parameters(model: ActuatorRecord) -> str:
     names = model.keys
     lines = []
     for name, spec in model.specs.items():
@@ -166,7 +173,17 @@ def _cells(cells: CellWeights) -> str:
     return f"{CELLS}[cells]\n{_keys(table)}{weights}"
 
 
-def _valid(model: ActuatorModel) -> str:
+def _dynamics(late: Dynamics) -> str:
+    table = {
+        "lag_s": float(late.lag),
+        "creep_times_s": list(map(float, late.times)),
+        "creep_shares": list(map(float, late.shares)),
+        "fastest_Hz": float(late.fastest),
+    }
+    return f"{DYNAMICS}[dynamics]\n{_keys(table)}"
+
+
+def _valid(model: ActuatorRecord) -> str:
     if model.valid is None:
         return ""
     table = {
@@ -179,7 +196,7 @@ def _valid(model: ActuatorModel) -> str:
     return f"{head}[valid]\n{_keys(table)}"
 
 
-def _fit(fit: FitFigures, model: ActuatorModel) -> str:
+def _fit(fit: FitFigures, model: ActuatorRecord) -> str:
     rest = {
         "left_out": _floats(fit.left_out) or None,
         "monotone": None if fit.monotone is None else bool(fit.monotone),

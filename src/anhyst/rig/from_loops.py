@@ -210,7 +210,7 @@ class _Fit:
         width = width or (side * side / depth if depth else side)
         depth = depth or side * side / width
         poles = Poles(
-            turns=table.turns or math.exp(values["turns"]),  # type: ignore[arg-type]
+            turns=table.turns or math.exp(values["turns"]),
             resistance=1.0,
             width=width,
             depth=depth,

@@ -11,9 +11,9 @@ from pydantic import BeforeValidator, Field
 from anhyst.data import LoopSet
 from anhyst.data.output_map import is_electromagnet
 from anhyst.data.reading import files_read
-from anhyst.identify import identify
-from anhyst.identify.identify import check_wanted
-from anhyst.identify.options import IdentifyTable
+from anhyst.identification import identify
+from anhyst.identification.identify import check_wanted
+from anhyst.identification.options import IdentifyTable
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from anhyst.identify.options import IdentifyTable
+from anhyst.identification.options import IdentifyTable
 from anhyst.support.toml_file import Bits, NotNegative, Number, Positive, Share, Table
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tempfile
-import tomllib
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from anhyst.data import LoopSet
+from anhyst.compensate.block import DemandLimits, Kind, Scales
+from anhyst.compensate.plan import CompileRequest
 from anhyst.link.xcp import XcpMaster
-from anhyst.rig.bearing.file import read_bearing
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
@@ -19,10 +25,14 @@ from anhyst.rig.force.programs import prepare
 from anhyst.rig.from_loops import complete_rig
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.study.bearing.ready import make_ready, read_files
-from anhyst.study.prepared import Prepared, PreparedBearing, PreparedForce
+from anhyst.study.excite.excite import Excitation, Measuring
+from anhyst.study.excite.limits import Specimen
+from anhyst.study.excite.on_board import measure_on_board
+from anhyst.study.prepared import Prepared, PreparedBearing, PreparedBoard, PreparedForce
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
+from anhyst.support.toml_file import format_of
 
 _WORK = 3.0
 """Parts of the work: reading, model and code, the firmware's start."""
@@ -79,6 +89,63 @@ def open_board(folder: PathLike, url: str) -> HardwareBench:
     InputError
         No such folder, nobody there, or the firmware is built around another folder.
     """
+    manifest = _manifest(folder)
+    return HardwareBench(lambda: XcpMaster(url), manifest)
+
+
+def through(folder: PathLike, url: str) -> Measuring:
+    """Return what measures loops through a controller that runs by itself.
+
+    Parameters
+    ----------
+    folder, url
+        As of :func:`open_board`, which raises when it is called.
+    """
+
+    def measure(specimen: Specimen, progress: Progress | None) -> Excitation:
+        with closing(open_board(folder, url)) as bench:
+            return measure_on_board(specimen, bench, progress)
+
+    return measure
+
+
+def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
+    """Read what a better model for a controller that runs by itself is found with.
+
+    Parameters
+    ----------
+    rig_path : path-like
+        Rig file of force control: limits, loops so far, how a model is identified.
+    folder : path-like
+        As of :func:`open_board`. Its model file lies beside it, or beside the rig file.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read, a folder of another kind, no model file that it was made of.
+    """
+    manifest = _manifest(folder)
+    if not is_force_rig(rig_path):
+        raise InputError(f"{rig_path}: no rig file of force control; loops need a controlled force")
+    if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
+        raise InputError(f"{folder}: is no fixed-point controller of force; compile one")
+    rig = read_rig(rig_path)
+    loops = loops_of_rig(rig)
+    signals, limits = manifest["signals"], manifest["limits"]
+    gap = signals["gap"] or {"low": 0.0, "high": 0.0}
+    kind: Kind = "simplified" if manifest["kind"] == "simplified" else "full"
+    return PreparedBoard(
+        complete_rig(rig, loops),
+        loops,
+        _model_of(manifest, [Path(folder).resolve().parent, rig.path.resolve().parent]),
+        CompileRequest(kind, manifest["io"], float(manifest["rate_Hz"])),
+        Scales(signals["demand"]["scale"], signals["current"]["scale"], gap["low"], gap["high"]),
+        DemandLimits(tuple(limits["demand"]), tuple(limits["current"])),
+    )
+
+
+def _manifest(folder: PathLike) -> dict[str, Any]:
+    """Read the manifest of a compiled folder."""
     place = Path(folder) / "manifest.json"
     try:
         manifest = json.loads(place.read_text(encoding="utf-8"))
@@ -89,24 +156,20 @@ def open_board(folder: PathLike, url: str) -> HardwareBench:
             f"{place}: is not there or no manifest; name the folder that anhyst compile wrote and "
             "the firmware is built around"
         )
-    line = XcpMaster(url)
-    try:
-        return HardwareBench(line, manifest)
-    except BaseException:
-        line.close()
-        raise
+    return manifest
 
 
-def measured_loops(rig_path: PathLike) -> LoopSet:
-    """Read the loops that the file of a bearing or a force rig names.
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read.
-    """
-    rig = read_rig(rig_path) if is_force_rig(rig_path) else read_bearing(rig_path)
-    return rig.measured.read()
+def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> ActuatorModel:
+    """Find the model file that a folder was compiled from, by its checksum."""
+    wanted = manifest["model"]["sha256"]
+    for place in (one for folder in folders for one in sorted(folder.glob("*.toml"))):
+        if hashlib.sha256(place.read_bytes()).hexdigest() == wanted:
+            return replace(read_model(place), dynamics=None)
+    places = " or ".join(str(folder) for folder in folders)
+    raise InputError(
+        f"model '{manifest['model']['name']}': the file that the folder was compiled from is not in "
+        f"{places}; put it there, unchanged"
+    )
 
 
 def prepare_bench(
@@ -167,11 +230,7 @@ def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> Prepar
 
 def is_force_rig(path: PathLike) -> bool:
     """Whether a file is that of a force rig; one that cannot be read is not."""
-    try:
-        with Path(path).open("rb") as file:
-            return tomllib.load(file).get("format") == "anhyst-rig"
-    except (OSError, ValueError):
-        return False  # whoever reads it says what is wrong
+    return format_of(path) == "anhyst-rig"
 
 
 def _report(progress: Progress | None, done: float) -> None:

@@ -14,7 +14,6 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ from anhyst.link.firmware import firmware_folder
 from anhyst.rig.force.file import read_rig
 from anhyst.study.bearing.ready import read_files
 from anhyst.study.bench import is_force_rig, prepare_bench
-from anhyst.study.prepared import Prepared, PreparedBearing
+from anhyst.study.prepared import Prepared
 from anhyst.support.atomic import PathLike
 from anhyst.support.core_folder import core_folder
 from anhyst.support.progress import Progress
@@ -87,7 +86,7 @@ def _load(place: Path) -> Prepared | None:
         prepared: Prepared = pickle.loads(content)
     except (pickle.UnpicklingError, EOFError, AttributeError, ImportError, ValueError):
         return None
-    return _with_firmware(prepared, place / _FIRMWARE)
+    return prepared.with_firmware(place / _FIRMWARE)
 
 
 def _keep(prepared: Prepared, place: Path) -> None:
@@ -96,7 +95,7 @@ def _keep(prepared: Prepared, place: Path) -> None:
     with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
         folder = Path(draft) / "whole"
         folder.mkdir()
-        shutil.copy2(_firmware(prepared), folder / _FIRMWARE)
+        shutil.copy2(prepared.firmware, folder / _FIRMWARE)
         (folder / _PICKLE).write_bytes(pickle.dumps(prepared))
         shutil.rmtree(place, ignore_errors=True)  # one that could not be read
         folder.rename(place)
@@ -106,18 +105,6 @@ def _keep(prepared: Prepared, place: Path) -> None:
     )
     for old in kept[:-MOST]:
         shutil.rmtree(old, ignore_errors=True)
-
-
-def _firmware(prepared: Prepared) -> Path:
-    if isinstance(prepared, PreparedBearing):
-        return prepared.firmware
-    return prepared.program.firmware
-
-
-def _with_firmware(prepared: Prepared, firmware: Path) -> Prepared:
-    if isinstance(prepared, PreparedBearing):
-        return replace(prepared, firmware=firmware)
-    return replace(prepared, program=replace(prepared.program, firmware=firmware))
 
 
 def _key(rig_path: PathLike, controller_path: PathLike | None) -> str:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from anhyst.compensate.baselines import fit_ratio
 from anhyst.compensate.bearing import bearing_model
-from anhyst.compensate.block import Block, Scales
+from anhyst.compensate.block import Block, DemandLimits, Scales
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
-from anhyst.compile.controller import BEYOND
+from anhyst.compilation.controller import BEYOND
 from anhyst.data import LoopSet
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.fit_record import ValidRange
@@ -57,6 +57,15 @@ class PreparedBearing:
     def alone(self) -> bool:
         """Whether one magnet pulls."""
         return len(self.setup.rig.magnets) == 1
+
+    @property
+    def measured(self) -> LoopSet:
+        """The loops that the rig file names."""
+        return self.setup.rig.measured.read()
+
+    def with_firmware(self, firmware: Path) -> PreparedBearing:
+        """Return the same with a firmware that lies elsewhere."""
+        return replace(self, firmware=firmware)
 
     def open(self) -> BearingBench:
         """Switch on; at rest, before its first tick. To be closed."""
@@ -127,6 +136,20 @@ class PreparedForce:
         """What runs was compiled from it."""
         return self.program.model
 
+    @property
+    def firmware(self) -> Path:
+        """For the board ``host``."""
+        return self.program.firmware
+
+    @property
+    def measured(self) -> LoopSet:
+        """The loops that the rig file names."""
+        return self.loops
+
+    def with_firmware(self, firmware: Path) -> PreparedForce:
+        """Return the same with a firmware that lies elsewhere."""
+        return replace(self, program=replace(self.program, firmware=firmware))
+
     def open(self) -> ForceBench:
         """Switch on; at rest, before its first tick. To be closed."""
         bench = ForceBench(self.whole, self.program)
@@ -151,25 +174,97 @@ class PreparedForce:
         InputError
             It does not cover what the board works with.
         """
-        scales, limits = self.program.scales, self.program.block.limits
-        if model.valid is None:
-            raise InputError("model: does not say where it holds; identify it from loops")
-        valid = ValidRange(
-            _within(model.valid.input, limits.current),
-            _within(model.valid.output, limits.demand),
-            _covering(model, scales),
-        )
         request = CompileRequest(self.program.kind, "q31", self.whole.settings.rate_Hz)
-        return make_plan(replace(model, valid=valid), request, 0, scales=scales)
+        return _plan(model, request, self.program.scales, self.program.block.limits)
+
+
+@dataclass(frozen=True)
+class PreparedBoard:
+    """An actuator before a controller that runs by itself, and what that was compiled to.
+
+    Parameters
+    ----------
+    whole : Rig
+        For its limits, and how a model is identified.
+    loops : LoopSet
+        Measured, of the rig file.
+    model : ActuatorModel
+        What the controller was compiled from.
+    request : CompileRequest
+    scales : Scales
+    limits : DemandLimits
+        Of the controller.
+    """
+
+    whole: Rig
+    loops: LoopSet
+    model: ActuatorModel
+    request: CompileRequest
+    scales: Scales
+    limits: DemandLimits
+
+    alone = True
+
+    @property
+    def rig(self) -> Path:
+        """The rig file."""
+        return self.whole.path
+
+    @property
+    def measured(self) -> LoopSet:
+        """The loops that the rig file names."""
+        return self.loops
+
+    def specimen(self) -> Specimen:
+        """Return the actuator as it is measured, armature held."""
+        return force_specimen(self.whole)
+
+    def identify(self, loops: LoopSet, progress: Progress | None = None) -> ActuatorModel:
+        """Identify a model from loops, as the rig file wants it."""
+        return find_model(self.whole, loops, progress)
+
+    def compile(self, model: ActuatorModel) -> Plan:
+        """Compile another model for the running board.
+
+        Raises
+        ------
+        InputError
+            It does not cover what the board works with.
+        """
+        low, high = self.scales.gap_low, self.scales.gap_high
+        if low < high and not model.needs_schedule:
+            raise InputError(
+                f"model: holds at one gap, the board works from {low:g} to {high:g} m; identify one "
+                "of loops at several gaps and build the firmware around it"
+            )
+        return _plan(model, self.request, self.scales, self.limits)
 
 
 Prepared = PreparedBearing | PreparedForce
+"""What a virtual bench is opened from."""
+
+Improvable = Prepared | PreparedBoard
+"""What a better model can be found for."""
 
 
 def block_of(plan: Plan) -> Block:
     """Return the fixed-point parameters of a plan."""
     assert isinstance(plan.block, Block)
     return plan.block
+
+
+def _plan(
+    model: ActuatorModel, request: CompileRequest, scales: Scales, limits: DemandLimits
+) -> Plan:
+    """Plan a model of a force for what a board works with."""
+    if model.valid is None:
+        raise InputError("model: does not say where it holds; identify it from loops")
+    valid = ValidRange(
+        _within(model.valid.input, limits.current),
+        _within(model.valid.output, limits.demand),
+        _covering(model, scales),
+    )
+    return make_plan(replace(model, valid=valid), request, 0, scales=scales)
 
 
 def _within(seen: tuple[float, float], board: tuple[float, float]) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The same work on many inputs, on all cores."""
+"""The same work on many inputs, on all cores of this machine or of a cluster."""
 
 from __future__ import annotations
 
@@ -6,12 +6,21 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from typing import TypeVar
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any, TypeVar
 
+from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 
 A = TypeVar("A")
 B = TypeVar("B")
+
+_cluster: ContextVar[Any] = ContextVar("cluster", default=None)
+"""Client of the cluster that the work goes to; None: processes of this machine."""
+
+PATIENCE_S = 10.0
+"""A scheduler that does not answer within this time is not there."""
 
 
 def each(
@@ -29,8 +38,12 @@ def each(
     inputs : sequence
     progress : callable, optional
     jobs : int, optional
-        Processes; as many as :func:`cores` if left out. One: in this process.
+        Processes; as many as :func:`cores` if left out. One: in this process. Within
+        :func:`workers_of` a cluster does the work, whatever stands here.
     """
+    if _cluster.get() is not None:
+        yield from _on_cluster(work, inputs, progress)
+        return
     count = min(jobs or cores(), len(inputs))
     done = 0
     if count <= 1:
@@ -62,6 +75,63 @@ def all_of(
     """Do some work on every input; results in their order."""
     found = dict(each(work, inputs, progress, jobs))
     return [found[place] for place in range(len(inputs))]
+
+
+@contextmanager
+def workers_of(scheduler: str | None) -> Iterator[None]:
+    """Let a cluster do all work that is handed out in this context.
+
+    Parameters
+    ----------
+    scheduler : str or None
+        Address of a scheduler of dask.distributed, ``tcp://host:port``; None: this machine. Its
+        workers must have the same anhyst and see the same files. Work of a worker that is lost is
+        done again by another.
+
+    Raises
+    ------
+    InputError
+        The extra ``cluster`` is not installed, or nobody answers there.
+    """
+    if scheduler is None:
+        yield
+        return
+    library = _library()
+    try:
+        client = library.Client(scheduler, timeout=PATIENCE_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{scheduler}: no scheduler answers; start one with 'dask scheduler' and name its "
+            "address, such as tcp://host:8786"
+        ) from error
+    token = _cluster.set(client)
+    try:
+        yield
+    finally:
+        _cluster.reset(token)
+        client.close()
+
+
+def _on_cluster(
+    work: Callable[[A], B], inputs: Sequence[A], progress: Progress | None
+) -> Iterator[tuple[int, B]]:
+    client = _cluster.get()
+    futures = client.map(work, inputs, pure=False)
+    places = {future: place for place, future in enumerate(futures)}
+    for done, ready in enumerate(_library().as_completed(futures, loop=client.loop), start=1):
+        if progress is not None:
+            progress(done, len(inputs))
+        yield places[ready], ready.result()
+
+
+def _library() -> Any:
+    try:
+        import distributed
+    except ImportError as error:
+        raise InputError(
+            "dask.distributed is not installed: pip install 'anhyst[cluster]'"
+        ) from error
+    return distributed
 
 
 def cores() -> int:

@@ -213,6 +213,17 @@ def read_toml(path: PathLike, schema: type[T], renamed: Sequence[Renamed] = ()) 
         raise file.error() from error
 
 
+def format_of(path: PathLike) -> str:
+    """Return what a TOML file says that it is; empty where it says nothing or cannot be read.
+
+    Whoever reads it then says what is wrong with it.
+    """
+    try:
+        return str(tomllib.loads(Path(path).read_text(encoding="utf-8")).get("format", ""))
+    except (OSError, ValueError):
+        return ""
+
+
 def _rename(file: TomlFile, renamed: Sequence[Renamed]) -> None:
     """Bring older names up to date, in the content and in the lines of the keys."""
     for one in renamed:

@@ -88,7 +88,7 @@ _FAMILIES: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...] = (
     ("pressure", "Pa", (("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("bar", 1e5))),
     ("frequency", "Hz", (("Hz", 1.0), ("kHz", 1e3))),
     ("angle", "rad", (("rad", 1.0), ("deg", math.pi / 180.0))),
-    ("number", "1", (("1", 1.0), ("-", 1.0), ("%", 0.01))),
+    ("number", "1", (("1", 1.0), ("-", 1.0), ("%", 0.01), ("ppm", 1e-6))),
 )
 
 _TEMPERATURES = (
@@ -151,6 +151,8 @@ QUANTITIES = MappingProxyType(
             Quantity("flux_density", "B", "T"),
             Quantity("flux_linkage", "psi", "Wb"),
             Quantity("displacement", "x", "m"),
+            Quantity("strain", "eps", "1"),
+            Quantity("magnetostriction", "lambda", "1"),
             Quantity("gap", "gap", "m"),
             Quantity("temperature", "T", "degC"),
             Quantity("time", "t", "s"),
@@ -158,6 +160,22 @@ QUANTITIES = MappingProxyType(
     }
 )
 """The quantities whose headers are understood without a declared unit, by name."""
+
+
+def in_small_unit(quantity: Quantity, largest: float) -> tuple[str, float]:
+    """Return the unit that values up to a size are shown in, and what to multiply SI by.
+
+    Examples
+    --------
+    >>> in_small_unit(QUANTITIES["displacement"], 4e-5), in_small_unit(QUANTITIES["force"], 4e-5)
+    (('µm', 1000000.0), ('N', 1.0))
+    """
+    if quantity.unit == "m" and largest < 1e-3:
+        return "µm", 1e6
+    if quantity.unit == "1" and largest < 1e-2:
+        return "ppm", 1e6
+    return quantity.unit, 1.0
+
 
 INPUTS = ("current", "field", "voltage")
 """Names of the quantities that drive a loop, first choice first."""
@@ -167,7 +185,14 @@ GAP_ADVICE = "gaps count from contact, 0 and up"
 LABEL = "loop"
 """Header of the column that distinguishes loops."""
 
-DIMENSIONS = MappingProxyType({"displacement": "length", "gap": "length"})
+DIMENSIONS = MappingProxyType(
+    {
+        "displacement": "length",
+        "gap": "length",
+        "strain": "number",
+        "magnetostriction": "number",
+    }
+)
 """Dimensions of quantities that are not their names."""
 
 _SYMBOLS = {quantity.symbol: name for name, quantity in QUANTITIES.items()} | {
@@ -178,6 +203,8 @@ _SYMBOLS = {quantity.symbol: name for name, quantity in QUANTITIES.items()} | {
     "Ψ": "flux_linkage",
 }
 _WORDS = {name: name for name in QUANTITIES} | {"air_gap": "gap", "airgap": "gap"}
+_NO_UNIT = "-"
+"""What recorders write where nobody said a unit."""
 _BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\[(]\s*(?P<unit>[^\[\]()]*(?:\([^()]*\))?)\s*[\])]$")
 
 
@@ -244,22 +271,77 @@ def parse_header(text: str, unit: str | None = None) -> Header:
         quantity of its own, without dimension if it has no unit.
     """
     text = text.strip()
-    brackets = _BRACKETS.match(text)
-    if unit is not None and unit.strip(" []()"):
-        name, written = text, unit.strip(" []()")
-    elif brackets:
-        name, written = brackets["name"].strip(), brackets["unit"].strip()
-    else:
-        name, written = _split(text.replace(" ", "_"))
+    name, written = split_header(text, unit)
+    problem = _conflict(text, unit)
+    if problem is not None:
+        name, written = split_header(text)
     if name.lower() == LABEL:
         return Header(text, LABEL, None, None)
     known = _known(name)
+    if problem is not None:
+        return Header(text, name, known or Quantity(name, name, "1"), None, problem)
     found = find_unit(written) if written else None
+    if known is not None and known.unit == "1" and not written:
+        found = UNITS["1"]
     if known is None:
         free = Quantity(name, name, found.si if found else "1")
         problem = _unknown_unit(written) if written and not found else None
         return Header(text, name, free, found, problem)
     return Header(text, known.symbol, known, found, _unit_problem(known, written, found))
+
+
+def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
+    """Split a header into the name and the unit as written, empty if there is none.
+
+    Parameters
+    ----------
+    text
+        As in `parse_header`.
+    unit
+        The unit that stands apart, if there is one. A name that repeats it loses it.
+
+    Examples
+    --------
+    >>> split_header("H_A_per_m"), split_header("I [mA]"), split_header("I_A", "A")
+    (('H', 'A_per_m'), ('I', 'mA'), ('I', 'A'))
+    """
+    text = text.strip()
+    given = (unit or "").strip(" []()")
+    brackets = _BRACKETS.match(text)
+    if brackets:
+        name, written = brackets["name"].strip(), brackets["unit"].strip()
+    else:
+        name, written = _split(text.replace(" ", "_"))
+    if not given or (given == _NO_UNIT and find_unit(written)):
+        return name, written
+    return (name, given) if _same(find_unit(written), find_unit(given)) else (text, given)
+
+
+def join_header(name: str, unit: str) -> str:
+    """Return the header of a name and a unit: ``I_A``, or ``spindle torque [Nm]``."""
+    if not unit:
+        return name
+    header = f"{name}_{unit.replace('/', '_per_')}"
+    plain = find_unit(unit) is not None and _split(header)[0] == name and " " not in header
+    return header if plain and not _BRACKETS.match(header) else f"{name} [{unit}]"
+
+
+def _conflict(text: str, unit: str | None) -> str | None:
+    """Say what is wrong with a name that holds another unit than the one that stands apart."""
+    given = (unit or "").strip(" []()")
+    written = split_header(text)[1]
+    own = find_unit(written) if written else None
+    if not given or given == _NO_UNIT or own is None or _same(own, find_unit(given)):
+        return None
+    return f"its name says {written}, its unit {given}"
+
+
+def _same(one: Unit | None, other: Unit | None) -> bool:
+    return (
+        one is not None
+        and other is not None
+        and (one.dimension, one.scale, one.offset) == (other.dimension, other.scale, other.offset)
+    )
 
 
 def _split(text: str) -> tuple[str, str]:

@@ -2,6 +2,7 @@
 /* The force controller of one magnet, in fixed point: wanted force in, current out, by one of
 
      map          current over force and gap without memory
+     play         such a map with one play
      compensator  the inverse of hysteresis, with any kernel
      flux         a map, corrected until the measured flux density is the one of the wanted force
 
@@ -17,7 +18,7 @@
 #include "anhyst/compensator/compensator.h"
 #include "anhyst/numeric/factor.h"
 #include "anhyst/compensator/force_method.h"
-#include "anhyst/compensator/map.h"
+#include "anhyst/compensator/play_map.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -6,7 +6,7 @@
 
 #include "anhyst/compensator/compensator_real.h"
 #include "anhyst/compensator/force_method.h"
-#include "anhyst/compensator/map_real.h"
+#include "anhyst/compensator/play_map_real.h"
 
 #ifdef __cplusplus
 extern "C" {

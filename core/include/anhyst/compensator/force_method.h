@@ -7,5 +7,6 @@
 #define ANHYST_FORCE_BY_COMPENSATOR 2U
 #define ANHYST_FORCE_BY_FLUX 3U
 #define ANHYST_FORCE_PAST_COMPENSATOR 4U /* by a map, while a compensator follows */
+#define ANHYST_FORCE_BY_PLAY 5U
 
 #endif

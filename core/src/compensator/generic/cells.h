@@ -6,7 +6,12 @@
    the others rest. The next cell joins where x reaches p + r. Everything happens on a path that
    rises: a falling one is mirrored. Rows are straight between their entries, so that what is
    solved for, flux_arm*(h*x + m) + field_arm*x = target, is solved in closed form on its segment.
-   What rests is summed up anew at every turn, so that no rounding adds up. */
+   What rests is summed up anew at every turn, so that no rounding adds up, and each cell on the
+   side where its path has left it: between their entries rows are not quite odd, so that counted on
+   the other side the iron would jump as the path turns. */
+
+/* Bits of all cells: they came to rest while the field rose. Exact in either format. */
+#define ALL_RISEN (((uint32_t)2 << (uint16_t)ANHYST_CELLS) - 1U)
 
 /* A rising path. Cell 0 has no width, and moves always. */
 typedef struct {
@@ -16,6 +21,7 @@ typedef struct {
   ANHYST_REAL rest; /* magnetisation of the cells that rest */
   uint16_t active;  /* the cells below this one move */
   uint16_t moved;   /* those below this one moved the other way until here */
+  uint32_t risen;   /* bit i: cell i came to rest while the field rose */
   int falling;      /* all is mirrored */
 } ANHYST_NAME(cell_path);
 
@@ -80,11 +86,22 @@ static ANHYST_REAL ANHYST_NAME(at_rest)(const ANHYST_NAME(cell_path) *along, uin
                                      along->x - r, along->x + r);
 }
 
-/* What a cell gives where the field had brought it. */
+/* Whether a cell came to rest on a path of the opposite direction. */
+static int ANHYST_NAME(opposes)(const ANHYST_NAME(cell_path) *along, uint16_t cell)
+{
+  const uint32_t rises = along->falling ? 0U : 1U;
+  return ((along->risen >> cell) & 1U) != rises;
+}
+
+/* What a cell that rests gives, where the field had brought it: on the side on which it did. */
 static ANHYST_REAL ANHYST_NAME(alone)(const ANHYST_NAME(cell_path) *along, uint16_t cell)
 {
-  const ANHYST_REAL x = ANHYST_NAME(at_rest)(along, cell) + ANHYST_NAME(width)(along, cell);
-  return ANHYST_NAME(moving)(along, (uint16_t)(cell + 1U), x) - ANHYST_NAME(moving)(along, cell, x);
+  const int against = ANHYST_NAME(opposes)(along, cell);
+  const ANHYST_REAL play = ANHYST_NAME(facing)(ANHYST_NAME(at_rest)(along, cell), against);
+  const ANHYST_REAL x = play + ANHYST_NAME(width)(along, cell);
+  const ANHYST_REAL m =
+      ANHYST_NAME(moving)(along, (uint16_t)(cell + 1U), x) - ANHYST_NAME(moving)(along, cell, x);
+  return ANHYST_NAME(facing)(m, against);
 }
 
 /* Lets all cells rest but cell 0. */
@@ -97,6 +114,17 @@ static void ANHYST_NAME(rest_all)(ANHYST_NAME(cell_path) *along)
   }
 }
 
+/* Leaves a path for the opposite one. */
+static void ANHYST_NAME(turn)(ANHYST_NAME(cell_path) *along)
+{
+  const uint32_t moved = ((uint32_t)1 << along->active) - 1U;
+  along->risen = along->falling ? (along->risen & ~moved) : (along->risen | moved);
+  along->falling = !along->falling;
+  along->x = -along->x;
+  along->moved = along->active;
+  ANHYST_NAME(rest_all)(along);
+}
+
 /* A path that goes on from a memory, in the direction which that had. */
 static ANHYST_NAME(cell_path)
     ANHYST_NAME(begin)(const ANHYST_NAME(anhyst_cells_law) *law,
@@ -107,13 +135,15 @@ static ANHYST_NAME(cell_path)
   along.law = law;
   along.plays = plays;
   along.moved = 0;
+  along.risen = (uint32_t)ANHYST_NAME(anhyst_limited)(from->turn, R(0.0), (ANHYST_REAL)ALL_RISEN);
   along.falling = from->p < R(0.0);
   along.x = ANHYST_NAME(facing)(ANHYST_NAME(anhyst_limited)(from->x, -law->reach, law->reach),
                                 along.falling);
   if (count >= R(1.0) && count <= (ANHYST_REAL)law->cells + R(1.0)) {
     along.active = (uint16_t)count;
     along.rest = ANHYST_NAME(facing)(from->y, along.falling);
-  } else { /* not known */
+  } else { /* not known: as if they had risen */
+    along.risen = ALL_RISEN;
     ANHYST_NAME(rest_all)(&along);
   }
   return along;
@@ -208,11 +238,8 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_cells_law) *law,
   /* Unless it is there already, or the target is no number. */
   if (ANHYST_NAME(anhyst_size)(missing) > ANHYST_NAME(anhyst_noise)(size)) {
     if (missing < R(0.0)) {
-      along.falling = !along.falling;
-      along.x = -along.x;
-      along.moved = along.active;
+      ANHYST_NAME(turn)(&along);
       solve.target = -solve.target;
-      ANHYST_NAME(rest_all)(&along);
     }
     ANHYST_NAME(advance)(&along, &solve);
   }
@@ -220,7 +247,7 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_cells_law) *law,
   to->x = ANHYST_NAME(facing)(along.x, along.falling);
   to->y = ANHYST_NAME(facing)(along.rest, along.falling);
   to->p = ANHYST_NAME(facing)(active, along.falling);
-  to->turn = R(0.0);
+  to->turn = (ANHYST_REAL)along.risen;
   to->level = R(0.0);
   const ANHYST_REAL m = ANHYST_NAME(moving)(&along, along.active, along.x) + along.rest;
   return ANHYST_NAME(facing)(m, along.falling);

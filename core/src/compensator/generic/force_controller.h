@@ -20,6 +20,15 @@ anhyst_status ANHYST_NAME(anhyst_force_controller_init_map)(ANHYST_NAME(anhyst_f
   return ANHYST_OK;
 }
 
+void ANHYST_NAME(anhyst_force_controller_init_play)(ANHYST_NAME(anhyst_force_controller) *c,
+                                                    ANHYST_NAME(anhyst_play_map) *play)
+{
+  const ANHYST_NAME(anhyst_force_controller) fresh = {0};
+  *c = fresh;
+  c->method = ANHYST_FORCE_BY_PLAY;
+  c->play = play;
+}
+
 anhyst_status ANHYST_NAME(anhyst_force_controller_init_flux)(
     ANHYST_NAME(anhyst_force_controller) *c, const ANHYST_NAME(anhyst_map) *map,
     const ANHYST_NAME(anhyst_flux_loop) *loop, ANHYST_REAL low, ANHYST_REAL high)
@@ -52,6 +61,11 @@ ANHYST_REAL ANHYST_NAME(anhyst_force_controller_solve)(ANHYST_NAME(anhyst_force_
     c->demand = demand;
     c->current = ANHYST_NAME(anhyst_compensator_solve)(&c->compensator, demand, gap);
     c->flags = c->compensator.flags;
+    return c->current;
+  }
+  if (c->method == ANHYST_FORCE_BY_PLAY) {
+    c->current = c->play->solve(c->play, demand, gap);
+    c->flags = c->play->flags;
     return c->current;
   }
   c->demand = ANHYST_NAME(pulling)(c->map, demand);
@@ -95,6 +109,8 @@ ANHYST_REAL ANHYST_NAME(anhyst_force_controller_commit)(ANHYST_NAME(anhyst_force
   ANHYST_REAL output = c->demand;
   if (c->method == ANHYST_FORCE_BY_COMPENSATOR) {
     output = ANHYST_NAME(commit_compensator)(c, applied, gap);
+  } else if (c->method == ANHYST_FORCE_BY_PLAY) {
+    output = c->play->commit(c->play, applied, gap);
   } else if (c->solved == 0U || applied != c->wanted) {
     const ANHYST_REAL added = c->solved == 0U ? ANHYST_NAME(held)(c) : c->correction;
     output = ANHYST_NAME(anhyst_map_force)(c->map, ANHYST_NAME(anhyst_sub)(applied, added), gap);

@@ -2,61 +2,162 @@
 
 from __future__ import annotations
 
-import hashlib
-import importlib.util
+import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.open_table import MemoryTable
+from anhyst.data.formats.channel_table import ChannelTable, open_channels
+from anhyst.data.formats.channels import (
+    Channel,
+    ChannelFile,
+    ChannelGroup,
+    Values,
+    check_size,
+    need_package,
+    one_line_if_damaged,
+)
+from anhyst.data.formats.trial import try_first
+from anhyst.support.atomic import write_bytes
 from anhyst.support.errors import InputError
 
+_MASTERS = (2, 3)
+"""Types of a channel that is the clock of its group: stored, and computed."""
+_OF_TIME = 1
+_TEXTS = (6, 7, 8, 9)
 
-def open_mdf(path: Path, least: int) -> MemoryTable:
-    """Read the one group of channels of an MDF file; channels of text are left out.
+
+def open_mdf(path: Path, least: int) -> ChannelTable:
+    """Look at an MDF 4 file: each group of channels runs on a clock of its own.
 
     Raises
     ------
     InputError
-        No file, no MDF 4, no group with so many channels of numbers, several groups, or asammdf is
-        not installed.
+        No file, no MDF 4, damaged, too few channels of numbers, or asammdf is not installed.
     """
-    if importlib.util.find_spec("asammdf") is None:
-        raise InputError(f"{path}: asammdf is not installed: pip install 'anhyst[io]'")
-    try:
-        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
-    signals = _signals(path)
-    if len(signals) < least:
-        raise InputError(f"{path}: {len(signals)} channels of numbers; at least {least} are needed")
-    return MemoryTable(
-        str(path),
-        tuple(signal.name for signal in signals),
-        tuple(signal.samples for signal in signals),
-        tuple(signal.unit for signal in signals),
-        sha256,
-    )
+    need_package(path, "asammdf")
+    try_first(path)
+    with one_line_if_damaged(path):
+        with path.open("rb") as stream:
+            head = stream.read(16)
+        if not head.startswith((b"MDF     4", b"UnFinMF 4")):
+            raise InputError(f"{path}: is no MDF 4 file; convert it, such as with asammdf")
+        from asammdf import MDF
 
-
-def _signals(path: Path) -> list[Any]:
-    from asammdf import MDF
-    from asammdf.blocks.utils import MdfException
-
-    try:
         with MDF(path) as file:
-            stored: list[Any] = list(file.groups)
-            groups = [n for n, one in enumerate(stored) if one.channel_group.cycles_nr > 0]
-            if len(groups) != 1:
-                raise InputError(
-                    f"{path}: {len(groups)} groups of channels with samples; keep one of them in a "
-                    "file of its own"
-                )
-            count = len(file.groups[groups[0]].channels)
-            read = [file.get(group=groups[0], index=n) for n in range(count)]
-    except (MdfException, ValueError, KeyError, IndexError) as error:
-        raise InputError(f"{path}: is no whole MDF 4 file: {error}") from None
-    return [
-        one for one in read if one.samples.ndim == 1 and np.issubdtype(one.samples.dtype, np.number)
-    ]
+            channels = _channels(path, file)
+    return open_channels(ChannelFile(path, tuple(channels), _reader(path)), least)
+
+
+def _channels(path: Path, file: Any) -> list[Channel]:
+    found: list[Channel] = []
+    size = path.stat().st_size
+    for place, group in enumerate(file.groups):
+        count = int(group.channel_group.cycles_nr)
+        if count == 0:
+            continue
+        name = str(group.channel_group.acq_name or "")
+        row = int(group.channel_group.samples_byte_nr)
+        check_size(path, name or f"group {place + 1}", count, row)
+        stored = sum(int(block.original_size or 0) for block in group.get_data_blocks())
+        if row and count * row > max(stored, size):
+            raise InputError(
+                f"{path}: group '{name or place + 1}' says that it holds {count} samples, more "
+                "than are there; the file is damaged, record or export it again"
+            )
+        own, clock = [], None
+        for index, one in enumerate(group.channels):
+            unit = one.unit or (one.conversion.unit if one.conversion else "") or ""
+            is_text = one.data_type in _TEXTS or _gives_text(one.conversion)
+            if not is_text and one.data_type > 5:
+                continue  # bytes, pictures, structures
+            channel = Channel(one.name, count, (place, index), str(unit), name, None, is_text)
+            if one.channel_type in _MASTERS and one.sync_type == _OF_TIME:
+                clock = Channel(one.name, count, (place, index), str(unit) or "s", name)
+            else:
+                own.append(channel)
+        found += [Channel(c.name, c.length, c.key, c.unit, c.group, clock, c.is_text) for c in own]
+    return found
+
+
+def _gives_text(conversion: Any) -> bool:
+    """Whether raw numbers stand for texts."""
+    return conversion is not None and conversion.conversion_type in {7, 8, 9, 10}
+
+
+def _reader(path: Path) -> Any:
+    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+        from asammdf import MDF
+
+        found = []
+        with MDF(path) as file:
+            for one in wanted:
+                group, index = one.key
+                signal = file.get(group=group, index=index, record_offset=0, record_count=count)
+                found.append(_values(signal, one))
+        return found
+
+    return read
+
+
+def _values(signal: Any, channel: Channel) -> Values:
+    values = np.asarray(signal.samples)
+    if channel.is_text:
+        encoding = signal.encoding or "utf-8"
+        texts = [
+            one.decode(encoding, "replace").rstrip("\0") if isinstance(one, bytes) else str(one)
+            for one in values.tolist()
+        ]
+        return np.array(texts, dtype=str)
+    return values
+
+
+def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
+    """Write an MDF 4.10 file, a group of channels for each group and clock.
+
+    Returns
+    -------
+    What the format cannot hold.
+    """
+    need_package(path, "asammdf")
+    from asammdf import MDF, Signal, Source
+
+    notes = []
+    with MDF(version="4.10") as file:
+        for section in sections:
+            times = section.clock
+            for part in _parts(section):
+                count = len(part[0].values)
+                if times is None:
+                    notes.append(
+                        f"{', '.join(one.name for one in part)}: without times, which MDF needs: "
+                        "the number of the sample stands for them"
+                    )
+                stamps = np.arange(float(count)) if times is None else times.values
+                signals = []
+                for one in part:
+                    values, encoding = one.values, None
+                    if values.dtype.kind == "U":
+                        values, encoding = np.char.encode(values, "utf-8"), "utf-8"
+                    elif values.dtype.kind == "b":
+                        values = values.astype(np.uint8)
+                    signals.append(Signal(values, stamps, one.unit, one.name, encoding=encoding))
+                source = Source(section.group, section.group, "", Source.SOURCE_OTHER, 0)
+                group = file.append(signals, acq_name=section.group, acq_source=source)
+                master = file.groups[group].channels[0]
+                if times is not None:
+                    master.name, master.unit = times.name, times.unit
+        content = io.BytesIO()
+        file.save(content)
+    write_bytes(path, content.getvalue())
+    return tuple(notes)
+
+
+def _parts(section: ChannelGroup) -> list[list[Any]]:
+    """Series that may stand in one group: as many samples each."""
+    parts: dict[int, list[Any]] = {}
+    for one in section.series:
+        parts.setdefault(len(one.values), []).append(one)
+    return list(parts.values())

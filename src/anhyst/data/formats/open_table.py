@@ -27,6 +27,9 @@ class OpenTable(Protocol):
     def units(self) -> tuple[str, ...] | None:
         """Units of the columns, where they stand apart from their names."""
 
+    def find(self, name: str) -> int | None:
+        """Index of the column that a person calls by a name, ``None`` if there is none."""
+
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first rows of data, as many as there are columns."""
 
@@ -56,6 +59,10 @@ class MemoryTable:
     units: tuple[str, ...] | None = None
     sha256: str = ""
 
+    def find(self, name: str) -> int | None:
+        """Index of a column by its header."""
+        return self.header.index(name) if name in self.header else None
+
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the first rows as text."""
         heads = [[str(value) for value in column[:count]] for column in self.columns]
@@ -82,6 +89,4 @@ class MemoryTable:
         return f"{self.place}: row {row}"
 
     def _text(self, index: int) -> Texts:
-        rows = [str(value) for value in self.columns[index]]
-        order = {text: code for code, text in enumerate(dict.fromkeys(rows))}
-        return Texts(tuple(order), np.array([order[text] for text in rows], np.int32))
+        return Texts.of([str(value) for value in self.columns[index]])

@@ -7,10 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.data.columns import RawColumns
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.columns import RawColumns, Texts
+from anhyst.data.files import write_csv
+from anhyst.data.formats.channels import ChannelGroup
 from anhyst.data.formats.layout import Layout, read_layout
 from anhyst.data.formats.raw_table import read_raw, row_line, split_lines
+from anhyst.support.arrays import FloatArray
 from anhyst.support.progress import Progress
+from anhyst.support.units import join_header
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +40,10 @@ class TextTable:
     def units(self) -> tuple[str, ...] | None:
         """The unit row, if there is one."""
         return self.layout.units
+
+    def find(self, name: str) -> int | None:
+        """Index of a column by its header."""
+        return self.header.index(name) if name in self.header else None
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first rows of data."""
@@ -59,3 +70,30 @@ class TextTable:
 def open_text(path: Path, least: int) -> TextTable:
     """Look at a text table of at least so many columns."""
     return TextTable(read_layout(path, least))
+
+
+def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
+    """Write sections of one length as CSV, units in the headers.
+
+    Returns
+    -------
+    What the format cannot hold.
+    """
+    columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = {}
+    notes = []
+    for section in sections:
+        for one in [*([section.clock] if section.clock else []), *section.series]:
+            header, values = join_header(one.name, one.unit), one.values
+            while header in columns:  # 'I' in A beside 'I_A' without a unit
+                header += "#"
+            if values.dtype.kind == "U":
+                columns[header] = Texts.of(values.tolist())
+            else:
+                columns[header] = numbers = np.asarray(values, dtype=np.float64)
+                if values.dtype.kind in "iu" and not np.array_equal(numbers, values):
+                    notes.append(f"'{one.name}' holds counts beyond 2^53, which are rounded")
+    groups = [section.group for section in sections if section.group]
+    if groups:
+        notes.append(f"CSV holds no groups: {', '.join(dict.fromkeys(groups))} left out")
+    write_csv(path, columns)
+    return tuple(notes)

@@ -1,6 +1,6 @@
 // A plot of one quantity over another on a canvas: axes, and lines in their units.
 
-import { ink } from "./strip.js";
+import { ink } from "./colours.js";
 
 const MARGIN = { left: 62, right: 24, top: 12, bottom: 40 };
 

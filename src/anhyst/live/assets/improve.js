@@ -1,8 +1,8 @@
 // The improve view: measure, identify, compile, swap, each by one button, with what it left.
 
 import { Plane, limits } from "./canvas.js";
+import { ink } from "./colours.js";
 import { field, make } from "./dom.js";
-import { ink } from "./strip.js";
 import { Watch } from "./watch.js";
 
 const OLD = "#d55e00";

@@ -2,6 +2,7 @@
 
 import { Plane, limits } from "./canvas.js";
 import { make } from "./dom.js";
+import { columnOf } from "./signals.js";
 import { fine, shown } from "./units.js";
 
 const WINDOW_S = 0.5; // over which it has to stand still
@@ -13,7 +14,7 @@ export class LevitationView {
   constructor(place, bench, store) {
     this.bench = bench;
     this.store = store;
-    const find = (name) => bench.signals.findIndex((signal) => signal.name === name);
+    const find = (name) => columnOf(bench, name);
     const { signal, reference, unit } = bench.aim;
     this.columns = {
       actual: find(signal),

@@ -2,8 +2,9 @@
 // off what the controller demands, over the demand.
 
 import { Plane, limits } from "./canvas.js";
+import { ink } from "./colours.js";
 import { field, make, select } from "./dom.js";
-import { ink } from "./strip.js";
+import { columnOf } from "./signals.js";
 import { seconds } from "./units.js";
 
 const POINTS = 5000;
@@ -12,11 +13,12 @@ const WINDOWS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
 
 export class LoopView {
   #due = 0;
+  #version = 0; // of the loops that are known
 
   constructor(place, bench, store) {
     this.bench = bench;
     this.store = store;
-    const find = (name) => bench.signals.findIndex((signal) => signal.name === name);
+    const find = (name) => columnOf(bench, name);
     this.current = find("current");
     this.force = find(find("force") >= 0 ? "force" : "expected"); // a bearing measures none
     this.demand = find("demand");
@@ -30,10 +32,18 @@ export class LoopView {
     const bar = make("div", { className: "bar" }, field("of the last", this.windows), this.note);
     place.replaceChildren(bar, make("div", { className: "pair" }, left, right));
     this.gap = find("gap");
-    this.legend = make("output", { className: "reading", textContent: named(bench.loops) });
+    this.legend = make("output", { className: "reading" });
     bar.append(this.legend);
+    this.know(bench.loops);
     this.loop = new Plane(left, "current / A", "force / N");
     this.error = new Plane(right, "demand / N", "force − demand / N");
+  }
+
+  // Takes the loops that are drawn below, of the model in force.
+  know(loops) {
+    this.known = loops;
+    this.#version++;
+    this.legend.textContent = named(loops);
   }
 
   draw() {
@@ -58,13 +68,13 @@ export class LoopView {
 
   // Below it the loops that are known; those of the gap nearest to the present one stand out.
   #drawLoop(currents, forces, gap) {
-    const known = this.bench.loops;
+    const { known } = this;
     const away = known.map((one) => (gap === null ? 0 : Math.abs(one.gap - gap)));
     const least = Math.min(...away);
     const x = limits(currents, ...known.map((one) => one.current));
     const y = limits(forces, ...known.map((one) => one.force));
     this.loop.begin([...x, ...y]);
-    this.loop.backdrop(least === Infinity ? "" : away.indexOf(least), () => {
+    this.loop.backdrop(`${this.#version} ${away.indexOf(least)}`, () => {
       for (const one of ["measured", "model"]) {
         for (const [n, { kind, current, force }] of known.entries()) {
           if (kind !== one) continue;

@@ -10,6 +10,7 @@ import { Panel } from "./panel.js";
 import { Parameters } from "./parameters.js";
 import { Scope } from "./scope.js";
 import { Sets } from "./sets.js";
+import { columnOf } from "./signals.js";
 import { SpectrumView } from "./spectrum.js";
 import { StepView } from "./steps.js";
 import { Store } from "./store.js";
@@ -27,6 +28,7 @@ link.addEventListener("frame", (event) => feed(event.detail));
 link.addEventListener("status", (event) => status(event.detail));
 link.addEventListener("parameters", (event) => page?.parameters.take(event.detail.parameters, event.detail.applied));
 link.addEventListener("improve", (event) => page?.improve.show(event.detail.results));
+link.addEventListener("loops", (event) => page?.loop.know(event.detail.loops));
 link.addEventListener("lost", (event) => lost(event.detail));
 
 // Sends an order; a refusal is shown, and then there is no answer.
@@ -73,11 +75,11 @@ function feed(frame) {
 function status(now) {
   const { bench, store } = page;
   const last = (name) => {
-    const column = bench.signals.findIndex((signal) => signal.name === name);
+    const column = columnOf(bench, name);
     return column < 0 || !store.count ? undefined : store.value(column, store.count - 1);
   };
   page.panel.status(now, { load: last("load"), gap: last("gap") });
-  const state = now.ended ? "lost" : (bench.states[now.state] ?? now.state);
+  const state = now.ended || now.lost ? "lost" : (bench.states[now.state] ?? now.state);
   at("state").textContent = state;
   at("state").dataset.state = state;
   at("fault").textContent = now.fault ? bench.faults[now.fault] : "";
@@ -94,6 +96,7 @@ function status(now) {
   role(now);
   for (const entry of now.log) write(entry);
   if (now.ended) notify(now.ended);
+  else if (now.lost) notify(`${now.lost}; looking for it`);
   else if (now.waits_for) notify(`the bench waits for ${now.waits_for}`);
 }
 

@@ -8,6 +8,7 @@ export class Parameters extends EventTarget {
   #inputs = new Map();
   #first = null; // values that the page came upon
   #eras = []; // what was in force from which tick on, in words
+  #last = Promise.resolve(); // what was asked for last: one at a time, each knows what is in force
 
   constructor(place, order) {
     super();
@@ -67,7 +68,7 @@ export class Parameters extends EventTarget {
     const input = make("input", {
       type: "number",
       step: "any",
-      value: this.#staged.get(one.name) ?? one.value,
+      value: this.#staged.get(one.name) ?? short(one.value),
       className: "number",
     });
     input.setAttribute("aria-label", one.name);
@@ -114,13 +115,12 @@ export class Parameters extends EventTarget {
     this.show();
   }
 
-  async apply() {
-    if (!this.#staged.size) return;
-    await this.put(Object.fromEntries(this.#staged));
+  apply() {
+    return this.#inTurn(() => this.#staged.size && this.#put(Object.fromEntries(this.#staged)));
   }
 
-  async rollBack() {
-    if (this.#before) await this.put(this.#before);
+  rollBack() {
+    return this.#inTurn(() => this.#before && this.#put(this.#before));
   }
 
   value(name) {
@@ -128,13 +128,24 @@ export class Parameters extends EventTarget {
   }
 
   // Turns a parameter that is 0 or 1, where there is one.
-  async toggle(name) {
-    const value = this.value(name);
-    if (value !== undefined) await this.put({ [name]: value === 0 ? 1 : 0 });
+  toggle(name) {
+    return this.#inTurn(() => {
+      const value = this.value(name);
+      return value !== undefined && this.#put({ [name]: value === 0 ? 1 : 0 });
+    });
   }
 
   // Puts values in force together; what else is staged stays so.
-  async put(values) {
+  put(values) {
+    return this.#inTurn(() => this.#put(values));
+  }
+
+  #inTurn(act) {
+    this.#last = this.#last.then(act, act);
+    return this.#last;
+  }
+
+  async #put(values) {
     const old = this.parameters
       .filter((one) => one.name in values)
       .map((one) => [one.name, one.value]);

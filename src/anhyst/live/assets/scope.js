@@ -1,16 +1,20 @@
 // The scope: chosen signals over time, a strip for each unit; hold, zoom, cursors, trigger.
 
+import { COLOURS, ink } from "./colours.js";
 import { field, kept, make, select } from "./dom.js";
-import { COLOURS, Strip, ink } from "./strip.js";
+import { Strip } from "./strip.js";
 import { Trigger } from "./trigger.js";
 import { seconds, show, shown } from "./units.js";
 
+const READ_MS = 100; // from one reading of numbers to the next
 const WINDOWS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
 
 export class Scope {
   held = null; // last tick of a picture that is held
   #anchor = null; // where differences begin, s
   #cursor = null;
+  #readAt = 0;
+  #size = { width: 0, height: 0 };
   #trigger = null;
 
   constructor(place, bench, store) {
@@ -33,29 +37,21 @@ export class Scope {
     this.#trigger?.feed(frame);
   }
 
-  isLast(unit) {
-    return this.units.at(-1) === unit;
-  }
-
   // --- what is seen -------------------------------------------------------------------------
 
   draw() {
-    const { rate } = this.bench;
     const to = this.#end();
-    const from = to - this.window * rate;
+    const from = to - this.window * this.bench.rate;
     this.#resize();
     for (const strip of this.strips) {
       const columns = strip.signals.map((signal) => signal.column);
       const pixels = Math.max(50, Math.round(strip.plot.bbox.width / devicePixelRatio));
-      const { ticks, columns: data } = this.store.envelope(columns, from, to, pixels);
-      strip.show(
-        Array.from(ticks, (tick) => tick / rate),
-        data,
-        from / rate,
-        to / rate,
-      );
+      strip.show(this.store.envelope(columns, from, to, pixels), from, to);
     }
-    this.#read();
+    if (performance.now() >= this.#readAt) {
+      this.#readAt = performance.now() + READ_MS;
+      this.#read();
+    }
   }
 
   // The last tick to be seen: of the hold, of the trigger, or the newest.
@@ -198,6 +194,9 @@ export class Scope {
     const bar = make("div", { className: "bar" }, this.holdButton, field("window", this.widths));
     bar.append(...this.#triggerControls(), this.timeReading);
     this.stripsPlace = make("div", { className: "strips" });
+    new ResizeObserver(([{ contentRect }]) => {
+      this.#size = { width: Math.floor(contentRect.width), height: Math.floor(contentRect.height) };
+    }).observe(this.stripsPlace);
     this.place.replaceChildren(bar, legend, this.stripsPlace);
   }
 
@@ -281,22 +280,17 @@ export class Scope {
   #build() {
     this.stripsPlace.replaceChildren();
     const chosen = this.signals.filter((signal) => this.chosen.has(signal.name));
-    this.units = [...new Set(chosen.map((signal) => signal.unit))];
-    this.strips = this.units.map(
-      (unit) =>
-        new Strip(
-          this.stripsPlace,
-          unit,
-          chosen.filter((signal) => signal.unit === unit),
-          this,
-        ),
-    );
+    const units = [...new Set(chosen.map((signal) => signal.unit))];
+    this.strips = units.map((unit) => {
+      const signals = chosen.filter((signal) => signal.unit === unit);
+      return new Strip(this.stripsPlace, unit, signals, this, unit === units.at(-1));
+    });
   }
 
   #resize() {
-    const { clientWidth, clientHeight } = this.stripsPlace;
-    const height = Math.max(90, Math.floor(clientHeight / Math.max(1, this.strips.length)));
-    for (const strip of this.strips) strip.resize(clientWidth, height);
+    const { width, height } = this.#size;
+    const heights = Strip.heights(this.strips.length, height);
+    for (const [n, strip] of this.strips.entries()) strip.resize(width, heights[n]);
   }
 
   restyle() {

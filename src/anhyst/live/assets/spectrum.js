@@ -1,9 +1,10 @@
 // The spectrum view: amplitude spectral density of a signal, and what it is at the cursor.
 
 import { Plane } from "./canvas.js";
+import { ink } from "./colours.js";
 import { field, kept, make, select } from "./dom.js";
 import { WINDOWS, density } from "./fft.js";
-import { ink } from "./strip.js";
+import { columnOf } from "./signals.js";
 import { fine } from "./units.js";
 
 const LENGTHS = [1024, 4096, 16384, 65536];
@@ -64,7 +65,7 @@ export class SpectrumView {
     if (now < this.#due) return;
     this.#due = now + EVERY_MS;
     const length = Number(this.length.value);
-    const column = this.bench.signals.findIndex((one) => one.name === this.signal.value);
+    const column = columnOf(this.bench, this.signal.value);
     const samples = this.#samples(column, length);
     if (!samples) return;
     const { name, factor } = fine(this.bench.signals[column].unit);

@@ -1,9 +1,10 @@
 // The step view: the last steps overlaid, by what was in force, and their figures.
 
 import { Plane } from "./canvas.js";
+import { COLOURS } from "./colours.js";
 import { make } from "./dom.js";
+import { columnOf } from "./signals.js";
 import { StepFinder } from "./stepfinder.js";
-import { COLOURS } from "./strip.js";
 import { show } from "./units.js";
 
 const KEPT = 24;
@@ -14,7 +15,7 @@ export class StepView {
 
   constructor(place, bench, inForce) {
     this.inForce = inForce;
-    const find = (name) => bench.signals.findIndex((signal) => signal.name === name);
+    const find = (name) => columnOf(bench, name);
     this.unit = bench.aim.unit;
     this.finder = new StepFinder(bench, find(bench.aim.reference), find(bench.aim.signal));
     const clear = make("button", { textContent: "clear", onclick: () => this.clear() });

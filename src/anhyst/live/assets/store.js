@@ -72,13 +72,13 @@ export class Store {
   }
 
   // Ticks and columns of rows to draw: all, or smallest and largest of each pixel in the order in
-  // which they came, so that no spike is lost.
+  // which they came, so that no spike is lost. What is missing is no number.
   envelope(columns, from, to, pixels) {
     const first = Math.max(0, this.find(from) - 1);
     const last = Math.min(this.#count, this.find(to) + 1);
     const rows = last - first;
     if (rows <= 2 * pixels) return this.#plain(columns, first, rows);
-    const edges = Array.from(
+    const edges = Uint32Array.from(
       { length: pixels + 1 },
       (_, p) => first + Math.floor((p * rows) / pixels),
     );
@@ -91,17 +91,16 @@ export class Store {
   }
 
   #plain(columns, first, rows) {
-    const ticks = Float64Array.from({ length: rows }, (_, i) => this.tick(first + i));
-    const take = (n) =>
-      Array.from({ length: rows }, (_, i) => {
-        const value = this.value(n, first + i);
-        return Number.isNaN(value) ? null : value;
-      });
-    return { ticks, columns: columns.map(take) };
+    const take = (of) => {
+      const out = new of.constructor(rows);
+      for (let i = 0; i < rows; i++) out[i] = of[(this.#begin + first + i) % CAPACITY];
+      return out;
+    };
+    return { ticks: take(this.#ticks), columns: columns.map((n) => take(this.#data[n])) };
   }
 
   #extremes(column, edges) {
-    const out = new Array(2 * (edges.length - 1));
+    const out = new Float32Array(2 * (edges.length - 1));
     for (let p = 0; p + 1 < edges.length; p++) {
       let at = (this.#begin + edges[p]) % CAPACITY;
       let low = column[at];
@@ -119,8 +118,8 @@ export class Store {
           lowFirst = true;
         } else if (value !== value) holed = true;
       }
-      out[2 * p] = holed ? null : lowFirst ? low : high;
-      out[2 * p + 1] = holed ? null : lowFirst ? high : low;
+      out[2 * p] = holed ? NaN : lowFirst ? low : high;
+      out[2 * p + 1] = holed ? NaN : lowFirst ? high : low;
     }
     return out;
   }

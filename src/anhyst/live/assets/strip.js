@@ -1,63 +1,57 @@
 // One strip of the scope: all chosen signals of one unit over time.
 
-import uPlot from "./uplot/uPlot.esm.js";
+import { ink } from "./colours.js";
+import { Raster } from "./raster.js";
 import { shown } from "./units.js";
+import uPlot from "./uplot/uPlot.esm.js";
 
-const HEIGHT_LEAST = 90;
-
-// Okabe and Ito: distinct for every kind of colour vision, on white and on black.
-export const COLOURS = [
-  "#0072b2",
-  "#d55e00",
-  "#009e73",
-  "#cc79a7",
-  "#e69f00",
-  "#56b4e9",
-  "#8c8c8c",
-  "#b8a800",
-];
-
-export function ink(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-}
+const LEAST = 64; // pixels of height
+const TIMES = 24; // of them for the marks of time below the last strip
+const THICKNESS = 1.5;
 
 export class Strip {
-  constructor(place, unit, signals, scope) {
+  #raster = new Raster();
+  #trace = { ticks: [], columns: [] };
+
+  constructor(place, unit, signals, scope, isLast) {
     this.signals = signals;
+    this.rate = scope.bench.rate;
+    this.isLast = isLast;
     const { name, factor, least } = shown(unit);
     this.factor = factor;
+    this.least = least;
     const axis = { stroke: () => ink("--ink"), grid: { stroke: () => ink("--line"), width: 1 } };
+    const times = isLast
+      ? { label: "t / s", labelSize: 18, size: 32 }
+      : { values: (_, at) => at.map(() => null), ticks: { show: false }, size: 8 };
     this.plot = new uPlot(
       {
         width: 600,
-        height: HEIGHT_LEAST,
+        height: LEAST,
         legend: { show: false },
         cursor: { sync: { key: "scope" }, drag: { x: true, y: false, setScale: false } },
-        scales: { x: { time: false }, y: { range: (plot) => padded(plot, least) } },
+        scales: { x: { time: false } },
         axes: [
-          { ...axis, label: scope.isLast(unit) ? "t / s" : undefined, labelSize: 18, size: 32 },
-          { ...axis, label: name || "number", size: 66, labelSize: 20 },
+          { ...axis, ...times },
+          { ...axis, label: name || "number", size: 66, labelSize: 20, values: marked },
         ],
-        series: [
-          {},
-          ...signals.map((signal) => ({
-            label: signal.name,
-            stroke: signal.colour,
-            width: 1.5,
-            points: { show: false },
-          })),
-        ],
+        series: [{}, { show: false }],
         hooks: {
           setSelect: [(plot) => scope.zoom(plot)],
           setCursor: [(plot) => scope.point(plot)],
-          draw: [(plot) => scope.mark(plot)],
+          draw: [(plot) => (this.#draw(plot), scope.mark(plot))],
         },
       },
-      [[], ...signals.map(() => [])],
+      [[], []],
       place,
     );
     this.plot.over.addEventListener("dblclick", () => scope.follow());
     this.plot.over.addEventListener("click", () => scope.anchor());
+  }
+
+  static heights(count, all) {
+    const height = Math.max(LEAST, Math.floor((all - TIMES) / count));
+    return Array.from({ length: count }, (_, n) => height + (n + 1 === count ? TIMES : 0));
   }
 
   resize(width, height) {
@@ -65,35 +59,53 @@ export class Strip {
       this.plot.setSize({ width, height });
   }
 
-  show(seconds, columns, from, to) {
-    const scaled = columns.map((column) =>
-      Array.from(column, (value) => (value === null ? null : value * this.factor)),
-    );
+  // Shows ticks and columns of an envelope, from a tick to another.
+  show(trace, from, to) {
+    this.#trace = trace;
+    const ends = [from / this.rate, to / this.rate];
+    const [min, max] = padded(trace.columns, this.factor, this.least);
     this.plot.batch(() => {
-      this.plot.setData([seconds, ...scaled], false);
-      this.plot.setScale("x", { min: from, max: to });
-      this.plot.setScale("y", { min: null, max: null });
+      this.plot.setData([ends, [null, null]], false);
+      this.plot.setScale("x", { min: ends[0], max: ends[1] });
+      this.plot.setScale("y", { min, max });
     });
   }
+
+  #draw({ ctx, bbox, scales: { x, y } }) {
+    const { left, top, width, height } = bbox;
+    if (!(width >= 1 && height >= 1 && x.max > x.min)) return;
+    const along = width / (x.max - x.min);
+    const up = -height / (y.max - y.min);
+    const thickness = Math.round(THICKNESS * devicePixelRatio);
+    this.#raster.begin(Math.ceil(width), Math.ceil(height));
+    for (const [n, { colour }] of this.signals.entries()) {
+      const column = this.#trace.columns[n] ?? [];
+      const a = [along / this.rate, -along * x.min];
+      const b = [up * this.factor, -up * y.max];
+      this.#raster.line(this.#trace.ticks, column, a, b, colour, thickness);
+    }
+    ctx.drawImage(this.#raster.end(), left, top);
+  }
+}
+
+// Marks of an axis with as many digits as they need; of its own accord uPlot gives three at most.
+function marked(_plot, values, _axis, _space, step) {
+  const digits = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9) + (step < 1 ? 1 : 0));
+  return values.map((value) => String(Number(value.toFixed(Math.min(digits, 12)))));
 }
 
 // The range of what is drawn, with a margin, and never less than the least.
-function padded(plot, least) {
-  const values = plot.data.slice(1).flatMap((column) => extremes(column));
-  if (!values.length) return [0, least];
-  const low = Math.min(...values);
-  const high = Math.max(...values);
-  const margin = Math.max(0.06 * (high - low), (least - (high - low)) / 2);
-  return [low - margin, high + margin];
-}
-
-function extremes(column) {
+function padded(columns, factor, least) {
   let low = Infinity;
   let high = -Infinity;
-  for (const value of column) {
-    if (value === null) continue;
-    if (value < low) low = value;
-    if (value > high) high = value;
+  for (const column of columns) {
+    for (const value of column) {
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
   }
-  return low > high ? [] : [low, high];
+  if (low > high) return [0, least];
+  [low, high] = [low * factor, high * factor];
+  const margin = Math.max(0.06 * (high - low), (least - (high - low)) / 2);
+  return [low - margin, high + margin];
 }

@@ -6,6 +6,9 @@ const SHOWN = {
   "m/s": ["mm/s", 1e3, 0.01],
   N: ["N", 1, 0.1],
   A: ["A", 1, 1e-3],
+  V: ["V", 1, 0.1],
+  Wb: ["mWb", 1e3, 0.01],
+  T: ["T", 1, 1e-3],
 };
 
 export function shown(unit) {

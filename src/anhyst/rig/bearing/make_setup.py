@@ -14,7 +14,7 @@ from anhyst.compensate.methods import MODELS, make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
 from anhyst.data import LoopSet
-from anhyst.identify.options import IdentifyTable
+from anhyst.identification.options import IdentifyTable
 from anhyst.model.actuator import ActuatorModel
 from anhyst.rig.bearing.controller_check import check_controller, pair_of
 from anhyst.rig.bearing.file import BearingRig

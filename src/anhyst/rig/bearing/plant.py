@@ -120,7 +120,9 @@ def static_map(
     return found[:, 0].copy(), found[:, 1].copy(), found[:, 2].copy()
 
 
-def make_bearing(rig: BearingRig, seed: int, magnet: Magnet | None = None) -> Bearing:
+def make_bearing(
+    rig: BearingRig, seed: int, magnet: Magnet | None = None, second: Magnet | None = None
+) -> Bearing:
     """Return the plant of a rig, at rest on the stop of the largest gap.
 
     Parameters
@@ -130,6 +132,8 @@ def make_bearing(rig: BearingRig, seed: int, magnet: Magnet | None = None) -> Be
         Of the noise of its sensors; the seed of the file is added.
     magnet : Magnet, optional
         Its magnet, where it has been made before.
+    second : Magnet, optional
+        That on the other side, where it is not like the first one.
     """
     own = magnet or make_magnet(rig)
     return Bearing(
@@ -138,7 +142,7 @@ def make_bearing(rig: BearingRig, seed: int, magnet: Magnet | None = None) -> Be
         _load(rig),
         _sensors(rig),
         own,
-        own if len(rig.magnets) > 1 else None,
+        (second or own) if len(rig.magnets) > 1 else None,
         (rig.settings.seed << 32) + seed,
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
@@ -22,9 +22,10 @@ from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.load_drive import LoadDrive
+from anhyst.rig.bench.lock_step import LockStepBench
 from anhyst.rig.bench.parameters import check_values
-from anhyst.rig.bench.position_settings import PositionSettings
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
+from anhyst.rig.bench.settings import ControllerSettings, position_settings
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -78,11 +79,10 @@ _FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_ful
 _WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}
 
 
-class BearingBench:
+class BearingBench(LockStepBench[BusController]):
     """A bearing and the firmware that levitates it, in lock-step.
 
-    A :class:`anhyst.rig.bench.protocol.Bench`. Virtual time passes in :meth:`advance` alone: between
-    two calls it stands still for the firmware too, whose heartbeat counts ticks.
+    A :class:`anhyst.rig.bench.protocol.Bench`. The firmware's heartbeat counts ticks.
 
     Parameters
     ----------
@@ -104,8 +104,6 @@ class BearingBench:
     """
 
     signals: tuple[Signal, ...] = (*_OF_PLANT.values(), *_OF_FIRMWARE)
-    keeps_time = False
-    every = 1
 
     def __init__(self, setup: Setup, firmware: Path, seed: int = 0) -> None:
         rig = setup.rig
@@ -119,10 +117,13 @@ class BearingBench:
         self._target: int | None = None
         self._open = ExitStack()
         try:
-            url, bus, _ = self._open.enter_context(start_host(firmware))
-            self._link = self._open.enter_context(ControllerLink(url))
+            started = self._open.enter_context(start_host(firmware))
+            self.process, bus = started.process, started.bus
+            self._link = self._open.enter_context(ControllerLink(started.url))
             self._heartbeat = Heartbeat(self._link)
-            self._settings = PositionSettings(self._link, setup.controller.pidd2())
+            pidd2 = setup.controller.pidd2()
+            gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
+            self._settings = ControllerSettings(self._link, position_settings(gains))
             wait_at_most(bus, _ANSWER_S)
             self._bus = BusController(bus.fileno(), {name: self._scales[name] for name in _FULL})
             has_hall = rig.settings.hall_probe is not None
@@ -131,11 +132,6 @@ class BearingBench:
         except BaseException:
             self._open.close()
             raise
-
-    @property
-    def tick(self) -> int:
-        """Number of the last tick."""
-        return self._bus.tick
 
     def advance(self, ticks: int) -> FloatArray:
         """Compute some ticks, one after the other."""
@@ -199,24 +195,7 @@ class BearingBench:
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together, from the next tick on."""
         check_values(values, self.parameters())
-        own = {one.name for one in self._settings.parameters()}
-        self._settings.apply({name: value for name, value in values.items() if name in own})
+        self._settings.write(values, runs=True)
         self._heartbeat.restart()
-        rest = {name: value for name, value in values.items() if name not in own}
-        self.load_drive.apply(rest, self.tick + 1)
+        self.load_drive.apply(values, self.tick + 1)
         return self.tick + 1
-
-    def read_block(self) -> list[int]:
-        """Return the parameter block in force."""
-        self._heartbeat.restart()
-        return self._link.read_block()
-
-    def swap_block(self, words: Sequence[int]) -> int:
-        """Put another parameter block in force, from the next tick on."""
-        self._link.write_block(words)
-        self._heartbeat.restart()
-        return self.tick + 1
-
-    def close(self) -> None:
-        """End the firmware."""
-        self._open.close()

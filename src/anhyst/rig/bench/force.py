@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 
 import numpy as np
 
 from anhyst.control.states import Command, State
 from anhyst.link.client import ControllerLink
-from anhyst.link.plant_bus import Q30, Q31, Reading
+from anhyst.link.plant_bus import Q30, Q31, PlantBus, Reading
 from anhyst.link.process import run_host
 from anhyst.rig.bench.armature import Armature
 from anhyst.rig.bench.heartbeat import Heartbeat
+from anhyst.rig.bench.lock_step import LockStepBench
 from anhyst.rig.bench.parameters import check_values
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, force_settings
@@ -94,7 +95,7 @@ class StandPlant:
         )
 
 
-class ForceBench:
+class ForceBench(LockStepBench[PlantBus]):
     """An actuator whose armature is moved from outside, and the firmware that controls its force.
 
     A :class:`anhyst.rig.bench.protocol.Bench`, in lock-step. Virtual time passes in :meth:`advance`
@@ -117,8 +118,6 @@ class ForceBench:
 
     signals: tuple[Signal, ...] = _SIGNALS
     load_most = 0.0
-    keeps_time = False
-    every = 1
 
     def __init__(self, rig: Rig, program: Program, seed: int = 0) -> None:
         self.rate = float(rig.settings.rate_Hz)
@@ -128,7 +127,7 @@ class ForceBench:
         self._open = ExitStack()
         try:
             running = self._open.enter_context(run_host(program.firmware, self._stand))
-            self._bus = running.bus
+            self.process, self._bus = running.process, running.bus
             self._link = self._open.enter_context(ControllerLink(running.url))
             self._heartbeat = Heartbeat(self._link)
             known = force_settings(self._scales.demand, self._scales.current, self.rate)
@@ -137,11 +136,6 @@ class ForceBench:
         except BaseException:
             self._open.close()
             raise
-
-    @property
-    def tick(self) -> int:
-        """Number of the last tick."""
-        return self._bus.tick
 
     def advance(self, ticks: int) -> FloatArray:
         """Compute some ticks, one after the other."""
@@ -206,21 +200,6 @@ class ForceBench:
         self._stand.armature.apply(values)
         self._heartbeat.restart()
         return self.tick + 1
-
-    def read_block(self) -> list[int]:
-        """Return the parameter block in force."""
-        self._heartbeat.restart()
-        return self._link.read_block()
-
-    def swap_block(self, words: Sequence[int]) -> int:
-        """Put another parameter block in force, from the next tick on."""
-        self._link.write_block(words)
-        self._heartbeat.restart()
-        return self.tick + 1
-
-    def close(self) -> None:
-        """End the firmware."""
-        self._open.close()
 
 
 def check_demand(aim: Aim, value: float, state: State) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from anhyst._core import Bearing
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bench.parameters import check_values
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import sine
@@ -68,15 +67,8 @@ class LoadDrive:
         )
 
     def apply(self, values: Mapping[str, float], tick: int) -> None:
-        """Put values in force from a tick on, all of them or none.
-
-        Raises
-        ------
-        InputError
-            No such parameter, or a value out of its range.
-        """
-        check_values(values, self.parameters())
-        self._values |= values
+        """Put values in force from a tick on; what is no parameter of it is left alone."""
+        self._values |= {name: values[name] for name in self._values if name in values}
         if "disturbance_frequency" in values:
             self._since = tick
         self._bearing.set_load(self._values["load_damping"], self._values["load_stiffness"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 from anhyst.control.states import Command
@@ -94,6 +94,10 @@ class Bench(Protocol):
         Whether its ticks come by themselves, as those of hardware do: time cannot stand there.
     every : int
         Ticks from one row to the next; more than 1 where a line does not carry every tick.
+    process : int
+        Of the machine, that answers every tick; 0 where none does.
+    lost : str
+        Why the controller is out of reach and looked for; empty while it answers.
     """
 
     @property
@@ -131,6 +135,16 @@ class Bench(Protocol):
         """Ticks from one row to the next."""
         ...  # pragma: no cover
 
+    @property
+    def process(self) -> int:
+        """Process that answers every tick, or 0."""
+        ...  # pragma: no cover
+
+    @property
+    def lost(self) -> str:
+        """Why the controller is looked for; empty while it answers."""
+        ...  # pragma: no cover
+
     def advance(self, ticks: int) -> FloatArray:
         """Go on by some ticks.
 
@@ -144,12 +158,20 @@ class Bench(Protocol):
         ndarray, shape (n, 1 + len(signals))
             Number of the tick, and all signals at it. Of a virtual bench, which computes them, n is
             `ticks` and none is left out. One that keeps time waits until so many have passed and
-            returns all that came since, at least one; a tick that never came has no row.
+            returns all that came since; a tick that never came has no row. While its controller is
+            lost it has none at all.
 
         Raises
         ------
         InputError
-            The controller hung up or does not answer.
+            The controller hung up or does not answer, and is not looked for any more.
+        """
+        ...  # pragma: no cover
+
+    def news(self) -> Sequence[str]:
+        """Return what happened to the controller since this was last asked.
+
+        It was lost, or is back: what was demanded, :attr:`aim` and parameters are to be read anew.
         """
         ...  # pragma: no cover
 

@@ -5,11 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from anhyst.compile.a2l import HEARTBEAT_MS
+from anhyst.compilation.a2l import HEARTBEAT_MS
+from anhyst.link.client import Refused
 from anhyst.link.frames import SETTINGS, Setting
 from anhyst.link.plant_bus import Q30, Q31
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
+
+_GAINS = {
+    Setting.GAIN_P: ("N/m", "K_p of the controller of position"),
+    Setting.GAIN_I: ("N/(m s)", "its K_i"),
+    Setting.GAIN_D: ("N s/m", "its K_d"),
+    Setting.GAIN_DD: ("N s^2/m", "its K_dd"),
+}
+"""Of which a firmware takes shares of what was compiled; one of zero stays zero."""
 
 
 class SettingsLine(Protocol):
@@ -20,7 +29,7 @@ class SettingsLine(Protocol):
         ...  # pragma: no cover
 
     def write_setting(self, setting: Setting, value: int) -> int:
-        """Set a setting from the next tick on."""
+        """Set a setting from the next tick on; returns what the controller has now."""
         ...  # pragma: no cover
 
 
@@ -34,7 +43,7 @@ class KnownSetting(NamedTuple):
     setting : Setting
         Which.
     code : float
-        What one of its codes means.
+        What one of its codes means; 1 for numbers of something, which have no values in between.
     """
 
     name: str
@@ -44,6 +53,19 @@ class KnownSetting(NamedTuple):
     high: float
     code: float
     doc: str
+
+    def coded(self, value: float) -> int:
+        """Return the code of a value.
+
+        Raises
+        ------
+        InputError
+            It lies between the numbers that there are.
+        """
+        if self.code == 1.0 and value != round(value):
+            raise InputError(f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}")
+        most = SETTINGS[self.setting]
+        return min(max(round(value / self.code), most.low), most.high)
 
 
 class ControllerSettings:
@@ -60,17 +82,19 @@ class ControllerSettings:
     def __init__(self, line: SettingsLine, known: Sequence[KnownSetting]) -> None:
         self._line = line
         self._known = tuple(known)
-        self._values = self._read()
+        self._codes = {one.setting: line.read_setting(one.setting) for one in self._known}
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return them, with the values in force."""
         return tuple(
-            Parameter(one.name, one.unit, one.low, one.high, one.doc, self._values[one.name])
+            Parameter(
+                one.name, one.unit, one.low, one.high, one.doc, self._codes[one.setting] * one.code
+            )
             for one in self._known
         )
 
     def write(self, values: Mapping[str, float], runs: bool) -> None:
-        """Write some of them, one after the other; what is no setting is left alone.
+        """Write some of them, all or none; what is no setting is left alone.
 
         Parameters
         ----------
@@ -82,22 +106,43 @@ class ControllerSettings:
         Raises
         ------
         InputError
-            One may not be changed while it runs; then none is written.
+            One may not be changed while it runs, or has no such value.
+        Refused
+            The controller refuses, and says why.
         """
-        mine = [one for one in self._known if one.name in values]
-        for one in mine:
-            kept = runs and not SETTINGS[one.setting].while_running
-            if kept and values[one.name] != self._values[one.name]:
+        codes = {one: one.coded(values[one.name]) for one in self._known if one.name in values}
+        changed = {
+            one.setting: code for one, code in codes.items() if code != self._codes[one.setting]
+        }
+        for setting in changed:
+            if runs and not SETTINGS[setting].while_running:
                 raise InputError(
-                    f"{one.name}: stays as it is while the controller runs; stop it first"
+                    f"{setting.name.lower()}: stays as it is while the controller runs; stop it "
+                    "first"
                 )
-        for one in mine:
-            code = min(round(values[one.name] / one.code), int(Q31) - 1)
-            self._line.write_setting(one.setting, code)
-        self._values = self._read()
+        before = {setting: self._codes[setting] for setting in changed}
+        try:
+            self._send(changed)
+        except Refused:
+            self._send(before)
+            raise
 
-    def _read(self) -> dict[str, float]:
-        return {one.name: self._line.read_setting(one.setting) * one.code for one in self._known}
+    def _send(self, codes: Mapping[Setting, int]) -> None:
+        for setting, code in codes.items():
+            self._codes[setting] = self._line.write_setting(setting, code)
+        if not _GAINS.keys().isdisjoint(codes):
+            self._line.write_setting(Setting.GAINS, 1)  # the shares that stand there now
+
+
+_COMPENSATION = KnownSetting(
+    "compensation",
+    Setting.COMPENSATION,
+    "",
+    0.0,
+    1.0,
+    1.0,
+    "1: the compensator; 0: the constant ratio",
+)
 
 
 def force_settings(demand: float, current: float, rate: float) -> tuple[KnownSetting, ...]:
@@ -115,14 +160,31 @@ def force_settings(demand: float, current: float, rate: float) -> tuple[KnownSet
         "largest slope of the demand",
         "0: the memory follows the current driven; 1: measured",
     )
-    switch = "1: the compensator; 0: the constant ratio"
     of_ratio = "constant ratio of current to force"
     return (
         KnownSetting("demand_slew", Setting.DEMAND_SLEW, "N/s", most / Q31, most, most / Q31, slew),
-        KnownSetting("compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, switch),
+        _COMPENSATION,
         KnownSetting("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, of_ratio),
         KnownSetting("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow),
     )
+
+
+def position_settings(gains: Sequence[float]) -> tuple[KnownSetting, ...]:
+    """Return the settings of a controller of position.
+
+    Parameters
+    ----------
+    gains : sequence of float
+        K_p, K_i, K_d, K_dd that it was compiled with, SI units.
+    """
+    found = [_COMPENSATION]
+    for (setting, (unit, doc)), gain in zip(_GAINS.items(), gains, strict=True):
+        if gain == 0.0:
+            continue
+        code, most = gain / Q30, SETTINGS[setting]
+        low, high = sorted((code * most.low, code * most.high))
+        found.append(KnownSetting(setting.name.lower(), setting, unit, low, high, code, doc))
+    return tuple(found)
 
 
 def heartbeat_setting(rate: float) -> KnownSetting:

@@ -288,7 +288,7 @@ class Rig:
         return self.solenoid_file
 
     @property
-    def actuator_text(self) -> tuple[str, int]:
+    def actuator_text(self) -> tuple[str, float]:
         """What the actuator is called, and its turns."""
         magnet = self.settings.magnet
         if magnet is None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind, Scales
 from anhyst.compensate.plan import CompileRequest
-from anhyst.compile.output import compile_model
+from anhyst.compilation.output import compile_model
 from anhyst.link.firmware import build
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.writer import write_model

@@ -26,7 +26,7 @@ class Poles:
 
     Parameters
     ----------
-    turns : int
+    turns : float
         Of the winding.
     resistance : float
         Of the winding, ohm.
@@ -40,7 +40,7 @@ class Poles:
         Air in the joints of the core, all of them together, m.
     """
 
-    turns: int
+    turns: float
     resistance: float
     width: float
     depth: float

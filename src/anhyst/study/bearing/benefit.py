@@ -36,7 +36,7 @@ WIDTHS = (0.5, 1.0, 2.0)
 FRACTIONS = (0.05, 0.15, 0.3, 0.5)
 """Reversible fractions of irons of cells; another family has none, and keeps its own shape."""
 
-BASELINES = tuple(name for name in methods.BASELINES if name != "secant")
+BASELINES = tuple(name for name in methods.BASELINES if name not in ("secant", "play"))
 """Ways from force to current that know no hysteresis and measure nothing; ``linearised`` is the
 better one of the two straight lines."""
 

@@ -139,7 +139,7 @@ def sampled(
     -------
     a, b, c : ndarray, shapes (n, n), (n,), (n,)
     """
-    motion, into, current, direct = _winding(point)
+    motion, into, current, direct = voltage_matrices(point)
     if isinstance(amplifier, CurrentLoop):
         motion, into = _under_current(motion, into, current, direct, amplifier)
         a, b, position = _with_sensor(motion, into, _unit(4, 0), 0.0, chain.sensor_bandwidth)
@@ -173,8 +173,16 @@ def _padded(row: FloatArray, length: int) -> FloatArray:
     return np.concatenate([row, np.zeros(length - len(row))])
 
 
-def _winding(point: Point) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """From the voltage: matrices of position, velocity and i_m; the current as row and direct."""
+def voltage_matrices(point: Point) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return what the voltage does, without an amplifier.
+
+    Returns
+    -------
+    a, b : ndarray, shapes (3, 3), (3,)
+        Of position, velocity and i_m.
+    current, direct : ndarray, shape (3,), and float
+        The winding's current, as a row over the states and a part of the voltage.
+    """
     held = point.eddy_time / point.inductance
     share = 1.0 / (1.0 + point.resistance * held)
     into = np.array([0.0, 0.0, share / point.inductance])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.plan import CompileRequest
-from anhyst.compile.output import compile_model
+from anhyst.compilation.output import compile_model
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import State
 from anhyst.link.firmware import build, check_compiler

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,6 +37,10 @@ from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
+from anhyst.support.result import Result, columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 COMPARED = (*BASELINES, *SENSORS, *MODELS)
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
@@ -47,8 +51,8 @@ _WORK_OF_STAGES = (5.0, 4.0)
 """What is written beside the recording."""
 
 
-@dataclass(frozen=True)
-class Simulation:
+@dataclass(frozen=True, repr=False)
+class Simulation(Result):
     """What a simulation gave.
 
     Parameters
@@ -103,6 +107,51 @@ class Simulation:
         """MethodName of the controller file."""
         return self.controller.settings.compensation.variant
 
+    def facts(self) -> dict[str, str]:
+        """Return overshoot and standstill of every variant at the highest step."""
+        told = {"rig": self.rig.settings.name, "controller": self.own}
+        for name in self.setups:
+            last = [cell for cell in self.cells if cell.variant == name][-1]
+            told[name] = (
+                f"overshoot {last.of('overshoot_percent').mean:.2f} % of "
+                f"{1e6 * last.height:g} um, standstill "
+                f"{1e9 * last.of('standstill_rms_m').mean:.0f} nm"
+            )
+        return told | ({"lost levitation in": "; ".join(self.lost_in)} if self.lost_in else {})
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the figures of all steps, one row a variant, gap and height, SI and per cent."""
+        names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
+        return columns_of(
+            [
+                {
+                    "variant": cell.variant,
+                    "gap_m": cell.gap,
+                    "step_m": cell.height,
+                    "load_N": cell.load,
+                    "lost": cell.lost,
+                    **{name: cell.of(name).mean for name in names},
+                }
+                for cell in self.cells
+            ]
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``figures.json`` holds."""
+        return self.figures
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the steps of every variant: gap over time, one noise seed."""
+        for name, run in self.shown.items():
+            ax.plot(run["t_s"], 1e3 * run["gap_m"], lw=0.9, label=name)
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("gap [mm]")
+
+    def save(self, path: PathLike) -> Path:
+        """Write recording, identified model and ``figures.json``; see :func:`write_simulation`."""
+        write_simulation(self, path)
+        return Path(path)
+
 
 def simulate(
     rig_path: PathLike,
@@ -121,7 +170,7 @@ def simulate(
 
 def explore(
     rig_path: PathLike,
-    out: PathLike,
+    out: PathLike | None = None,
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
@@ -131,7 +180,7 @@ def explore(
     ----------
     rig_path : path-like
         Rig file of a bearing.
-    out : path-like
+    out : path-like, optional
         Recording to be written, ``.csv`` or ``.mat``; ``figures.json`` goes beside it. Whether both
         can be is found out first.
     controller_path : path-like, optional
@@ -153,11 +202,8 @@ def explore(
         Levitation was lost before anything could be compared; the recording is kept, the figures
         of a run before it are removed.
     """
-    check_ending(out)
-    figures_file = Path(out).parent / FIGURES
     rig, controller = read_files(rig_path, controller_path)
-    model_file = [] if controller.model is not None else [_model_file(out)]
-    ready = make_ready(rig, controller, (out, figures_file, *model_file))
+    ready = make_ready(rig, controller, _places(out, controller))
     rig = ready.rig
     tried = rig.settings.simulate
     beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
@@ -167,8 +213,10 @@ def explore(
     mine = make_setups(rig, controller, knowledge, (own,))[own]
     run = _whole_run(mine)
     fault = run.fault()
-    if fault:
-        figures_file.unlink(missing_ok=True)  # of another recording
+    if fault and out is None:
+        raise NegativeResult(fault)
+    if fault and out is not None:
+        (Path(out).parent / FIGURES).unlink(missing_ok=True)  # of another recording
         _write_recording(out, run.recording, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}")
     next(stages)(1, 1)
@@ -177,6 +225,15 @@ def explore(
     found.figures["left_out"] = left_out
     found.figures["lost_in"] = [*run.lost_later(), *lost_blocks(found.figures)]
     return found
+
+
+def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
+    """Return what is written for a recording."""
+    if out is None:
+        return ()
+    check_ending(out)
+    model_file = [] if controller.model is not None else [_model_file(out)]
+    return (out, Path(out).parent / FIGURES, *model_file)
 
 
 def write_simulation(found: Simulation, out: PathLike) -> None:

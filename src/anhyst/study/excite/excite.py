@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -214,14 +214,14 @@ def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
             loops.append(_take(specimen, magnet, sensors, clock, gap, record))
             if progress is not None:
                 progress(number * len(wanted) + count + 1, len(gaps) * len(wanted))
-    _check_operating(specimen, places)
+    check_operating(specimen, places)
     names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
     return Excitation(
         LoopSet(tuple(loops), *names),
         specimen,
         tuple(places),
         clock.played(),
-        tuple(_notes(specimen, places)),
+        tuple(notes_of(specimen, places)),
     )
 
 
@@ -240,6 +240,31 @@ def _probe(
     magnet.step(0.0, gap)
     gone = path[: len(forces)]
     clock.play(np.concatenate([gone, gone[::-1]]), gap)
+    return place_of(specimen, gap, gone, forces, cool)
+
+
+def place_of(
+    specimen: Specimen, gap: float, gone: FloatArray, forces: Sequence[float], cool: Bound
+) -> Place:
+    """Return what the first rise of the current at a gap showed.
+
+    Parameters
+    ----------
+    specimen : Specimen
+    gap : float
+        m.
+    gone : ndarray
+        Currents on the way up, A.
+    forces : sequence of float
+        What was read at them, N; the last may be at the limit.
+    cool : Bound
+        Largest current that the winding stands.
+
+    Raises
+    ------
+    InputError
+        There is no room for a loop.
+    """
     peak = cool
     if forces[-1] >= HEADROOM * specimen.force.value:
         # One sample back: what was there is below the limit for certain.
@@ -277,7 +302,8 @@ def _take(
     return Loop(label, current, force, np.full(time.size, gap), time, record.history)
 
 
-def _check_operating(specimen: Specimen, places: list[Place]) -> None:
+def check_operating(specimen: Specimen, places: Sequence[Place]) -> None:
+    """Refuse places none of which gives the operating force."""
     if any(place.reached for place in places):
         return
     best = max(places, key=lambda place: place.force)
@@ -289,7 +315,7 @@ def _check_operating(specimen: Specimen, places: list[Place]) -> None:
     )
 
 
-def _notes(specimen: Specimen, places: list[Place]) -> list[str]:
+def notes_of(specimen: Specimen, places: Sequence[Place]) -> list[str]:
     """Say what was designed down, and why."""
     notes = []
     if specimen.sweep > specimen.rate.value:
@@ -322,7 +348,16 @@ def _notes(specimen: Specimen, places: list[Place]) -> list[str]:
     return notes
 
 
-def excite(rig: PathLike, out: PathLike, progress: Progress | None = None) -> Excitation:
+Measuring = Callable[[Specimen, Progress | None], Excitation]
+"""How loops of a specimen are measured."""
+
+
+def excite(
+    rig: PathLike,
+    out: PathLike,
+    progress: Progress | None = None,
+    how: Measuring = measure,
+) -> Excitation:
     """Measure the loops of a rig and write them, with a sidecar that says how they begin.
 
     Parameters
@@ -333,6 +368,8 @@ def excite(rig: PathLike, out: PathLike, progress: Progress | None = None) -> Ex
         CSV; the sidecar is the TOML of the same name.
     progress : callable, optional
         Called with records done and to be done.
+    how : callable, optional
+        On the virtual rig if left out.
 
     Returns
     -------
@@ -354,7 +391,7 @@ def excite(rig: PathLike, out: PathLike, progress: Progress | None = None) -> Ex
     if sidecar.exists() and not is_sidecar(sidecar):
         raise InputError(f"{sidecar}: is no description of loops; write to another file")
     try:
-        measured = measure(found.specimen, progress)
+        measured = how(found.specimen, progress)
     except InputError as error:
         raise InputError(f"{rig}: {error}") from error
     write_excitation(measured, Path(rig), place)
@@ -375,7 +412,7 @@ def write_excitation(measured: Excitation, rig: Path, out: Path) -> None:
     histories = {loop.label: str(loop.history) for loop in measured.loops.loops}
     with atomic_writer(out.with_suffix(".toml")) as file:
         file.write(_sidecar(rig, histories, measured.notes))
-    measured.loops.to_csv(out)
+    measured.loops.save(out)
 
 
 def _sidecar(rig: Path, histories: Mapping[str, str], notes: tuple[str, ...]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,6 +40,10 @@ from anhyst.support.folder import whole_folder
 from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
+from anhyst.support.result import Result, columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 KINDS: tuple[Kind, ...] = ("full", "simplified")
 
@@ -53,8 +57,8 @@ LONGEST_DEMAND = 120.0
 """Seconds of a demand from a file at most."""
 
 
-@dataclass(frozen=True)
-class ForceControl:
+@dataclass(frozen=True, repr=False)
+class ForceControl(Result):
     """What came out.
 
     Parameters
@@ -63,7 +67,7 @@ class ForceControl:
         The rig, complete.
     out : Path
         Folder with everything: ``figures.json``, a CSV for each trial, and below ``end/`` and
-        ``stroke/`` models and controllers; :func:`anhyst.report.force.figures.draw` adds pictures.
+        ``stroke/`` models and controllers; :func:`anhyst.reports.force.figures.draw` adds pictures.
     figures : dict
         As in ``figures.json``.
     outcomes : tuple of ForceOutcome
@@ -77,6 +81,47 @@ class ForceControl:
     figures: dict[str, Any]
     outcomes: tuple[ForceOutcome, ...]
     plant: PlantCheck
+
+    def facts(self) -> dict[str, str]:
+        """Return where everything is, and the error of each controller's force over all trials."""
+        told = {"folder": str(self.out), "trials": str(len(self.outcomes))}
+        rows = self._errors()
+        for name in dict.fromkeys(row["controller"] for row in rows):
+            mean = np.mean([row["error_rms_N"] for row in rows if row["controller"] == name])
+            told[name] = f"force off by {mean:.3g} N rms"
+        return told
+
+    def _errors(self) -> list[dict[str, Any]]:
+        return [
+            {
+                "trial": place,
+                "stage": outcome.trial.stage,
+                "controller": name,
+                "error_rms_N": one["true"]["rms_N"],
+                "error_worst_N": one["true"]["worst_N"],
+            }
+            for place, (outcome, trial) in enumerate(
+                zip(self.outcomes, self.figures["trials"], strict=True)
+            )
+            for name, one in trial["controllers"].items()
+        ]
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the error of the force of each controller in each trial, N."""
+        return columns_of(self._errors())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``figures.json`` holds."""
+        return self.figures
+
+    def draw(self, ax: Axes) -> None:
+        """Draw demand and force of every controller in the first trial."""
+        one = self.outcomes[0]
+        ax.plot(one.trial.demand.force, color="0.15", lw=0.8, ls="--", label="demand")
+        for name, run in one.recordings.items():
+            ax.plot(run.force, lw=0.9, label=name)
+        ax.set_xlabel("tick")
+        ax.set_ylabel("force [N]")
 
 
 def force_control(

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from anhyst.data import LoopSet
+from anhyst.data.loop_set import Loop
+from anhyst.identification.fit_records import thinned
 from anhyst.model.actuator import ActuatorModel
 from anhyst.support.arrays import FloatArray
 
 _POINTS = 100
-"""Of a loop, where it is drawn."""
+"""Of a loop, where it is drawn; a record may hold several."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,13 +70,7 @@ class Compared:
             "new": _plain(self.misfit(self.new)),
             "gaps": rows,
             "loops": [
-                {
-                    "label": loop.label,
-                    "current": _thin(loop.input),
-                    "force": _thin(loop.output),
-                    "old": _thin(old),
-                    "new": _thin(new),
-                }
+                _drawn(loop, old, new)
                 for loop, old, new in zip(self.loops.loops, self.old, self.new, strict=True)
             ],
         }
@@ -95,7 +91,7 @@ def compare(old: ActuatorModel, new: ActuatorModel, loops: LoopSet) -> Compared:
 
 def _predicted(model: ActuatorModel, loops: LoopSet) -> tuple[FloatArray, ...]:
     return tuple(
-        model.predict(loop.input, loop.schedule, history=loop.history).output
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
         for loop in loops.loops
     )
 
@@ -104,6 +100,10 @@ def _plain(misfit: Misfit) -> dict[str, float]:
     return {"rms_N": misfit.rms, "worst_N": misfit.worst}
 
 
-def _thin(values: FloatArray) -> list[float]:
-    every = max(1, -(-values.size // _POINTS))
-    return [float(f"{value:.5g}") for value in values[::every]]
+def _drawn(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:
+    kept = thinned(loop.input, _POINTS * max(1, loop.reversals // 2))
+    columns = {"current": loop.input, "force": loop.output, "old": old, "new": new}
+    rounded = {
+        name: [float(f"{value:.5g}") for value in values[kept]] for name, values in columns.items()
+    }
+    return {"label": loop.label, **rounded}

@@ -12,10 +12,11 @@ from anhyst.data.reading import read_loops
 from anhyst.model.actuator import ActuatorModel
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
-from anhyst.study.excite.excite import measure, write_excitation
+from anhyst.study.excite.excite import Excitation, measure, write_excitation
 from anhyst.study.excite.limits import Bound, Specimen
+from anhyst.study.excite.on_board import DrivenBoard, measure_on_board
 from anhyst.study.improve.compare import compare
-from anhyst.study.prepared import Prepared, block_of
+from anhyst.study.prepared import Improvable, PreparedBoard, block_of
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 
@@ -26,7 +27,7 @@ _DRAWN = 1500
 """Points of a drive that is drawn."""
 
 
-def limits_of(prepared: Prepared) -> dict[str, Any]:
+def limits_of(prepared: Improvable) -> dict[str, Any]:
     """Return what a drive will keep to, as the rig file says."""
     specimen = prepared.specimen()
     winding = specimen.winding
@@ -41,14 +42,14 @@ def limits_of(prepared: Prepared) -> dict[str, Any]:
 
 
 def measure_loops(
-    progress: Progress, prepared: Prepared, folder: Path, tighter: Mapping[str, float]
+    progress: Progress, prepared: Improvable, folder: Path, tighter: Mapping[str, float]
 ) -> dict[str, Any]:
     """Design a drive, run it on the rig with its armature held, and write the loops.
 
     Parameters
     ----------
     progress : callable
-    prepared : Prepared
+    prepared : Improvable
         The bench.
     folder : Path
         For :data:`LOOPS`.
@@ -61,6 +62,31 @@ def measure_loops(
         Figures, and the drive to be drawn.
     """
     found = measure(within(prepared.specimen(), tighter), progress)
+    return _written(found, prepared, folder)
+
+
+def measure_running(
+    progress: Progress,
+    bench: DrivenBoard,
+    prepared: PreparedBoard,
+    folder: Path,
+    tighter: Mapping[str, float],
+) -> dict[str, Any]:
+    """Design a drive, run it through a controller that runs, and write the loops.
+
+    Parameters
+    ----------
+    progress : callable
+    bench : DrivenBoard
+        The controller.
+    prepared, folder, tighter
+        As of :func:`measure_loops`.
+    """
+    found = measure_on_board(within(prepared.specimen(), tighter), bench, progress)
+    return _written(found, prepared, folder)
+
+
+def _written(found: Excitation, prepared: Improvable, folder: Path) -> dict[str, Any]:
     write_excitation(found, prepared.rig, folder / LOOPS)
     played = found.played
     every = max(1, played.time.size // _DRAWN)
@@ -106,14 +132,14 @@ def _bounds(specimen: Specimen) -> dict[str, Bound]:
 
 
 def identify_model(
-    progress: Progress, prepared: Prepared, folder: Path, old: ActuatorModel
+    progress: Progress, prepared: Improvable, folder: Path, old: ActuatorModel
 ) -> dict[str, Any]:
     """Identify a model of the measured loops, as the rig file wants it; write and compare it.
 
     Parameters
     ----------
     progress : callable
-    prepared : Prepared
+    prepared : Improvable
         The bench.
     folder : Path
         With :data:`LOOPS`; for :data:`MODEL`.
@@ -131,7 +157,7 @@ def identify_model(
     return {"law": new.law, **compare(old, new, loops).as_dict()}
 
 
-def compile_block(progress: Progress, prepared: Prepared, folder: Path) -> dict[str, Any]:
+def compile_block(progress: Progress, prepared: Improvable, folder: Path) -> dict[str, Any]:
     """Compile the model for the running board, and hold the block against it.
 
     Returns

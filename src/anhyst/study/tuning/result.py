@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile
@@ -14,6 +15,10 @@ from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.limits import Limit
 from anhyst.study.tuning.search import FoundGains
 from anhyst.study.tuning.trial import Condition
+from anhyst.support.result import Result, columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -46,8 +51,8 @@ class Tuned:
         return self.aims.misses(self.figures)
 
 
-@dataclass(frozen=True)
-class Tuning:
+@dataclass(frozen=True, repr=False)
+class Tuning(Result):
     """What a tuning gave.
 
     Parameters
@@ -82,3 +87,31 @@ class Tuning:
     interrupted: bool
     seconds: float
     cpu_seconds: float
+
+    def facts(self) -> dict[str, str]:
+        """Return what the gains of every variant reach, and the aims that they miss."""
+        told = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
+        for name, one in self.tuned.items():
+            told[name] = (
+                f"overshoot {one.figures.overshoot_percent:.2f} %, settling "
+                f"{1e3 * one.figures.settling_time_s:.2f} ms, "
+                + (f"misses {', '.join(one.misses)}" if one.misses else "meets its aims")
+            )
+        return told
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return what the gains of every variant reach, worst of all conditions."""
+        return columns_of(
+            [
+                {"variant": name, **asdict(one.figures), "met": not one.misses}
+                for name, one in self.tuned.items()
+            ]
+        )
+
+    def draw(self, ax: Axes) -> None:
+        """Draw overshoot over settling time of every variant."""
+        for name, one in self.tuned.items():
+            at = 1e3 * one.figures.settling_time_s, one.figures.overshoot_percent
+            ax.plot(*at, "o", label=name)
+        ax.set_xlabel("settling time [ms]")
+        ax.set_ylabel("overshoot [%]")

@@ -49,7 +49,7 @@ def tune(
     out : path-like
         Folder to write to: ``controller.toml`` (with `all_variants`, one for each:
         ``controller-full.toml``), ``tuning.json`` and ``tuning.md``;
-        :func:`anhyst.report.bearing.tuning.write_pareto` adds the picture.
+        :func:`anhyst.reports.bearing.tuning.write_pareto` adds the picture.
     controller_path : path-like, optional
         Controller file to begin with; ``controller.toml`` beside the rig file if left out.
         Everything but the gains, filters and set-point weight is kept.

@@ -104,8 +104,9 @@ typedef struct {
   ANHYST_REAL p;     /* full: play; simplified: distance z where the path turned; cells: how many of
                         the plays move, below 0 where the field falls; 0: y is not known */
   ANHYST_REAL turn;  /* full: play where y departed, which the fixed-point memory finds again from
-                        where the play turned; simplified: flux where the path turned. Where it is
-                        now: not known, it turns now */
+                        where the play turned; simplified: flux where the path turned; where it is
+                        now: not known, it turns now; cells: sum of 2^i over the plays i that came
+                        to rest while the field rose */
   ANHYST_REAL level; /* y there */
 } ANHYST_NAME(anhyst_memory);
 

@@ -2,8 +2,9 @@
 
 /* One force controller. */
 typedef struct {
-  const ANHYST_NAME(anhyst_map) *map;          /* of all methods but compensator */
+  const ANHYST_NAME(anhyst_map) *map;          /* of the methods map and flux, or past it */
   const ANHYST_NAME(anhyst_flux_loop) *loop;   /* of the method flux */
+  ANHYST_NAME(anhyst_play_map) *play;          /* of the method play */
   ANHYST_NAME(anhyst_compensator) compensator; /* of the method compensator, or past it */
   ANHYST_REAL low;                             /* limits of the current, where a map finds it */
   ANHYST_REAL high;
@@ -25,6 +26,9 @@ typedef struct {
 anhyst_status ANHYST_NAME(anhyst_force_controller_init_map)(ANHYST_NAME(anhyst_force_controller) *c,
                                                             const ANHYST_NAME(anhyst_map) *map,
                                                             ANHYST_REAL low, ANHYST_REAL high);
+/* The controller goes on with the play of a map that anhyst_play_map_init has made. */
+void ANHYST_NAME(anhyst_force_controller_init_play)(ANHYST_NAME(anhyst_force_controller) *c,
+                                                    ANHYST_NAME(anhyst_play_map) *play);
 anhyst_status ANHYST_NAME(anhyst_force_controller_init_flux)(
     ANHYST_NAME(anhyst_force_controller) *c, const ANHYST_NAME(anhyst_map) *map,
     const ANHYST_NAME(anhyst_flux_loop) *loop, ANHYST_REAL low, ANHYST_REAL high);

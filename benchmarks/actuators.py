@@ -1,0 +1,193 @@
+"""Lines of the table: actuators that are no magnets.
+
+A real piezo stack in a flexure, half of its record fitted and the other half inverted; the virtual
+stage of ``examples/piezo``; the virtual rod of ``examples/magnetostrictive``. The error of an inverse is
+that of the voltage it asks for the displacement that was measured, times the mean slope of the loop
+(its stroke over the range of the voltage): it needs no model to be judged by.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import nnls
+
+from anhyst.compensate.block import Block
+from anhyst.compensate.plan import CompileRequest
+from anhyst.compilation.output import compile_model
+from anhyst.data import Loop, LoopSet
+from anhyst.data.history import History
+from anhyst.data.reading import read_loops
+from anhyst.identification import identify
+from anhyst.identification.creeping import moved
+from anhyst.model.writer import write_model
+from anhyst.rig.piezo.file import read_piezo_rig
+from anhyst.study.piezo.track import measure, reference, track
+from anhyst.support.arrays import FloatArray
+from anhyst.verification import verify
+from anhyst.verification.protocol import COMPENSATOR, ON_GRID
+from compiled import ported_costs
+from rows import ROOT, Row, measurements
+
+REACH_M = 0.3e-6
+AUTHORS = "authors 0.58"
+START = 100
+"""Samples at the begin of the real record while the amplifier comes up."""
+
+LEAD_TICKS = 1000
+
+Inverse = Callable[[Loop], FloatArray]
+
+
+def real_piezo(folder: Path) -> list[Row]:
+    """Fit one half of the record of a real stack, invert the other."""
+    loops = read_loops(
+        folder / "piezo_flexure" / "model_run.csv",
+        columns={"V_in": "u_V", "y_um": "x_um"},
+        history="conditioned:0",
+    )
+    whole = loops.loops[0]
+    half = whole.n // 2
+    ends = {"first half fitted": (slice(0, half), slice(half, None)),
+            "second half fitted": (slice(half, None), slice(START, half))}  # fmt: skip
+    rows = []
+    for name, (fitted, other) in ends.items():
+        own = _part(whole, fitted, "conditioned:0" if fitted.start == 0 else "conditioned:0,3.6,0")
+        ways = {
+            "play cells": _play_cells(loops, own),
+            "best single-valued curve": _single_valued(own),
+            "classic Prandtl-Ishlinskii": _classic(own),
+        }
+        slope = np.ptp(own.output[START:]) / np.ptp(own.input)
+        errors = {
+            key: slope * float(np.sqrt(np.mean((way(whole) - whole.input)[other] ** 2)))
+            for key, way in ways.items()
+        }
+        others = ", ".join(f"{key} {1e6 * error:.2f}" for key, error in list(errors.items())[1:])
+        rows.append(
+            Row(
+                f"piezo in a flexure, {name}, the other inverted: rms of the voltage as displacement",
+                "<= 0.3 um of 45",
+                f"{1e6 * errors['play cells']:.3f} um; {others}, {AUTHORS}",
+                bool(errors["play cells"] <= REACH_M),
+            )
+        )
+    return rows
+
+
+def _part(whole: Loop, part: slice, history: str) -> Loop:
+    assert whole.time is not None
+    return Loop("1", whole.input[part], whole.output[part], None, whole.time[part],
+                History.parse(history))  # fmt: skip
+
+
+def _play_cells(loops: LoopSet, own: Loop) -> Inverse:
+    model = identify(loops.with_loops([own])).model
+
+    def inverse(whole: Loop) -> FloatArray:
+        return model.invert(whole.output, None, whole.time, "conditioned:0").drive
+
+    return inverse
+
+
+def _single_valued(own: Loop) -> Inverse:
+    curve = np.polynomial.Polynomial.fit(own.output[START:], own.input[START:], 7)
+    return lambda whole: np.asarray(curve(whole.output))
+
+
+def _classic(own: Loop) -> Inverse:
+    """Return plays with weights, at once and odd, turned round in closed form."""
+    thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(own.input)])
+    places = moved(own.input, thresholds, np.zeros(thresholds.size))[START:]
+    ends = np.ones((places.shape[0], 1))
+    weights, _ = nnls(np.hstack([places, ends, -ends]), own.output[START:] * 1e6, maxiter=10000)
+    offset, weights = weights[-2] - weights[-1], weights[:-2]
+    rising = np.cumsum(weights)
+    turned = np.array([weights[:i] @ (r - thresholds[:i]) for i, r in enumerate(thresholds)])
+    back = np.concatenate([[1.0 / weights[0]], -weights[1:] / (rising[1:] * rising[:-1])])
+
+    def inverse(whole: Loop) -> FloatArray:
+        asked = moved(1e6 * whole.output - offset, turned, np.zeros(turned.size))
+        return np.asarray(asked @ back)
+
+    return inverse
+
+
+def stage() -> list[Row]:
+    """Follow a triangle with the virtual stage."""
+    rig = read_piezo_rig(ROOT / "examples" / "piezo" / "rig.toml")
+    found = track(rig)
+    texts = ", ".join(
+        f"{name} {1e9 * run.errors.rms_m:.0f} nm rms, {1e9 * run.errors.worst_m:.0f} worst"
+        for name, run in found.runs.items()
+    )
+    return [
+        Row(
+            "virtual piezo stage, 100 Hz bandwidth, triangle of 30 um at 10 Hz: with over without",
+            "<= 0.2",
+            f"{found.ratio:.3f}: {texts}",
+            found.ratio <= 0.2,
+        ),
+        *_compiled(rig.settings.control.rate_Hz, measure(rig), reference(rig)),
+    ]
+
+
+def _compiled(rate: float, loops: LoopSet, wanted: FloatArray) -> list[Row]:
+    with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as place:
+        model, folder = Path(place) / "model.toml", Path(place) / "c"
+        write_model(identify(loops).model, model)
+        compiled = compile_model(model, folder, CompileRequest("full", "q15", rate))
+        checked = verify(folder, "host,cortex-m4")
+        # From where the compensator begins, at no field, down to the triangle.
+        assert isinstance(compiled.plan.block, Block)
+        begin = compiled.plan.block.table("GAP_OFFSET")[0] / 2**15
+        path = wanted / compiled.plan.block.scales.demand
+        path = np.concatenate([np.linspace(begin, path[0], LEAD_TICKS), path])
+        codes = np.zeros((path.size, len(COMPENSATOR.places)), dtype="<u4")
+        codes[:, 0] = np.round(2**15 * path)
+        codes[:, COMPENSATOR.inputs.index("how")] = ON_GRID
+        most, mean = ported_costs(folder, codes)
+    worst = compiled.manifest["accuracy"]["worst_percent"]
+    return [
+        Row(
+            "compiled piezo inverse against double precision, jumps and lost drives included",
+            "<= 0.1 % of the stroke",
+            f"{worst:.3f} %; bit for bit on host and Cortex-M4: {checked.passed}",
+            worst <= 0.1 and checked.passed,
+        ),
+        Row(
+            "the same on a Cortex-M4 along the triangle: solve and commit together, mean tick",
+            "<= 600 instructions",
+            f"{mean[0] + mean[1]:.0f}: solve {mean[0]:.0f}, commit {mean[1]:.0f}; where the triangle "
+            f"turns at worst {most[0]:.0f} and {most[1]:.0f}",
+            bool(mean[0] + mean[1] <= 600),
+        ),
+    ]
+
+
+def rod() -> Row:
+    """Predict a prestress that was not measured."""
+    here = ROOT / "examples" / "magnetostrictive"
+    model = identify(read_loops(here / "loops.csv")).model
+    unseen = read_loops(here / "unseen.csv")
+    off = np.concatenate([
+        model.predict(loop.input, loop.schedule, None, loop.history).output - loop.output
+        for loop in unseen.loops
+    ])  # fmt: skip
+    largest = max(float(loop.output.max()) for loop in unseen.loops)
+    mean = 100.0 * float(np.mean(np.abs(off))) / largest
+    return Row(
+        "virtual magnetostrictive rod, a prestress between those measured: mean error",
+        "<= 1 % of the largest strain",
+        f"{mean:.2f} %, worst {100 * float(np.max(np.abs(off))) / largest:.2f} %",
+        mean <= 1.0,
+    )
+
+
+def rows() -> list[Row]:
+    """All lines about actuators that are no magnets."""
+    folder = measurements()
+    return [*(real_piezo(folder) if folder else []), *stage(), rod()]

@@ -1,0 +1,88 @@
+"""What one play is worth: force errors over the whole loop and over small cycles, against the truth.
+
+Each magnet is a virtual one whose iron is no law of anhyst's; every compensator is fitted to its
+loops as they were read and runs in fixed point. ``python -m benchmarks.one_play`` prints a table.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from tests.foreign.magnets import MAGNETS, ForeignMagnet
+
+from anhyst.compensate.cycles import Answer, CycleErrors, cycle_errors, rms, worst
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import make_compensator
+from anhyst.compensate.sources import Operating, Sources
+from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
+from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.bearing.make_setup import identify_magnet
+from anhyst.rig.bearing.plant import static_map
+from anhyst.support.arrays import FloatArray
+
+BEARING = Path(__file__).resolve().parent.parent / "examples" / "bearing"
+METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full")
+REACHED = 0.95
+"""Of what the current reaches at a gap: the largest demand there."""
+
+
+def _foreign(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArray:
+    """Return what the sensors would read without noise; the amplifier drives in one direction."""
+    sensors = magnet.sensors
+    driven = np.maximum(current - sensors.current_offset, 0.0)
+    return magnet.force(driven, gap) + sensors.force_offset
+
+
+def magnets() -> Iterator[tuple[str, LoopSet, Answer]]:
+    """Return name, loops as read and true answer of each magnet."""
+    rig = read_bearing(BEARING / "rig.toml")
+
+    def bundled(current: FloatArray, gap: float) -> FloatArray:
+        return static_map(rig, current, np.full(current.size, gap))[0]
+
+    yield "bearing", read_loops(BEARING / "loops.csv"), bundled
+    with tempfile.TemporaryDirectory() as folder:
+        for name, magnet in MAGNETS.items():
+            loops = read_loops(magnet.write_loops(Path(folder) / f"{name}.csv"))
+            yield name, loops, partial(_foreign, magnet)
+
+
+def measure(loops: LoopSet, answer: Answer) -> tuple[float, dict[str, CycleErrors]]:
+    """Return the largest demand, and by method what is left at three gaps."""
+    gaps = [gap for gap in loops.by_schedule() if gap is not None]
+    ends = min(gaps), max(gaps)
+    top = max(float(loop.input.max()) for loop in loops.loops)
+    drive = np.linspace(0.0, top, 100)
+    places = np.linspace(*ends, 5)[1:-1].tolist()
+    reach = {gap: REACHED * float(answer(drive, gap)[-1]) for gap in places}
+    largest = max(reach.values())
+    where = Operating(places[1], 0.5 * largest, 20_000.0, ends, largest, top)
+    sources = Sources(where, loops, identify_magnet(loops).model)
+    found: dict[str, CycleErrors] = {}
+    for method in METHODS:
+        made = make_compensator(method, sources, "fixed")
+        for gap in places:
+            errors = cycle_errors(made.fresh(), answer, gap, reach[gap])
+            found[method] = found[method].joined(errors) if method in found else errors
+    return largest, found
+
+
+def main() -> None:
+    """Print the table, per cent of the largest force."""
+    print("| magnet | law | whole loop, rms | worst | cycles of 10 %, rms | worst |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for name, loops, answer in magnets():
+        largest, found = measure(loops, answer)
+        for method, errors in found.items():
+            values = [of(part) for part in (errors.major, errors.small) for of in (rms, worst)]
+            shown = " | ".join(f"{100.0 * value / largest:.2f}" for value in values)
+            print(f"| {name}, {largest:.0f} N | `{method}` | {shown} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+anhyst_status ANHYST_NAME(anhyst_play_law_check)(const ANHYST_NAME(anhyst_play_law) *law)
+{
+  const ANHYST_NAME(anhyst_map) *map = &law->map;
+  const ANHYST_NAME(anhyst_map) *half = &law->half;
+  if (ANHYST_NAME(anhyst_map_check)(map) != ANHYST_OK || half->entries == 0 ||
+      half->force_segments != map->force_segments || half->gap_segments != map->gap_segments ||
+      half->force_high != map->force_high || half->gap_low != map->gap_low ||
+      half->gap_high != map->gap_high || !(law->radius > R(0.0) && law->radius <= R(1e30))) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  const size_t columns = (size_t)map->force_segments + 1U;
+  const size_t entries = columns * ((size_t)map->gap_segments + 1U);
+  for (size_t i = 0; i < entries; i++) {
+    if (!(half->entries[i] >= R(0.0) && half->entries[i] <= R(1e30))) {
+      return ANHYST_BAD_PARAMETER;
+    }
+    if (i % columns != 0U) {
+      const ANHYST_REAL rise = map->entries[i] - map->entries[i - 1U];
+      const ANHYST_REAL wider = half->entries[i] - half->entries[i - 1U];
+      if (!(wider <= rise && -wider <= rise)) {
+        return ANHYST_BAD_PARAMETER;
+      }
+    }
+  }
+  return ANHYST_OK;
+}
+
+static int ANHYST_NAME(is_known)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+
+static ANHYST_REAL ANHYST_NAME(limited)(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
+{
+  return ANHYST_NAME(anhyst_limited)(a, low, high);
+}
+
+/* The nearest force of the map, which only pulls. */
+static ANHYST_REAL ANHYST_NAME(pulling)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL demand)
+{
+  return ANHYST_NAME(anhyst_limited)(demand, R(0.0), map->force_high);
+}
+
+/* half*bounded(over/radius). */
+static ANHYST_REAL ANHYST_NAME(pull)(const ANHYST_NAME(anhyst_play_law) *law, ANHYST_REAL half,
+                                     ANHYST_REAL over)
+{
+  return half * (ANHYST_NAME(anhyst_limited)(over, -law->radius, law->radius) / law->radius);
+}
+
+static uint16_t ANHYST_NAME(columns_of)(const ANHYST_NAME(anhyst_map) *map)
+{
+  return map->force_segments;
+}
+
+/* The column at or below a force; the last but one at most. */
+static uint16_t ANHYST_NAME(column_of)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL force)
+{
+  const ANHYST_REAL place = force / map->force_high * (ANHYST_REAL)map->force_segments;
+  return ANHYST_NAME(anhyst_spot_of)(map->force_segments, place).index;
+}
+
+static ANHYST_REAL ANHYST_NAME(force_of)(const ANHYST_NAME(anhyst_map) *map, uint16_t column)
+{
+  return map->force_high * ((ANHYST_REAL)column / (ANHYST_REAL)map->force_segments);
+}
+
+/* Where a straight line between two forces is as far above the one as below the other; both parts
+   above 0. */
+static ANHYST_REAL ANHYST_NAME(between)(ANHYST_REAL low, ANHYST_REAL high, ANHYST_REAL below,
+                                        ANHYST_REAL above)
+{
+  return low + (high - low) * (below / (below + above));
+}
+
+/* Whether so much of a current is rounding. */
+static int ANHYST_NAME(is_nothing)(const ANHYST_NAME(anhyst_play_map) *c, ANHYST_REAL current)
+{
+  const ANHYST_REAL most = R(4.0) * ANHYST_NAME(anhyst_noise)(c->high - c->low);
+  return current <= most && -current <= most;
+}

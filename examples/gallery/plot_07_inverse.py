@@ -1,0 +1,27 @@
+"""
+A straight line out of a loop
+=============================
+
+A force is demanded up and down. The current of a constant ratio gives a loop; that of the inverse
+model gives the demand, on the same magnet.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import anhyst
+
+loops = anhyst.read_loops(anhyst.example_files("electromagnet")["loops.csv"])
+magnet = anhyst.identify(loops).model
+demand = 5.0 + 195.0 * (1.0 - np.abs(np.linspace(-1.0, 1.0, 400)))
+root = np.sqrt(demand / demand.max())
+top = magnet.inverse(demand, 0.3e-3, history="demagnetised").max()
+figure, ax = plt.subplots(layout="constrained")
+for name, current in (
+    ("square root", top * root),
+    ("inverse model", magnet.inverse(demand, 0.3e-3, history="demagnetised")),
+):
+    ax.plot(demand, magnet(current, 0.3e-3, history="demagnetised"), label=name)
+ax.set_xlabel("demanded force [N]")
+ax.set_ylabel("force [N]")
+ax.legend(frameon=False)

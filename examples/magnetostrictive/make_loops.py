@@ -1,0 +1,103 @@
+"""Simulate field-strain loops of a magnetostrictive rod under three prestresses.
+
+``python make_loops.py --out DIR`` writes ``loops.csv`` as sensors read it, and without noise
+``unseen.csv``: a prestress between two of them. Run it again and the same bytes come out.
+
+The rod is a Preisach iron (``anhyst.rig.parts.preisach``), no law of the package, whose relays are the
+harder to turn, the larger the prestress. Its strain is even in the polarisation J, and no plain
+square: ``lambda_s*(s + tip*s**2)`` with ``s = (J/J_s)**2``. A magnet biases it: the field of the coil
+counts from there.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import Piece
+from anhyst.rig.parts.preisach import PreisachSteel
+from anhyst.support.units import MU_0
+
+Array = NDArray[np.float64]
+
+HERE = Path(__file__).resolve().parent
+SEED = 20261124
+LOADS = (6.0, 12.0, 18.0)
+"""Prestress, MPa."""
+BETWEEN = 9.0
+BIAS = 30e3
+"""Field of the magnet, A/m."""
+SWINGS = (28e3, 20e3, 12e3, 6e3)
+"""Of the coil to either side, A/m."""
+SAMPLES = 200
+"""A cycle."""
+SATURATION, LAMBDA, TIP = 1.0, 1.2e-3, -0.12
+NOISE, STEP = 1e-6, 0.5e-6
+
+
+def rod(load: float) -> PreisachSteel:
+    """Return the rod under a prestress, MPa."""
+    harder = 1.0 + load / 12.0
+    return PreisachSteel(
+        saturation=0.85 * SATURATION,
+        pinning=2.2e3 * harder**0.3,
+        pinning_spread=0.45,
+        bias=14e3 * harder,
+        bias_by_pinning=0.6,
+        feedback=2e3,
+        saturation_sharp=0.05 * SATURATION,
+        knee_sharp=12e3 * harder,
+        saturation_slow=0.10 * SATURATION,
+        knee_slow=60e3,
+    )
+
+
+def strain(load: float, field: Array) -> Array:
+    """Return the strain over a field of the coil, A/m, from the demagnetised rod."""
+    whole = BIAS + field
+    lead = np.linspace(0.0, whole[0], 400)
+    density = Piece(rod(load).plant()).run(np.concatenate([lead, whole]))[lead.size :, 1]
+    s = ((density - MU_0 * whole) / SATURATION) ** 2
+    return LAMBDA * (s + TIP * s**2)
+
+
+def swing(size: float) -> Array:
+    """Return three cycles of the coil, A/m, from zero; the first lets the loop close."""
+    phase = 2.0 * np.pi * np.arange(3 * SAMPLES + 1) / SAMPLES
+    return size * np.sin(phase)
+
+
+def write(path: Path, loads: tuple[float, ...], noise: float) -> None:
+    """Write settled loops, the last of three cycles, the largest first."""
+    generator = np.random.default_rng(SEED)
+    rows = []
+    for load in loads:
+        field = np.concatenate([swing(size) for size in SWINGS])
+        found = strain(load, field)
+        for place, size in enumerate(SWINGS):
+            last = slice((3 * SAMPLES + 1) * place + 2 * SAMPLES, (3 * SAMPLES + 1) * (place + 1))
+            read = found[last] + noise * generator.standard_normal(SAMPLES + 1)
+            read = np.round(read / STEP) * STEP if noise else read
+            rows += [
+                (f"{size / 1e3:g}", load, h / 1e3, 1e6 * y)
+                for h, y in zip(field[last].tolist(), read.tolist(), strict=True)
+            ]
+    lines = ["loop,sigma_MPa,H_kA_per_m,eps_ppm"]
+    lines += [f"{label},{load:g},{h:.5f},{y:.3f}" for label, load, h, y in rows]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Write both files."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=HERE)
+    folder = parser.parse_args().out
+    write(folder / "loops.csv", LOADS, NOISE)
+    write(folder / "unseen.csv", (BETWEEN,), 0.0)
+
+
+if __name__ == "__main__":
+    main()

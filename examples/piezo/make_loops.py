@@ -1,0 +1,108 @@
+"""Simulate voltage-displacement loops of the piezo stage in ``rig.toml``.
+
+``python make_loops.py --out DIR`` writes ``loops.csv`` as the sensor reads it, and without noise:
+``unseen.csv``, random reversals at another pace, and ``rates.csv``, full cycles at rising rates. Run
+it again and the same bytes come out. The stage is that of ``anhyst.rig.piezo.stack``.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from anhyst.data.files import write_csv
+from anhyst.rig.piezo.file import PiezoRig, read_piezo_rig
+from anhyst.support.arrays import FloatArray
+
+HERE = Path(__file__).resolve().parent
+SEED = 20261123
+DT = 2e-3
+LARGEST = 150.0
+NESTED = ((0.0, 150.0), (0.0, 150.0), (0.0, 120.0), (0.0, 90.0), (0.0, 60.0), (0.0, 30.0),
+          (60.0, 120.0), (75.0, 105.0), (0.0, 150.0))  # fmt: skip
+"""Cycles of the drive, V, two of each."""
+PACE = 300.0
+"""Of the loops, V/s: a full cycle takes a second."""
+RATES = (1.0, 5.0, 20.0)
+"""Hz."""
+REST = 1000.0
+"""Before each of them, s."""
+
+
+def ramps(points: FloatArray, pace: float, dt: float) -> FloatArray:
+    """Return samples of straight ways from point to point at a pace, V/s."""
+    when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
+    return np.interp(np.arange(0.0, when[-1], dt), when, points)
+
+
+def nested() -> FloatArray:
+    """Return the drive of the loops."""
+    points = [0.0]
+    for low, high in NESTED:
+        points += [low, high, low, high, low]
+    return ramps(np.array(points), PACE, DT)
+
+
+def random_reversals(generator: np.random.Generator) -> FloatArray:
+    """Return a drive that reverses anywhere, at half the pace."""
+    points = np.concatenate([[0.0], generator.uniform(0.0, LARGEST, 24), [0.0]])
+    return ramps(points, 0.5 * PACE, DT)
+
+
+def cycles(rate: float) -> tuple[FloatArray, float]:
+    """Return two full cycles at a rate, Hz, and the step of their samples, s."""
+    dt = 1.0 / (400.0 * rate)
+    return 0.5 * LARGEST * (1.0 - np.cos(2.0 * np.pi * np.arange(801) / 400.0)), dt
+
+
+def run(rig: PiezoRig, drive: FloatArray, dt: float) -> FloatArray:
+    """Return what the stage does."""
+    return rig.stage.run(drive, dt)
+
+
+def main() -> None:
+    """Write the three files."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=HERE)
+    folder = parser.parse_args().out
+    rig = read_piezo_rig(HERE / "rig.toml")
+    sensor = rig.settings.sensor
+    generator = np.random.default_rng(SEED)
+    drive = nested()
+    read = run(rig, drive, DT) + generator.normal(0.0, sensor.noise_m, drive.size)
+    read = np.round(read / sensor.step_m) * sensor.step_m
+    time = DT * np.arange(drive.size, dtype=np.float64)
+    write(folder / "loops.csv", time, drive, read)
+    drive = random_reversals(generator)
+    write(
+        folder / "unseen.csv",
+        DT * np.arange(drive.size, dtype=np.float64),
+        drive,
+        run(rig, drive, DT),
+    )
+    with_rates(rig, folder / "rates.csv")
+
+
+def write(path: Path, time: FloatArray, drive: FloatArray, x: FloatArray) -> None:
+    """Write one record, rounded as an instrument does, displacement in micrometres."""
+    columns = {"t_s": np.round(time, 6), "U_V": np.round(drive, 4), "x_um": np.round(1e6 * x, 4)}
+    write_csv(path, columns)
+
+
+def with_rates(rig: PiezoRig, path: Path) -> None:
+    """Write full cycles, a loop for each rate, each from rest."""
+    lines = ["loop,t_s,U_V,x_um"]
+    for place, rate in enumerate(RATES):
+        drive, dt = cycles(rate)
+        found = run(rig, drive, dt)
+        lines += [
+            f"{rate:g}Hz,{REST * place + dt * i:.7f},{u:.4f},{1e6 * x:.4f}"
+            for i, (u, x) in enumerate(zip(drive.tolist(), found.tolist(), strict=True))
+        ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

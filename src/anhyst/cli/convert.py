@@ -1,0 +1,43 @@
+"""The verb ``convert``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anhyst.cli.console import print_json, show, warn
+from anhyst.cli.options import AsJson
+from anhyst.cli.progress import progress_bar
+
+
+def convert(
+    source: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A measurement in any format that is read.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Argument(metavar="OUT", help="To write: .csv, .mat, .mf4, .tdms, .h5 or .parquet."),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Write a measurement in another file format, with its names, units and groups.
+
+    Values stay bit for bit. Where a format cannot hold something, such as groups in a CSV, it is
+    said; channels on several clocks are interpolated onto the finest for a CSV or Parquet file.
+
+    Example: anhyst convert recording.mf4 recording.csv
+    """
+    from anhyst.data.convert import convert as write
+
+    with progress_bar(f"reading {source.name}") as progress:
+        done = write(source, out, progress)
+    for text in done.notes:
+        warn(text)
+    if as_json:
+        print_json(asdict(done))
+    else:
+        channels = "one channel" if done.channels == 1 else f"{done.channels} channels"
+        show(f"{done.out}: {channels}, {done.samples} samples")

@@ -1,0 +1,98 @@
+"""The verb ``export``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anhyst.cli.console import print_json, show
+from anhyst.cli.options import AsJson, ModelPath
+from anhyst.cli.progress import progress_bar
+from anhyst.support.errors import InputError
+
+
+class ExportChoice(StrEnum):
+    """What a model is exported as."""
+
+    FMU = "fmu"
+    LUT = "lut"
+
+
+class FmiChoice(StrEnum):
+    """Versions of the standard."""
+
+    SECOND = "2.0"
+    THIRD = "3.0"
+
+
+class ExportKind(StrEnum):
+    """Kinds of compensator that an FMU holds."""
+
+    FULL = "full"
+    SIMPLIFIED = "simplified"
+
+
+def export(
+    model: ModelPath,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="'.fmu', or '.csv' or '.json'.")
+    ],
+    as_: Annotated[
+        ExportChoice,
+        typer.Option(
+            "--as",
+            help="'fmu': the compensator, demand in, current out, for co-simulation; 'lut': settled "
+            "loops over the gap as tables.",
+        ),
+    ] = ExportChoice.FMU,
+    rate: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", min=1.0, help="Of an FMU: ticks a second.", show_default=False),
+    ] = None,
+    kind: Annotated[ExportKind, typer.Option(help="Of an FMU: kind of compensator.")] = (
+        ExportKind.FULL
+    ),
+    fmi: Annotated[FmiChoice, typer.Option(help="Version of the standard.")] = FmiChoice.SECOND,
+    platforms: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Of an FMU: x86_64-linux, aarch64-linux, x86_64-windows, x86_64-darwin, "
+            "aarch64-darwin. [default: all]",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Export a model for other tools: an FMU of its compensator, or look-up tables.
+
+    The FMU computes what the compiled fixed-point C computes on a controller, bit for bit; it holds
+    the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink, Amesim,
+    Dymola, OpenModelica and fmpy read it. For C alone: anhyst compile.
+
+    Example: anhyst export model.toml --as fmu --rate 20000 --out magnet.fmu
+
+    Example: anhyst export model.toml --as lut --out magnet.csv
+    """
+    from anhyst.exchange.fmu_file import PLATFORMS_ALL, export_fmu
+    from anhyst.exchange.tables import export_tables
+    from anhyst.model.file import read_model
+
+    if as_ is ExportChoice.LUT:
+        export_tables(read_model(model), out)
+    else:
+        if rate is None:
+            raise InputError("--rate: is missing; give the ticks a second of the FMU")
+        wanted = PLATFORMS_ALL if platforms is None else tuple(platforms.split(","))
+        with progress_bar("fmu") as progress:
+            export_fmu(
+                model, out, rate=rate, kind=kind.value, fmi=fmi.value, platforms=wanted,
+                progress=progress,
+            )  # fmt: skip
+    if as_json:
+        print_json({"out": str(out), "as": as_.value, "bytes": out.stat().st_size})
+    else:
+        show(f"written: {out}")

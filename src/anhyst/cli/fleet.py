@@ -1,0 +1,111 @@
+"""The verb ``fleet``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from anhyst.cli.compile import IoChoice
+from anhyst.cli.console import print_json, show, table, warn
+from anhyst.cli.options import AsJson, LoopHistory, Scheduler
+from anhyst.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from anhyst.study.fleet.fleet import Fleet
+
+REPORT = "report.html"
+
+
+class FleetKind(StrEnum):
+    """Kinds of compensator that are made from a model alone."""
+
+    FULL = "full"
+    SIMPLIFIED = "simplified"
+
+
+def fleet(
+    magnets: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR", help="Folder with a file of loops, or a folder of them, for each magnet."
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to; goes on there.")
+    ],
+    rate: Annotated[
+        float, typer.Option(metavar="HZ", help="Ticks a second of the controllers.", min=1.0)
+    ] = 10_000.0,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            metavar="PERCENT",
+            help="Largest rms deviation of a good magnet from its loops, per cent of the largest "
+            "output.",
+            min=1e-3,
+        ),
+    ] = 1.0,
+    law: Annotated[
+        str,
+        typer.Option(metavar="LAW", help="For all; 'auto': what most of the first magnets choose."),
+    ] = "auto",
+    gap_map: Annotated[
+        str, typer.Option(metavar="MAP", help="For all; 'auto' as the law.")
+    ] = "auto",
+    kind: Annotated[FleetKind, typer.Option(help="Kind of compensator.")] = FleetKind.FULL,
+    io: Annotated[IoChoice, typer.Option(help="Format of its signals.")] = IoChoice.Q31,
+    on: Annotated[
+        str, typer.Option(metavar="TARGETS", help="Where the C is verified, as for 'verify'.")
+    ] = "host",
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 1,
+    history: LoopHistory = None,
+    scheduler: Scheduler = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify, compile, verify and judge many magnets of one type.
+
+    All get the same law and gap map, so that their parameters compare: mean and scatter of each
+    over the fleet are stated, magnets that do not belong are named, and how many keep a tolerance:
+    each with a controller of its own, and all with one model. A bad file stops nobody; a run that
+    was stopped goes on. Written are fleet.json, fleet.csv, report.html and a folder for each
+    magnet. Exit code 1 where not one magnet could be judged.
+
+    Example: anhyst fleet magnets --out fleet --tolerance 0.5
+    """
+    from anhyst.identification.identify import check_wanted
+    from anhyst.reports.fleet import write_fleet_report
+    from anhyst.study.fleet.fleet import fleet as run
+    from anhyst.study.fleet.judge import FleetSettings
+    from anhyst.support.jobs import workers_of
+
+    check_wanted(law, gap_map, "default")
+    settings = FleetSettings(rate, kind.value, io.value, law, gap_map, on, tolerance, seed, history)
+    with workers_of(scheduler), progress_bar("magnets") as progress:
+        found = run(magnets, out, settings, progress=progress)
+    write_fleet_report(out / REPORT, found)
+    for text in found.warnings:
+        warn(text)
+    for name, why in found.failed.items():
+        warn(f"{name}: {why}")
+    if as_json:
+        print_json(found.as_dict())
+    else:
+        _show(found, out)
+
+
+def _show(found: Fleet, out: Path) -> None:
+    rows = table("mean and scatter over the fleet", ["", "mean", "scatter", "%"])
+    if found.spread is not None:
+        for name, mean, scatter in zip(
+            found.quantities, found.spread.mean, found.spread.scatter, strict=True
+        ):
+            share = f"{100.0 * scatter / abs(mean):.2g}" if mean else ""
+            rows.add_row(name, f"{mean:.4g}", f"{scatter:.2g}", share)
+    show(
+        *([rows] if found.spread is not None else []),
+        *(f"{name}: {text}" for name, text in found.facts().items()),
+        f"written: {out / 'fleet.json'}, {out / 'fleet.csv'}, {out / REPORT}",
+    )

@@ -1,0 +1,259 @@
+"""From a model file to a folder of C: what ``anhyst compile`` does."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from anhyst.compensate.budget import (
+    REASON,
+    Budget,
+    as_dict,
+    culprit,
+    drift_refusal,
+    is_held,
+    is_reached,
+    keeps_allowance,
+    measure_budget,
+    percent,
+    refusal,
+    why_drifting,
+)
+from anhyst.compensate.plan import ACCURACY, CompileRequest, Plan, make_plan, not_computed
+from anhyst.compensate.twin import Io
+from anhyst.compilation.a2l import a2l
+from anhyst.compilation.controller import Controller, read_fitting
+from anhyst.compilation.folder import check_folder, write_folder
+from anhyst.compilation.lifting import levitation_csv, levitation_vectors
+from anhyst.compilation.manifest import manifest
+from anhyst.compilation.page import budget_page
+from anhyst.compilation.source import sources
+from anhyst.compilation.vectors import golden_vectors, vectors_csv
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.json_text import json_text
+from anhyst.support.progress import Progress
+from anhyst.support.result import Result, columns_of
+from anhyst.support.version import running_version
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SHARES = (1.0, 0.7, 0.4)
+"""Of the allowance that a plan may use up, one try after the other."""
+
+
+@dataclass(frozen=True, repr=False)
+class Compiled(Result):
+    """What came out.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    plan : Plan
+        What was chosen.
+    budget : Budget
+        How accurate it is.
+    manifest : dict
+        What stands in ``manifest.json``, without the hashes of the files.
+    files : tuple of str
+        Names of the files.
+    left_out : tuple of str
+        What of the model is not compiled, one sentence each.
+    """
+
+    out: Path
+    plan: Plan
+    budget: Budget
+    manifest: dict[str, Any]
+    files: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know, one sentence each; mostly nothing."""
+        found = list(self.left_out)
+        if not keeps_allowance(self.plan, self.budget):
+            found.append(
+                f"formats and tables cost more than the {ACCURACY:g} % of the largest output that "
+                f"is usual: {REASON[culprit(self.budget).name]}; {self.out / 'budget.html'} shows "
+                "how much"
+            )
+        if not is_held(self.plan, self.budget):
+            found.append(why_drifting(self.plan, self.budget))
+        return tuple(found)
+
+    def facts(self) -> dict[str, str]:
+        """Return where it is, what it is, and how accurate."""
+        request, budget = self.plan.request, self.budget
+        worst, drift = (
+            f"{percent(budget, part.worst or 0.0):.2g} % of {budget.largest:.4g} {budget.unit}"
+            for part in (budget.compiled, budget.drift)
+        )
+        told = {"folder": str(self.out), "kind": request.kind, "signals": request.io}
+        told |= {"rate": f"{request.rate:g} Hz", "accuracy": worst, "drift": drift}
+        return told | {f"warning {n}": text for n, text in enumerate(self.warnings, 1)}
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the accuracy budget, in units of the output and in per cent of the largest."""
+        return columns_of(as_dict(self.budget)["parts"])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return manifest and names of the files, for JSON."""
+        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the accuracy budget: what each part costs."""
+        budget = self.budget
+        parts = [part for part in (*budget.parts, budget.compiled, budget.drift) if part.worst]
+        places = range(len(parts))
+        ax.barh(places, [percent(budget, part.worst or 0.0) for part in parts], color="0.8")
+        ax.barh(places, [percent(budget, part.rms or 0.0) for part in parts], height=0.5)
+        ax.set_yticks(places, [part.title for part in parts])
+        ax.invert_yaxis()
+        ax.set_xlabel(f"worst and rms, % of {budget.largest:.4g} {budget.unit}")
+
+
+def compile_model(
+    model_path: PathLike,
+    out: PathLike,
+    request: CompileRequest,
+    controller_path: PathLike | None = None,
+    progress: Progress | None = None,
+) -> Compiled:
+    """Compile a model into a folder of C, with a controller of the position or without.
+
+    Parameters
+    ----------
+    model_path : path-like
+        A model file.
+    out : path-like
+        The folder to write; one that was compiled before is replaced, any other is left alone.
+    request : CompileRequest
+        What is wanted.
+    controller_path : path-like, optional
+        A controller file.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Compiled
+
+    Raises
+    ------
+    InputError
+        The model cannot be read or compiled, the controller is another one than what is wanted, or
+        the folder cannot be written.
+    NegativeResult
+        The wanted accuracy cannot be reached, or is not kept by an output that is held although a
+        dead band of the model would hold it.
+    """
+    check_folder(out)
+    model = read_model(model_path)
+    late = not_compiled(model)
+    model = replace(model, dynamics=None)
+    controller = None
+    if controller_path is not None:
+        controller = read_fitting(controller_path, request, model_path)
+        controller.check_current(model)
+    sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
+    try:
+        plan, budget = _planned(model, request, int(sha256[:8], 16), controller, progress)
+    except InputError as error:
+        raise InputError(f"{model_path}: {error}") from error
+    except NegativeResult as error:
+        raise InputError(f"{model_path}: {not_computed(error)}") from error
+    if not is_reached(budget):
+        raise refusal(budget, _better(model, plan, controller))
+    if request.accuracy is not None and request.kind == "full" and not is_held(plan, budget):
+        raise drift_refusal(plan, budget)
+    version = running_version()
+    around = None if controller is None else controller.around(plan)
+    files = {
+        **sources(plan, _accuracy(budget), sha256, version, around),
+        "vectors.csv": vectors_csv(golden_vectors(plan)),
+        "budget.json": json_text(as_dict(budget)),
+        "budget.html": budget_page(plan, budget, version),
+    }
+    if around is not None:
+        files["controller.csv"] = levitation_csv(levitation_vectors(plan, around))
+    described = manifest(plan, budget, sha256, version, around)
+    if request.io != "f32":  # a firmware computes in fixed point
+        files[f"{plan.name}.a2l"] = a2l(described)
+    write_folder(out, files, described)
+    return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"), late)
+
+
+def not_compiled(model: ActuatorModel) -> tuple[str, ...]:
+    """Say what of lag and creep is left to what stands around the compensator."""
+    late, said = model.dynamics, []
+    if late is not None and late.lag > 0.0:
+        said.append(f"the lag of {late.lag:.3g} s is not compiled: give the demand so much earlier")
+    if late is not None and late.times:
+        said.append(
+            f"creep is not compiled: {100.0 * sum(late.shares):.2g} % of a step, within "
+            f"{max(late.times):.3g} s, is left to the feedback"
+        )
+    return tuple(said)
+
+
+def _accuracy(budget: Budget) -> dict[str, str]:
+    """Return what the drop-in guide says of the accuracy, per cent of the largest output."""
+    return {
+        name: f"{percent(budget, part.worst or 0.0):.2g}"
+        for name, part in (("travelling", budget.compiled), ("drift", budget.drift))
+    }
+
+
+def _better(model: ActuatorModel, plan: Plan, controller: Controller | None) -> str:
+    """Return the options that reach an accuracy which those of a plan do not; empty if none do."""
+    asked = plan.request
+    tries: list[tuple[str, CompileRequest]] = []
+    if asked.kind != "full":
+        tries.append(("--kind full", replace(asked, kind="full")))
+    elif controller is None:
+        finer: dict[Io, tuple[Io, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
+        tries += [(f"--io {io}", replace(asked, io=io)) for io in finer.get(asked.io, ())]
+    for options, request in tries:
+        try:
+            found = _planned(model, request, plan.builder.model_hash, controller, None)[1]
+        except (InputError, NegativeResult):
+            continue
+        if is_reached(found):
+            return options
+    return ""
+
+
+def _planned(
+    model: ActuatorModel,
+    request: CompileRequest,
+    model_hash: int,
+    controller: Controller | None,
+    progress: Progress | None,
+) -> tuple[Plan, Budget]:
+    """Plan, and plan tighter where another path than that of the plan breaks the allowance.
+
+    With a controller and no accuracy asked for, the first plan stays: it is what simulations run.
+    """
+    shares: tuple[float, ...] = SHARES
+    if controller is not None:
+        model = controller.narrowed(model)
+        shares = SHARES[:1] if request.accuracy is None else SHARES
+    whole = 2 * len(shares) + 1  # a plan and its budget each, and what is written
+    for place, share in enumerate(shares):
+        plan = make_plan(model, request, model_hash, share)
+        if progress is not None:
+            progress(2 * place + 1, whole)
+        budget = measure_budget(plan)
+        if progress is not None:
+            progress(2 * place + 2, whole)
+        at_its_end = plan.found.reached > share * plan.allowance
+        if at_its_end or keeps_allowance(plan, budget):
+            break
+    return plan, budget

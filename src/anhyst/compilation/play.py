@@ -1,0 +1,349 @@
+"""A map with one play as C: fitted to loops of a model, for whom the compensator is too dear."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from anhyst._core import FixedForceController
+from anhyst.compensate.cycles import CycleErrors, cycle_errors, rms, worst
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.naming import c_name
+from anhyst.compensate.plan import CompileRequest, find_limits
+from anhyst.compensate.play_map import PlayMap, one_play
+from anhyst.compensate.sources import Operating, Sources
+from anhyst.compilation.core import SRC, core_files, read_core
+from anhyst.compilation.folder import check_folder, write_folder
+from anhyst.compilation.manifest import VERSION
+from anhyst.compilation.parameters import ENTRIES_A_LINE
+from anhyst.compilation.source import PORT, in_comment, render
+from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
+from anhyst.data import History, Loop, LoopSet
+from anhyst.data.output_map import is_electromagnet
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.result import Result, columns_of
+from anhyst.support.version import running_version
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+KIND: Literal["play"] = "play"
+SOURCES = ("numeric/factor.c", "compensator/map.c", "compensator/play_map.c")
+STATE_BYTES = 3 * 4 + 9 * 4
+"""Of ``anhyst_play_map_q31`` where a pointer has 32 bits."""
+
+GAPS = 7
+"""Gaps at which a model is cycled."""
+
+NESTED = (0.9, 0.1, 0.8, 0.2, 0.7, 0.3, 0.6, 0.4, 0.8, 0.6, 0.75, 0.65)
+"""Where the current turns in a record of minor cycles, of the largest."""
+
+RAMP = 150
+"""Samples of a ramp over the whole range."""
+
+_SLOW_S = 1e9
+"""From one sample to the next: no eddy current counts."""
+
+
+@dataclass(frozen=True, repr=False)
+class CompiledPlay(Result):
+    """What came out.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    play : PlayMap
+        What was fitted.
+    errors : mapping of str to CycleErrors
+        Of the model's force: of this map, and of the best current without memory.
+    manifest : dict
+        What stands in ``manifest.json``, without the hashes of the files.
+    files : tuple of str
+        Names of the files.
+    """
+
+    out: Path
+    play: PlayMap
+    errors: Mapping[str, CycleErrors]
+    manifest: dict[str, Any]
+    files: tuple[str, ...]
+
+    def facts(self) -> dict[str, str]:
+        """Return where it is, and how far its force is from the model's."""
+        found = self.manifest["accuracy"]["play"]
+        errors = {name.replace("_", " "): f"{value:.2g} %" for name, value in found.items()}
+        return {"folder": str(self.out), "kind": "play", **errors}
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the errors of this map and of the best without memory, per cent."""
+        rows = ((name, self.manifest["accuracy"][name]) for name in self.errors)
+        return columns_of([{"map": name, **found} for name, found in rows])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return manifest and names of the files, for JSON."""
+        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the error of the force over the loop, of this map and of that without memory."""
+        for name, errors in self.errors.items():
+            ax.plot(errors.major, lw=1.0, label=name)
+        ax.set_xlabel("sample of the loop")
+        ax.set_ylabel("force less demand [N]")
+
+
+def compile_play(
+    model_path: PathLike, out: PathLike, rate: float, io: str, name: str | None
+) -> CompiledPlay:
+    """Compile a map with one play into a folder of C.
+
+    Parameters
+    ----------
+    model_path : path-like
+        A model file of a magnet; its loops, minor cycles among them, are what the map is fitted to.
+    out : path-like
+        The folder to write; one that was compiled before is replaced, any other is left alone.
+    rate : float
+        Ticks a second; nothing in the map depends on it.
+    io : str
+        ``"q31"``.
+    name : str, optional
+        What the actuator is called in C.
+
+    Raises
+    ------
+    InputError
+        The model cannot be read, is of no magnet with a gap or does not say where it holds, or the
+        folder cannot be written.
+    """
+    if io != "q31":
+        raise InputError(f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31")
+    CompileRequest("full", "q31", rate, name=name)  # the same rates and names
+    check_folder(out)
+    model = read_model(model_path)
+    try:
+        operating = _operating(model, rate)
+        play = one_play(Sources(operating, model_loops(model, operating)), "fixed")
+        errors = model_errors(model, play, operating)
+    except InputError as error:
+        raise InputError(f"{model_path}: {error}") from error
+    sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
+    called = name or c_name(model.name)
+    head = _Head(called, model, sha256, running_version(), operating)
+    described = _manifest(head, play, errors)
+    files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(_vectors(play))}
+    write_folder(out, files, described)
+    return CompiledPlay(Path(out), play, errors, described, (*files, "manifest.json"))
+
+
+@dataclass(frozen=True)
+class _Head:
+    """What all files may show."""
+
+    name: str
+    model: ActuatorModel
+    sha256: str
+    version: str
+    operating: Operating
+
+
+def _operating(model: ActuatorModel, rate: float) -> Operating:
+    """Return where the map has to hold: all that the model does."""
+    if not is_electromagnet(model) or model.valid is None or model.valid.schedule is None:
+        raise InputError(
+            "--kind play is for a magnet: current to force at several gaps, with [valid]; compile "
+            "it with --kind full"
+        )
+    limits, gaps = find_limits(model), model.valid.schedule
+    if not 0.0 <= gaps[0] < gaps[1]:
+        raise InputError("[valid]: --kind play needs a range of gaps; identify at several")
+    middle, force = 0.5 * (gaps[0] + gaps[1]), limits.demand[1]
+    return Operating(middle, 0.5 * force, rate, gaps, force, limits.current[1])
+
+
+def model_loops(model: ActuatorModel, operating: Operating) -> LoopSet:
+    """Return the whole loop and minor cycles of a model at several gaps."""
+    most = operating.current_max
+    loops = []
+    for gap in np.linspace(*operating.gap_range, GAPS).tolist():
+        drive = _ramps((0.0, 1.0, 0.0), most)
+        loops.append(_record(model, "whole", drive, 0, gap, History("settled")))
+        before = _ramps((0.0, 1.0, 0.0, 1.0, 0.0), most)
+        drive = np.concatenate([before[:-1], _ramps((0.0, *NESTED, 0.0), most)])
+        history = History("conditioned", (0.0, most, 0.0, most, 0.0))
+        loops.append(_record(model, "nested", drive, before.size - 1, gap, history))
+    return LoopSet(tuple(loops), model.input, model.output, model.schedule)
+
+
+def _ramps(turns: tuple[float, ...], most: float) -> FloatArray:
+    pieces = [
+        np.linspace(first, last, max(2, round(RAMP * abs(last - first))), endpoint=False)
+        for first, last in pairwise(turns)
+    ]
+    return most * np.append(np.concatenate(pieces), turns[-1])
+
+
+def _record(
+    model: ActuatorModel, label: str, drive: FloatArray, skip: int, gap: float, history: History
+) -> Loop:
+    """Return a record of a model without its first samples, which are its history."""
+    start = "settled" if history.kind == "settled" else "demagnetised"
+    force = model.predict(drive, gap, _SLOW_S * np.arange(drive.size), start).output
+    at = np.full(drive.size - skip, gap)
+    return Loop(label, drive[skip:], force[skip:], at, history=history)
+
+
+def model_errors(
+    model: ActuatorModel, play: PlayMap, operating: Operating
+) -> dict[str, CycleErrors]:
+    """Return what the map, and the same without a width, leave of the model's forces."""
+
+    def answer(current: FloatArray, gap: float) -> FloatArray:
+        time = _SLOW_S * np.arange(current.size)
+        return model.predict(current, gap, time, "demagnetised").output
+
+    low, high = operating.gap_range
+    found: dict[str, CycleErrors] = {}
+    flat = PlayMap(play.map, np.zeros_like(play.half), play.radius)
+    for name, one in ((KIND, play), ("single-valued", flat)):
+        for gap in np.linspace(low, high, 5).tolist():
+            reach = float(answer(np.linspace(0.0, operating.current_max, 100), gap)[-1])
+            largest = min(operating.force_max, 0.98 * reach)
+            errors = cycle_errors(ForceController(KIND, "fixed", one), answer, gap, largest)
+            found[name] = found[name].joined(errors) if name in found else errors
+    return found
+
+
+def _vectors(play: PlayMap) -> list[Row]:
+    """Run the map over demands of every sort, as for the compensators."""
+    native = play.native("fixed")
+    assert isinstance(native, FixedForceController)
+    lost = np.random.default_rng(SEED + 1)
+    table: list[Row] = []
+    for place, (demand, gap) in enumerate(codes_of_inputs((0.0, 1.0), 2**31).tolist()):
+        current = native.solve(demand, gap, 0)
+        applied = int(current * lost.random()) if place % 8 == 7 else current
+        native.commit(applied, gap)
+        table.append((demand, gap, applied, current))
+    return table
+
+
+def _percent(errors: CycleErrors, largest: float) -> dict[str, float]:
+    return {
+        f"{name}_{kind}_percent": 100.0 * of(error) / largest
+        for name, error in (("major", errors.major), ("small", errors.small))
+        for kind, of in (("rms", rms), ("worst", worst))
+    }
+
+
+def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, Any]:
+    scales, where, model = play.scales, head.operating, head.model
+    ends = {
+        "demand": (model.output, 0.0, where.force_max, scales.demand),
+        "current": (model.input, *play.map.limits, scales.current),
+        "gap": (model.schedule, scales.gap_low, scales.gap_high, scales.gap_high),
+    }
+    return {
+        "format": VERSION,
+        "anhyst": head.version,
+        "name": head.name,
+        "model": {"name": model.name, "sha256": head.sha256},
+        "kind": KIND,
+        "io": "q31",
+        "rate_Hz": where.rate,
+        "signals": {
+            name: {
+                "quantity": quantity.name,
+                "unit": quantity.unit,
+                "low": low,
+                "high": high,
+                "scale": scale,
+                "format": "q31",
+            }
+            for name, (quantity, low, high, scale) in ends.items()
+            if quantity is not None
+        },
+        "limits": {"demand": [0.0, where.force_max], "current": list(play.map.limits)},
+        "memory": {"parameters_bytes": _bytes(play), "state_bytes": STATE_BYTES},
+        "play": dict(play.numbers),
+        "controller": None,
+        "accuracy": {
+            "unit": model.output.unit,
+            "largest_output": where.force_max,
+            **{name: _percent(one, where.force_max) for name, one in errors.items()},
+        },
+    }
+
+
+def _bytes(play: PlayMap) -> int:
+    """Return the size of the tables and of the structure that names them."""
+    return 2 * 2 * play.half.size + 2 * 8 + 4 + 4
+
+
+def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, str]:
+    """Return the C files and what helps to build them."""
+    scales, name = play.scales, head.name
+    radius, steepness = play.radius_words()
+    low, high = play.map.codes()
+    values: dict[str, object] = {
+        "name": name,
+        "macro": name.upper(),
+        "kind": KIND,
+        "version": head.version,
+        "model": in_comment(head.model.name),
+        "sha256": head.sha256,
+        "io": "q31",
+        "real": False,
+        "control": False,
+        "play": True,
+        "type": "int32_t",
+        "state": "anhyst_play_map_q31",
+        "calls": "anhyst_play_map",
+        "init": f"anhyst_play_map_init_q31(&compensator, &{name}_parameters,\n"
+        f"                                  {name.upper()}_CURRENT_LOW, {name.upper()}_CURRENT_HIGH)",
+        "core": sorted(f"{SRC}/{one}" for one in SOURCES),
+        "own": [f"{name}_parameters.c"],
+        "scales": scales,
+        "limits": (low, high),
+        "current_high": play.map.limits[1],
+        "force_max": head.operating.force_max,
+        "segments": [(count - 2).bit_length() for count in play.half.shape[::-1]],
+        "entries": _rows(play.map.words().tolist()),
+        "half": _rows(play.half_words().tolist()),
+        "count": play.half.size,
+        "radius": radius,
+        "radius_A": play.radius,
+        "steepness": steepness.tolist(),
+        "bytes": _bytes(play),
+        "state_bytes": STATE_BYTES,
+        "rate": f"{head.operating.rate:.10g}",
+        "errors": {key: _percent(one, head.operating.force_max) for key, one in errors.items()},
+    }
+    return core_files(SOURCES) | {
+        f"{name}_parameters.h": render("play_parameters.h.j2", values),
+        f"{name}_parameters.c": render("play_parameters.c.j2", values),
+        "main.c": render("main.c.j2", values),
+        "anhyst.mk": render("anhyst.mk.j2", values),
+        "anhyst.cmake": render("anhyst.cmake.j2", values),
+        "DROP_IN.md": render("play_drop_in.md.j2", values),
+        PORT: read_core(PORT),
+    }
+
+
+def _rows(rows: list[list[int]]) -> str:
+    """Return the entries of a table as lines of C, a row a gap."""
+    return "\n".join(
+        f"    {', '.join(str(entry) for entry in row[at : at + ENTRIES_A_LINE])},"
+        for row in rows
+        for at in range(0, len(row), ENTRIES_A_LINE)
+    )

@@ -1,0 +1,263 @@
+"""The text files of an output folder that belong into a project."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from anhyst.compensate.floating import RealBlock
+from anhyst.compensate.plan import Plan
+from anhyst.compensate.words import Names
+from anhyst.compilation.controller import ControllerPlan
+from anhyst.compilation.controller_source import controller_values
+from anhyst.compilation.core import CONTROL, SINGLE, SOURCES, SRC, core_files, read_core
+from anhyst.compilation.floating_source import c_parameters_f32
+from anhyst.compilation.memory import controller_bytes, parameters_bytes, state_bytes
+from anhyst.compilation.parameters import parameters_source, scales_source
+from anhyst.support.units import Quantity
+
+PORT = "port/anhyst_port_cortex_m4.h"
+TYPES = {"q15": "int16_t", "q31": "int32_t", "f32": "float"}
+ONES = {"q15": 2**15, "q31": 2**31, "f32": 1}
+
+
+def sources(
+    plan: Plan,
+    accuracy: Mapping[str, str],
+    sha256: str,
+    version: str,
+    controller: ControllerPlan | None = None,
+) -> dict[str, str]:
+    """Return the C files and what helps to build them.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is compiled.
+    accuracy : mapping of str to str
+        Per cent of the largest output while it is ``travelling``, and its ``drift`` while held.
+    sha256 : str
+        Of the model file.
+    version : str
+        Of anhyst.
+    controller : ControllerPlan, optional
+        Of the position, around the compensator.
+
+    Returns
+    -------
+    dict of str to str
+        Content by file name; the same for the same plan.
+    """
+    real = isinstance(plan.block, RealBlock)
+    taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
+    parts = ("parameters",) if controller is None else ("parameters", "controller")
+    common = _common(plan, sha256, version) | {
+        "control": controller is not None,
+        "core": sorted(f"{SRC}/{name}" for name in taken),
+        "own": [f"{plan.name}_{part}.c" for part in parts],
+    }
+    parameters = common | _parameters(plan)
+    files = core_files(taken) | {
+        f"{plan.name}_parameters.h": render("parameters.h.j2", parameters),
+        f"{plan.name}_parameters.c": render("parameters.c.j2", parameters),
+        "main.c": render("main.c.j2", common),
+        "anhyst.mk": render("anhyst.mk.j2", common),
+        "anhyst.cmake": render("anhyst.cmake.j2", common),
+    }
+    guide = common | _guide(plan) | dict(accuracy)
+    if controller is not None:
+        files |= _controller_files(common, plan.name, controller)
+        guide |= controller_values(controller, plan.name) | {
+            "controller_bytes": controller_bytes(controller.magnets)
+        }
+    files["DROP_IN.md"] = render("DROP_IN.md.j2", guide)
+    return files if real else {**files, PORT: read_core(PORT)}
+
+
+def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
+    """Return what all files may show."""
+    model, block, io = plan.model, plan.block, plan.request.io
+    return {
+        "name": plan.name,
+        "macro": plan.name.upper(),
+        "kind": block.kind,
+        "version": version,
+        "model": in_comment(model.name),
+        "sha256": sha256,
+        "io": io,
+        "real": isinstance(block, RealBlock),
+        "input": model.input.name.replace("_", " "),
+        "output": model.output.name.replace("_", " "),
+        "type": TYPES[io],
+        "one": ONES[io],
+        **_calls(plan.name, isinstance(block, RealBlock)),
+    }
+
+
+def _calls(name: str, real: bool) -> dict[str, object]:
+    """Return what the example calls, and what it keeps."""
+    suffix = "_f32" if real else ""
+    given = f"&compensator, &{name}_parameters"
+    if not real:
+        given = (
+            f"&compensator, &{name.upper()}_KERNEL, {name}_parameters,\n"
+            f"                                 {name.upper()}_PARAMETERS_WORDS"
+        )
+    return {
+        "state": f"anhyst_compensator{suffix}",
+        "calls": "anhyst_compensator",
+        "init": f"anhyst_compensator_init{suffix}({given})",
+        "play": False,
+    }
+
+
+def _controller_files(
+    common: Mapping[str, object], name: str, controller: ControllerPlan
+) -> dict[str, str]:
+    """Return the files of the position controller; its example stands for the compensator's."""
+    values = dict(common) | controller_values(controller, name)
+    values["controller"] = in_comment(str(values["controller"]))
+    return {
+        f"{name}_controller.h": render("controller.h.j2", values),
+        f"{name}_controller.c": render("controller.c.j2", values),
+        "main.c": render("main_controller.c.j2", values),
+    }
+
+
+def _parameters(plan: Plan) -> dict[str, object]:
+    """Return what the files of the parameters show beside what all files do."""
+    model, block = plan.model, plan.block
+    names = Names(model.output.unit, model.input.unit)
+    values: dict[str, object] = {
+        "signals": signal_lines(plan),
+        "rate": f"{plan.request.rate:.10g}",
+    }
+    if isinstance(block, RealBlock):
+        return values | {"structures": c_parameters_f32(plan.name, block, names, model.schedule)}
+    return values | {
+        "kernel": f"anhyst_kernel_{block.kind}",
+        "defines": _defines(plan),
+        "scales": scales_source(block),
+        "rows": parameters_source(block, names, model.schedule),
+        "words": block.words.size,
+    }
+
+
+def _guide(plan: Plan) -> dict[str, object]:
+    """Return what the drop-in guide says beside the code."""
+    start, io = plan.start, plan.request.io
+    cycles = start.conditioning.cycles
+    rows = [line.partition(" ") for line in signal_lines(plan)]
+    return {
+        "rate": f"{plan.request.rate:.10g}",
+        "bits": 16 if io == "q15" else 32,
+        "signals": [(name, text.strip()) for name, _, text in rows],
+        "scale_name": f"{plan.name.upper()}_FULL_SCALE_DEMAND_{_unit(plan.model.output)}",
+        "unit": plan.model.output.unit,
+        "condition": (
+            f"{cycles} triangle{'s' * (cycles > 1)} of current between its limits, "
+            f"{start.seconds:g} s"
+        ),
+        "remaining": f"{100.0 * start.remaining / plan.largest:.2g}",
+        "parameters_bytes": parameters_bytes(plan.block),
+        "state_bytes": state_bytes(plan.block),
+    }
+
+
+def render(template: str, values: Mapping[str, object]) -> str:
+    """Fill one template of this package."""
+    return _environment().get_template(template).render(values)
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=False,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+def in_comment(text: str) -> str:
+    """Return a text that cannot end a comment or a line."""
+    return re.sub(r"[^ -~]|\*/|/\*", "?", text)
+
+
+def signal_lines(plan: Plan) -> list[str]:
+    """Say what the codes of each signal mean, a line each."""
+    model, scales, limits = plan.model, plan.block.scales, plan.block.limits
+    if plan.request.io == "f32":
+        return _real_signals(plan)
+    lines = [
+        f"demand   1.0 is {_value(scales.demand, model.output)}; taken from "
+        f"{_value(limits.demand[0], model.output)} to {_value(limits.demand[1], model.output)}",
+        f"current  1.0 is {_value(scales.current, model.input)}; given from "
+        f"{_value(limits.current[0], model.input)} to {_value(limits.current[1], model.input)}",
+    ]
+    if model.schedule is not None and scales.gap_high > scales.gap_low:
+        lines.append(
+            f"gap      0 is {_value(scales.gap_low, model.schedule)}, 1.0 is "
+            f"{_value(scales.gap_high, model.schedule)}; beyond, the nearer of the two counts"
+        )
+    else:
+        lines.append("gap      not used: pass 0")
+    return lines
+
+
+def _real_signals(plan: Plan) -> list[str]:
+    model, scales, limits = plan.model, plan.block.scales, plan.block.limits
+    lines = [
+        f"demand   in {model.output.unit}, taken from {limits.demand[0]:.6g} to "
+        f"{limits.demand[1]:.6g}",
+        f"current  in {model.input.unit}, given from {limits.current[0]:.6g} to "
+        f"{limits.current[1]:.6g}",
+    ]
+    if model.schedule is not None and model.needs_schedule:
+        lines.append(
+            f"gap      in {model.schedule.unit}, from {scales.gap_low:.6g} to "
+            f"{scales.gap_high:.6g}; beyond, the nearer of the two counts"
+        )
+    else:
+        lines.append("gap      not used: pass 0")
+    return lines
+
+
+def _value(value: float, quantity: Quantity) -> str:
+    if quantity.unit == "m":
+        return f"{1e3 * value:.6g} mm"
+    return f"{value:.6g} {quantity.unit}"
+
+
+def _defines(plan: Plan) -> list[str]:
+    """Return the macros with SI values, a line each."""
+    model, scales, macro = plan.model, plan.block.scales, plan.name.upper()
+    rows = [
+        (f"{macro}_FULL_SCALE_DEMAND_{_unit(model.output)}", scales.demand, "demand of 1.0"),
+        (f"{macro}_FULL_SCALE_CURRENT_{_unit(model.input)}", scales.current, "current of 1.0"),
+    ]
+    if model.schedule is not None:
+        unit = _unit(model.schedule)
+        rows += [
+            (f"{macro}_GAP_LOW_{unit}", scales.gap_low, "gap of 0"),
+            (f"{macro}_GAP_HIGH_{unit}", scales.gap_high, "gap of 1.0"),
+        ]
+    texts = [(f"#define {name} {_real(value)}", doc) for name, value, doc in rows]
+    end = max(len(text) for text, _ in texts)
+    return [f"{text:<{end}} /* {doc} */" for text, doc in texts]
+
+
+def _real(value: float) -> str:
+    """Return a number that C takes for a double."""
+    text = f"{value:.10g}"
+    return text if re.search(r"[.e]", text) else f"{text}.0"
+
+
+def _unit(quantity: Quantity) -> str:
+    return re.sub(r"\W+", "_", quantity.unit.replace("/", "_per_")).upper()

@@ -1,0 +1,143 @@
+"""From one file format to another: names, units, groups and clocks stay as far as it holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst.data.columns import Texts
+from anhyst.data.formats import ONE_TABLE, WRITERS, ChannelTable, open_table
+from anhyst.data.formats.channels import (
+    Channel,
+    ChannelFile,
+    ChannelGroup,
+    Series,
+    Values,
+    clocks_by_name,
+    sections,
+)
+from anhyst.data.table import read_columns
+from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+from anhyst.support.units import split_header
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """What was written: channels without their clocks, and the most samples of one.
+
+    ``notes`` say what the format cannot hold.
+    """
+
+    out: str
+    channels: int
+    samples: int
+    notes: tuple[str, ...]
+
+
+def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -> Conversion:
+    """Write a measurement in the format that a file's name says.
+
+    Values stay bit for bit. A format of one table gets channels of several clocks interpolated
+    onto the finest, and a note.
+
+    Parameters
+    ----------
+    source
+        A file of any format that is read.
+    out
+        To write; one that exists is replaced.
+    progress
+        Called with bytes read and file size, where the source is text.
+
+    Raises
+    ------
+    InputError
+        The source cannot be read, the format cannot be written, or holds nothing of the source.
+    """
+    source, out = Path(source), Path(out)
+    suffix = out.suffix.lower()
+    if suffix not in WRITERS:
+        raise InputError(f"{out}: is written as {', '.join(WRITERS)}; name it so")
+    check_writable(out, reads=[source])
+    opened = open_table(source, least=1)
+    file = opened.file if isinstance(opened, ChannelTable) else _file_of(source, progress)
+    notes = [*file.notes]
+    if suffix in ONE_TABLE:
+        parts, said = _one_table(ChannelTable(file))
+        notes += said
+    else:
+        parts = sections(file)
+    parts, left = _without_complex(parts)
+    lengths = [len(one.values) for part in parts for one in part.series]
+    if not lengths:
+        raise InputError(f"{source}: holds nothing that can be written; {'; '.join(left)}")
+    try:
+        notes += [*left, *WRITERS[suffix](out, parts)]
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # of the format's library: names or types that it does not take
+        raise InputError(
+            f"{out}: {suffix} cannot hold this recording ({error}); choose another format"
+        ) from None
+    return Conversion(str(out), len(lengths), max(lengths), tuple(notes))
+
+
+def _file_of(source: Path, progress: Progress | None) -> ChannelFile:
+    """Take the columns of any other table as channels."""
+    table = read_columns(source, progress=progress)
+    units = table.opened.units or ("",) * len(table.columns)
+    channels = []
+    for text, unit, column in zip(table.opened.header, units, table.columns, strict=True):
+        is_text = isinstance(column, Texts)
+        name, written = (text, "") if is_text else split_header(text, unit)
+        values = np.array(column.rows()) if isinstance(column, Texts) else column
+        written = written.replace("_per_", "/")
+        channels.append(Channel(name, len(column), values, written, "", None, is_text))
+
+    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+        return [one.key[:count] for one in wanted]
+
+    return ChannelFile(source, clocks_by_name(channels), read, tuple(table.notes))
+
+
+def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]]:
+    """Bring all channels onto one clock, each under a name of its own."""
+    file, shift = table.file, len(table.clocks[:1])
+    lengths = {one.length for one in file.channels}
+    if len(table.clocks) < 2 and len(lengths) == 1:
+        read = file.read([*table.clocks, *file.channels])
+        notes: tuple[str, ...] = ()
+    else:
+        texts = [n + shift for n, one in enumerate(file.channels) if one.is_text]
+        numbers = [n for n in range(len(table.header)) if n not in texts]
+        raw = table.read(numbers, texts)
+        columns: dict[int, Any] = {n: np.array(one.rows()) for n, one in raw.texts.items()}
+        columns |= raw.numbers
+        read = [columns[place] for place in range(len(table.header))]
+        notes = raw.notes[len(file.notes) :]
+    named = [
+        Series(name, unit, values)
+        for name, unit, values in zip(table.header, table.units, read, strict=True)
+    ]
+    clock = named.pop(0) if shift else None
+    parts = [
+        ChannelGroup(channel.group if series.name == channel.name else "", None, (series,))
+        for channel, series in zip(file.channels, named, strict=True)
+    ]
+    return [replace(parts[0], clock=clock), *parts[1:]], notes
+
+
+def _without_complex(parts: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
+    """Leave out what no format of measurements holds."""
+    left = [one.name for part in parts for one in part.series if one.values.dtype.kind == "c"]
+    kept = [
+        replace(part, series=tuple(one for one in part.series if one.values.dtype.kind != "c"))
+        for part in parts
+    ]
+    return kept, [f"complex channels left out: {', '.join(left)}"] if left else []

@@ -1,0 +1,194 @@
+"""Channels as a table: those that are wanted, on one clock."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from anhyst.data.columns import RawColumns, TextInNumbersError, Texts
+from anhyst.data.formats.channels import Channel, ChannelFile, Values, hash_of
+from anhyst.data.formats.one_clock import Clock, held, onto, shared_clock
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+from anhyst.support.units import parse_header, unit_of
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelTable:
+    """The channels of a file as columns.
+
+    Where the file has clocks, column 0 is the time. Channels on several clocks are brought onto
+    the finest one of those that are read; a channel of one sample holds throughout.
+    """
+
+    file: ChannelFile
+
+    @property
+    def place(self) -> str:
+        """The file."""
+        return str(self.file.path)
+
+    @cached_property
+    def clocks(self) -> list[Channel]:
+        """Clocks of the file."""
+        return self.file.clocks()
+
+    @cached_property
+    def header(self) -> tuple[str, ...]:
+        """Names of the columns, each once: with the group before it where two groups share it."""
+        return (*self._time[:1], *self._names)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Units of the columns, empty where the file says none."""
+        return (*self._time[1:], *(channel.unit for channel in self.file.channels))
+
+    def find(self, name: str) -> int | None:
+        """Index of a column by its header, or by the name of its group and its own."""
+        if name in self.header:
+            return self.header.index(name)
+        full = [channel.full_name for channel in self.file.channels]
+        return len(self._time[:1]) + full.index(name) if full.count(name) == 1 else None
+
+    def first_rows(self, count: int) -> list[list[str]]:
+        """Return the first samples of each channel as text, each on its own clock."""
+        heads = self.file.read(self.file.channels, count)
+        if self._time:
+            heads.insert(0, self.file.read(self.clocks[:1], count)[0])
+        # Logicals are numbers.
+        numbers = [head.astype(np.uint8) if head.dtype.kind == "b" else head for head in heads]
+        texts = [[str(value) for value in head] for head in numbers]
+        rows = max(map(len, texts), default=0)
+        return [[head[row] if row < len(head) else "" for head in texts] for row in range(rows)]
+
+    def read(
+        self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
+    ) -> RawColumns:
+        """Read columns by their indices, on the finest clock of those of numbers."""
+        shift = len(self._time[:1])
+        wanted = [index for index in numbers if index >= shift]
+        labels = [index for index in texts if index >= shift]
+        channels = {index: self.file.channels[index - shift] for index in {*wanted, *labels}}
+        # The time is that of the numbers; where nothing else is asked for, of the first clock.
+        clocked = [channels[index] for index in wanted] or [
+            channel for channel in self.file.channels if channel.clock is not None
+        ][: 1 if shift else 0]
+        clock, notes = shared_clock(self.place, clocked, self.seconds)
+        found: dict[int, FloatArray] = {}
+        for index in wanted:
+            values = self._numbers(index, channels[index])
+            found[index] = self._placed(channels[index], values, clock)
+        if shift and 0 in numbers:
+            found[0] = self._times(clock, [channels[index] for index in wanted])
+        named = {
+            index: _texts(held(self._own_clock(channel), self._values(channel), clock))
+            for index, channel in channels.items()
+            if index in labels
+        }
+        if shift and 0 in texts:
+            named[0] = _texts(self._times(clock, []))
+        return RawColumns(hash_of(self.file.path), found, named, (*self.file.notes, *notes))
+
+    def where(self, row: int) -> str:
+        """Return the place of a row."""
+        return f"{self.place}: sample {row + 1}"
+
+    def channel(self, place: int) -> Channel:
+        """Return the channel of a column; the time is the first clock."""
+        shift = len(self._time[:1])
+        return self.clocks[0] if place < shift else self.file.channels[place - shift]
+
+    def seconds(self, clock: Channel) -> FloatArray:
+        """Return the times of a clock in s."""
+        values = np.asarray(self._values(clock), dtype=np.float64)
+        return unit_of(clock.unit or "s").to_si(values)
+
+    @cached_property
+    def _time(self) -> tuple[str, ...]:
+        """Header and unit of the time column, empty if the file has no clock."""
+        if not self.clocks:
+            return ()
+        first = self.clocks[0]
+        header = parse_header(first.name, first.unit)
+        plain = header.quantity is not None and header.quantity.name == "time"
+        if len(self.clocks) > 1 or not plain or header.problem:
+            return ("t", "s")
+        return (first.name, first.unit)
+
+    @cached_property
+    def _names(self) -> list[str]:
+        count = Counter([*self._time[:1], *(channel.name for channel in self.file.channels)])
+        names: list[str] = []
+        seen: Counter[str] = Counter()
+        for channel in self.file.channels:
+            name = channel.name if count[channel.name] == 1 else channel.full_name
+            seen[name] += 1
+            names.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+        return names
+
+    def _values(self, channel: Channel) -> Values:
+        return self.file.read([channel])[0]
+
+    def _numbers(self, index: int, channel: Channel) -> FloatArray:
+        values = self._values(channel)
+        try:
+            if values.dtype.kind == "c":
+                raise TypeError
+            return np.array(values, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise TextInNumbersError(
+                f"{self.place}: column '{self.header[index]}' holds text or complex numbers, no "
+                "real ones",
+                index,
+            ) from None
+
+    def _times(self, clock: Clock, channels: Sequence[Channel]) -> FloatArray:
+        """Values of the time column, in its own unit."""
+        if clock.times is None:
+            names = ", ".join(one.full_name for one in channels)
+            raise InputError(
+                f"{self.place}: the time '{self.header[0]}' is not said to be that of {names}; "
+                f'leave it out: --columns "{self.header[0]}="'
+            )
+        if len(self.clocks) == 1 and clock.channel is not None:
+            return np.array(self._values(clock.channel), dtype=np.float64)
+        return np.array(clock.times)
+
+    def _own_clock(self, channel: Channel) -> Clock:
+        if channel.clock is None:
+            return Clock(None, channel.length, None)
+        return Clock(channel.clock, channel.length, self.seconds(channel.clock))
+
+    def _placed(self, channel: Channel, values: FloatArray, clock: Clock) -> FloatArray:
+        if channel.length == 1 and channel.clock is None:
+            return np.full(clock.length, values[0])
+        if channel.clock is None or (channel.clock is clock.channel and clock.whole):
+            return values
+        return onto(self.place, channel, self._own_clock(channel), values, clock)
+
+
+def open_channels(file: ChannelFile, least: int) -> ChannelTable:
+    """Make a table of a file's channels; there must be so many of numbers.
+
+    Raises
+    ------
+    InputError
+        There are fewer.
+    """
+    table = ChannelTable(file)
+    count = sum(not channel.is_text for channel in file.channels) + len(table.clocks[:1])
+    if count < least:
+        raise InputError(
+            f"{file.path}: holds {count} channels of numbers with samples; at least {least} are "
+            "needed"
+        )
+    return table
+
+
+def _texts(values: Values) -> Texts:
+    return Texts.of([str(value) for value in values.tolist()])

@@ -1,0 +1,232 @@
+"""What a file of recordings holds: channels, each with a unit, a group and the clock it ran on."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import itertools
+import logging
+from collections.abc import Callable, Container, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.support.errors import InputError
+from anhyst.support.units import parse_header
+
+Values = NDArray[Any]
+
+MOST_BYTES = 1 << 30
+"""Of one channel, and of what a compressed file becomes; more is refused before it is read."""
+MOST_CHANNELS = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """What was recorded under one name.
+
+    ``length`` is the number of samples; ``clock`` is the channel of their times, ``None`` if the
+    file does not say. ``key`` is what the file's reader finds the samples by.
+    """
+
+    name: str
+    length: int
+    key: Any
+    unit: str = ""
+    group: str = ""
+    clock: Channel | None = None
+    is_text: bool = False
+
+    @property
+    def full_name(self) -> str:
+        """Name with the group before it, such as ``bench/current``."""
+        return f"{self.group}/{self.name}" if self.group else self.name
+
+
+ReadChannels = Callable[[Sequence[Channel], int | None], list[Values]]
+"""Read whole channels, or so many of their first samples: arrays of shape (samples,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelFile:
+    """A file whose channels are known, and not yet read. Clocks are not among ``channels``."""
+
+    path: Path
+    channels: tuple[Channel, ...]
+    samples: ReadChannels
+    notes: tuple[str, ...] = ()
+
+    def read(self, wanted: Sequence[Channel], count: int | None = None) -> list[Values]:
+        """Read channels whole, or so many of their first samples.
+
+        Raises
+        ------
+        InputError
+            A damaged file, or a channel that says it is larger than `MOST_BYTES`.
+        """
+        with one_line_if_damaged(self.path):
+            found = [plain(values) for values in self.samples(wanted, count)]
+        for channel, values in zip(wanted, found, strict=True):
+            expected = channel.length if count is None else min(count, channel.length)
+            if values.shape != (expected,):
+                raise InputError(
+                    f"{self.path}: channel '{channel.full_name}' holds {values.size} of its "
+                    f"{expected} samples; the file is damaged"
+                )
+        return found
+
+    def clocks(self) -> list[Channel]:
+        """Return the clocks of all channels, in their order."""
+        clocks = (channel.clock for channel in self.channels if channel.clock is not None)
+        return list(dict.fromkeys(clocks))
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A channel with its samples, shape (n,)."""
+
+    name: str
+    unit: str
+    values: Values
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelGroup:
+    """Channels of one group that ran on one clock; where there is none they are of any lengths."""
+
+    group: str
+    clock: Series | None
+    series: tuple[Series, ...]
+
+
+def sections(file: ChannelFile) -> list[ChannelGroup]:
+    """Read everything, in the order of the file; in a group each channel gets a name of its own."""
+    found: dict[tuple[str, Channel | None], list[Channel]] = {}
+    for channel in file.channels:
+        found.setdefault((channel.group, channel.clock), []).append(channel)
+    read, used = [], set[tuple[str, str]]()
+    for (group, clock), channels in found.items():
+        values = file.read([*([clock] if clock else []), *channels])
+        times = Series(clock.name or "t", clock.unit, values.pop(0)) if clock else None
+        taken = {(group, times.name)} if times else set()
+        series = []
+        for channel, samples in zip(channels, values, strict=True):
+            name = _free(group, channel.name or "unnamed", used | taken)
+            used.add((group, name))
+            series.append(Series(name, channel.unit, samples))
+        read.append(ChannelGroup(group, times, tuple(series)))
+    return read
+
+
+def _free(group: str, name: str, used: Container[tuple[str, str]]) -> str:
+    """Return a name that is not used in a group: ``x``, ``x#2``, ..."""
+    names = (name if n == 1 else f"{name}#{n}" for n in itertools.count(1))
+    return next(one for one in names if (group, one) not in used)
+
+
+def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
+    """Give channels without a clock the one of their group and length that its name tells.
+
+    It is a channel named as a time with a unit of time, such as ``t`` in s, and the only such one.
+    """
+    times: dict[tuple[str, int], list[Channel]] = {}
+    for channel in channels:
+        header = parse_header(channel.name, channel.unit)
+        is_time = header.quantity is not None and header.quantity.name == "time"
+        if channel.clock is None and not channel.is_text and is_time and header.problem is None:
+            times.setdefault((channel.group, channel.length), []).append(channel)
+    clocks = {place: found[0] for place, found in times.items() if len(found) == 1}
+    given = []
+    for channel in channels:
+        clock = clocks.get((channel.group, channel.length))
+        if clock is None or channel.clock is not None:
+            given.append(channel)
+        elif channel is not clock:
+            given.append(replace(channel, clock=clock))
+    # A clock of nothing is a channel like any other.
+    alone = [one for one in clocks.values() if all(other.clock is not one for other in given)]
+    return (*alone, *given)
+
+
+def check_size(path: Path, name: str, samples: int, size: int) -> None:
+    """Refuse a channel that says it is larger than any that can be read.
+
+    Raises
+    ------
+    InputError
+        More than `MOST_BYTES`.
+    """
+    if samples < 0 or samples * max(size, 8) > MOST_BYTES:
+        raise InputError(
+            f"{path}: channel '{name}' says that it holds {samples} samples, more than "
+            f"{MOST_BYTES >> 30} GiB; cut the recording into parts"
+        )
+
+
+def plain(values: Values) -> Values:
+    """Return values as numbers, logicals or texts of shape (n,); dates become s since the first."""
+    values = np.asarray(values)
+    if values.dtype.kind == "M":
+        values = values.astype("datetime64[ns]")
+        first = values[:1]
+        return np.asarray((values - first) / np.timedelta64(1, "s")) if first.size else values
+    if values.dtype.kind == "m":
+        return np.asarray(values / np.timedelta64(1, "s"))
+    if values.dtype.kind == "S":
+        return np.char.decode(values, "utf-8", "replace")
+    if not values.dtype.isnative:
+        return values.astype(values.dtype.newbyteorder("="))
+    return values
+
+
+@contextmanager
+def one_line_if_damaged(path: Path) -> Iterator[None]:
+    """Turn whatever a library makes of a damaged file into an `InputError`.
+
+    Raises
+    ------
+    InputError
+        Anything went wrong; names the file.
+    """
+    spoken = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)  # what libraries log of a damaged file is not that line
+    try:
+        yield
+    except (InputError, MemoryError):
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; check the path") from None
+    except (IsADirectoryError, PermissionError) as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+    except Exception as error:
+        text = " ".join(str(error).split())[:160]
+        reason = f"{type(error).__name__}: {text}" if text else type(error).__name__
+        raise InputError(
+            f"{path}: cannot be read as {path.suffix}, the file is damaged or of another kind "
+            f"({reason}); export it again"
+        ) from None
+    finally:
+        logging.disable(spoken)
+
+
+def need_package(path: Path, *names: str) -> None:
+    """Refuse a file whose package is not installed, naming the extra.
+
+    Raises
+    ------
+    InputError
+        It is not.
+    """
+    for name in names:
+        if importlib.util.find_spec(name) is None:
+            raise InputError(f"{path}: {name} is not installed: pip install 'anhyst[io]'")
+
+
+def hash_of(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,261 @@
+"""HDF5 files, by h5py: a dataset is a channel, a group a group."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst.data.formats.channel_table import ChannelTable, open_channels
+from anhyst.data.formats.channels import (
+    MOST_CHANNELS,
+    Channel,
+    ChannelFile,
+    ChannelGroup,
+    Values,
+    check_size,
+    clocks_by_name,
+    need_package,
+    one_line_if_damaged,
+)
+from anhyst.data.formats.trial import try_first
+from anhyst.support.atomic import write_bytes
+from anhyst.support.errors import InputError
+
+_UNITS = ("unit", "units", "Unit", "Units")
+_DEEPEST = 40
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where samples stand: a dataset, and in it a field or a column."""
+
+    name: str
+    field: str | None = None
+    column: int | None = None
+
+
+def open_hdf5(path: Path, least: int) -> ChannelTable:
+    """Look at an HDF5 file.
+
+    Clocks are dimension scales, or what is named a time beside channels of its length; units are
+    attributes ``unit`` or ``units``. A table of fields is a group.
+
+    Raises
+    ------
+    InputError
+        No file, damaged, links to other files, or h5py is not installed.
+    """
+    need_package(path, "h5py")
+    try_first(path)
+    import h5py
+
+    with one_line_if_damaged(path), h5py.File(path, "r") as file:
+        channels: list[Channel] = []
+        scales: dict[str, Channel] = {}
+        clocks: dict[int, str] = {}
+        for dataset in datasets(path, file):
+            for channel in _channels(path, dataset):
+                if dataset.is_scale:
+                    scales[dataset.name] = channel
+                elif (scale := _scale(dataset)) is not None:
+                    clocks[len(channels)] = scale
+                channels.append(channel)
+        used = {scales[name] for name in clocks.values() if name in scales}
+        given = [
+            _clocked(channel, scales.get(clocks.get(place, "")))
+            for place, channel in enumerate(channels)
+            if channel not in used
+        ]
+    return open_channels(ChannelFile(path, clocks_by_name(given), _reader(path)), least)
+
+
+def datasets(path: Path, group: Any) -> Iterator[Any]:
+    """Yield the datasets of a file once each, whatever its links.
+
+    Raises
+    ------
+    InputError
+        A link to another file, samples that stand in one, or endless groups.
+    """
+    import h5py
+
+    seen: set[Any] = set()
+    waiting = [(group, 0)]
+    while waiting:
+        here, depth = waiting.pop(0)
+        if depth > _DEEPEST or len(seen) > MOST_CHANNELS:
+            raise InputError(
+                f"{path}: holds more than {MOST_CHANNELS} objects, or groups more than {_DEEPEST} "
+                "deep; export the channels you need"
+            )
+        for name in here:
+            link = here.get(name, getlink=True)
+            place = f"{here.name.rstrip('/')}/{name}"
+            if isinstance(link, h5py.ExternalLink):
+                raise InputError(
+                    f"{path}: '{place}' is a link to the file '{link.filename}', which is not "
+                    "followed; copy its data into this file"
+                )
+            if isinstance(link, h5py.SoftLink):
+                continue  # what it leads to is found in its own place
+            found = here[name]
+            info = h5py.h5o.get_info(found.id)
+            if info.addr in seen:
+                continue
+            seen.add(info.addr)
+            if isinstance(found, h5py.Group):
+                waiting.append((found, depth + 1))
+            elif isinstance(found, h5py.Dataset):
+                check_dataset(path, found)
+                yield found
+
+
+def check_dataset(path: Path, dataset: Any) -> None:
+    """Refuse a dataset whose samples stand in another file, or are more than can be read.
+
+    Raises
+    ------
+    InputError
+        It is one.
+    """
+    if dataset.external or dataset.is_virtual:
+        raise InputError(
+            f"{path}: '{dataset.name}' has its samples in other files, which are not followed; "
+            "copy them into this file"
+        )
+    check_size(path, dataset.name, int(dataset.size or 0), int(dataset.dtype.itemsize))
+
+
+def _channels(path: Path, dataset: Any) -> list[Channel]:
+    """Channels of a dataset: one, one a column, or one a field."""
+    group, _, name = dataset.name.strip("/").rpartition("/")
+    shape, kind = dataset.shape, dataset.dtype
+    if shape is None or not dataset.size:
+        return []
+    if kind.fields is not None:
+        if len(shape) != 1:
+            return []
+        return [
+            Channel(one, shape[0], _Place(dataset.name, field=one), group=dataset.name.strip("/"),
+                    is_text=_is_text(dataset, sub))
+            for one, (sub, *_) in kind.fields.items()
+            if sub.kind in "biufSO" and sub.shape == ()
+        ]  # fmt: skip
+    is_text = _is_text(dataset, kind)
+    if (kind.kind not in "biuf" and not is_text) or len(shape) > 2:
+        return []
+    unit = _unit(dataset)
+    if len(shape) < 2 or 1 in shape:
+        return [Channel(name, int(dataset.size), _Place(dataset.name), unit, group, None, is_text)]
+    return [
+        Channel(f"{name}_{n + 1}", shape[0], _Place(dataset.name, column=n), unit, group, None,
+                is_text)
+        for n in range(min(shape[1], MOST_CHANNELS))
+    ]  # fmt: skip
+
+
+def _is_text(dataset: Any, kind: Any) -> bool:
+    import h5py
+
+    return kind.kind == "S" or h5py.check_string_dtype(kind) is not None
+
+
+def _unit(dataset: Any) -> str:
+    for key in _UNITS:
+        if key in dataset.attrs:
+            value = dataset.attrs[key]
+            if isinstance(value, bytes):
+                value = value.decode("utf-8", "replace")
+            if isinstance(value, str):
+                return value
+    return ""
+
+
+def _scale(dataset: Any) -> str | None:
+    """Name of the dataset that is the scale of the first axis."""
+    if "DIMENSION_LIST" not in dataset.attrs or len(dataset.dims[0]) != 1:
+        return None
+    scale = dataset.dims[0][0]
+    return str(scale.name) if scale.shape == dataset.shape[:1] else None
+
+
+def _clocked(channel: Channel, clock: Channel | None) -> Channel:
+    return channel if clock is None else replace(channel, clock=clock)
+
+
+def _reader(path: Path) -> Any:
+    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+        import h5py
+
+        with h5py.File(path, "r") as file:
+            return [_samples(file[one.key.name], one, count) for one in wanted]
+
+    return read
+
+
+def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
+    place: _Place = channel.key
+    if dataset.ndim == 0:
+        values = np.atleast_1d(dataset[()])
+    elif place.field is not None:
+        values = dataset.fields(place.field)[:count]
+    elif place.column is not None:
+        values = dataset[:count, place.column]
+    else:
+        values = np.ravel(dataset[()])[:count] if dataset.ndim > 1 else dataset[:count]
+    if channel.is_text:
+        texts = [
+            one.decode("utf-8", "replace") if isinstance(one, bytes) else one for one in values
+        ]
+        return np.array(texts, dtype=str)
+    return np.asarray(values)
+
+
+def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
+    """Write an HDF5 file: clocks are dimension scales, units attributes.
+
+    Returns
+    -------
+    What the format cannot hold.
+    """
+    need_package(path, "h5py")
+    import h5py
+
+    content, notes = io.BytesIO(), []
+    with h5py.File(content, "w", track_order=True) as file:
+        for section in sections:
+            name = section.group.strip("/")
+            group = (file.get(name) or file.create_group(name, track_order=True)) if name else file
+            if section.clock is not None and section.clock.name in group:
+                base = name or "channels"
+                free = next(n for n in range(2, MOST_CHANNELS) if f"{base}_{n}" not in file)
+                notes.append(f"group '{name}' has several clocks: '{base}_{free}' holds the next")
+                group = file.create_group(f"{base}_{free}", track_order=True)
+            scale = None
+            if section.clock is not None:
+                scale = _put(group, section.clock)
+                scale.make_scale(section.clock.name)
+            for one in section.series:
+                dataset = _put(group, one)
+                if scale is not None:
+                    dataset.dims[0].attach_scale(scale)
+    write_bytes(path, content.getvalue())
+    return tuple(notes)
+
+
+def _put(group: Any, one: Any) -> Any:
+    import h5py
+
+    values = one.values
+    if values.dtype.kind == "U":
+        dataset = group.create_dataset(one.name, data=values.tolist(), dtype=h5py.string_dtype())
+    else:
+        dataset = group.create_dataset(one.name, data=values)
+    if one.unit:
+        dataset.attrs["unit"] = one.unit
+    return dataset

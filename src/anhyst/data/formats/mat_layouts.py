@@ -1,0 +1,230 @@
+"""How recordings stand in MAT files: plain arrays, Simulink's structures, ControlDesk's X and Y."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from anhyst.data.formats.channels import Channel, Values, clocks_by_name
+
+MatTree = Mapping[str, Any]
+"""Variables and fields by name: further trees, lists of them, texts, and `MatArray`."""
+
+
+class MatArray(Protocol):
+    """An array of a MAT file in MATLAB's order of axes; `read` gives all of it."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of its axes."""
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it holds texts."""
+
+    def read(self) -> Values:
+        """Return its values in that shape."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayInMemory:
+    """An array that has been read."""
+
+    values: Values
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of its axes."""
+        return self.values.shape
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it holds texts."""
+        return self.values.dtype.kind == "U"
+
+    def read(self) -> Values:
+        """Return the values."""
+        return self.values
+
+
+@dataclass(frozen=True)
+class _Column:
+    """A column of an array: samples along an axis of its squeezed shape."""
+
+    array: MatArray
+    axis: int
+    place: int
+
+
+def read_arrays(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+    """Read channels; an array that holds several is read once."""
+    read: dict[int, Values] = {}
+    found = []
+    for channel in wanted:
+        column: _Column = channel.key
+        whole = read.get(id(column.array))
+        if whole is None:
+            whole = read[id(column.array)] = np.squeeze(column.array.read())
+        if whole.ndim > 1:
+            whole = np.moveaxis(whole, column.axis, 0).reshape(channel.length, -1)[:, column.place]
+        found.append(np.ascontiguousarray(whole.reshape(channel.length)[:count]))
+    return found
+
+
+def channels_of(tree: MatTree) -> tuple[Channel, ...]:
+    """Find the channels of a file, whatever their layout."""
+    return clocks_by_name(_group(tree, ""))
+
+
+def _group(tree: MatTree, group: str) -> list[Channel]:
+    found: list[Channel] = []
+    for name, node in tree.items():
+        path = f"{group}/{name}" if group else name
+        if _is_array(node):
+            found += _columns(name, node, group)
+        elif isinstance(node, Mapping):
+            found += _structure(name, node, group, path)
+        elif isinstance(node, list):
+            for place, one in enumerate(node, start=1):
+                if isinstance(one, Mapping):
+                    found += _structure(f"{name}_{place}", one, group, f"{path}_{place}")
+                elif _is_array(one):
+                    found += _columns(f"{name}_{place}", one, group)
+    return found
+
+
+def _structure(name: str, node: MatTree, group: str, path: str) -> list[Channel]:
+    if "Y" in node and "X" in node and (found := _control_desk(node)):
+        return found
+    if "signals" in node:
+        return _with_time(name, node, path)
+    by_case = {key.lower(): key for key in node}
+    if "time" in by_case and "data" in by_case and _is_array(node[by_case["data"]]):
+        return _time_series(name, node, by_case, group)
+    return _group(node, path)
+
+
+def _control_desk(node: MatTree) -> list[Channel]:
+    """X holds times, Y channels; which belongs to which by index or name of the raster."""
+    clocks, rasters = [], {}
+    for one in _several(node["X"]):
+        times: Any = one.get("Data")
+        (clock,) = _columns(_text(one.get("Name")) or "t", times) if _is_array(times) else (None,)
+        if clock is not None:
+            clock = replace(clock, unit=_text(one.get("Unit")) or "s")
+            rasters[_text(one.get("Raster"))] = clock
+        clocks.append(clock)
+    found: list[Channel] = []
+    for one in _several(node["Y"]):
+        data: Any = one.get("Data")
+        name = _text(one.get("Name"))
+        if isinstance(data, str):
+            data = ArrayInMemory(np.array([data]))
+        if not _is_array(data) or not name:
+            continue
+        index = _number(one.get("XIndex"))
+        clock = None
+        if index is not None:
+            clock = clocks[index - 1] if 1 <= index <= len(clocks) else None
+        elif "Raster" in one:
+            clock = rasters.get(_text(one["Raster"]))
+        elif len(clocks) == 1:
+            clock = clocks[0]
+        found += _columns(name, data, _text(one.get("Path")), _text(one.get("Unit")), clock)
+    return found
+
+
+def _with_time(name: str, node: MatTree, path: str) -> list[Channel]:
+    """Structure with time: a field time (s; empty without), an array of signals."""
+    times: Any = node.get("time")
+    clock = None
+    if _is_array(times) and np.prod(times.shape) > 0:
+        (clock,) = _columns("time", times, path, "s")
+    signals = _several(node["signals"])
+    found: list[Channel] = []
+    for place, one in enumerate(signals, start=1):
+        values: Any = one.get("values")
+        if not _is_array(values):
+            continue
+        own = f"{name}_{place}" if len(signals) > 1 else name
+        labels: Any = one.get("label")
+        block = _text(one.get("blockName")).replace("\n", " ").rsplit("/", 1)[-1]
+        columns = _columns(_text(labels) or block or own, values, path, "", clock)
+        if _is_array(labels) and labels.is_text and len(columns) == np.prod(labels.shape):
+            texts = [str(text).strip() for text in labels.read().ravel()]
+            columns = [
+                replace(column, name=text or column.name)
+                for column, text in zip(columns, texts, strict=True)
+            ]
+        found += columns
+    return found
+
+
+def _time_series(name: str, node: MatTree, by_case: Mapping[str, str], group: str) -> list[Channel]:
+    """Time and Data, as a timeseries has them; units in DataInfo and TimeInfo, or in Units."""
+
+    def unit(key: str) -> str:
+        info = node.get(by_case.get(key, ""))
+        text = info.get("Units", info.get("units")) if isinstance(info, Mapping) else info
+        return _text(text)
+
+    times = node[by_case["time"]]
+    clock = None
+    if _is_array(times) and np.prod(times.shape) > 0:
+        seconds = {"": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}
+        given = unit("timeinfo")
+        (clock,) = _columns("time", times, group, seconds.get(given, given))
+    title = _text(node.get(by_case.get("name", ""))) or name
+    units = unit("datainfo") or unit("units") or unit("unit")
+    return _columns(title, node[by_case["data"]], group, units, clock)
+
+
+def _columns(
+    name: str, array: MatArray, group: str = "", unit: str = "", clock: Channel | None = None
+) -> list[Channel]:
+    """Channels of an array: one, or one a column; samples run along the clock or the longest axis."""
+    shape = [side for side in array.shape if side != 1]
+    count = int(np.prod(array.shape))
+    if count == 0 or len(shape) > 3:
+        return []
+    if len(shape) <= 1:
+        key = _Column(array, 0, 0)
+        return [Channel(name, count, key, unit, group, clock, array.is_text)]
+    axis = int(np.argmax(shape))
+    if clock is not None and clock.length in shape:
+        axis = (
+            len(shape) - 1 - shape[::-1].index(clock.length)
+            if len(shape) > 2
+            else shape.index(clock.length)
+        )
+    length, width = shape[axis], count // shape[axis]
+    return [
+        Channel(
+            f"{name}_{place + 1}", length, _Column(array, axis, place), unit, group, clock,
+            array.is_text,
+        )
+        for place in range(width)
+    ]  # fmt: skip
+
+
+def _several(node: Any) -> list[MatTree]:
+    nodes = node if isinstance(node, list) else [node]
+    return [one for one in nodes if isinstance(one, Mapping)]
+
+
+def _is_array(node: Any) -> bool:
+    return hasattr(node, "is_text")
+
+
+def _text(node: Any) -> str:
+    return node.strip() if isinstance(node, str) else ""
+
+
+def _number(node: Any) -> int | None:
+    if not _is_array(node) or node.is_text or int(np.prod(node.shape)) != 1:
+        return None
+    value = float(np.ravel(node.read())[0].real)
+    return int(value) if np.isfinite(value) else None

@@ -1,0 +1,118 @@
+"""Parquet files, by pyarrow: one table, units in the metadata of its columns."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst.data.formats.channel_table import ChannelTable, open_channels
+from anhyst.data.formats.channels import (
+    Channel,
+    ChannelFile,
+    ChannelGroup,
+    Values,
+    check_size,
+    clocks_by_name,
+    need_package,
+    one_line_if_damaged,
+)
+from anhyst.data.formats.trial import try_first
+from anhyst.support.atomic import write_bytes
+
+_UNITS = (b"unit", b"units", b"Unit", b"Units")
+_GROUP = b"group"
+
+
+def open_parquet(path: Path, least: int) -> ChannelTable:
+    """Look at a Parquet file.
+
+    Raises
+    ------
+    InputError
+        No file, damaged, too few columns of numbers, or pyarrow is not installed.
+    """
+    need_package(path, "pyarrow")
+    try_first(path)
+    from pyarrow import parquet
+
+    with one_line_if_damaged(path), parquet.ParquetFile(path) as file:
+        rows = int(file.metadata.num_rows)
+        channels = [
+            channel
+            for place, field in enumerate(file.schema_arrow)
+            if rows > 0 and (channel := _channel(path, place, field, rows)) is not None
+        ]
+    return open_channels(ChannelFile(path, clocks_by_name(channels), _reader(path)), least)
+
+
+def _channel(path: Path, place: int, field: Any, rows: int) -> Channel | None:
+    from pyarrow import types
+
+    kind = field.type
+    if types.is_dictionary(kind):
+        kind = kind.value_type
+    is_text = types.is_string(kind) or types.is_large_string(kind)
+    is_date = types.is_timestamp(kind) or types.is_duration(kind)
+    is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)
+    if not (is_text or is_date or is_number):
+        return None
+    check_size(path, field.name, rows, 8)
+    kept = field.metadata or {}
+    unit = next((kept[key].decode("utf-8", "replace") for key in _UNITS if key in kept), "")
+    group = kept.get(_GROUP, b"").decode("utf-8", "replace")
+    return Channel(field.name, rows, place, "s" if is_date else unit, group, None, is_text)
+
+
+def _reader(path: Path) -> Any:
+    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+        import pyarrow
+        from pyarrow import parquet
+
+        places = sorted({one.key for one in wanted})
+        with parquet.ParquetFile(path) as file:
+            names = [file.schema_arrow.field(place).name for place in places]
+            if count is None:
+                table = file.read(columns=names, use_threads=False)
+            else:
+                batches = file.iter_batches(batch_size=count, columns=names, use_threads=False)
+                table = pyarrow.Table.from_batches([next(batches)])
+        return [_samples(table.column(places.index(one.key)), one) for one in wanted]
+
+    return read
+
+
+def _samples(column: Any, channel: Channel) -> Values:
+    if channel.is_text:
+        return np.array(["" if one is None else one for one in column.to_pylist()], dtype=str)
+    values: Values = column.to_numpy()
+    # What is missing has no number; Arrow gives objects for logicals with gaps.
+    return values.astype(np.float64) if values.dtype == object else values
+
+
+def write_parquet(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
+    """Write a Parquet file of one section.
+
+    Returns
+    -------
+    What the format cannot hold.
+    """
+    need_package(path, "pyarrow")
+    import pyarrow
+    from pyarrow import parquet
+
+    fields, columns = [], []
+    for section in sections:
+        for one in [*([section.clock] if section.clock else []), *section.series]:
+            column = pyarrow.array(one.values)
+            about = {b"unit": one.unit, _GROUP: section.group}
+            kept = {key: text.encode() for key, text in about.items() if text}
+            fields.append(pyarrow.field(one.name, column.type, metadata=kept or None))
+            columns.append(column)
+    content = io.BytesIO()
+    parquet.write_table(pyarrow.table(columns, schema=pyarrow.schema(fields)), content)
+    write_bytes(path, content.getvalue())
+    return ()

@@ -1,0 +1,144 @@
+"""TDMS files of LabVIEW, by the package nptdms."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst.data.formats.channel_table import ChannelTable, open_channels
+from anhyst.data.formats.channels import (
+    Channel,
+    ChannelFile,
+    ChannelGroup,
+    Values,
+    check_size,
+    clocks_by_name,
+    need_package,
+    one_line_if_damaged,
+)
+from anhyst.data.formats.trial import try_first
+from anhyst.support.atomic import write_bytes
+from anhyst.support.errors import InputError
+
+_WAVEFORM = "wf_increment"
+_UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
+_NO_GROUP = "channels"
+
+
+def open_tdms(path: Path, least: int) -> ChannelTable:
+    """Look at a TDMS file.
+
+    Clocks are waveform properties (``wf_start_offset``, ``wf_increment``), or what is named a time
+    beside channels of its length; units are ``unit_string``.
+
+    Raises
+    ------
+    InputError
+        No file, damaged, too few channels of numbers, or nptdms is not installed.
+    """
+    need_package(path, "nptdms")
+    try_first(path)
+    from nptdms import TdmsFile
+
+    with one_line_if_damaged(path), TdmsFile.open(path) as file:
+        status = file.file_status
+        if status.incomplete_final_segment or status.channel_statuses:
+            raise InputError(
+                f"{path}: is cut off within its last segment; copy it again, or open and save it "
+                "in LabVIEW"
+            )
+        size = path.stat().st_size
+        clocks: dict[tuple[Any, ...], Channel] = {}
+        channels = [
+            _channel(path, size, one, clocks)
+            for group in file.groups()
+            for one in group.channels()
+            if len(one) and one.dtype.kind in "biufcMO"
+        ]
+    return open_channels(ChannelFile(path, clocks_by_name(channels), _reader(path)), least)
+
+
+def _channel(path: Path, size: int, one: Any, clocks: dict[tuple[Any, ...], Channel]) -> Channel:
+    count, width, group = len(one), max(1, one.dtype.itemsize), str(one.group_name)
+    check_size(path, f"{group}/{one.name}", count, width)
+    if (
+        count * (1 if one.dtype.kind in "bO" else width // (2 if one.dtype.kind == "M" else 1))
+        > size
+    ):
+        raise InputError(
+            f"{path}: channel '{group}/{one.name}' says that it holds {count} samples, more than "
+            "the file; it is damaged, record or export it again"
+        )
+    clock = None
+    if (step := _number(one.properties.get(_WAVEFORM))) is not None and step > 0.0:
+        start = _number(one.properties.get("wf_start_offset")) or 0.0
+        place = (group, count, start, step)
+        clock = clocks.setdefault(place, Channel("t", count, (start, step), "s", group))
+    unit = next((str(one.properties[key]) for key in _UNITS if one.properties.get(key)), "")
+    unit = "s" if one.dtype.kind == "M" else unit
+    key = (group, str(one.name))
+    own = "" if group == _NO_GROUP else group
+    return Channel(str(one.name), count, key, unit, own, clock, one.dtype.kind == "O")
+
+
+def _number(value: Any) -> float | None:
+    try:
+        return float(value) if np.isfinite(float(value)) else None
+    except (TypeError, ValueError):
+        return None
+
+
+def _reader(path: Path) -> Any:
+    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+        from nptdms import TdmsFile
+
+        with TdmsFile.open(path) as file:
+            return [_samples(file, one, count) for one in wanted]
+
+    return read
+
+
+def _samples(file: Any, channel: Channel, count: int | None) -> Values:
+    first, second = channel.key
+    if not isinstance(first, str):
+        return np.asarray(first + second * np.arange(channel.length)[:count])
+    values = file[first][second].read_data(length=count)
+    return np.asarray(values, dtype=str) if channel.is_text else np.asarray(values)
+
+
+def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
+    """Write a TDMS file; the times of a group are a channel of it.
+
+    Returns
+    -------
+    What the format cannot hold.
+    """
+    need_package(path, "nptdms")
+    from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
+
+    content, notes = io.BytesIO(), []
+    used: set[str] = set()
+    with TdmsWriter(content) as writer:
+        for section in sections:
+            name = section.group or _NO_GROUP
+            if section.clock is not None:
+                if name in used:
+                    free = next(n for n in range(2, 2 + len(sections)) if f"{name}_{n}" not in used)
+                    notes.append(
+                        f"group '{name}' has several clocks: '{name}_{free}' holds the next"
+                    )
+                    name = f"{name}_{free}"
+                used.add(name)
+            series = [*([section.clock] if section.clock else []), *section.series]
+            objects = [RootObject(), GroupObject(name)]
+            for one in series:
+                unit = {"unit_string": one.unit} if one.unit else {}
+                values = one.values.tolist() if one.values.dtype.kind == "U" else one.values
+                objects.append(ChannelObject(name, one.name, values, unit))
+            writer.write_segment(objects)
+    write_bytes(path, content.getvalue())
+    return tuple(notes)

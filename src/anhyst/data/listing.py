@@ -1,0 +1,102 @@
+"""What a file holds, channel by channel, before anything is made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from anhyst.data.columns import TextInNumbersError, is_number
+from anhyst.data.formats import ChannelTable, OpenTable, open_table
+from anhyst.data.hints import likely
+from anhyst.data.output_map import OUTPUT_MAPS
+from anhyst.data.table import map_headers
+from anhyst.support.atomic import PathLike
+from anhyst.support.units import INPUTS, Header
+
+_EVEN = 0.01
+"""Steps of a clock that agree within this share are one rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFigures:
+    """A channel as it stands in its file.
+
+    ``name`` is what ``--columns`` takes; ``rate`` is in samples a second, ``None`` without a clock;
+    ``low`` and ``high`` are in the file's own unit, ``None`` of texts. ``role`` is the quantity
+    that it holds, with a question mark where that is a guess; empty where there is none.
+    """
+
+    name: str
+    unit: str
+    samples: int
+    rate: float | None
+    low: float | None
+    high: float | None
+    role: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> list[ChannelFigures]:
+    """List the channels of a file in any format, one at a time in memory.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    table = open_table(path, least=1)
+    headers = map_headers(table, columns or {})
+    (first,) = table.first_rows(1) or [[""] * len(headers)]
+    texts = [place for place, field in enumerate(first) if not is_number(field)]
+    roles = _roles(headers, texts)
+    units = table.units or [header.unit.symbol if header.unit else "" for header in headers]
+    found = []
+    for place, (name, unit) in enumerate(zip(table.header, units, strict=True)):
+        values = None if place in texts else _values(table, place)
+        samples, rate = _pace(table, place)
+        finite = values[np.isfinite(values)] if values is not None else np.empty(0)
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
+        count = samples if samples is not None else (0 if values is None else values.size)
+        found.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(place, "")))
+    return found
+
+
+def _values(table: OpenTable, place: int) -> Any:
+    try:
+        return table.read([place]).numbers[place]
+    except TextInNumbersError:
+        return None
+
+
+def _pace(table: OpenTable, place: int) -> tuple[int | None, float | None]:
+    """Return the samples of a channel, and how many a second."""
+    if not isinstance(table, ChannelTable):
+        return None, None
+    channel = table.channel(place)
+    clock = channel.clock or (channel if channel in table.clocks else None)
+    if clock is None or clock.length < 2:
+        return channel.length, None
+    steps = np.diff(table.seconds(clock))
+    usual = float(np.median(steps))
+    even = usual > 0.0 and bool(np.all(np.abs(steps - usual) <= _EVEN * usual))
+    return channel.length, 1.0 / usual if even else None
+
+
+def _roles(headers: Sequence[Header], texts: Sequence[int]) -> dict[int, str]:
+    """Say what each channel is by its header, and what the best of the others may be."""
+    roles = {
+        place: header.quantity.name
+        for place, header in enumerate(headers)
+        if header.is_known and header.quantity and not header.problem
+    }
+    held = set(roles.values())
+    wanted = [names for names in (INPUTS, tuple(OUTPUT_MAPS)) if held.isdisjoint(names)]
+    wanted += [(name,) for name in ("gap", "time") if name not in held]
+    guesses = likely(headers, wanted, skip=texts, least=2)
+    return roles | {place: f"{name}?" for place, name in guesses}

@@ -1,0 +1,8 @@
+"""From measured loops to a model."""
+
+from __future__ import annotations
+
+from anhyst.identification.identify import identify
+from anhyst.identification.result import IdentifyResult
+
+__all__ = ["IdentifyResult", "identify"]

@@ -1,0 +1,313 @@
+"""The fit of any law, through its iron: what a law without a kernel in the core is fitted by.
+
+Parameters are moved as a model file has them, over the range that each gives for a search, on the
+unit cube: a spread of sets is computed, and least squares by differences descend from the best.
+Along the redundancies of docs/theory.md ``c_H`` is 1 at the first gap, unless it is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from anhyst.data import LoopSet
+from anhyst.data.output_map import output_map
+from anhyst.identification.fit_records import FitRecords
+from anhyst.identification.screening import evenly
+from anhyst.identification.uncertainty import memory, statements
+from anhyst.laws.law import Law
+from anhyst.laws.registry import LAWS
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import Uncertainty
+from anhyst.model.parameters import MAY_VARY, GapMap, Parameter
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError, NegativeResult
+
+SCREENED = 256
+KEPT = 3
+
+_IMPOSSIBLE = 10.0
+"""Deviation, in units of the largest output, where the law has no answer."""
+
+_OFFSET = 0.1
+"""Largest offset, in parts of the span."""
+
+_GAIN = 1e3
+"""How far the gain may go from that of the best straight line, either way."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A number that is moved: its parameter, its node (None: the same at all), and its range."""
+
+    name: str
+    node: int | None
+    low: float
+    high: float
+
+    def value(self, part: float) -> float:
+        """Return the value at a part of the range; over decades where it is all positive."""
+        if self.low > 0.0:
+            return float(self.low * (self.high / self.low) ** part)
+        return self.low + (self.high - self.low) * part
+
+    def slope(self, part: float) -> float:
+        """Return the derivative of the value."""
+        if self.low > 0.0:
+            return float(self.value(part) * np.log(self.high / self.low))
+        return self.high - self.low
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A model of any law, and what least squares say of it."""
+
+    model: ActuatorModel
+    uncertainty: Uncertainty
+    cost: float
+    evaluations: int
+    why: str
+
+
+@dataclass(eq=False)
+class _Problem:
+    """Loops under one law and one gap map."""
+
+    law: Law
+    gap_map: GapMap
+    loopset: LoopSet
+    records: FitRecords
+    offsets: bool
+    evaluations: int = 0
+
+    @property
+    def known_field(self) -> bool:
+        return self.loopset.input.name == "field"
+
+    @cached_property
+    def entries(self) -> tuple[_Entry, ...]:
+        """What the spread moves; gain and offsets join for the descent."""
+        span = self.records.input_span
+        ranges = {
+            spec.name: tuple(span * end if spec.unit == "A/m" else end for end in spec.search)
+            for spec in self.law.parameters
+            if spec.search is not None
+        }
+        if self.gap_map in {"reluctance", "circuit"}:
+            ranges["rho"] = (1e-3, 1e3)
+        if output_map(self.loopset.output).absolute and not self.known_field:
+            ranges["c_H"] = (10.0 / span, 1e5 / span)
+        elif self.gap_map == "scaling":
+            ranges["c_H"] = (0.1, 10.0)
+        found = []
+        for name, (low, high) in ranges.items():
+            nodes = range(self.records.gaps) if self._varies(name) else (None,)
+            found += [_Entry(name, node, low, high) for node in nodes]
+        gauge = _Entry("c_H", 0, 0.1, 10.0)
+        return tuple(one for one in found if one != gauge)
+
+    def _varies(self, name: str) -> bool:
+        if self.records.gaps < 2:
+            return False
+        return self.gap_map == "free" or name in MAY_VARY[self.gap_map] & {"rho", "c_H"}
+
+    def model(self, entries: tuple[_Entry, ...], theta: FloatArray) -> ActuatorModel:
+        """Return the model at a point of the cube of some entries."""
+        nodes = self.loopset.schedule_values
+        values: dict[str, Parameter] = {"c_H": 1.0, "c_out": 1.0}
+        rows = {one.name: [1.0] * len(nodes) for one in entries if one.node is not None}
+        for entry, part in zip(entries, theta.tolist(), strict=True):
+            if entry.node is None:
+                values[entry.name] = entry.value(part)
+            else:
+                rows[entry.name][entry.node] = entry.value(part)
+        values |= {name: tuple(row) for name, row in rows.items()}
+        return ActuatorModel(
+            name="model",
+            input=self.loopset.input,
+            output=self.loopset.output,
+            parameters=values,
+            law=self.law.name,
+            gap_map=self.gap_map,
+            schedule=self.loopset.schedule,
+            nodes=nodes,
+        )
+
+    def outputs(self, model: ActuatorModel) -> FloatArray | None:
+        """Modelled outputs of all loops; None where the law has no answer."""
+        self.evaluations += 1
+        groups = self.loopset.by_schedule()
+        loops = [(node, loop) for node, group in groups.items() for loop in group]
+        try:
+            parts = [
+                model.predict(record.input, node, history=loop.history).output
+                for (node, loop), record in zip(loops, self.records.loops, strict=True)
+            ]
+        except (InputError, NegativeResult):
+            return None
+        return np.concatenate(parts)
+
+    @cached_property
+    def measured(self) -> FloatArray:
+        return np.concatenate([record.output for record in self.records.loops])
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        return np.concatenate([np.full(one.output.size, one.weight) for one in self.records.loops])
+
+    def residuals(self, entries: tuple[_Entry, ...], theta: FloatArray) -> FloatArray:
+        """Weighted deviations."""
+        found = self.outputs(self.model(entries, theta))
+        if found is None:
+            return _IMPOSSIBLE * self.records.output_span * self.weights
+        return np.asarray((found - self.measured) * self.weights)
+
+    def straight(self, shape: FloatArray) -> tuple[float, float, float]:
+        """Return gain and offset of the best straight line from a shape, and its cost."""
+        columns = np.stack([shape, np.ones(shape.size) * self.offsets], axis=1)
+        weighted = columns * self.weights[:, None]
+        wanted = self.measured * self.weights
+        (gain, offset), *_ = np.linalg.lstsq(weighted, wanted, rcond=None)
+        off = weighted @ np.array([gain, offset]) - wanted
+        return float(gain), float(offset), float(off @ off) if gain > 0.0 else np.inf
+
+    def begins(self, seed: int) -> list[tuple[float, tuple[_Entry, ...], FloatArray]]:
+        """Return the best sets of a spread: cost, and where a descent begins."""
+        free = [one for one in self.entries if not one.node]  # all nodes alike
+        spread = evenly(len(free), SCREENED, seed).T
+        place = {one.name: column for column, one in enumerate(free)}
+        found = []
+        for draw in spread:
+            theta = np.array([draw[place[one.name]] if one.name in place else 0.5
+                              for one in self.entries])  # fmt: skip
+            shape = self.outputs(self.model(self.entries, theta))
+            if shape is None or not np.ptp(shape):
+                continue
+            gain, offset, cost = self.straight(shape)
+            if np.isfinite(cost):
+                found.append((cost, *self._with_ends(theta, gain, offset)))
+        return sorted(found, key=lambda one: one[0])[:KEPT]
+
+    def _with_ends(
+        self, theta: FloatArray, gain: float, offset: float
+    ) -> tuple[tuple[_Entry, ...], FloatArray]:
+        """Let gain and offsets be moved too, from what the straight line says."""
+        entries, parts = list(self.entries), theta.tolist()
+        if not output_map(self.loopset.output).absolute:
+            entries.append(_Entry("c_out", None, gain / _GAIN, gain * _GAIN))
+            parts.append(0.5)
+        if self.offsets:
+            for name, span in (
+                ("in_0", _OFFSET * self.records.input_span),
+                ("out_0", max(self.records.output_span, 2.0 * abs(offset))),
+            ):
+                entries.append(_Entry(name, None, -span, span))
+                parts.append(0.5 if name == "in_0" else 0.5 + 0.5 * offset / span)
+        return tuple(entries), np.array(parts)
+
+
+def fit_any(
+    loopset: LoopSet, records: FitRecords, law: str, wanted: str, seed: int, offsets: bool
+) -> Fitted:
+    """Fit a law through its iron alone.
+
+    Parameters
+    ----------
+    loopset, records
+        Loops at constant scheduling values, and the same made ready.
+    law : str
+        Its name.
+    wanted : str
+        A gap map; ``auto`` takes the better of a scaling and, over a gap, a reluctance.
+    seed : int
+        Of the spread.
+    offsets : bool
+        Whether offsets of input and output are fitted.
+
+    Returns
+    -------
+    Fitted
+
+    Raises
+    ------
+    InputError
+        No set comes near the loops at all.
+    """
+    over_gap = loopset.schedule is not None and loopset.schedule.name == "gap"
+    maps: tuple[GapMap, ...] = ("scaling", "reluctance") if over_gap else ("scaling",)
+    if wanted != "auto":
+        maps = (wanted,)  # type: ignore[assignment]  # the caller has checked it
+    if records.gaps < 2:
+        maps = ("none",)
+    ends = [_descend(_Problem(LAWS[law], one, loopset, records, offsets), seed) for one in maps]
+    best = min(ends, key=lambda one: one.cost)
+    return replace(best, evaluations=sum(one.evaluations for one in ends))
+
+
+def _descend(problem: _Problem, seed: int) -> Fitted:
+    from scipy.optimize import OptimizeResult, least_squares
+
+    begins = problem.begins(seed)
+    if not begins:
+        raise InputError(
+            "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
+            "or columns with 'anhyst inspect --plot'"
+        )
+
+    def descend(
+        entries: tuple[_Entry, ...], theta: FloatArray, tolerance: float, most: int
+    ) -> OptimizeResult:
+        return least_squares(
+            lambda at: problem.residuals(entries, at),
+            np.clip(theta, 1e-6, 1.0 - 1e-6),
+            bounds=(0.0, 1.0),
+            ftol=tolerance,
+            xtol=tolerance,
+            diff_step=1e-6,
+            max_nfev=most,
+        )
+
+    short = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in begins]
+    end, entries = min(short, key=lambda one: float(one[0].cost))
+    best = descend(entries, end.x, 1e-8, 60)
+    model = problem.model(entries, best.x)
+    return Fitted(
+        model,
+        _assess(problem, entries, best.x, best.fun, best.jac),
+        2.0 * float(best.cost),
+        problem.evaluations,
+        f"gap map '{model.gap_map}' fits the loops best of those tried",
+    )
+
+
+def _assess(
+    problem: _Problem,
+    entries: tuple[_Entry, ...],
+    theta: FloatArray,
+    deviation: FloatArray,
+    jacobian: FloatArray,
+) -> Uncertainty:
+    """Say what the data say about each number, as :func:`anhyst.identification.uncertainty.assess`."""
+    normal = jacobian.T @ jacobian
+    variance = float(deviation @ deviation) / max(1, deviation.size - theta.size)
+    floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
+    covariance = variance * memory(deviation) * np.linalg.inv(normal + floor * np.eye(theta.size))
+    spread = np.sqrt(np.diag(covariance))
+    keys: Mapping[str, tuple[str, str]] = problem.model(entries, theta).keys
+    names = [keys[one.name][1] + ("" if one.node is None else f"[{one.node}]") for one in entries]
+    values = [one.value(part) for one, part in zip(entries, theta.tolist(), strict=True)]
+    stds = [
+        float(std * one.slope(part))
+        for one, part, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
+    ]
+    correlation = covariance / np.outer(spread, spread)
+    return Uncertainty(
+        names=tuple(names),
+        values=tuple(values),
+        std=tuple(stds),
+        correlation=tuple(tuple(row) for row in correlation.tolist()),
+        statements=tuple(statements(names, values, stds, correlation)),
+    )

@@ -1,0 +1,128 @@
+"""What is fitted and compared: laws and gap maps, the simplest first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from anhyst.data import LoopSet
+from anhyst.identification.cell_kernel import LAW_OF, CellKernel
+from anhyst.identification.fit_records import FitRecords
+from anhyst.identification.offsets import OFFSETS
+from anhyst.identification.run import SearchRun
+from anhyst.laws.cells import Shape
+from anhyst.support.errors import InputError
+
+POPULATIONS = 3
+"""Of play cells that are tried, at most."""
+
+_STEP = 10
+
+
+@dataclass(frozen=True)
+class ModelCandidate:
+    """A law and a gap map, and what they may vary.
+
+    Parameters
+    ----------
+    gap_map
+        The map.
+    held
+        Parameters that are zero and not fitted.
+    common
+        Parameters that are the same at every gap although the map lets them differ.
+    rank
+        Complexity: one of a higher rank is taken only where it is better by more than its scatter.
+    cells
+        Play cells, in how many populations; None: the law of the run.
+    polished
+        Whether every weight of the cells has moved by itself at the end.
+    """
+
+    gap_map: str
+    held: frozenset[str]
+    common: frozenset[str] = frozenset()
+    rank: int = 0
+    cells: CellKernel | None = None
+    polished: bool = False
+
+    def title(self, law: str) -> str:
+        """Name it to a reader, beside its map; of a run with this law."""
+        if self.cells is None:
+            return law
+        count = self.cells.populations
+        text = f"{LAW_OF[self.cells.shape]}, {count} population{'s' if count > 1 else ''}"
+        return f"{text}, weights fitted" if self.polished else text
+
+
+def require_gaps(records: FitRecords, wanted: str) -> None:
+    """Refuse a gap map where there is nothing to see of it.
+
+    Raises
+    ------
+    InputError
+        A gap map is wanted and there is one gap only.
+    """
+    if wanted != "auto" and records.gaps < 2:
+        raise InputError(
+            f"gap map '{wanted}' needs loops at two gaps or more, there are loops at one; measure "
+            "another gap, or use --gap-map auto for a model of this gap alone"
+        )
+
+
+def map_candidates(run: SearchRun, loopset: LoopSet, wanted: str) -> list[ModelCandidate]:
+    """Name the candidates, the simplest first.
+
+    A reluctance in series is physics of a gap only, and does not go with the law of 1986. Of
+    ``circuit`` and ``free``, two gaps say too little. Under ``free`` the gap cannot move, so it is
+    for other schedules. The offsets of a sensor do not depend on the gap: ``circuit`` lets them
+    only where it is asked for.
+    """
+    gaps, held = run.searched.gaps, run.held
+    if wanted == "circuit":
+        shared = ModelCandidate("circuit", held, OFFSETS)
+        apart = gaps >= 3 and not held >= OFFSETS
+        return [shared, ModelCandidate("circuit", held, rank=1)] if apart else [shared]
+    if wanted == "free":
+        # With everything free at each gap, interaction and shape of the anhysteretic replace each
+        # other almost without trace, and what is interpolated of them need not fit together.
+        # Without interaction the fit is a little worse and may predict much better.
+        # The same holds of offsets at every gap.
+        if gaps < 3:
+            return [ModelCandidate("free", held)]
+        found = [
+            ModelCandidate("free", held | OFFSETS),
+            ModelCandidate("free", held | OFFSETS | {"omega"}),
+        ]
+        if not held >= OFFSETS:
+            found += [
+                ModelCandidate("free", held, rank=1),
+                ModelCandidate("free", held | {"omega"}, rank=1),
+            ]
+        return found
+    if wanted != "auto":
+        return [ModelCandidate(wanted, held)]
+    found = [ModelCandidate("scaling", held)]
+    if loopset.schedule is None or loopset.schedule.name != "gap":
+        others = map_candidates(run, loopset, "free") if gaps >= 3 else []
+        return found + [replace(one, rank=one.rank + 1) for one in others]
+    if not run.form.kernel.coupled:
+        found.append(ModelCandidate("reluctance", held))
+        found += [ModelCandidate("circuit", held, OFFSETS, rank=1)] if gaps >= 3 else []
+    return found
+
+
+def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[ModelCandidate]:
+    """Name those with play cells, under the map of another one, the simplest first.
+
+    A population more is a step in complexity larger than any between maps.
+    """
+    return [
+        replace(base, cells=CellKernel(shape, count), rank=base.rank + _STEP * (2 * count - 1))
+        for count in range(1, POPULATIONS + 1)
+        for shape in shapes
+    ]
+
+
+def polished(one: ModelCandidate) -> ModelCandidate:
+    """Name the same play cells with every weight fitted."""
+    return replace(one, polished=True, rank=one.rank + _STEP)

@@ -1,0 +1,228 @@
+"""What a fit moves of play cells in populations, in units of their own.
+
+The unit of field is the width ``a_1`` of the first population, that of magnetisation its saturation
+``M_1``. How wide the reversible part is hardly any loop shows beside how much of it there is: its
+width stays near that of the first population (docs/identification.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from anhyst.identification.cell_path import CellPaths
+from anhyst.laws.cells import (
+    CellWeights,
+    Population,
+    Shape,
+    Tangents,
+    population_tangents,
+    populations,
+    thresholds,
+)
+from anhyst.laws.law import FitNumber
+
+_DIFFERENCE = 1e-5
+
+MOST_WIDTHS = 6
+"""With more, what the weights cost grows faster than what they gain."""
+
+SCALES = ("M_1", "a_1")
+"""Parameters of the first population, which weights and fields are taken in."""
+
+LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
+"""Law of play cells that follow a curve."""
+
+BESIDE, BEYOND = (0.6, 1.8), 2.0
+"""Further widths of cells by their weights: over that of the first population, and of the others."""
+
+_LOOSE = 0.02
+"""Spread of a weight around that of the populations, in parts of all of them."""
+
+_FIRST = (
+    FitNumber("share_0", "M_0/M_1", 1e-4, 1e2, "log", usual=0.2),
+    FitNumber("width_0", "a_0/a_1", 3e-2, 3e1, "log", usual=1.0, spread=0.7),
+    FitNumber("pinning_1", "k_1/a_1", 1e-3, 1e2, "log", usual=0.3),
+    FitNumber("spread_1", "s_1", 0.3, 12.0, "log", usual=1.5),
+)
+
+
+def _further(place: int) -> tuple[FitNumber, ...]:
+    return (
+        FitNumber(f"share_{place}", f"M_{place}/M_1", 1e-3, 1e2, "log", usual=1.0),
+        FitNumber(f"width_{place}", f"a_{place}/a_1", 3e-2, 3e1, "log", usual=1.0),
+        FitNumber(f"pinning_{place}", f"k_{place}/a_1", 1e-3, 1e2, "log", usual=0.3),
+        FitNumber(f"spread_{place}", f"s_{place}", 0.3, 12.0, "log", usual=1.5),
+    )
+
+
+@dataclass(frozen=True)
+class CellKernel:
+    """Play cells as a fit sees them.
+
+    Parameters
+    ----------
+    shape
+        The curve that cells follow.
+    populations
+        How many: 1 to 3.
+    """
+
+    shape: Shape
+    populations: int
+
+    differentiated = True
+    coupled = False
+
+    @cached_property
+    def numbers(self) -> tuple[FitNumber, ...]:
+        """What a fit moves of the law itself."""
+        more = (number for place in range(2, self.populations + 1) for number in _further(place))
+        return (*_FIRST, *more)
+
+    def paths(self, law: tuple[float, ...]) -> CellPaths:
+        """Return the cells of a set of numbers, ready to be driven."""
+        return _paths(self, law)
+
+    def iron(
+        self, saturation: float, width: float, law: tuple[float, ...], alpha: float
+    ) -> dict[str, float]:
+        """Return the parameters of an iron, from its scales and what was fitted."""
+        share_0, width_0, *rest = law
+        rest = [1.0, 1.0, *rest]
+        found = {"M_0": share_0 * saturation, "a_0": width_0 * width}
+        for place in range(self.populations):
+            share, wide, pinning, spread = rest[4 * place : 4 * place + 4]
+            found |= {
+                f"M_{place + 1}": share * saturation,
+                f"a_{place + 1}": wide * width,
+                f"k_{place + 1}": pinning * width,
+                f"s_{place + 1}": spread,
+            }
+        return found | {"alpha": alpha}
+
+    def shrink_field(self, iron: dict[str, float], part: float) -> None:
+        """Take the field inside an iron without interaction to a part of itself, by interaction."""
+        iron["alpha"] = 1.0 - part
+        for name in iron:
+            if name[:2] in {"a_", "k_"}:
+                iron[name] *= part
+
+    def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
+        """Return nothing: cells need none."""
+        return {}
+
+    def weights(self, law: tuple[float, ...]) -> CellWeights:
+        """Return the cells of a set of numbers."""
+        iron = self.iron(1.0, 1.0, law, 0.0)
+        pinned = _pinned(iron, self.populations)
+        return populations((iron["M_0"], iron["a_0"]), pinned, self.shape)
+
+
+@lru_cache(maxsize=8)  # tables of a megabyte or two each
+def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
+    """Cells with derivatives by the numbers, and again with thresholds for a little more pinning."""
+    cells, iron = kernel.weights(law), kernel.iron(1.0, 1.0, law, 0.0)
+    pinned = _pinned(iron, kernel.populations)
+    # By M_0, a_0, then M, a, k, s of each population; those of the first are units.
+    moved = [0, 1, *range(4, 2 + 4 * kernel.populations)]
+    by_all = population_tangents(cells.thresholds, pinned)
+    tangents = Tangents(*(np.ascontiguousarray(by[..., moved]) for by in by_all))
+    scales = [one.scale for one in pinned]
+    shifted = []
+    for place, scale in enumerate(scales):
+        if scale in {min(scales), max(scales)}:  # the others do not count in the rule
+            step = _DIFFERENCE * scale
+            places = thresholds([*scales[:place], scale + step, *scales[place + 1 :]])
+            other = populations((iron["M_0"], iron["a_0"]), pinned, kernel.shape, places)
+            shifted.append((2 + 4 * place, step, CellPaths(other, tangents)))
+    return CellPaths(cells, tangents, tuple(shifted))
+
+
+def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
+    return [
+        Population(*(iron[f"{name}_{place}"] for name in "Maks")) for place in range(1, count + 1)
+    ]
+
+
+@dataclass(frozen=True)
+class WeightKernel:
+    """Play cells by their weights: what populations leave over, near to them.
+
+    Parameters
+    ----------
+    populations
+        The cells to begin with.
+    """
+
+    populations: CellWeights
+
+    differentiated = True
+    coupled = False
+
+    @property
+    def shape(self) -> Shape:
+        """The curve that cells follow."""
+        return self.populations.shape
+
+    @cached_property
+    def numbers(self) -> tuple[FitNumber, ...]:
+        """What a fit moves: the weights."""
+        start = self.populations
+        spread = _LOOSE * start.saturation
+        return tuple(
+            FitNumber(f"weight_{i}_{j}", f"W_{i}_{j}/M_1", 0.0, 1e2, usual=value, spread=spread)
+            for (i, j), value in np.ndenumerate(start.weights)
+        )
+
+    def weights(self, law: tuple[float, ...]) -> CellWeights:
+        """Return the cells of a set of weights."""
+        start = self.populations
+        return replace(start, weights=np.reshape(law, start.weights.shape))
+
+    def paths(self, law: tuple[float, ...]) -> CellPaths:
+        """Return the cells of a set of weights, ready to be driven."""
+        count, cells = len(law), self.populations
+        by_weights = np.eye(count).reshape(*cells.weights.shape, count)
+        return CellPaths(
+            self.weights(law), Tangents(by_weights, np.zeros((cells.widths.size, count)))
+        )
+
+    def iron(
+        self, saturation: float, width: float, law: tuple[float, ...], alpha: float
+    ) -> dict[str, float]:
+        """Return the interaction, and the scales that the weights are taken in (:meth:`scaled`)."""
+        return {**dict(zip(SCALES, (saturation, width), strict=True)), "alpha": alpha}
+
+    def scaled(self, law: tuple[float, ...], saturation: float, width: float) -> CellWeights:
+        """Return the cells of a set of weights, A/m."""
+        cells = self.weights(law)
+        return replace(
+            cells,
+            thresholds=width * cells.thresholds,
+            widths=width * cells.widths,
+            weights=saturation * cells.weights,
+        )
+
+    def shrink_field(self, iron: dict[str, float], part: float) -> None:
+        """Take the field inside an iron without interaction to a part of itself, by interaction."""
+        iron["alpha"] = 1.0 - part
+        iron[SCALES[1]] *= part
+
+    def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
+        """Return nothing: cells need none."""
+        return {}
+
+
+def by_weights(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:
+    """Return the kernel that moves each weight, beginning with populations."""
+    start = kernel.weights(law)
+    first, *further = start.widths[1:].tolist()
+    more = [part * first for part in BESIDE] + [BEYOND * one for one in further]
+    widths = np.concatenate([start.widths, more])[: max(MOST_WIDTHS, start.widths.size)]
+    weights = np.zeros((start.thresholds.size, widths.size))
+    weights[:, : start.widths.size] = start.weights
+    return WeightKernel(replace(start, widths=widths, weights=weights))

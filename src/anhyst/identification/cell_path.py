@@ -1,0 +1,114 @@
+"""The path of play cells along drives, with tangents: what a fit of them runs on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from anhyst._core import CellOperator, status_text
+from anhyst.identification.no_response import NoResponseError
+from anhyst.laws.cells import CellWeights, Tangents
+from anhyst.support.arrays import FloatArray
+
+
+class CellPath(NamedTuple):
+    """Effective field and magnetisation along a drive, and their derivatives, (n,) and (n, d)."""
+
+    x: FloatArray
+    m: FloatArray
+    x_t: FloatArray
+    m_t: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class CellPaths:
+    """Demagnetised cells ready to be driven.
+
+    Parameters
+    ----------
+    cells
+        Thresholds, widths, weights.
+    tangents
+        Derivatives of weights and widths by the numbers of the law.
+    shifted
+        Numbers that move the thresholds too: place, step, and the cells with thresholds that much
+        on. The core differentiates at thresholds that are held; what they add is a difference.
+    """
+
+    cells: CellWeights
+    tangents: Tangents
+    shifted: tuple[tuple[int, float, CellPaths], ...] = ()
+
+    @cached_property
+    def _operator(self) -> CellOperator:
+        cells = self.cells
+        try:
+            return CellOperator(cells.thresholds, cells.widths, cells.weights, cells.shape)
+        except ValueError as error:
+            raise NoResponseError(str(error)) from error
+
+    def follow(self, omega: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return effective field and magnetisation where ``x + omega*M(x) = r``, all of shape (n,).
+
+        Raises
+        ------
+        NoResponseError
+            The magnetisation may jump.
+        """
+        self._refuse_jumps(omega)
+        x, m, _, status, _ = self._operator.run(omega, r, self._state)
+        _refuse(status)
+        return x, m
+
+    def with_tangents(
+        self, omega: FloatArray, r: FloatArray, own: FloatArray, r_t: FloatArray
+    ) -> CellPath:
+        """Return them with derivatives: by the numbers of the law, omega, and what moves r.
+
+        Parameters
+        ----------
+        omega : ndarray, shape (n,)
+            Weight of the magnetisation.
+        r : ndarray, shape (n,)
+            Right side.
+        own : ndarray, shape (n,)
+            1 where the weight is the one by which is differentiated, else 0.
+        r_t : ndarray, shape (n, k)
+            Its derivatives.
+        """
+        self._refuse_jumps(omega)
+        law = self.tangents.widths.shape[-1]
+        directions = law + 1 + r_t.shape[1]
+        omega_t, moved = np.zeros((r.size, directions)), np.zeros((r.size, directions))
+        omega_t[:, law] = own
+        moved[:, law + 1 :] = r_t
+        weights_t, widths_t = (
+            np.concatenate([by, np.zeros((*by.shape[:-1], directions - law))], axis=-1)
+            for by in self.tangents
+        )
+        rest = np.zeros((directions, self._state.size))
+        x, m, x_t, m_t, _, _, status, _ = self._operator.sensitivity(
+            omega, r, omega_t, moved, weights_t, widths_t, self._state, rest
+        )
+        _refuse(status)
+        for place, step, cells in self.shifted:
+            x_on, m_on = cells.follow(omega, r)
+            x_t[:, place] += (x_on - x) / step
+            m_t[:, place] += (m_on - m) / step
+        return CellPath(x, m, x_t, m_t)
+
+    @property
+    def _state(self) -> FloatArray:
+        return np.zeros(self.cells.thresholds.size)
+
+    def _refuse_jumps(self, omega: FloatArray) -> None:
+        if 1.0 + float(omega.min()) * self._operator.steepest <= 0.0:
+            raise NoResponseError("the magnetisation may jump")
+
+
+def _refuse(status: int) -> None:
+    if status != 0:
+        raise NoResponseError(status_text(status))

@@ -1,0 +1,396 @@
+"""Which law and gap map: those that a controller can use, and that predict what was left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from anhyst.data import LoopSet
+from anhyst.data.noise import noise
+from anhyst.data.output_map import is_electromagnet
+from anhyst.identification.bare import model_of, valid_range
+from anhyst.identification.candidates import (
+    ModelCandidate,
+    cell_candidates,
+    map_candidates,
+    polished,
+    require_gaps,
+)
+from anhyst.identification.cell_search import polish, search_cells
+from anhyst.identification.contest import Contest, Fits
+from anhyst.identification.cross_validation import (
+    Fold,
+    LeftOut,
+    Refit,
+    folds,
+    inner,
+    inner_loops,
+    noise_at,
+    promise,
+    refit,
+)
+from anhyst.identification.dead_band import add_dead_band, why_dead_band
+from anhyst.identification.default import (
+    SCREENED,
+    FoundModel,
+    follow,
+    join_circuit,
+    join_gaps,
+    reference_gap,
+    search_each_gap,
+    search_one_gap,
+)
+from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
+from anhyst.identification.fitting import Evaluation
+from anhyst.identification.objective import Objective
+from anhyst.identification.offsets import only_demanded
+from anhyst.identification.response import Local
+from anhyst.identification.run import SEARCHED, SearchRun
+from anhyst.identification.screening import starts
+from anhyst.model.compilable import obstacle
+from anhyst.model.fit_record import CandidateFit, CrossValidation
+
+_NOTHING_MORE = 1.05
+"""Deviation over the noise of the sensors below which there is nothing to gain."""
+
+_EXACT = 1e-4
+"""Deviation, in parts of the largest output, that no sensor sees."""
+
+CARRIED = 24
+"""Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelChoice:
+    """The fit chosen, and why.
+
+    Parameters
+    ----------
+    found
+        The fit.
+    why
+        The reason, as a sentence.
+    dead_band
+        How wide the dead band of the law is, and why.
+    left_out
+        Cross-validation error of each map tried, relative to the largest output; empty below three
+        gaps, and without those maps that cannot be computed at a gap left out.
+    promised
+        What the whole choice misses at gaps it has not seen; None below three gaps.
+    candidates
+        All that were compared, where laws were.
+    why_law
+        Why this law; empty where none was compared.
+    """
+
+    found: FoundModel
+    why: str
+    dead_band: str = "none"
+    left_out: dict[str, float] = field(default_factory=dict)
+    promised: CrossValidation | None = None
+    candidates: tuple[CandidateFit, ...] = ()
+    why_law: str = ""
+
+
+def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
+    """Fit under the wanted map and law, or under all, and keep what predicts best what is left out.
+
+    Parameters
+    ----------
+    run : SearchRun
+        Settings and stages.
+    loopset : LoopSet
+        All loops.
+    wanted : str
+        A gap map, or ``auto``.
+
+    Returns
+    -------
+    ModelChoice
+
+    Raises
+    ------
+    InputError
+        A gap map is wanted and there is one gap only.
+    """
+    gaps = run.searched.gaps
+    require_gaps(run.records, wanted)
+    tried = map_candidates(run, loopset, wanted) if gaps > 1 else []
+    left_out = folds(inner(gaps), nested=len(tried) > 1 or bool(run.cells))
+    run.total = 1 + len(tried) + len(left_out) + run.dead_band + _is_thinned(run)
+    run.total += len(run.cells) + 3 if run.cells else 0
+    fits, known = _known(run)
+    if gaps == 1:
+        one = ModelCandidate("none", run.held)
+        contest = Contest([one], {one: fits}, {}, ())
+    else:
+        contest = _compared_maps(run, loopset, tried, known, left_out)
+    best = _accepted(contest, loopset)
+    why = _why(contest, best, wanted, gaps)
+    if unable := [one.gap_map for one in tried if one not in contest.entrants]:
+        why += (
+            "; passed over, because it cannot be compiled, fails the acceptance test or starts far "
+            "from what was measured: "
+            f"{', '.join(dict.fromkeys(unable))}"
+        )
+    candidates: tuple[CandidateFit, ...] = ()
+    why_law = ""
+    alone = contest.fits[best].found
+    enough = _is_usable(alone, loopset) and not _leaves_something(alone, loopset)
+    if run.cells and (run.only_cells or not enough):
+        maps = contest.errors_of_maps(best)
+        best = _compare_cells(run, loopset, contest, best)
+        candidates = _listed(run, contest, best)
+        why_law = _why_law(run, contest, best)
+    else:
+        maps = contest.errors_of_maps(best)
+        run.total -= len(run.cells) + 3 if run.cells else 0
+    return ModelChoice(
+        *_finished(run, loopset, contest.fits[best].found, why),
+        {name: error for name, error in maps.items() if np.isfinite(error)},
+        promise(contest.nested(), noise_at(loopset)[1:-1]) if gaps > 2 else None,
+        candidates,
+        why_law,
+    )
+
+
+def _compared_maps(
+    run: SearchRun,
+    loopset: LoopSet,
+    tried: list[ModelCandidate],
+    known: list[Local],
+    left_out: list[Fold],
+) -> Contest:
+    """Fit every gap map, to all gaps and without some."""
+    fits = {one: _joined(run, one, known) for one in tried}
+    usable = [one for one in tried if _is_usable(fits[one].found, loopset)]
+    contest = Contest(list(usable or tried), fits, {}, inner(run.searched.gaps))
+    for fold in left_out:
+        contest.refits[fold] = _without(run, contest, loopset, fold)
+    return contest
+
+
+def _compare_cells(
+    run: SearchRun, loopset: LoopSet, contest: Contest, base: ModelCandidate
+) -> ModelCandidate:
+    """Fit play cells under the map of another candidate, and choose from all.
+
+    With fewer than three gaps the inner loops are left out, where there are two or more.
+    """
+    by: LeftOut = "gap"
+    if not contest.places:
+        by, places = "loop", inner_loops(run.searched)
+        contest.places = places if len(places) > 1 else ()
+        contest.entrants[:] = [base]
+        for fold in folds(contest.places, nested=True):
+            contest.refits[fold] = {base: refit(contest.fits[base].wide, loopset, fold, by)}
+    new = cell_candidates(base, run.cells)
+    for shape in run.cells:
+        of_shape = [one for one in new if one.cells and one.cells.shape == shape]
+        wide = contest.fits[base].wide
+        contest.fits.update(run.step(partial(search_cells, wide, run.searched, of_shape)))
+    new = [one for one in new if one in contest.fits]
+    run.step(partial(_leave_out, contest, loopset, new, by))
+    if contest.places and base.gap_map != "free":
+        best = min(new, key=lambda one: contest.error(one) or 0.0)
+        further = polished(best)
+        found = run.step(partial(polish, contest.fits[best].found, run.searched))
+        contest.fits[further] = Fits(found, found)
+        run.step(partial(_leave_out, contest, loopset, [further], by))
+        new.append(further)
+    else:
+        run.total -= 2
+    every = new if run.only_cells else [*contest.entrants, *new]
+    usable = [one for one in every if _is_usable(contest.fits[one].found, loopset)]
+    contest.entrants[:] = usable or every
+    return _accepted(contest, loopset)
+
+
+def _leave_out(contest: Contest, loopset: LoopSet, new: list[ModelCandidate], by: LeftOut) -> None:
+    for fold in folds(contest.places, nested=True):
+        contest.refits[fold].update(
+            {one: refit(contest.fits[one].found, loopset, fold, by) for one in new}
+        )
+
+
+def _leaves_something(found: FoundModel, loopset: LoopSet) -> bool:
+    """Whether a fit leaves more than the noise of the sensors, so that another law could gain."""
+    deviation = Evaluation(Objective(found.space)).at(found.theta).deviation
+    ordered = [loop for group in loopset.by_schedule().values() for loop in group]
+    noises = [
+        record.weight**2 * record.input.size * noise(loop.output) ** 2
+        for record, loop in zip(found.space.records.loops, ordered, strict=True)
+    ]
+    left = float(deviation @ deviation)
+    return left > max(_NOTHING_MORE**2 * sum(noises), _EXACT**2)
+
+
+def _is_usable(found: FoundModel, loopset: LoopSet) -> bool:
+    """Whether what is to be compensated can be compiled, and starts near what was measured."""
+    if not is_electromagnet(loopset):
+        return True
+    model = model_of(found, loopset)
+    if obstacle(model) is not None:
+        return False
+    return not is_guessed(loopset) or first_rise(model, loopset) <= FARTHEST
+
+
+def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[CandidateFit, ...]:
+    """Put all candidates side by side, the simplest first."""
+    return tuple(
+        CandidateFit(
+            law=one.title(run.form.law),
+            gap_map=one.gap_map,
+            numbers=fits.found.theta.size,
+            rms=float(np.sqrt(fits.found.cost)),
+            left_out=contest.error(one) if one in contest.entrants else None,
+            note="chosen" if one == best else "" if one in contest.entrants else "passed over",
+        )
+        for one, fits in sorted(contest.fits.items(), key=lambda item: item[0].rank)
+    )
+
+
+def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
+    name = best.title(run.form.law)
+    if not contest.places:
+        return f"law {name}: too few loops to leave one out, so the simplest"
+    errors = {one: contest.error(one) for one in contest.entrants if one != best}
+    own = contest.error(best)
+    assert own is not None
+    text = f"law {name} misses {100.0 * own:.2g} % of the largest output on what was left out"
+    others = {one: error for one, error in errors.items() if error is not None}
+    if not others:
+        return text
+    least = min(others, key=lambda one: others[one])
+    text += f", {least.title(run.form.law)} {100.0 * others[least]:.2g} %"
+    if others[least] < own:
+        text += ": not less by more than its scatter, and less simple"
+    return text
+
+
+def _accepted(contest: Contest, loopset: LoopSet) -> ModelCandidate:
+    """Choose; what fails the acceptance test drops out as long as anything else is there."""
+    every = list(contest.entrants)
+    while contest.entrants:
+        best = contest.winner()
+        if len(every) == 1 or _passes(contest.fits[best].found, loopset):
+            return best
+        contest.entrants.remove(best)
+    contest.entrants.extend(every)
+    return contest.winner()
+
+
+def _passes(found: FoundModel, loopset: LoopSet) -> bool:
+    model = replace(model_of(found, loopset), valid=valid_range(loopset))
+    return model.acceptance().passed is not False
+
+
+def _is_thinned(run: SearchRun) -> bool:
+    return any(record.input.size > SEARCHED for record in run.records.loops)
+
+
+def _finished(
+    run: SearchRun, loopset: LoopSet, found: FoundModel, why: str
+) -> tuple[FoundModel, str, str]:
+    """Give the law its dead band and follow the fit to its end on every sample.
+
+    Returns
+    -------
+    tuple
+        The fit, why this one, and how wide the dead band is.
+    """
+    dead_band = "none: it was not wanted"
+    if found.space.form.cells is not None:
+        dead_band = "none: play cells need none"
+    elif run.dead_band:
+        found, dead_band = _with_dead_band(run, loopset, found)
+    if _is_thinned(run) or found.space.form.cells is not None:  # the search took fewer samples
+        start = found
+        found = run.step(
+            lambda: follow(start.on(run.records).space, start.theta, 1e-8, 50, start.tie)
+        )
+    return found, why, dead_band
+
+
+def _with_dead_band(run: SearchRun, loopset: LoopSet, found: FoundModel) -> tuple[FoundModel, str]:
+    def usable(one: FoundModel) -> bool:
+        return obstacle(model_of(one, loopset)) is None and _passes(one, loopset)
+
+    def work() -> FoundModel:
+        matters = usable(found)
+        return add_dead_band(found, lambda one: not matters or usable(one))
+
+    after = run.step(work)
+    return after, why_dead_band(found, after)
+
+
+def _known(run: SearchRun) -> tuple[Fits, list[Local]]:
+    """Fit the gap that shows most; give sets there: its optimum, then others worth a try."""
+    home = run.searched.at(reference_gap(run.searched))
+    fits = run.step(
+        lambda: _pair(search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1)
+    )
+    if run.searched.gaps == 1:
+        run.best = fits.found
+        return fits, fits.found.sets
+    return fits, [*fits.wide.sets, *starts(fits.wide.space, SCREENED, CARRIED, run.seed)]
+
+
+def _pair(wide: FoundModel, decide: bool = True) -> Fits:
+    return Fits(wide, only_demanded(wide) if decide else wide)
+
+
+def _joined(run: SearchRun, one: ModelCandidate, known: list[Local]) -> Fits:
+    def search() -> FoundModel:
+        if one.gap_map == "free":
+            return search_each_gap(run.form, run.searched, run.seed, one.held)
+        if one.gap_map == "circuit":
+            return join_circuit(run.form, run.searched, known, one.held, one.common)
+        return join_gaps(run.form, run.searched, one.gap_map, known, one.held)
+
+    fits = run.step(lambda: _pair(search()))
+    if run.best is None or (one.rank == 0 and fits.found.cost < run.best.cost):
+        run.best = fits.found
+    return fits
+
+
+def _without(
+    run: SearchRun, contest: Contest, loopset: LoopSet, fold: Fold
+) -> dict[ModelCandidate, Refit]:
+    return run.step(
+        lambda: {one: refit(contest.fits[one].wide, loopset, fold) for one in contest.entrants}
+    )
+
+
+def _why(contest: Contest, best: ModelCandidate, wanted: str, gaps: int) -> str:
+    if gaps == 1:
+        return "there is one gap only, so nothing runs over it"
+    errors = contest.errors_of_maps(best)
+    if wanted != "auto":
+        why = f"gap map '{wanted}' was asked for"
+        if not errors:
+            why += (
+                "; with two gaps none can be left out to test it, so between and beyond them it is "
+                "a guess"
+            )
+        return why
+    if not errors:
+        return (
+            f"with two gaps none can be left out to compare maps; '{best.gap_map}' fits the loops "
+            "best, but between and beyond the two gaps that proves nothing"
+        )
+    own = errors.pop(best.gap_map)
+    others = ", ".join(
+        f"{name} {100 * error:.2g} %" if np.isfinite(error) else f"{name} cannot be computed there"
+        for name, error in errors.items()
+    )
+    why = (
+        f"gap map '{best.gap_map}' predicts gaps left out of the fit best: mean deviation "
+        f"{100 * own:.2g} % of the largest output"
+    )
+    why += f" ({others})" if others else ""
+    if any(error < own for error in errors.values()):
+        why += "; what deviates less does not by more than its scatter, and is less simple"
+    return why

@@ -1,0 +1,99 @@
+"""All that was fitted, to all loops and without some, and which predicts what was left out best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst.identification.candidates import ModelCandidate
+from anhyst.identification.cross_validation import (
+    AS_GOOD,
+    Fold,
+    Miss,
+    Refit,
+    better,
+    mean_of,
+    mean_square_of,
+)
+from anhyst.identification.default import FoundModel
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """Two fits under one candidate: offsets free, and only those that the data demand."""
+
+    wide: FoundModel
+    found: FoundModel
+
+
+@dataclass(eq=False)
+class Contest:
+    """All that was fitted: to all gaps, and without some."""
+
+    entrants: list[ModelCandidate]
+    fits: dict[ModelCandidate, Fits]
+    refits: dict[Fold, dict[ModelCandidate, Refit]]
+    places: Sequence[int]
+
+    def misses(self, one: ModelCandidate, besides: Fold = frozenset()) -> list[Miss]:
+        """Give what a candidate missed at each place, left out besides some others."""
+        return [
+            self.refits[besides | {place}][one].missed[place]
+            for place in self.places
+            if place not in besides
+        ]
+
+    def winner(self, besides: Fold = frozenset()) -> ModelCandidate:
+        """Choose from all places, or from all but some."""
+        missed = {one: self.misses(one, besides) for one in self.entrants}
+        if not any(missed.values()):
+            return min(self._simplest(), key=lambda one: self._cost(one, besides))
+        best = None
+        for rank in sorted({one.rank for one in self.entrants}):
+            alike = [one for one in self.entrants if one.rank == rank]
+            means = {one: mean_square_of(_compared(missed[one], alike)) for one in alike}
+            enough = AS_GOOD * min(means.values())
+            first = next(one for one, mean in means.items() if mean <= enough)
+            pair = [best, first] if best else []
+            if best is None or better(*(_compared(missed[one], pair) for one in (best, first))):
+                best = first
+        assert best is not None
+        return best
+
+    def _simplest(self) -> list[ModelCandidate]:
+        least = min(one.rank for one in self.entrants)
+        return [one for one in self.entrants if one.rank == least]
+
+    def _cost(self, one: ModelCandidate, besides: Fold) -> float:
+        return self.refits[besides][one].cost if besides else self.fits[one].found.cost
+
+    def error(self, one: ModelCandidate) -> float | None:
+        """Cross-validation error of one; None where nothing was left out."""
+        return mean_of(self.misses(one)) if self.places else None
+
+    def errors_of_maps(self, alike: ModelCandidate) -> dict[str, float]:
+        """Cross-validation error of each map under the law of one, of its best variant."""
+        found: dict[str, float] = {}
+        for one in self.entrants if self.places else ():
+            if (one.cells, one.polished) == (alike.cells, alike.polished):
+                error = mean_of(self.misses(one))
+                found[one.gap_map] = min(error, found.get(one.gap_map, np.inf))
+        return found
+
+    def nested(self) -> list[float]:
+        """Errors at places that neither the fit nor the choice has seen."""
+        errors = []
+        for place in self.places:
+            fold = frozenset({place})
+            one = self.winner(fold) if len(self.entrants) > 1 else self.entrants[0]
+            errors.append(self.refits[fold][one].missed[place].mean)
+        return errors
+
+
+def _compared(misses: Sequence[Miss], candidates: Sequence[ModelCandidate]) -> list[Miss]:
+    """Take what says which of some candidates is better: of gap maps, gaps left out alone."""
+    if any(one.cells for one in candidates):
+        return list(misses)
+    return [replace(miss, outer=()) for miss in misses]

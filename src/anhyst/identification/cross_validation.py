@@ -1,0 +1,262 @@
+"""What a choice is worth: deviations at gaps that neither the fit nor the choice has seen.
+
+Gaps inside the range are left out in turn, or, where there are too few, inner loops. A choice that
+is judged by the gaps that made it promises too much, so the promise is nested: for each gap left out
+the choice is made again by leaving out, in turn, each of the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from anhyst.data import Loop, LoopSet
+from anhyst.data.noise import noise
+from anhyst.data.verdict import largest_output
+from anhyst.identification.bare import model_of
+from anhyst.identification.default import FoundModel, follow
+from anhyst.identification.fit_records import FitRecords, clocks_of
+from anhyst.identification.offsets import only_demanded
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import CrossValidation
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError, NegativeResult
+
+Fold = frozenset[int]
+"""Places of the gaps, or of the loops, that are left out together."""
+
+LeftOut = Literal["gap", "loop"]
+
+AS_GOOD = 1.02
+"""A cross-validation error within this factor of the least counts as equal to it."""
+
+_NO_WORSE = 1.05
+"""Factor within which a cross-validation error may rise where the loops as a whole fall."""
+
+FOLDED = 160
+"""Samples of a loop that a fit without some of the gaps looks at, at most."""
+
+_TOLERANCE = 1e-6
+_MOST = 40
+_ROUGH, _FEW = 1e-4, 8
+"""The same for play cells: of many numbers, the last digits of some say nothing."""
+
+SCATTER = 0.35
+"""Standard deviation of the logarithm of the deviation from gap to gap that is expected before any
+was seen, worth :data:`_SEEN` gaps: of two or three gaps alone the scatter is anything."""
+
+_SEEN = 3.0
+
+_DENSER = 1.5
+"""How much less than foreseen the deviation may be beside: a gap is left out among neighbours twice
+as far apart as those it is predicted from in use."""
+
+_LEAST = 0.3
+"""Part of a mean deviation that is not taken for noise, however noisy the output is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Miss:
+    """Deviations at a gap left out, in parts of the largest output.
+
+    ``mean`` is the mean absolute one over all samples. ``squares`` are the mean squares of its loops,
+    without what a steady drift explains: to their differences the noise of the sensor, which all
+    models miss alike, adds nothing. ``outer`` are those of the outermost gaps, which nothing surrounds
+    and which are never left out, as they were fitted. Infinite where the model has no answer.
+    """
+
+    mean: float
+    squares: tuple[float, ...]
+    outer: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Refit:
+    """A fit without some gaps: its weighted sum of squares, and what it missed at each of them."""
+
+    cost: float
+    missed: Mapping[int, Miss]
+
+
+def inner(gaps: int) -> range:
+    """Give the gaps that others surround."""
+    return range(1, gaps - 1)
+
+
+def inner_loops(records: FitRecords) -> tuple[int, ...]:
+    """Give the places of loops that others at their gap surround, by their size.
+
+    Where there are fewer than two, the smallest at each gap count too.
+    """
+    order: list[list[int]] = [[] for _ in range(records.gaps)]
+    for place in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):
+        order[records.loops[place].gap].append(int(place))
+    between = sorted(place for places in order for place in places[1:-1])
+    if len(between) > 1:
+        return tuple(between)
+    return tuple(sorted(place for places in order for place in places[:-1]))
+
+
+def folds(places: Sequence[int], nested: bool) -> list[Fold]:
+    """Name what is left out in turn: each place and, to nest a choice, each pair of them."""
+    single = [frozenset({place}) for place in places]
+    pairs = combinations(places, 2) if nested else ()
+    return [*single, *map(frozenset, pairs)]
+
+
+def refit(wide: FoundModel, loopset: LoopSet, fold: Fold, by: LeftOut = "gap") -> Refit:
+    """Fit without some gaps or loops, offsets and all, and predict them.
+
+    Parameters
+    ----------
+    wide : FoundModel
+        Fit to all gaps with its offsets free, from which this one starts; of play cells with those
+        that all gaps demand.
+    loopset : LoopSet
+        All loops.
+    fold : frozenset of int
+        Places of what is left out.
+    by : str
+        Whether these are gaps or loops, in the order of the records.
+
+    Returns
+    -------
+    Refit
+    """
+    whole = wide.on(wide.space.records.thinned(FOLDED)).space
+    groups = list(loopset.by_schedule().values())
+    if by == "gap":
+        space, kept = whole.without(fold)
+    else:
+        groups = [[loop] for group in groups for loop in group]
+        space, kept = (
+            replace(whole, records=whole.records.without_loops(fold)),
+            np.arange(whole.size),
+        )
+    tolerance, most = (_TOLERANCE, _MOST) if whole.form.cells is None else (_ROUGH, _FEW)
+    try:
+        found = follow(space, wide.theta[kept], tolerance, most, wide.tie)
+        if whole.form.cells is None:
+            found = only_demanded(found, tolerance, most)
+        model = model_of(found, loopset)
+        span, clocks = whole.records.output_span, clocks_of(groups)
+        off = [[missed / span for missed in _off(model, group)] for group in groups]
+        squares = [_squares(*pair) for pair in zip(off, clocks, strict=True)]
+        outer = (*squares[0], *squares[-1]) if by == "gap" else ()
+        missed = {
+            place: Miss(float(np.mean(np.abs(np.concatenate(off[place])))), squares[place], outer)
+            for place in fold
+        }
+    except (InputError, NegativeResult):
+        nothing = {one: Miss(np.inf, (np.inf,) * len(groups[one])) for one in fold}
+        return Refit(float("inf"), nothing)
+    return Refit(found.cost, missed)
+
+
+def _off(model: ActuatorModel, loops: Sequence[Loop]) -> list[FloatArray]:
+    return [
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
+        for loop in loops
+    ]
+
+
+def _squares(off: Sequence[FloatArray], clocks: Sequence[FloatArray]) -> tuple[float, ...]:
+    """Mean squares of deviations at one gap, without the drift that explains most of them."""
+    clock, every = np.concatenate(clocks), np.concatenate(off)
+    slope = float(clock @ every) / max(float(clock @ clock), 1e-300)
+    left = [one - slope * at for one, at in zip(off, clocks, strict=True)]
+    return tuple(float(one @ one) / one.size for one in left)
+
+
+def mean_of(misses: Sequence[Miss]) -> float:
+    """Average over the gaps left out."""
+    return float(np.mean([miss.mean for miss in misses]))
+
+
+def mean_square_of(misses: Sequence[Miss]) -> float:
+    """Average over the loops of the gaps left out, and of the outermost ones."""
+    return float(np.mean([square for miss in misses for square in miss.squares + miss.outer]))
+
+
+def better(simple: Sequence[Miss], complex_: Sequence[Miss]) -> bool:
+    """Whether the complex one is better by more than the scatter of the difference.
+
+    The difference is taken loop by loop. Its standard error is that of all loops or, where the
+    loops of a gap go together, that of the gaps. What is better in the loops that were fitted and
+    worse in those that were left out only fits them.
+    """
+    pairs = list(zip(simple, complex_, strict=True))
+    left_out = [np.subtract(one.squares, two.squares) for one, two in pairs]
+    outer = [np.subtract(one.outer, two.outer) for one, two in pairs]
+    every = np.concatenate([*left_out, *outer])
+    if not np.isfinite(every).all() or every.size < 2:
+        return not np.isfinite(mean_of(simple)) and np.isfinite(mean_of(complex_))
+    scatter = float(np.std(every, ddof=1)) / math.sqrt(every.size)
+    if len(pairs) > 1:
+        gaps = [float(np.mean([*one, *two])) for one, two in zip(left_out, outer, strict=True)]
+        scatter = max(scatter, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
+    least = (AS_GOOD - 1.0) * mean_square_of(complex_)
+    worse = mean_of(complex_) > _NO_WORSE * mean_of(simple)
+    return bool(float(every.mean()) > max(scatter, least) and not worse)
+
+
+def noise_at(loopset: LoopSet) -> list[float]:
+    """Mean absolute noise of the output at each gap, in parts of the largest."""
+    normal, span = math.sqrt(2.0 / math.pi), largest_output(loopset)
+    return [
+        normal * float(np.mean([noise(loop.output) for loop in group])) / span
+        for group in loopset.by_schedule().values()
+    ]
+
+
+def _without_noise(error: float, of_it: float) -> float:
+    """Take the noise of the sensor off a mean deviation; what is mostly noise says no more."""
+    return max(math.sqrt(max(error**2 - of_it**2, 0.0)), _LEAST * error)
+
+
+def promise(errors: Sequence[float], noises: Sequence[float]) -> CrossValidation | None:
+    """Make of nested errors, one a gap left out, the error to expect at a gap between others.
+
+    Parameters
+    ----------
+    errors : sequence of float
+        Mean absolute deviations in parts of the largest output.
+    noises : sequence of float
+        Mean absolute noise at the same gaps, which is no error of the model.
+
+    Returns
+    -------
+    CrossValidation or None
+        With the interval that holds the error at another gap in nine of ten cases: logarithms are
+        taken as normal, their scatter as Student's from these gaps and :data:`SCATTER`. None
+        without errors, or where one is not finite.
+    """
+    plain = [_without_noise(one, of_it) for one, of_it in zip(errors, noises, strict=True)]
+    found = np.asarray(plain, dtype=np.float64)
+    if not found.size or not np.isfinite(found).all() or found.min() <= 0.0:
+        return None
+    logs = np.log(found)
+    freedom = _SEEN + found.size - 1.0
+    variance = (_SEEN * SCATTER**2 + float(np.sum((logs - logs.mean()) ** 2))) / freedom
+    reach = _student(freedom) * np.sqrt(variance * (1.0 + 1.0 / found.size))
+    middle = float(logs.mean())
+    return CrossValidation(
+        error=float(found.mean()),
+        low=float(np.exp(middle - reach) / _DENSER),
+        high=float(np.exp(middle + reach)),
+        folds=tuple(found.tolist()),
+    )
+
+
+def _student(freedom: float) -> float:
+    """Quantile of 95 % of Student's t, after Cornish and Fisher; good to 1 % from 3 on."""
+    z = 1.644854
+    one = (z**3 + z) / 4.0
+    two = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
+    three = (3.0 * z**7 + 19.0 * z**5 + 17.0 * z**3 - 15.0 * z) / 384.0
+    return z + one / freedom + two / freedom**2 + three / freedom**3

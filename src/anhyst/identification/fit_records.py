@@ -1,0 +1,262 @@
+"""Loops made ready for fitting: arrays, weights, and what came before the first sample."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import chain, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import Loop, LoopSet
+from anhyst.data.path import turning_points
+from anhyst.data.verdict import largest_output
+from anhyst.identification.past import Past
+from anhyst.identification.rest import Rest
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+WEIGHTINGS = ("loops", "points", "relative")
+"""How loops count: each the same, each sample the same, or each by its own largest output."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitRecord:
+    """One loop as the objective sees it.
+
+    Parameters
+    ----------
+    label
+        Name of the loop.
+    gap
+        Place of its scheduling value among the gaps of the problem.
+    lead
+        Turning points of the input before the first sample; empty if there are none.
+    input, output
+        Shape (n,), SI.
+    settled
+        Whether the record is a cycle to be repeated until it closes.
+    weight
+        Weight of the deviation of every sample, 1/(unit of the output).
+    clock
+        Time since the first sample at the same gap, in parts of the longest such time; zero where
+        no clock says which loop was run when.
+    """
+
+    label: str
+    gap: int
+    lead: Past
+    input: FloatArray
+    output: FloatArray
+    settled: bool
+    weight: float
+    clock: FloatArray
+
+    @cached_property
+    def before(self) -> Past:
+        """What an iron that wipes out by turning points keeps of all that was before."""
+        past = self.lead.then(self.input, self.gap) if self.settled else self.lead
+        return past.remembered()
+
+    def pieces(self, most: int) -> Iterator[FitRecord]:
+        """Cut it for an iron that wipes out by turning points; each remembers those before it."""
+        if self.input.size <= most:
+            yield self
+            return
+        lead = self.before
+        for first in range(0, self.input.size, most):
+            part = slice(first, first + most)
+            yield replace(
+                self,
+                lead=lead,
+                input=self.input[part],
+                output=self.output[part],
+                settled=False,
+                clock=self.clock[part],
+            )
+            lead = lead.then(self.input[part], self.gap).remembered()
+
+
+@dataclass(frozen=True, eq=False)
+class FitRecords:
+    """All loops of one identification, and the scales of their quantities.
+
+    ``nodes`` are the scheduling values, ascending, empty if nothing is scheduled. ``input_span``
+    and ``output_span`` are the largest absolute input and output, SI. ``rest`` is what the sensors
+    read at rest: its offsets have been taken from every loop.
+    """
+
+    loops: tuple[FitRecord, ...]
+    nodes: FloatArray
+    input_span: float
+    output_span: float
+    rest: Rest = field(default_factory=Rest)
+
+    @property
+    def gaps(self) -> int:
+        """Number of parameter sets that differ by the gap; one if nothing is scheduled."""
+        return max(1, self.nodes.size)
+
+    def at(self, gap: int) -> FitRecords:
+        """Only one gap, as a problem of its own with the same scales."""
+        kept = tuple(
+            replace(record, gap=0, lead=record.lead.only_at(gap))
+            for record in self.loops
+            if record.gap == gap
+        )
+        return replace(self, loops=kept, nodes=self.nodes[gap : gap + 1])
+
+    def without(self, left_out: Collection[int]) -> FitRecords:
+        """Take all gaps but these, numbered again from zero."""
+        keep = [gap for gap in range(self.gaps) if gap not in left_out]
+        numbers = {old: new for new, old in enumerate(keep)}
+        loops = tuple(
+            replace(record, gap=numbers[record.gap], lead=record.lead.among(keep))
+            for record in self.loops
+            if record.gap in numbers
+        )
+        return replace(self, loops=loops, nodes=self.nodes[keep])
+
+    def without_loops(self, left_out: Collection[int]) -> FitRecords:
+        """Take all loops but these, by their places."""
+        kept = tuple(one for place, one in enumerate(self.loops) if place not in left_out)
+        return replace(self, loops=kept)
+
+    def thinned(self, most: int) -> FitRecords:
+        """Take at most about `most` samples of each loop, weighing the same together.
+
+        The exact step does not care how densely a path is sampled, so a search may.
+        """
+        loops = []
+        for record in self.loops:
+            kept = thinned(record.input, most)
+            weight = record.weight * float(np.sqrt(record.input.size / kept.size))
+            loops.append(
+                replace(
+                    record,
+                    input=record.input[kept],
+                    output=record.output[kept],
+                    weight=weight,
+                    clock=record.clock[kept],
+                )
+            )
+        return replace(self, loops=tuple(loops))
+
+
+def thinned(drive: FloatArray, most: int) -> NDArray[np.intp]:
+    """Places of at most about `most` samples spread evenly over the way, and of every reversal."""
+    if drive.size <= most:
+        return np.arange(drive.size)
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+    places = np.searchsorted(way, np.linspace(0.0, way[-1], most))
+    turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
+    return np.union1d(np.clip(places, 0, drive.size - 1), turns)
+
+
+def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
+    """Time since the first sample at each gap, in parts of the longest such time.
+
+    Parameters
+    ----------
+    groups : sequence of sequence of Loop
+        Loops by gap.
+
+    Returns
+    -------
+    list of list of ndarray
+        Zero throughout where no clock says which loop was run when.
+    """
+    clocks = []
+    for group in groups:
+        times = [loop.time for loop in group if loop.time is not None]
+        order = sorted(times, key=lambda time: float(time[0]))
+        apart = all(one[-1] <= two[0] for one, two in pairwise(order))
+        if len(times) < len(group) or not apart:
+            return [[np.zeros(loop.n) for loop in group] for group in groups]
+        clocks.append([time - order[0][0] for time in times])
+    longest = max(float(clock[-1]) for group in clocks for clock in group)
+    return [[clock / longest for clock in group] for group in clocks]
+
+
+def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
+    """Weights whose sum of squares over all samples is 1 for outputs of the size of the span."""
+    total = sum(loop.n for loop in loops)
+    if weighting == "points":
+        return [1.0 / (span * np.sqrt(total))] * len(loops)
+    each = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
+    if weighting == "loops":
+        return [weight / span for weight in each]
+    sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
+    if min(sizes) == 0.0:
+        raise InputError("a loop has no output at all; weigh by 'loops' or leave it out")
+    return [weight / size for weight, size in zip(each, sizes, strict=True)]
+
+
+def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = None) -> FitRecords:
+    """Make the loops of a set ready for fitting.
+
+    Parameters
+    ----------
+    loopset : LoopSet
+        Loops at constant scheduling values, each with at least one reversal.
+    weighting : str
+        One of :data:`WEIGHTINGS`.
+    rest : Rest or None
+        Offsets to take from every loop.
+
+    Returns
+    -------
+    FitRecords
+
+    Raises
+    ------
+    InputError
+        For an unknown weighting, a loop that never reverses, a scheduling value that moves within
+        a loop, or output that is zero throughout.
+    """
+    if weighting not in WEIGHTINGS:
+        raise InputError(f"weights: '{weighting}' is unknown; use one of {', '.join(WEIGHTINGS)}")
+    loopset.require_reversals()
+    rest = rest or Rest()
+    groups = loopset.by_schedule()
+    loops = [loop for group in groups.values() for loop in group]
+    gaps = [place for place, group in enumerate(groups.values()) for _ in group]
+    nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)
+    output_span = largest_output(loopset)
+    if not any(np.any(loop.output) for loop in loops):
+        raise InputError(f"the {loopset.output.name} is zero throughout; check the columns")
+    fitted = tuple(
+        FitRecord(
+            label=loop.label,
+            gap=gap,
+            lead=_lead(loop, nodes, gap, rest.input.offset),
+            input=np.ascontiguousarray(loop.input - rest.input.offset),
+            output=loop.output - rest.output.offset,
+            settled=loop.history.kind == "settled",
+            weight=weight,
+            clock=clock,
+        )
+        for loop, gap, weight, clock in zip(
+            loops,
+            gaps,
+            _weights(loops, output_span, weighting),
+            chain.from_iterable(clocks_of(list(groups.values()))),
+            strict=True,
+        )
+    )
+    input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
+    return FitRecords(fitted, nodes, input_span, output_span, rest)
+
+
+def _lead(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> Past:
+    """Return what was before a loop; what was beyond the outermost gaps counts as at these."""
+    drive = np.asarray(loop.history.turning_points, dtype=np.float64) - offset
+    if not loop.history.schedule:
+        return Past.at(drive, gap)
+    places = [
+        float(gap) if value is None else float(np.interp(value, nodes, np.arange(nodes.size)))
+        for value in loop.history.schedule
+    ]
+    return Past(drive, np.array(places))

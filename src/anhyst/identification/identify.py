@@ -1,0 +1,400 @@
+"""The whole way from loops to a model: checks, search, figures, provenance."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from anhyst.data import History, LoopSet
+from anhyst.data.history import SETTLED
+from anhyst.data.output_map import is_electromagnet, output_map
+from anhyst.data.plausibility import check_plausible
+from anhyst.identification.any_law import fit_any
+from anhyst.identification.bare import model_of, valid_range
+from anhyst.identification.candidates import require_gaps
+from anhyst.identification.cell_kernel import LAW_OF
+from anhyst.identification.cell_resolution import resolved
+from anhyst.identification.choice import ModelChoice, search_models
+from anhyst.identification.creeping import LAW as CREEPING_LAW
+from anhyst.identification.creeping import fit_creeping
+from anhyst.identification.default import FoundModel
+from anhyst.identification.fit_records import records_of
+from anhyst.identification.gauge import form_of
+from anhyst.identification.objective import Objective
+from anhyst.identification.paper.search import check_splines
+from anhyst.identification.paper.sequence import search_paper
+from anhyst.identification.rest import rest_of
+from anhyst.identification.result import IdentifyResult
+from anhyst.identification.run import SEARCHED, SearchRun
+from anhyst.identification.space import IN_SERIES
+from anhyst.identification.uncertainty import assess
+from anhyst.laws.cells import Shape
+from anhyst.laws.registry import DEFAULT_LAW, LAWS
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.compilable import obstacle
+from anhyst.model.fit_record import (
+    CandidateFit,
+    CrossValidation,
+    Provenance,
+    ReductionStep,
+    Uncertainty,
+    fit_figures,
+)
+from anhyst.model.parameters import GAP_MAPS
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.progress import Progress
+from anhyst.support.version import running_version
+
+SEARCHES = ("default", "paper")
+
+AUTO = "auto"
+"""Of laws and gap maps: which one, is found out."""
+
+FEWEST = 5
+"""With fewer samples than this for each quantity that is fitted, a user is warned."""
+
+
+def identify(
+    loopset: LoopSet,
+    *,
+    law: str = AUTO,
+    gap_map: str = "auto",
+    search: str = "default",
+    seed: int = 1,
+    weights: str = "loops",
+    offsets: bool = True,
+    dead_band: bool = True,
+    progress: Progress | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+) -> IdentifyResult:
+    """Find the model of an actuator from measured loops.
+
+    Parameters
+    ----------
+    loopset : LoopSet
+        Loops at constant scheduling values; all are fitted together.
+    law : str
+        One of :data:`anhyst.laws.registry.LAWS`, or ``auto``: the law of Jiles and Atherton, and
+        play cells where they are certain to predict better.
+    gap_map : str
+        ``scaling``, ``reluctance``, ``circuit``, ``free`` or ``auto``, which tries those that a
+        controller can use.
+    search : str
+        ``default``, or ``paper`` for the sequence of the paper's section II.
+    seed : int
+        Of everything random. Same seed, machine and build: the same model.
+    weights : str
+        ``loops``: each loop counts the same; ``points``: each sample; ``relative``: each loop by
+        its own largest output.
+    offsets : bool
+        Whether offsets of input and output are taken where the data demand them; else they are
+        zero.
+    dead_band : bool
+        Whether the law is given the widest dead band ``r_d`` that the loops allow, so that small
+        movements leave no trace in its memory; the search ``paper`` gives none.
+    progress : callable or None
+        Called with the number of stages done and the total.
+    checkpoint : path-like or None
+        File that keeps the finished stages of the search ``paper``, so that a killed one goes on
+        where it was.
+
+    Returns
+    -------
+    IdentifyResult
+        After ctrl-C the best so far, marked as interrupted.
+
+    Raises
+    ------
+    InputError
+        Loops that cannot be used or cannot be what they claim, or an unknown law, map, search or
+        weighting.
+    KeyboardInterrupt
+        Ctrl-C before there was any model.
+    """
+    began = time.perf_counter()
+    check_wanted(law, gap_map, search)
+    odd = check_plausible(loopset)
+    own, cells = _compared(loopset, law, search)
+    if _creeps(loopset, law, search):
+        outcome = _creeping(loopset)
+    elif LAWS[own].kernel is None:
+        outcome = _any_law(loopset, own, gap_map, seed, weights, offsets=offsets)
+    else:
+        rest = rest_of(loopset) if offsets and search == "default" else None
+        run = SearchRun(
+            form=form_of(loopset.input, loopset.output, own),
+            cells=cells,
+            only_cells=law != AUTO,
+            records=records_of(loopset, weights, rest),
+            seed=seed,
+            held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
+            dead_band=dead_band and search == "default",
+            progress=progress,
+            checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
+        )
+        outcome = _search(run, loopset, gap_map, search)
+    outcome = _resolved(outcome, loopset)
+    warnings = [*odd, *_warnings(loopset, outcome)]
+    settings: dict[str, str | bool | int | float] = {
+        "search": search,
+        "weights": weights,
+        "offsets": offsets,
+        "law_wanted": law,
+        **({"law_reason": outcome.why_law} if outcome.why_law else {}),
+        "gap_map_wanted": gap_map,
+        "gap_map_reason": outcome.why,
+        "dead_band": outcome.dead_band,
+    }
+    common = {
+        "name": _name(loopset),
+        "history": _history(loopset),
+        "valid": valid_range(loopset),
+        "provenance": Provenance(running_version(), seed, loopset.sources, settings),
+    }
+    model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
+    per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
+    acceptance = model.acceptance()
+    fitted = outcome.fitted
+    model = replace(
+        model,
+        fit=fit_figures(
+            loopset,
+            fitted,
+            outcome.left_out,
+            acceptance.passed,
+            outcome.promised,
+            outcome.candidates,
+        ),
+        uncertainty=outcome.uncertainty,
+    )
+    warnings += [reason] if (reason := obstacle(model)) is not None else []
+    return IdentifyResult(
+        model=model,
+        loops=loopset,
+        fitted=fitted,
+        acceptance=acceptance,
+        warnings=tuple(warnings),
+        per_gap=per_gap,
+        splines=None if per_gap is None else check_splines(per_gap),
+        seconds=time.perf_counter() - began,
+        evaluations=outcome.evaluations,
+        interrupted=outcome.interrupted,
+    )
+
+
+def check_wanted(law: str, gap_map: str, search: str) -> None:
+    """Refuse what is unknown or does not go together.
+
+    Raises
+    ------
+    InputError
+        As :func:`identify`.
+    """
+    for what, value, known in (
+        ("law", law, (*LAWS, AUTO)),
+        ("gap map", gap_map, (*GAP_MAPS[1:], "auto")),
+        ("search", search, SEARCHES),
+    ):
+        if value not in known:
+            raise InputError(f"{what} '{value}' is unknown; use one of {', '.join(known)}")
+    if law == AUTO:
+        law = DEFAULT_LAW
+    kernel = LAWS[law].kernel
+    if kernel is not None and kernel.coupled and gap_map in IN_SERIES:
+        # There alpha acts on the irreversible part alone, which a reluctance does not: one number
+        # would be fitted for two.
+        raise InputError(
+            f"gap map '{gap_map}' does not go with the law {law}; use --law {DEFAULT_LAW}, or "
+            "--gap-map scaling"
+        )
+    if kernel is None and search == "paper":
+        raise InputError(f"search 'paper' needs a law of the core, {law} is none; use default")
+    if search == "paper" and gap_map == "circuit":
+        raise InputError(
+            "gap map 'circuit' is none of the paper's; use --search default, or --gap-map auto"
+        )
+
+
+def _compared(loopset: LoopSet, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
+    """Name the law of the search, and the play cells that are fitted from it."""
+    shapes = {name: shape for shape, name in LAW_OF.items()}
+    if law in shapes:
+        return DEFAULT_LAW, (shapes[law],)
+    if law != AUTO:
+        return law, ()
+    # What pulls is to be compensated, so a law that cannot be compiled is not even tried.
+    able = (name for name in shapes if not is_electromagnet(loopset) or LAWS[name].least_slope)
+    return DEFAULT_LAW, tuple(shapes[name] for name in able) if search == "default" else ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    """What a search has come to; the model is bare yet."""
+
+    model: ActuatorModel
+    uncertainty: Uncertainty
+    quantities: int
+    evaluations: int
+    fitted: tuple[FloatArray, ...]
+    why: str
+    interrupted: bool
+    dead_band: str = "none"
+    left_out: dict[str, float] = field(default_factory=dict)
+    promised: CrossValidation | None = None
+    candidates: tuple[CandidateFit, ...] = ()
+    why_law: str = ""
+    steps: tuple[ReductionStep, ...] = ()
+    per_gap: ActuatorModel | None = None
+    resumed: int = 0
+
+
+def _creeps(loopset: LoopSet, law: str, search: str) -> bool:
+    """Whether cells are fitted with lag and creep, in one step."""
+    able = output_map(loopset.output).creeps and loopset.schedule is None
+    return able and law in {AUTO, CREEPING_LAW} and search == "default"
+
+
+def _creeping(loopset: LoopSet) -> _Outcome:
+    end = fit_creeping(loopset)
+    return _Outcome(
+        end.model,
+        Uncertainty(statements=tuple(filter(None, [end.statement]))),
+        end.numbers,
+        end.tried,
+        _predicted(end.model, loopset),
+        "nothing is scheduled",
+        False,
+        dead_band="none: play cells need none",
+        candidates=end.candidates,
+        why_law=end.why,
+    )
+
+
+def _any_law(
+    loopset: LoopSet, law: str, gap_map: str, seed: int, weights: str, *, offsets: bool
+) -> _Outcome:
+    """Fit a law that the core does not have."""
+    records = records_of(loopset, weights)
+    require_gaps(records, gap_map)
+    end = fit_any(loopset, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
+    fitted = _predicted(end.model, loopset)
+    return _Outcome(
+        end.model,
+        end.uncertainty,
+        len(end.uncertainty.names),
+        end.evaluations,
+        fitted,
+        end.why,
+        False,
+    )
+
+
+def _resolved(outcome: _Outcome, loopset: LoopSet) -> _Outcome:
+    """Count as free what no sample shows to be pinned."""
+    model = resolved(outcome.model, loopset)
+    if model is outcome.model:
+        return outcome
+    return replace(outcome, model=model, fitted=_predicted(model, loopset))
+
+
+def _predicted(model: ActuatorModel, loopset: LoopSet) -> tuple[FloatArray, ...]:
+    return tuple(
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
+        for loop in loopset.loops
+    )
+
+
+def _search(run: SearchRun, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
+    if search == "paper":
+        end = search_paper(run, loopset, gap_map)
+        if not end.interrupted:
+            run.finish()
+        return _Outcome(
+            end.model,
+            assess(end.found, loopset),
+            end.found.theta.size,
+            end.found.evaluations,
+            _predicted(end.model, loopset),
+            end.why,
+            end.interrupted,
+            steps=end.steps,
+            per_gap=end.per_gap,
+            resumed=run.resumed,
+        )
+    interrupted = False
+    try:
+        choice = search_models(run, loopset, gap_map)
+    except KeyboardInterrupt:
+        if run.best is None:
+            raise
+        best, interrupted = run.best.on(run.records), True  # the search may have thinned them
+        choice = ModelChoice(best, "the search was interrupted: this is the best so far")
+    found = choice.found
+    return _Outcome(
+        model_of(found, loopset),
+        assess(found, loopset),
+        found.theta.size,
+        found.evaluations,
+        _fitted(found, loopset),
+        choice.why,
+        interrupted,
+        choice.dead_band,
+        choice.left_out,
+        choice.promised,
+        choice.candidates,
+        choice.why_law,
+    )
+
+
+def _fitted(found: FoundModel, loopset: LoopSet) -> tuple[FloatArray, ...]:
+    """Modelled outputs in the order of the loops of the set."""
+    ends = np.cumsum([record.input.size for record in found.space.records.loops])[:-1]
+    offset = found.space.records.rest.output.offset
+    outputs = np.split(Objective(found.space).outputs(found.sets) + offset, ends)
+    ordered = [id(loop) for group in loopset.by_schedule().values() for loop in group]
+    by_loop = dict(zip(ordered, outputs, strict=True))
+    return tuple(by_loop[id(loop)] for loop in loopset.loops)
+
+
+def _warnings(loopset: LoopSet, outcome: _Outcome) -> list[str]:
+    gaps, quantities = len(loopset.schedule_values), outcome.quantities
+    warnings = [note for note in loopset.notes if "columns not used" in note]
+    warnings += [outcome.why] if gaps == 2 else []
+    if outcome.resumed:
+        warnings.append(f"went on from a checkpoint: {outcome.resumed} stages were done already")
+    if loopset.schedule is not None and gaps == 1:
+        warnings.append(
+            f"loops at one {loopset.schedule.name} only: the model holds there and nowhere else"
+        )
+    if len(loopset) == 1:
+        warnings.append(
+            "one loop only: how inner loops run is a guess of the law; measure smaller loops too"
+        )
+    samples = sum(loop.n for loop in loopset.loops)
+    if samples < FEWEST * quantities:
+        warnings.append(
+            f"{samples} samples for {quantities} quantities to find: that the model fits proves "
+            "nothing; record more samples"
+        )
+    return warnings
+
+
+def _name(loopset: LoopSet) -> str:
+    """Name a model after its file, or after the folder that its files share."""
+    paths = [Path(source.path) for source in loopset.sources]
+    if len(paths) == 1:
+        return paths[0].stem
+    folders = {path.parent.name for path in paths}
+    return folders.pop() or "actuator" if len(folders) == 1 else "actuator"
+
+
+def _history(loopset: LoopSet) -> History:
+    """Name what most loops had before them; what a settled one goes on from is its own."""
+    seen = (SETTLED if one.history.kind == "settled" else one.history for one in loopset.loops)
+    return Counter(seen).most_common(1)[0][0]

@@ -1,0 +1,328 @@
+"""The paper's search (II.B and II.C): seven free parameters at each gap, by evolution and simplex.
+
+1. At each gap by itself the evolution strategy of :mod:`.evolution` narrows seven parameters, and
+   the offsets of input and output with them, on the criterion of eq. 16; a generation is computed
+   at once by the batch of the core, on thinned loops. Nelder and Mead's simplex finishes on the
+   exact law.
+2. Offsets belong to the sensors and not to a gap: they are replaced by their means, and the seven
+   are searched again. That is the paper's free model. It fits each gap as well as the law can, and
+   its parameters scatter along the redundancies (Fig. 1); an ordinary spline through them gives
+   nonsense between the gaps (Fig. 2, :func:`spline_model_at`).
+3. :mod:`.reduction` then makes one parameter after another the same at all gaps (Fig. 3).
+
+Searches see thinned loops, since the exact step does not depend on how the path is cut; every cost
+that is reported is computed on all samples. Everything random comes from the seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from anhyst.data import LoopSet
+from anhyst.identification.paper.criterion import Criterion, simplex
+from anhyst.identification.paper.evolution import EvolutionStrategy
+from anhyst.identification.paper.seven import OFFSETS, Values, mean_over_gaps, variables_of
+from anhyst.identification.run import SearchRun
+from anhyst.model.acceptance import GapCheck, check_over_gap
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import MAY_VARY
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+_PARENTS, _CHILDREN = 30, 210
+_SAMPLES_EVOLUTION = 64
+_SAMPLES_SIMPLEX = 128
+"""Samples a loop, at most."""
+
+
+@dataclass(frozen=True)
+class SearchEffort:
+    """How long to search: generations, and evaluations of the simplex for each variable.
+
+    ``trial`` ranks the candidates of a round; ``final`` is spent on the one that is kept.
+    """
+
+    generations: int = 400
+    final: int = 250
+    trial: int = 40
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Where a search stands: parameters at each gap, those that may differ, and the cost.
+
+    ``cost`` is the criterion of eq. 16 over all samples of all gaps, relative to the largest
+    output. ``evaluations`` counts the parameter sets computed on the way here.
+    """
+
+    sets: tuple[Values, ...]
+    varying: tuple[str, ...]
+    cost: float
+    evaluations: int = 0
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """What a checkpoint keeps."""
+        return {
+            "sets": [dict(one) for one in self.sets],
+            "varying": list(self.varying),
+            "cost": self.cost,
+            "evaluations": self.evaluations,
+        }
+
+    @classmethod
+    def from_plain(cls, plain: dict[str, Any]) -> Stand:
+        """Rebuild from what a checkpoint kept."""
+        return cls(
+            tuple(plain["sets"]), tuple(plain["varying"]), plain["cost"], plain["evaluations"]
+        )
+
+
+@dataclass
+class SearchBench:
+    """Loops at every gap, ready for searches with any of the parameters.
+
+    Parameters
+    ----------
+    run
+        Settings and stages.
+    loopset
+        For the quantities.
+    effort
+        How long to search.
+    """
+
+    run: SearchRun
+    loopset: LoopSet
+    effort: SearchEffort = field(default_factory=SearchEffort)
+
+    def __post_init__(self) -> None:
+        self.variables, self.known = variables_of(
+            self.run.records, self.loopset.input, self.loopset.output, self.run.held
+        )
+        self.searched = tuple(name for name in self.variables.names if name not in OFFSETS)
+        self._records = [self.run.records.at(gap) for gap in range(self.gaps)]
+        counts = [
+            sum(record.weight**2 * record.input.size for record in records.loops)
+            for records in self._records
+        ]
+        self._shares = [count / sum(counts) for count in counts]
+
+    @property
+    def gaps(self) -> int:
+        """Number of gaps."""
+        return self.run.records.gaps
+
+    def cost(self, sets: Sequence[Values]) -> float:
+        """Criterion of eq. 16 over all samples of all gaps, relative to the largest output."""
+        costs = [self.cost_at(gap, values) for gap, values in enumerate(sets)]
+        return float(np.dot(self._shares, costs))
+
+    def cost_at(self, gap: int, values: Values) -> float:
+        """Compute the same at one gap."""
+        return Criterion(self.run.form, self._records[gap]).of_one(values)
+
+    def _criterion(self, gap: int, samples: int) -> Criterion:
+        return Criterion(self.run.form, self._records[gap].thinned(samples))
+
+    def stand(self, sets: Sequence[Values], varying: Sequence[str], evaluations: int) -> Stand:
+        """Sum up a search that has come to these sets."""
+        return Stand(tuple(sets), tuple(varying), self.cost(sets), evaluations)
+
+    def refine(
+        self, gap: int, values: Values, names: Sequence[str], each: int
+    ) -> tuple[Values, int]:
+        """Run the simplex at one gap from given values.
+
+        Parameters
+        ----------
+        gap : int
+            Place of the gap.
+        values : dict of str to float
+            Where to begin; those not searched are held.
+        names : sequence of str
+            What is searched.
+        each : int
+            Evaluations at most, for each of the names.
+
+        Returns
+        -------
+        values : dict of str to float
+        evaluations : int
+        """
+        variables = self.variables.only(names)
+        criterion = self._criterion(gap, _SAMPLES_SIMPLEX)
+
+        def cost(theta: FloatArray) -> float:
+            return criterion.of_one(values | _numbers(variables.outward(theta)))
+
+        best, _ = simplex(cost, variables, variables.inward(values), each * variables.size)
+        return values | _numbers(variables.outward(best)), criterion.evaluations
+
+    def evolve(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
+        """Run the evolution strategy at one gap, over the whole range of the names."""
+        variables = self.variables.only(names)
+        criterion = self._criterion(gap, _SAMPLES_EVOLUTION)
+        seed = [self.run.seed, gap, variables.size]
+        strategy = EvolutionStrategy(variables.low, variables.high, seed, _PARENTS, _CHILDREN)
+        held = {
+            name: np.full(_CHILDREN, value)
+            for name, value in values.items()
+            if name not in variables.names
+        }
+        for _ in range(self.effort.generations):
+            strategy.tell(criterion.of_many(held | variables.outward(strategy.ask())))
+        return values | _numbers(variables.outward(strategy.best)), criterion.evaluations
+
+    def search(
+        self, gap: int, values: Values, names: Sequence[str], begin: Values | None = None
+    ) -> tuple[Values, int]:
+        """Search one gap in full: evolution, then simplex from its end or from a better beginning.
+
+        Parameters
+        ----------
+        gap : int
+            Place of the gap.
+        values : dict of str to float
+            Those that are held.
+        names : sequence of str
+            What is searched.
+        begin : dict of str to float or None
+            Another beginning for the simplex, complete.
+
+        Returns
+        -------
+        values : dict of str to float
+        evaluations : int
+        """
+        evolved, spent = self.evolve(gap, values, names)
+        beginnings = [evolved] if begin is None else [begin, evolved]
+        criterion = self._criterion(gap, _SAMPLES_SIMPLEX)
+        best = min(beginnings, key=criterion.of_one)
+        refined, more = self.refine(gap, best, names, self.effort.final)
+        return refined, spent + more
+
+
+def _numbers(arrays: Mapping[str, FloatArray]) -> Values:
+    return {name: float(value) for name, value in arrays.items()}
+
+
+def search_each_gap(bench: SearchBench) -> Stand:
+    """Find the paper's free model: an optimal set for every gap, offsets common to all.
+
+    Parameters
+    ----------
+    bench : SearchBench
+        The loops.
+
+    Returns
+    -------
+    Stand
+        All of the seven that are not known vary.
+    """
+    names = bench.variables.names
+    alone = [
+        bench.run.stage(
+            f"gap {gap} from scratch",
+            lambda gap=gap: bench.search(gap, dict(bench.known), names),  # type: ignore[misc]
+        )
+        for gap in range(bench.gaps)
+    ]
+    sets, spent = [one[0] for one in alone], sum(one[1] for one in alone)
+    offsets = [name for name in names if name in OFFSETS]
+    if offsets and bench.gaps > 1:
+        means = {name: mean_over_gaps(name, [one[name] for one in sets]) for name in offsets}
+        common = [one | means for one in sets]
+        again = [
+            bench.run.stage(
+                f"gap {gap} with common offsets",
+                lambda gap=gap: bench.search(gap, common[gap], bench.searched, common[gap]),  # type: ignore[misc]
+            )
+            for gap in range(bench.gaps)
+        ]
+        sets, spent = [one[0] for one in again], spent + sum(one[1] for one in again)
+    return bench.stand(sets, bench.searched, spent)
+
+
+def model_at_nodes(stand: Stand, run: SearchRun, loopset: LoopSet) -> ActuatorModel:
+    """Bare model with a number at each gap for what varies.
+
+    The gap map is ``scaling`` where that allows what varies, else ``free``.
+    """
+    single = run.records.gaps == 1
+    parameters = {
+        name: tuple(one[name] for one in stand.sets)
+        if name in stand.varying and not single
+        else stand.sets[0][name]
+        for name in stand.sets[0]
+    }
+    scaling = set(stand.varying) <= MAY_VARY["scaling"]
+    return ActuatorModel(
+        name="model",
+        input=loopset.input,
+        output=loopset.output,
+        parameters=parameters,
+        law=run.form.law,
+        gap_map="none" if single else "scaling" if scaling else "free",
+        schedule=loopset.schedule,
+        nodes=tuple(float(node) for node in run.records.nodes),
+    )
+
+
+def spline_model_at(model: ActuatorModel, gap: float) -> ActuatorModel:
+    """Model of one gap from ordinary cubic splines through all parameters, as in the paper's II.C.
+
+    Kept to show why that fails (Figs. 1 and 2): between nodes a spline overshoots, and parameters
+    that scatter along a redundancy do not belong together. The product's own interpolation is that
+    of :mod:`anhyst.model.gap_map`.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With at least two nodes.
+    gap : float
+        Scheduling variable, SI.
+
+    Returns
+    -------
+    ActuatorModel
+        Without a gap map: it holds at this gap alone.
+
+    Raises
+    ------
+    InputError
+        A spline leaves the range of its parameter.
+    """
+    if len(model.nodes) < 2:
+        raise InputError("a spline over the gap needs a model with two nodes or more")
+    # Only here: importing it takes longer than the default search, which does without.
+    from scipy.interpolate import CubicSpline
+
+    parameters = {
+        name: float(CubicSpline(model.nodes, value)(gap)) if isinstance(value, tuple) else value
+        for name, value in model.parameters.items()
+    }
+    return replace(
+        model, parameters=parameters, gap_map="none", schedule=None, nodes=(), reduction=()
+    )
+
+
+def check_splines(model: ActuatorModel) -> GapCheck | None:
+    """Run the acceptance test (II.C) with ordinary splines through the parameters.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Free at each gap, with its valid range.
+
+    Returns
+    -------
+    GapCheck or None
+        Its ``failing`` are the gaps where the output falls as the gap closes, or where a spline has
+        left the range of its parameter; None where the test does not apply.
+    """
+    return check_over_gap(model, lambda gap: spline_model_at(model, gap))

@@ -1,0 +1,236 @@
+"""The seven free parameters of the paper at one gap, and the coordinates a search moves.
+
+``M_s, a, alpha, k, c`` of the law and ``c_H, c_out`` (the paper's c_B) of eqs. 10 and 11, with
+their redundancy left in on purpose: nothing in the loops of one gap distinguishes ``M_s, a, k, c_H`` from
+all of them times q with ``c_out/q**2`` (docs/theory.md). What a search finds along it is
+chance.
+Where field or flux density is measured, c_H or c_out is 1 and the rest have that much less freedom.
+
+Coordinates are logarithms of positive parameters, the inverse hyperbolic sine of ``alpha`` (a
+logarithm of either sign), and plain numbers else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst.data.output_map import output_map
+from anhyst.identification.fit_records import FitRecords
+from anhyst.identification.response import Local
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0, Quantity
+
+Values = dict[str, float]
+"""Physical parameters at one gap, SI, named as in :class:`anhyst.model.actuator.ActuatorModel`."""
+
+SEVEN = ("M_s", "a", "alpha", "k", "c", "c_H", "c_out")
+POSITIVE = frozenset({"M_s", "a", "k", "c_H", "c_out"})
+OFFSETS = ("in_0", "out_0")
+
+_ALPHA = 1e-3
+"""Size at which the coordinate of alpha turns from linear to logarithmic."""
+
+_SATURATION = (2e5, 2e6)
+"""M_s from ferrite to cobalt iron, A/m."""
+
+_SHAPE = (1.0, 3e4)
+"""a from soft iron to an iron that looks sheared by its gap, A/m."""
+
+_PINNING = (0.05, 3e4)
+"""k likewise, from loops that are hardly open, A/m."""
+
+_FIELD = (30.0, 3e5)
+"""Largest field c_H may make of the largest input, A/m."""
+
+_REACHED = (1.0, 100.0)
+"""Output at saturation in parts of the largest output measured."""
+
+_ALPHAS = (-0.5, 0.05)
+"""From the demagnetising share of a wide gap to the interaction where jumps begin."""
+
+AIR_SLOPE = 1e-5
+"""a/M_s in the common gauge: what soft iron has. So small, alpha over the gap is the same thing as
+a reluctance over the gap (docs/theory.md)."""
+
+_REVERSIBLE = (0.0, 0.95)
+_OFFSET = 0.1  # of the span of input or output
+
+
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """Named coordinates within bounds.
+
+    Parameters
+    ----------
+    names
+        Parameters that vary.
+    low, high
+        Bounds of the coordinates, shape (n,).
+    spans
+        Scale of the coordinate of those that are neither logarithms nor alpha.
+    """
+
+    names: tuple[str, ...]
+    low: FloatArray
+    high: FloatArray
+    spans: Mapping[str, float]
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return len(self.names)
+
+    def only(self, names: Sequence[str]) -> Variables:
+        """Keep these names, in the order they have here."""
+        kept = [place for place, name in enumerate(self.names) if name in names]
+        some = tuple(self.names[place] for place in kept)
+        return Variables(some, self.low[kept], self.high[kept], self.spans)
+
+    def inward(self, values: Mapping[str, float]) -> FloatArray:
+        """Give the coordinates of parameters, shape (n,), brought within the bounds."""
+        theta = np.array([_inward(name, values[name], self.spans) for name in self.names])
+        return np.asarray(np.clip(theta, self.low, self.high))
+
+    def outward(self, theta: FloatArray) -> dict[str, FloatArray]:
+        """Give the parameters at coordinates of shape (..., n): one array of shape (...) each."""
+        return {
+            name: _outward(name, theta[..., place], self.spans)
+            for place, name in enumerate(self.names)
+        }
+
+
+def _inward(name: str, value: float, spans: Mapping[str, float]) -> float:
+    if name in POSITIVE:
+        return float(np.log(value))
+    return float(np.arcsinh(value / _ALPHA)) if name == "alpha" else value / spans[name]
+
+
+def _outward(name: str, coordinate: FloatArray, spans: Mapping[str, float]) -> FloatArray:
+    if name in POSITIVE:
+        return np.exp(coordinate)
+    return _ALPHA * np.sinh(coordinate) if name == "alpha" else coordinate * spans[name]
+
+
+def variables_of(
+    records: FitRecords, given: Quantity, answer: Quantity, held: frozenset[str]
+) -> tuple[Variables, Values]:
+    """Choose what a search may vary, between which bounds, and what is known beforehand.
+
+    Parameters
+    ----------
+    records : FitRecords
+        For the spans of input and output.
+    given, answer : Quantity
+        Input and output.
+    held : frozenset of str
+        Offsets that are zero and not searched.
+
+    Returns
+    -------
+    variables : Variables
+        Of the seven, those that are not known, then the offsets.
+    known : dict of str to float
+        The rest.
+    """
+    spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
+    known = dict.fromkeys(held & set(OFFSETS), 0.0)
+    field, shape, pinning, saturation = _FIELD, _SHAPE, _PINNING, _SATURATION
+    if given.name == "field":
+        known["c_H"] = 1.0
+        shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
+    if output_map(answer).absolute:
+        known["c_out"] = 1.0
+        saturation = (0.8 * records.output_span / MU_0, 30.0 * records.output_span / MU_0)
+    power = output_map(answer).power
+    bounds = {
+        "M_s": saturation,
+        "a": shape,
+        "k": pinning,
+        "alpha": _ALPHAS,
+        "c": _REVERSIBLE,
+        "c_H": (field[0] / records.input_span, field[1] / records.input_span),
+        "c_out": (
+            _REACHED[0] * records.output_span / (MU_0 * saturation[1]) ** power,
+            _REACHED[1] * records.output_span / (MU_0 * saturation[0]) ** power,
+        ),
+        "in_0": (-_OFFSET * records.input_span, _OFFSET * records.input_span),
+        "out_0": (-_OFFSET * records.output_span, _OFFSET * records.output_span),
+    }
+    names = tuple(name for name in (*SEVEN, *OFFSETS) if name not in known)
+    low = np.array([_inward(name, bounds[name][0], spans) for name in names])
+    high = np.array([_inward(name, bounds[name][1], spans) for name in names])
+    return Variables(names, low, high, spans), known
+
+
+def gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatArray]:
+    """Parameters in the form the law is computed in (:mod:`.response`), element by element.
+
+    Examples
+    --------
+    >>> seven = dict(M_s=1e6, a=1e3, alpha=-0.02, k=2e3, c=0.2, c_H=2e4, c_out=200.0)
+    >>> found = gauge_free({name: np.array(value) for name, value in seven.items()}, power=2)
+    >>> {name: round(float(value), 6) for name, value in found.items()}
+    {'kappa': 2.0, 'c': 0.2, 'omega': 20.0, 'scale': 0.05, 'gain': 328.583568, 'h': 0.00098}
+    """
+    effective = values["M_s"] * (1.0 - values["alpha"])
+    return {
+        "kappa": values["k"] / values["a"],
+        "c": values["c"],
+        "omega": -values["alpha"] * values["M_s"] / values["a"],
+        "scale": values["a"] / values["c_H"],
+        "gain": values["c_out"] * (MU_0 * effective) ** power,
+        "h": values["a"] / effective,
+    }
+
+
+def local_of(values: Mapping[str, float], power: int) -> Local:
+    """Gauge-free parameters of one set."""
+    arrays = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
+    form = {name: float(value) for name, value in gauge_free(arrays, power).items()}
+    law = (form.pop("kappa"), form.pop("c"))
+    return Local(law, **form, in_0=values["in_0"], out_0=values["out_0"])
+
+
+def mean_over_gaps(name: str, values: Sequence[float]) -> float:
+    """Mean that replaces a parameter: geometric for the positive ones, which are scales."""
+    if name in POSITIVE:
+        return float(np.exp(np.mean(np.log(values))))
+    return float(np.mean(values))
+
+
+def chosen_by_gauge(searched: Sequence[str]) -> tuple[str, ...]:
+    """Name what :func:`in_one_gauge` makes the same at all gaps."""
+    tied = {"M_s": "c_out", "a": "c_H"}
+    return tuple(name for name, partner in tied.items() if partner in searched)
+
+
+def in_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) -> list[Values]:
+    """Move the sets of all gaps along the redundancies to the same ``M_s`` and the same ``a``.
+
+    Before that a mean over gaps means nothing: what is averaged is mostly chance. ``M_s`` goes to
+    its geometric mean, which changes no output. ``a`` goes to ``AIR_SLOPE*M_s``, which changes the
+    slope of the air core and nothing else; the search that follows takes most of that up (where the
+    truth had a slope of 1e-3, 0.09 % of the largest output were left). Everything else follows from
+    leaving the gauge-free form as it was. Where field (``c_H = 1``) or flux density (``c_out = 1``)
+    is measured there is nothing to choose for ``a`` or ``M_s``.
+    """
+    chosen = chosen_by_gauge(searched)
+    saturation = mean_over_gaps("M_s", [one["M_s"] for one in sets])
+    moved = []
+    for one in sets:
+        arrays = {name: np.asarray(value) for name, value in one.items()}
+        form = {name: float(value) for name, value in gauge_free(arrays, power).items()}
+        a = AIR_SLOPE * saturation if "a" in chosen else one["a"]
+        effective = one["M_s"] * (1.0 - one["alpha"])
+        m_s = saturation if "M_s" in chosen else effective - form["omega"] * a
+        alpha = -form["omega"] * a / m_s
+        gauge = {"M_s": m_s, "a": a, "alpha": alpha, "k": form["kappa"] * a}
+        if "c_H" in searched:
+            gauge["c_H"] = a / form["scale"]
+        if "c_out" in searched:
+            gauge["c_out"] = form["gain"] / (MU_0 * m_s * (1.0 - alpha)) ** power
+        moved.append(one | gauge)
+    return moved

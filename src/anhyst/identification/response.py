@@ -1,0 +1,383 @@
+"""What the law answers to one drive, with derivatives, in the gauge-free form.
+
+At one gap and in units of the law (docs/theory.md)::
+
+    xi + omega*m(xi) = (input - in_0)/scale,    output = gain*(m + h*xi)**power + out_0
+
+``m`` is the law for ``M_s = a = 1``. ``h``, the slope of the air core, is not fitted: with field
+and flux density measured it follows from ``scale`` and ``gain``, else no data determine it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst._core import Operator, demagnetised, langevin, status_text
+from anhyst.identification.cell_kernel import CellKernel, WeightKernel
+from anhyst.identification.fit_records import FitRecord
+from anhyst.identification.no_response import NoResponseError
+from anhyst.identification.past import Past
+from anhyst.laws.law import Kernel
+from anhyst.laws.registry import DEFAULT_LAW, LAWS
+from anhyst.support.arrays import FloatArray
+
+SURROUNDING = ("omega", "scale", "gain", "in_0", "out_0")
+"""What surrounds the law, in the order of the derivatives."""
+
+LOCAL = ("kappa", "c", *SURROUNDING)
+"""Gauge-free parameters at one gap of a law of Jiles and Atherton, in the same order."""
+
+_DIRECTIONS = 5  # kappa, c, omega, scale, in_0; the core differentiates by these
+_SEED = 5  # one more direction: the state at the start of a settled cycle
+_CLOSED = 1e-10
+_NEARLY_CLOSED = 1e-5
+_PASSES = 80
+FLATTEST = 0.95
+_CREEPING = 4  # passes after which the rest of the way is extrapolated
+_FAR = 1e3  # effective field, in units of a, that no loop needs
+_FULL = 1.0 - 1e-6  # magnetisation that no effective field up to there exceeds
+
+
+@dataclass(frozen=True, slots=True)
+class Local:
+    """Gauge-free parameters at one gap.
+
+    Parameters
+    ----------
+    law
+        Numbers of the law, in the order of its kernel: dimensionless.
+    omega
+        Interaction with circuit, dimensionless.
+    scale
+        Input that makes one unit of effective field, SI.
+    gain
+        Output at saturation, SI.
+    in_0, out_0
+        Offsets of input and output, SI.
+    h
+        Slope of the air core, dimensionless.
+    """
+
+    law: tuple[float, ...]
+    omega: float
+    scale: float
+    gain: float
+    in_0: float
+    out_0: float
+    h: float
+
+    @property
+    def kappa(self) -> float:
+        """Pinning over shape, of a law of Jiles and Atherton."""
+        return self.law[0]
+
+    @property
+    def c(self) -> float:
+        """Reversibility, of a law of Jiles and Atherton."""
+        return self.law[1]
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseForm:
+    """What the measured quantities make of the equations: power of the output, rule for h.
+
+    Parameters
+    ----------
+    power
+        2 for a force, else 1.
+    law
+        Name of a law with a kernel, or of play cells.
+    cells
+        How a fit sees play cells; None for another law.
+    permeability
+        mu_0 where field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0.
+    h
+        The value of h where it does not follow.
+    dead_band
+        Half-width of the play in front of the irreversible part, in parts of the pinning; it is
+        given and not fitted.
+    """
+
+    power: int
+    law: str = DEFAULT_LAW
+    cells: CellKernel | WeightKernel | None = None
+    permeability: float = 0.0
+    h: float = 1e-3
+    dead_band: float = 0.0
+
+    @property
+    def kernel(self) -> Kernel | CellKernel | WeightKernel:
+        """How the law is followed."""
+        if self.cells is not None:
+            return self.cells
+        kernel = LAWS[self.law].kernel
+        assert kernel is not None
+        return kernel
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Gauge-free parameters at one gap, in the order of the derivatives."""
+        return (*(number.name for number in self.kernel.numbers), *SURROUNDING)
+
+    def values(self, local: Local) -> dict[str, float]:
+        """Return the parameters of a set by name."""
+        return dict(zip(self.names, (*local.law, *(getattr(local, name) for name in SURROUNDING)),
+                        strict=True))  # fmt: skip
+
+    def local(self, values: Mapping[str, float]) -> Local:
+        """Return a set of parameters given by name, with h by the rule."""
+        law = tuple(values[number.name] for number in self.kernel.numbers)
+        return self.with_h(Local(law, **{name: values[name] for name in SURROUNDING}, h=0.0))
+
+    def with_h(self, local: Local) -> Local:
+        """Fill in h by the rule."""
+        if self.permeability > 0.0:
+            return replace(local, h=self.permeability * local.scale / local.gain)
+        return replace(local, h=self.h)
+
+    def operator(self, local: Local) -> Operator:
+        """Build the law for a parameter set; in the law of 1986 interaction enters twice."""
+        if local.h * local.omega > FLATTEST:
+            raise NoResponseError("the curve would be all but as flat as the air core")
+        try:
+            kernel = self.kernel
+            assert isinstance(kernel, Kernel)
+            play = self.dead_band * local.kappa
+            return kernel.operator(local.kappa, local.c, play, local.omega)
+        except ValueError as error:
+            raise NoResponseError(str(error)) from error
+
+
+class Responder:
+    """Follows drives; remembers where settled cycles began, to begin there the next time."""
+
+    def __init__(self) -> None:
+        self._starts: dict[int, FloatArray] = {}
+
+    def outputs(
+        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
+    ) -> list[FloatArray]:
+        """Output of every drive, SI."""
+        laws = _operators(form, sets)
+        return [self.output(form, sets[d.gap], laws[d.gap], d, sets) for d in records]
+
+    def derivatives(
+        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Output of every drive, and its derivatives by :data:`LOCAL`, shape (n, 7)."""
+        laws = _operators(form, sets)
+        return [self.with_derivatives(form, sets, laws[d.gap], d) for d in records]
+
+    def output(
+        self,
+        form: ResponseForm,
+        local: Local,
+        operator: Operator,
+        record: FitRecord,
+        sets: Sequence[Local] = (),
+    ) -> FloatArray:
+        """Output of one drive, shape (n,), SI, without derivatives.
+
+        Without the sets of all gaps, what was before counts as if it had been at this one.
+        """
+        r = (record.input - local.in_0) / local.scale
+        omega = np.full(r.size, local.omega)
+        state = demagnetised()
+        if record.lead.drive.size and not record.settled:
+            before, lead = driven_before(sets or (local,), record.lead)
+            _, _, state, status, _ = operator.run(before, lead, state)
+            _refuse(status)
+        elif record.settled and id(record) in self._starts:
+            state = _admissible(self._starts[id(record)], form, local, float(r[-1]))
+        x, m, after, status, _ = operator.run(omega, r, state)
+        _refuse(status)
+        ends = [float(state[1])]
+        while record.settled and abs(after[1] - state[1]) > _CLOSED and len(ends) < _PASSES:
+            ends.append(float(after[1]))
+            state = after
+            if len(ends) % _CREEPING == 0:
+                state = _admissible(_limit(after, ends), form, local, float(r[-1]))
+            x, m, after, status, _ = operator.run(omega, r, state)
+            _refuse(status)
+        if record.settled:
+            self._starts[id(record)] = after
+        return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
+
+    def with_derivatives(
+        self, form: ResponseForm, sets: Sequence[Local], operator: Operator, record: FitRecord
+    ) -> tuple[FloatArray, FloatArray]:
+        """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
+        local = sets[record.gap]
+        if record.settled:
+            x, m, x_t, m_t = self._settled(form, local, operator, record)
+        else:
+            x, m, x_t, m_t = _once(form, sets, operator, record)
+        b = m + local.h * x
+        steep = local.gain * form.power * b ** (form.power - 1)
+        jacobian = np.empty((x.size, len(LOCAL)))
+        through = steep[:, None] * (m_t[:, :_DIRECTIONS] + local.h * x_t[:, :_DIRECTIONS])
+        jacobian[:, [0, 1, 2, 3, 5]] = through
+        jacobian[:, 4] = b**form.power
+        jacobian[:, 6] = 1.0
+        if form.permeability > 0.0:
+            jacobian[:, 3] += steep * x * local.h / local.scale
+            jacobian[:, 4] -= steep * x * local.h / local.gain
+        return local.gain * b**form.power + local.out_0, jacobian
+
+    def _settled(
+        self, form: ResponseForm, local: Local, operator: Operator, record: FitRecord
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Close the cycle by Newton on the one number that is free: y before the first sample."""
+        terms = _Terms(form, local, record.input, _DIRECTIONS + 1)
+        state = self._starts.get(id(record))
+        if state is None:
+            _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
+            _refuse(status)
+        state = _admissible(state, form, local, float(terms.r[-1]))
+        for _ in range(_PASSES):
+            seeds = _seeds(form, local, terms, state)
+            x, m, x_t, m_t, after, seeds_after, status, _ = operator.sensitivity(
+                terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
+            )
+            _refuse(status)
+            kept = min(float(seeds_after[_SEED, 1]), 0.999)
+            missing = (after[1] - state[1]) / (1.0 - kept)
+            if abs(missing) < _NEARLY_CLOSED:
+                break
+            start = after + kept * missing * seeds[_SEED]
+            state = _admissible(start, form, local, float(terms.r[-1]))
+        # The rest of the way is so short that the derivatives carry it: no further pass.
+        x += missing * x_t[:, _SEED]
+        m += missing * m_t[:, _SEED]
+        self._starts[id(record)] = after + kept * missing * seeds[_SEED]
+        start_t = seeds_after[:_DIRECTIONS, 1] / (1.0 - kept)
+        m_t[:, :_DIRECTIONS] += m_t[:, _SEED, None] * start_t
+        x_t[:, :_DIRECTIONS] += x_t[:, _SEED, None] * start_t
+        return x, m, x_t, m_t
+
+
+def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
+    """Laws at each gap; those that are the same are built once."""
+    built: dict[tuple[float, ...], Operator] = {}
+    found = []
+    for local in sets:
+        key = (*local.law, local.omega) if form.kernel.coupled else local.law
+        if key not in built:
+            built[key] = form.operator(local)
+        found.append(built[key])
+    return found
+
+
+def driven_before(sets: Sequence[Local], past: Past) -> tuple[FloatArray, FloatArray]:
+    """Put what was before a drive in the terms of the solver: omega and right side, at its gaps.
+
+    Parameters
+    ----------
+    sets : sequence of Local
+        At each gap of the problem; of a single one all is taken to have been at its gap.
+    past : Past
+        What was before.
+    """
+    places = np.arange(len(sets))
+    omega, scale, in_0 = (
+        np.interp(past.place, places, values)
+        for values in zip(*((one.omega, one.scale, one.in_0) for one in sets), strict=True)
+    )
+    return omega, (past.drive - in_0) / scale
+
+
+class _Terms:
+    """A drive in the terms of the solver, with derivatives by kappa, c, omega, scale, in_0."""
+
+    def __init__(
+        self, form: ResponseForm, local: Local, drive: FloatArray, directions: int
+    ) -> None:
+        n = drive.size
+        self.r = (drive - local.in_0) / local.scale
+        self.omega = np.full(n, local.omega)
+        self.omega_t = np.zeros((n, directions))
+        self.omega_t[:, 2] = 1.0
+        self.r_t = np.zeros((n, directions))
+        self.r_t[:, 3] = -self.r / local.scale
+        self.r_t[:, 4] = -1.0 / local.scale
+        self.law_t = np.zeros((directions, 3))
+        self.law_t[0, 0] = 1.0
+        self.law_t[0, 2] = form.dead_band
+        self.law_t[1, 1] = 1.0
+
+
+def _once(
+    form: ResponseForm, sets: Sequence[Local], operator: Operator, record: FitRecord
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    first = record.lead.drive.size
+    whole = np.concatenate([record.lead.drive, record.input])
+    terms = _Terms(form, sets[record.gap], whole, _DIRECTIONS)
+    terms.omega[:first], terms.r[:first] = driven_before(sets, record.lead)
+    # What the circuit at other gaps adds through the past alone is left out of the derivatives.
+    elsewhere = np.flatnonzero(record.lead.place != record.gap)
+    terms.omega_t[elsewhere] = terms.r_t[elsewhere] = 0.0
+    x, m, x_t, m_t, _, _, status, _ = operator.sensitivity(
+        terms.omega,
+        terms.r,
+        terms.omega_t,
+        terms.r_t,
+        terms.law_t,
+        demagnetised(),
+        np.zeros((_DIRECTIONS, 3)),
+    )
+    _refuse(status)
+    return x[first:], m[first:], x_t[first:], m_t[first:]
+
+
+def _seeds(form: ResponseForm, local: Local, terms: _Terms, state: FloatArray) -> FloatArray:
+    """Differentiate the state before the first sample: x follows y by the equation there.
+
+    The play stands at the same part of its width, as it does where a drive has pushed it.
+    """
+    pull, slope = (float(value[0]) for value in langevin(state[:1]))
+    way = 1.0 + local.omega * local.c * slope
+    m = (1.0 - local.c) * state[1] + local.c * pull
+    x_t = terms.r_t[-1] - terms.omega_t[-1] * m
+    x_t = x_t - local.omega * (pull - state[1]) * terms.law_t[:, 1]
+    x_t[_SEED] = -local.omega * (1.0 - local.c)
+    seeds = np.zeros((_DIRECTIONS + 1, 3))
+    seeds[:, 0] = seeds[:, 2] = x_t / way
+    seeds[0, 2] += (state[2] - state[0]) / local.kappa if form.dead_band else 0.0
+    seeds[_SEED, 1] = 1.0
+    return seeds
+
+
+def _admissible(state: FloatArray, form: ResponseForm, local: Local, r: float) -> FloatArray:
+    """Make a state from elsewhere one before the first sample: x by the equation, y within reach.
+
+    With y at rest the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
+    """
+    x, y, p = (float(value) for value in state)
+    play = form.dead_band * local.kappa
+    behind = min(max(p - x, -play), play)
+    for _ in range(4):
+        pull, slope = (float(value[0]) for value in langevin(np.array([x])))
+        rest = x + local.omega * ((1.0 - local.c) * y + local.c * pull) - r
+        x -= rest / (1.0 + local.omega * local.c * slope)
+    x = min(max(x, -_FAR), _FAR)  # y from other parameters can send it anywhere
+    p = x + behind
+    pull = float(langevin(np.array([p]))[0][0])
+    room = local.kappa / 3.0
+    y = min(max(y, pull - room, -_FULL), pull + room, _FULL)
+    return np.array([x, y, p])
+
+
+def _limit(state: FloatArray, ends: list[float]) -> FloatArray:
+    """Where the last three ends of passes lead: small loops creep for hundreds of passes."""
+    first, second = ends[-2] - ends[-3], ends[-1] - ends[-2]
+    if abs(second) >= abs(first):
+        return state
+    return np.array([state[0], ends[-1] - second * second / (second - first), state[2]])
+
+
+def _refuse(status: int) -> None:
+    if status != 0:
+        raise NoResponseError(status_text(status))

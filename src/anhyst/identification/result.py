@@ -1,0 +1,101 @@
+"""What an identification gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from anhyst.data import LoopSet
+from anhyst.data.look import few, length_scale
+from anhyst.model.acceptance import Acceptance, GapCheck
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.writer import write_model
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+from anhyst.support.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifyResult(Result):
+    """A model, and how it was found.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Complete, with fit figures, uncertainty, reduction and provenance.
+    loops : LoopSet
+        What it was fitted to.
+    fitted : tuple of ndarray
+        Modelled output of each loop of ``loops``, SI, in the same order.
+    acceptance : Acceptance
+        Outcome of the acceptance test.
+    warnings : tuple of str
+        What a user should know before trusting the model.
+    per_gap : ActuatorModel or None
+        Of the paper's search: seven parameters free at each gap, before the reduction.
+    splines : GapCheck or None
+        The acceptance test over the gap with ordinary splines through the parameters of
+        ``per_gap`` (the paper's Fig. 2); its ``failing`` are the gaps where it fails.
+    seconds : float
+        Wall time.
+    evaluations : int
+        Runs of all loops through the law.
+    interrupted : bool
+        The search was stopped before its end; the model is the best so far.
+    """
+
+    model: ActuatorModel
+    loops: LoopSet
+    fitted: tuple[FloatArray, ...]
+    acceptance: Acceptance
+    warnings: tuple[str, ...] = ()
+    per_gap: ActuatorModel | None = None
+    splines: GapCheck | None = None
+    seconds: float = 0.0
+    evaluations: int = 0
+    interrupted: bool = False
+
+    def facts(self) -> dict[str, str]:
+        """Return what was found, how well it fits, and what to know before trusting it."""
+        return {
+            **self.model.facts(),
+            "found in": f"{self.seconds:.1f} s",
+            **{f"warning {place}": text for place, text in enumerate(self.warnings, 1)},
+        }
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return all samples of the loops, with what the model gives beside what was measured."""
+        output = self.loops.output
+        fitted = np.concatenate(self.fitted)
+        measured = np.concatenate([loop.output for loop in self.loops.loops])
+        return {
+            **self.loops.to_columns(),
+            f"{output.column}_fitted": fitted,
+            f"{output.column}_residual": measured - fitted,
+        }
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the measured loops, and what the model gives for them dashed."""
+        self.loops.draw(ax)
+        scale, _ = length_scale(self.loops.output)
+        for loop, fitted in zip(self.loops.loops, self.fitted, strict=True):
+            every = few(loop.n)
+            ax.plot(loop.input[every], scale * fitted[every], color="0.15", lw=0.8, ls="--")
+        ax.plot([], [], color="0.15", lw=0.8, ls="--", label="model")
+
+    def save(self, path: PathLike) -> Path:
+        """Write the model file.
+
+        Raises
+        ------
+        InputError
+            The place cannot be written.
+        """
+        write_model(self.model, path)
+        return Path(path)

@@ -1,0 +1,272 @@
+"""The global stage: thousands of parameter sets over one gap at once, by the batch of the core.
+
+Offset and gain of the output enter linearly and are solved for each set, so that only pinning,
+reversibility, interaction and the scale of the input are left to sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import batch
+from anhyst.identification.dispatch import batch_level
+from anhyst.identification.fit_records import FitRecord, FitRecords, thinned
+from anhyst.identification.response import LOCAL, Local, ResponseForm
+from anhyst.identification.space import IN_SERIES, CoordinateSpace
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+OMEGA_JUMP = 3.0
+"""At omega = -3 the law may begin to jump; the batch does not follow it there."""
+
+_ALMOST_JUMPING = -2.95
+
+_SCAN = 32
+"""Values tried for a parameter at one gap."""
+
+_WARM_UP = 2
+"""Repetitions before a settled cycle is compared; enough to rank sets."""
+
+_THIN = 64
+"""Samples a loop at the screening, at most."""
+
+
+def evenly(dimensions: int, count: int, seed: int) -> FloatArray:
+    """Fill the unit cube evenly from a random start, shape (dimensions, count).
+
+    Multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio of d dimensions
+    (M. Roberts 2018). Sobol's sequence is no better here, and importing SciPy's takes longer than
+    the whole search.
+    """
+    root = 2.0
+    for _ in range(60):
+        root = (1.0 + root) ** (1.0 / (dimensions + 1))
+    steps = root ** -np.arange(1.0, dimensions + 1.0)
+    begin = np.random.default_rng(seed).random(dimensions)
+    return np.asarray((begin[:, None] + steps[:, None] * np.arange(count)) % 1.0)
+
+
+def sample_sets(records: FitRecords, count: int, seed: int, interacting: bool = True) -> FloatArray:
+    """Draw kappa, c, omega, scale by an additive sequence of low discrepancy (:func:`evenly`).
+
+    What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
+    effective field, 0.3 to 30 on a logarithmic scale), pinning relative to that (0.01 to 3,
+    logarithmic), reversibility (0 to 0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is
+    to be zero.
+
+    Returns
+    -------
+    ndarray, shape (4, count)
+        Rows in the order above; ``scale`` in units of the input.
+    """
+    draw = evenly(4, count, seed)
+    reach = 0.3 * 100.0 ** draw[0]
+    kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
+    c = 0.95 * draw[2]
+    omega = 0.1 * 3000.0 ** draw[3] - OMEGA_JUMP if interacting else np.zeros(count)
+    saturated = 1.0 / np.tanh(reach) - 1.0 / reach
+    drive = np.maximum(reach + omega * saturated, 0.1 * reach)
+    largest = max(float(np.max(np.abs(record.input))) for record in records.loops)
+    return np.stack([kappa, c, omega, largest / drive])
+
+
+def screen(
+    form: ResponseForm, records: FitRecords, sets: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Deviation of many sets at one gap, with the best gain and offset for each.
+
+    Parameters
+    ----------
+    form : ResponseForm
+        Equations of the measured quantities; ``h`` is taken as its fixed value.
+    records : FitRecords
+        Loops at a single gap.
+    sets : ndarray, shape (4, count)
+        As :func:`sample_sets` draws them.
+
+    Returns
+    -------
+    cost, gain, out_0 : ndarray, shape (count,)
+        Weighted sum of squares as the objective's; infinite where gain comes out negative.
+    """
+    moments, total = _moments(form, records, sets, np.zeros(sets.shape[1]))
+    ones, first, second, mean, cross = moments
+    spread = ones * second - first**2
+    gain = (ones * cross - first * mean) / np.where(spread > 0.0, spread, np.inf)
+    out_0 = (mean - gain * first) / ones
+    cost = _cost(moments, total, gain, out_0)
+    return np.where(gain > 0.0, cost, np.inf), gain, out_0
+
+
+def follow_sets(
+    record: FitRecord, kept: NDArray[np.intp], sets: FloatArray, offset: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Follow one drive with many sets at once.
+
+    Parameters
+    ----------
+    record : FitRecord
+        What drives them; a settled cycle is repeated a few times first.
+    kept : ndarray, shape (n,)
+        Samples to stop at (:func:`thinned`).
+    sets : ndarray, shape (4, count)
+        As :func:`sample_sets` draws them; omega above -3.
+    offset : ndarray, shape (count,)
+        Input offset of each set, SI.
+
+    Returns
+    -------
+    m, xi : ndarray, shape (n, count)
+        Magnetisation and effective field in units of the law.
+    """
+    kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
+    scale = 1.0 / sets[3]
+    x, y = np.zeros(kappa.size), np.zeros(kappa.size)
+    driven = np.ascontiguousarray(record.input[kept])
+    # Up to the first sample in small steps: the linear step is not exact over long ones.
+    rise = np.concatenate(
+        [np.linspace(0.0, end, 16)[1:] for end in (*record.lead.drive, driven[0])]
+    )
+    follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
+    follow(drive=rise, keep=False)
+    for _ in range(_WARM_UP if record.settled else 0):
+        follow(drive=driven, keep=False)
+    m, xi = follow(drive=driven)
+    return m, xi
+
+
+def _moments(
+    form: ResponseForm, records: FitRecords, sets: FloatArray, offset: FloatArray
+) -> tuple[FloatArray, float]:
+    """Weighted sums, over all samples, that the deviation of any gain and offset follows from.
+
+    With b the output for gain 1 and y the measured one: 1, b, b^2, y, b*y; and the sum of y^2.
+    """
+    count = sets.shape[1]
+    moments = np.zeros((5, count))
+    total = 0.0
+    for record in records.loops:
+        kept = thinned(record.input, _THIN)
+        m, x_out = follow_sets(record, kept, sets, offset)
+        shape = (m + form.h * x_out) ** form.power
+        weight = record.weight**2 * record.input.size / kept.size
+        measured = record.output[kept]
+        moments[0] += weight * kept.size
+        moments[1] += weight * shape.sum(axis=0)
+        moments[2] += weight * np.einsum("ij,ij->j", shape, shape)
+        moments[3] += weight * measured.sum()
+        moments[4] += weight * (measured @ shape)
+        total += weight * float(measured @ measured)
+    return moments, total
+
+
+def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray) -> FloatArray:
+    ones, first, second, mean, cross = moments
+    square = total + gain**2 * second + out_0**2 * ones
+    return np.asarray(square + 2.0 * (gain * out_0 * first - gain * cross - out_0 * mean))
+
+
+def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Local]:
+    """Best sets of a screening at the only gap of a space, far enough apart to differ.
+
+    Parameters
+    ----------
+    space : CoordinateSpace
+        Its records must hold a single gap.
+    count, keep : int
+        Sets drawn, and starts wanted.
+    seed : int
+        Seed of the drawing.
+
+    Returns
+    -------
+    list of Local
+        Best first.
+
+    Raises
+    ------
+    InputError
+        No set comes near the loops at all.
+    """
+    sets = sample_sets(space.records, count, seed, interacting="omega" not in space.held)
+    cost, gain, out_0 = screen(space.form, space.records, sets)
+    apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + OMEGA_JUMP)])
+    chosen: list[int] = []
+    for place in np.argsort(cost):
+        if not np.isfinite(cost[place]) or len(chosen) == keep:
+            break
+        if all(np.linalg.norm(apart[:, place] - apart[:, other]) > 0.7 for other in chosen):
+            chosen.append(int(place))
+    if not chosen:
+        raise InputError(
+            "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
+            "or columns with 'anhyst inspect --plot'"
+        )
+    found = []
+    for place in chosen:
+        kappa, c, omega, scale = (float(value) for value in sets[:, place])
+        offset = 0.0 if "out_0" in space.held else float(out_0[place])
+        local = Local((kappa, c), omega, scale, float(gain[place]), 0.0, offset, 0.0)
+        found.append(space.form.with_h(local))
+    return found
+
+
+def scan_gap(
+    space: CoordinateSpace, gap: int, known: list[Local]
+) -> tuple[list[Local], FloatArray]:
+    """Find, at one gap, the best value of the parameter that the map ties to it, the rest held.
+
+    Parameters
+    ----------
+    space : CoordinateSpace
+        With the map and the loops of all gaps.
+    gap : int
+        Place of the gap.
+    known : list of Local
+        Sets at another gap.
+
+    Returns
+    -------
+    sets : list of Local
+        The same sets made to fit this gap.
+    cost : ndarray, shape (len(known),)
+        Their weighted sums of squares there.
+    """
+    count = len(known)
+    table = np.repeat(_table(known), _SCAN, axis=1)
+    if space.gap_map in IN_SERIES:
+        unscaled = table[3] * (1.0 - space.form.h * table[2])
+        reach = np.linspace(np.log(0.05), np.log(300.0), _SCAN)
+        table[2] = np.tile(np.exp(reach) - OMEGA_JUMP, count)
+        table[3] = unscaled / np.maximum(1.0 - space.form.h * table[2], 0.01)
+    else:
+        table[3] *= np.tile(5.0 ** np.linspace(-1.0, 1.0, _SCAN), count)
+    cost = _cost_of(space.form, space.records.at(gap), table).reshape(count, _SCAN)
+    best = np.argmin(cost, axis=1)
+    at = best + _SCAN * np.arange(count)
+    sets = [
+        replace(local, omega=float(table[2, place]), scale=float(table[3, place]))
+        for local, place in zip(known, at, strict=True)
+    ]
+    return sets, cost[np.arange(count), best]
+
+
+def cost_at_gap(space: CoordinateSpace, gap: int, known: list[Local]) -> FloatArray:
+    """Weighted sums of squares of sets at one gap, as they are, shape (len(known),)."""
+    return _cost_of(space.form, space.records.at(gap), _table(known))
+
+
+def _table(known: list[Local]) -> FloatArray:
+    """Lay sets out as columns, rows in the order of LOCAL."""
+    return np.array([[getattr(local, name) for local in known] for name in LOCAL])
+
+
+def _cost_of(form: ResponseForm, records: FitRecords, table: FloatArray) -> FloatArray:
+    kappa, c, omega, scale, gain, in_0, out_0 = table
+    followed = np.stack([kappa, c, np.maximum(omega, _ALMOST_JUMPING), scale])
+    moments, total = _moments(form, records, followed, in_0)
+    return _cost(moments, total, gain, out_0)

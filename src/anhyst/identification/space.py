@@ -1,0 +1,191 @@
+"""The numbers a search moves, and the parameters at each gap they stand for.
+
+A coordinate vector holds, in the order of the names of its form, one entry for
+each parameter that is shared by all gaps and one for each gap for those that are not. Positive
+ones are logarithms; ``omega``, which may have either sign and any size, is the hyperbolic sine of
+its coordinate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.identification.fit_records import FitRecords
+from anhyst.identification.response import SURROUNDING, Local, ResponseForm
+from anhyst.laws.law import FitNumber
+from anhyst.support.arrays import FloatArray
+
+PER_GAP = {
+    "none": frozenset[str](),
+    "scaling": frozenset({"scale"}),
+    "reluctance": frozenset({"omega"}),
+    "circuit": frozenset({"omega", "gain", "in_0", "out_0"}),
+    "free": frozenset(SURROUNDING),
+}
+"""Which parameters each gap map lets differ from gap to gap; ``free`` those of the law too. Where
+omega is a reluctance the scale of the input follows from it: ``scale = scale_0/(1 - h*omega)``;
+1/(1 - h*omega) = 1 + rho."""
+
+IN_SERIES = frozenset({"reluctance", "circuit"})
+"""Gap maps that read omega as a reluctance in series with the iron."""
+
+AROUND = (
+    FitNumber("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
+    FitNumber("scale", "a/c_H", 1e-5, 1e2, "log", "input"),
+    FitNumber("gain", "output at saturation", 1e-3, 1e4, "log", "output"),
+    FitNumber("in_0", "input offset", -1.0, 1.0, of="input"),
+    FitNumber("out_0", "output offset", -2.0, 2.0, of="output"),
+)
+"""What a fit moves of what surrounds the law."""
+
+
+@dataclass(frozen=True)
+class CoordinateSpace:
+    """Coordinates of one identification.
+
+    Parameters
+    ----------
+    gap_map
+        A key of :data:`PER_GAP`.
+    records
+        What is fitted.
+    form
+        Equations of the measured quantities.
+    held
+        Names of parameters that are zero and not fitted: ``in_0``, ``out_0``, ``omega``.
+    common
+        Names of parameters that are the same at every gap although the map lets them differ.
+    """
+
+    gap_map: str
+    records: FitRecords
+    form: ResponseForm
+    held: frozenset[str] = frozenset()
+    common: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        if self.gap_map in {"scaling", "reluctance", "circuit"}:
+            # Behind a gap the measured field is not that in the iron: it does not determine h.
+            object.__setattr__(self, "form", replace(self.form, permeability=0.0))
+
+    @cached_property
+    def entries(self) -> tuple[tuple[str, int | None], ...]:
+        """Name and gap of each coordinate; no gap for those shared by all."""
+        found: list[tuple[str, int | None]] = []
+        differing = PER_GAP[self.gap_map] - self.common
+        if self.gap_map == "free":
+            differing |= {number.name for number in self.form.kernel.numbers} - self.common
+        for name in self.form.names:
+            if name in self.held:
+                continue
+            if name in differing:
+                found.extend((name, gap) for gap in range(self.records.gaps))
+            else:
+                found.append((name, None))
+        return tuple(found)
+
+    def inward(self, name: str, value: float) -> float:
+        """Return the coordinate of a parameter, SI."""
+        number = self.numbers[name]
+        if number.coordinate == "log":
+            return float(np.log(value))
+        return float(np.arcsinh(value)) if number.coordinate == "asinh" else value / self.unit(name)
+
+    def outward(self, name: str, coordinate: float) -> tuple[float, float]:
+        """Return the parameter at a coordinate, SI, and its derivative by the coordinate."""
+        number = self.numbers[name]
+        if number.coordinate == "log":
+            value = float(np.exp(coordinate))
+            return value, value
+        if number.coordinate == "asinh":
+            return float(np.sinh(coordinate)), float(np.cosh(coordinate))
+        unit = self.unit(name)
+        return coordinate * unit, unit
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates, with the place of the gap where there is one for each."""
+        return tuple(n if gap is None else f"{n}[{gap}]" for n, gap in self.entries)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return len(self.entries)
+
+    @cached_property
+    def numbers(self) -> dict[str, FitNumber]:
+        """What may be moved, by name."""
+        return {number.name: number for number in (*self.form.kernel.numbers, *AROUND)}
+
+    def unit(self, name: str) -> float:
+        """Scale of a parameter in SI: span of the input or output, or 1."""
+        spans = {"input": self.records.input_span, "output": self.records.output_span}
+        return spans.get(self.numbers[name].of, 1.0)
+
+    @cached_property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of the coordinates."""
+        numbers = [self.numbers[name] for name, _ in self.entries]
+        low = [self.inward(one.name, one.low * self.unit(one.name)) for one in numbers]
+        high = [self.inward(one.name, one.high * self.unit(one.name)) for one in numbers]
+        return np.array(low), np.array(high)
+
+    def pack(self, sets: list[Local]) -> FloatArray:
+        """Coordinates of parameters given for each gap; shared ones are taken from the first."""
+        theta = []
+        for name, gap in self.entries:
+            local = sets[gap or 0]
+            value = self.form.values(local)[name]
+            if name == "scale" and self.gap_map in IN_SERIES:
+                value *= 1.0 - self.form.h * local.omega
+            theta.append(self.inward(name, value))
+        return np.asarray(np.clip(np.array(theta), *self.bounds))
+
+    def without(self, left_out: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
+        """Take all gaps but these: the space, and the places of its coordinates in this one."""
+        kept = [place for place, (_, gap) in enumerate(self.entries) if gap not in left_out]
+        return replace(self, records=self.records.without(left_out)), np.array(kept)
+
+    def holding(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
+        """Hold more at zero: the space, and the places of its coordinates in this one."""
+        kept = [place for place, (name, _) in enumerate(self.entries) if name not in names]
+        return replace(self, held=self.held | names), np.array(kept)
+
+    def unpack(self, theta: FloatArray) -> list[tuple[Local, FloatArray]]:
+        """Parameters at each gap, and their derivatives by the coordinates, shape (numbers, size)."""
+        shared: dict[str, tuple[int, float, float]] = {}
+        single: dict[tuple[str, int], tuple[int, float, float]] = {}
+        for place, ((name, gap), coordinate) in enumerate(zip(self.entries, theta, strict=True)):
+            value, slope = self.outward(name, float(coordinate))
+            if gap is None:
+                shared[name] = (place, value, slope)
+            else:
+                single[name, gap] = (place, value, slope)
+        found = []
+        names = self.form.names
+        for gap in range(self.records.gaps):
+            values = dict.fromkeys(names, 0.0)
+            jacobian = np.zeros((len(names), theta.size))
+            for row, name in enumerate(names):
+                at = single.get((name, gap)) or shared.get(name)
+                if at is not None:
+                    values[name] = at[1]
+                    jacobian[row, at[0]] = at[2]
+            found.append((self._finish(values, jacobian), jacobian))
+        return found
+
+    def _finish(self, values: dict[str, float], jacobian: FloatArray) -> Local:
+        """Fill in what follows from the rest: h, and the scale of the reluctance map."""
+        if self.gap_map not in IN_SERIES:
+            return self.form.local(values)
+        row, omega_row = self.form.names.index("scale"), self.form.names.index("omega")
+        ratio = 1.0 / (1.0 - min(self.form.h * values["omega"], 0.99))
+        values["scale"] *= ratio
+        jacobian[row] *= ratio
+        jacobian[row] += values["scale"] * ratio * self.form.h * jacobian[omega_row]
+        return self.form.local(values)

@@ -1,0 +1,167 @@
+"""What comes late in an actuator: a lag, and creep.
+
+The effective field follows the drive of a moment ago, and to the flux density ``B`` of the iron
+(of a piezo: its polarisation, in the same place) slow parts of itself are added::
+
+    output(t) = c_out * (B + sum_j w_j s_j)**power + out_0,    T_j ds_j/dt = B - s_j
+
+A sample counts until the next one: each ``s_j`` is that of what was before. So the inverse knows
+them when it needs them: take them off the demand, solve for ``B``, then let them follow it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst.data.path import reversal_count
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+_REVERSAL = 0.02
+"""A reversal counts once the input has come back by this share of its range."""
+
+FASTER = 1.5
+"""A run that much faster than what a model was seen to hold for is flagged."""
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Lag and creep of an actuator.
+
+    Parameters
+    ----------
+    lag : float
+        From the drive to the answer, s, 0 or above.
+    times : tuple of float
+        Time constants of the creep, s, above 0, ascending.
+    shares : tuple of float
+        What each adds in the end, in parts of what the actuator does at once; 0 or above.
+    fastest : float
+        Rate of cycles up to which the model was seen to hold, Hz; 0 where that is not known.
+
+    Raises
+    ------
+    InputError
+        A number is out of range.
+    """
+
+    lag: float = 0.0
+    times: tuple[float, ...] = ()
+    shares: tuple[float, ...] = ()
+    fastest: float = 0.0
+
+    def __post_init__(self) -> None:
+        numbers = (self.lag, self.fastest, *self.times, *self.shares)
+        if not all(math.isfinite(one) and one >= 0.0 for one in numbers):
+            raise InputError("model dynamics: lag, times, shares and rate must be finite and not "
+                             "negative")  # fmt: skip
+        if len(self.times) != len(self.shares):
+            raise InputError("model dynamics: give one creep share for each creep time")
+        if any(one <= 0.0 for one in self.times) or list(self.times) != sorted(set(self.times)):
+            raise InputError("model dynamics: creep times must be above 0 and ascend")
+
+    @property
+    def needs_time(self) -> bool:
+        """Whether a run has to say when its samples were taken."""
+        return self.lag > 0.0 or bool(self.times)
+
+    def follow(self, flux: float, slow: FloatArray, step: float) -> FloatArray:
+        """Return the slow parts after a flux density has held for a time, s."""
+        kept = np.exp(-step / np.array(self.times))
+        return np.asarray(flux + kept * (slow - flux))
+
+    def added(self, flux: FloatArray, time: FloatArray, slow: FloatArray) -> Creeping:
+        """Add creep to a flux density.
+
+        Parameters
+        ----------
+        flux : ndarray, shape (n,)
+            T.
+        time : ndarray, shape (n,)
+            s, ascending.
+        slow : ndarray, shape (j,)
+            Slow parts at the first sample, T.
+        """
+        return self._run(flux, time, slow, known=True)
+
+    def removed(self, late: FloatArray, time: FloatArray, slow: FloatArray) -> Creeping:
+        """Take creep off again; the inverse of :meth:`added`."""
+        return self._run(late, time, slow, known=False)
+
+    def _run(
+        self, given: FloatArray, time: FloatArray, slow: FloatArray, *, known: bool
+    ) -> Creeping:
+        kept = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
+        shares = np.array(self.shares)
+        sign = 1.0 if known else -1.0
+        found = np.empty(given.size)
+        before = 0.0
+        for i, value in enumerate(given.tolist()):
+            slow = before + kept[i] * (slow - before) if i else slow
+            found[i] = value + sign * float(shares @ slow)
+            before = value if known else float(found[i])
+        return Creeping(found, slow, before)
+
+    def settled(self, given: FloatArray, time: FloatArray, *, known: bool) -> FloatArray:
+        """Return the slow parts with which a cycle begins that has been repeated for ever.
+
+        Parameters
+        ----------
+        given : ndarray, shape (n,)
+            Flux density without creep (``known``) or with it, T.
+        time : ndarray, shape (n,)
+            s; from the last sample back to the first as long as usual.
+        known : bool
+            Which of the two is given.
+        """
+        step = float(np.median(np.diff(time)))
+
+        def around(slow: FloatArray) -> FloatArray:
+            end = self._run(given, time, slow, known=known)
+            return self.follow(end.last, end.slow, step)
+
+        rest = around(np.zeros(len(self.times)))
+        linear = np.stack([around(one) - rest for one in np.eye(len(self.times))], axis=1)
+        return np.asarray(np.linalg.solve(np.eye(len(self.times)) - linear, rest))
+
+    def delayed(self, values: FloatArray, time: FloatArray) -> FloatArray:
+        """Return a record as it was a lag ago; before its start it stood still."""
+        return np.interp(time - self.lag, time, values)
+
+    def advanced(self, values: FloatArray, time: FloatArray) -> FloatArray:
+        """Return a record as it will be a lag later; after its end it stands still."""
+        return np.interp(time + self.lag, time, values)
+
+
+@dataclass(frozen=True, eq=False)
+class Creeping:
+    """A record with or without its creep, the slow parts at its last sample, and that sample."""
+
+    found: FloatArray
+    slow: FloatArray
+    last: float
+
+
+def rate_of(drive: FloatArray, time: FloatArray | None) -> float:
+    """Return the rate of the cycles in a record, Hz; 0 without time or reversals."""
+    if time is None or time[-1] <= time[0]:
+        return 0.0
+    span = float(np.ptp(drive))
+    if span == 0.0:
+        return 0.0
+    turns = reversal_count(drive, _REVERSAL * span)
+    return (turns + 1) / (2.0 * float(time[-1] - time[0])) if turns else 0.0
+
+
+def too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -> tuple[str, ...]:
+    """Return a sentence where a run is faster than what the model was seen to hold for."""
+    rate = rate_of(drive, time)
+    if dynamics.fastest == 0.0 or rate <= FASTER * dynamics.fastest:
+        return ()
+    return (
+        f"the record runs at {rate:.3g} Hz, the model was seen to hold up to "
+        f"{dynamics.fastest:.3g} Hz: a loop widens with its rate; measure and identify at this one",
+    )

@@ -1,0 +1,12 @@
+"""The report of a model, and its figures.
+
+``write_report`` makes one HTML file from a model file; ``write_plots`` makes picture files; the
+functions of :mod:`anhyst.reports.model.figures` give the figures themselves.
+"""
+
+from __future__ import annotations
+
+from anhyst.reports.model.page import write_report
+from anhyst.reports.model.plots import write_plots
+
+__all__ = ["write_plots", "write_report"]

@@ -1,0 +1,252 @@
+"""From what ``simulate`` found to what its report is about."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from anhyst.compensate.interface import MethodName
+from anhyst.reports.bearing.force_current import identified_loop, nearest_loops
+from anhyst.reports.bearing.look import interval_text, ordered
+from anhyst.reports.bearing.over_frequency import Response
+from anhyst.reports.bearing.over_time import StepPanel
+from anhyst.reports.bearing.subject import (
+    FigureTable,
+    Intervals,
+    SimulationSubject,
+    Tracking,
+    grouped,
+)
+from anhyst.reports.bearing.tables import OVERSHOOT
+from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
+from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.bearing.scenario import ReferenceStep, Scenario
+from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.tables import SimulateTable
+from anhyst.rig.distance import PlantCheck
+from anhyst.study.bearing import experiments
+from anhyst.study.bearing.metrics import Interval, no_mean
+from anhyst.study.bearing.operating import has_constants
+from anhyst.study.bearing.simulate import Simulation
+from anhyst.support.page.blocks import Note, PageTable, table
+from anhyst.support.page.numbers import NBSP, NOT_KNOWN, number
+
+_SHOWN = 0.03  # of a step, s
+_COLUMNS = ("ratio", "single-valued", "full")  # whose forces are shown, beside the controller's own
+_FREQUENCIES = 400
+
+
+def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
+    """Gather what the report of a simulation shows; trajectories and loads are run once more.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        What was found.
+    command : str
+        What makes it again.
+    """
+    rig, tried = simulation.rig, simulation.rig.settings.simulate
+    steps = grouped(simulation.cells)
+    up = [step for step in simulation.scenario.steps if step.after < step.before]
+    here = {step.height: step for step in steps if step.gap == tried.gap_m}
+    whole = simulation.scenario.ticks
+    shown = {name: run for name, run in simulation.shown.items() if len(run) == whole}
+    panels = tuple(
+        StepPanel(
+            step,
+            shown,
+            next(
+                found.of(OVERSHOOT)
+                for height, found in here.items()
+                if np.isclose(height, step.height)
+            ),
+        )
+        for step in up
+    )
+    still = experiments.standing(simulation.setups[simulation.own])
+    chosen = {name: run for name, run in shown.items() if name in (*_COLUMNS, simulation.own)}
+    linear_gain, linear_sensitivity = _linear(simulation)
+    single = len(rig.magnets) == 1
+    loops, current = simulation.knowledge.loops, rig.settings.measurement.current_max_A
+    return SimulationSubject(
+        rig=rig,
+        controller=simulation.controller.settings,
+        seeds=tried.noise_seeds,
+        panels=panels,
+        steps=steps,
+        forces=_part(chosen, rig.dt, up[-1]),
+        run=_part(chosen, rig.dt, up[-1]) if single else {},
+        measured=tuple(nearest_loops(loops, tried.gap_m)) if single else (),
+        identified=identified_loop(simulation.knowledge.model, tried.gap_m, 0.0, current)
+        if single
+        else None,
+        tracked=tuple(one for one in _tracked(simulation.setups, tried) if one.recordings),
+        standstill=_seen(simulation.setups, *still),
+        sensitivity={
+            name: Response(one.frequency, one.ratio) for name, one in simulation.sensitivity.items()
+        },
+        linear_sensitivity=linear_sensitivity,
+        loop_gain=linear_gain,
+        margins={
+            name: simulation.loops[name].margins
+            for name, setup in simulation.setups.items()
+            if has_constants(setup)
+        },
+        tables=_tables(simulation.figures),
+        blocks={"standstill": (_cycles(simulation.figures["standstill"]),)},
+        files={
+            path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in (rig.path, simulation.controller.path, *rig.measured.files)
+        },
+        command=command,
+        notes=plant_notes(simulation.plant),
+    )
+
+
+def plant_notes(plant: PlantCheck) -> tuple[Note, ...]:
+    """Say how far the plant is from its loops, and what that takes from the results."""
+    known = Note("info", "The plant", f"{'; '.join(plant.lines)}.")
+    return (known, *(Note("warn", "The plant", f"{text}.") for text in plant.warnings))
+
+
+def _part(
+    runs: Mapping[MethodName, Recording], tick: float, step: ReferenceStep
+) -> Mapping[MethodName, Recording]:
+    """Cut out what happens around a step."""
+    first, last = step.begin - round(0.1 * _SHOWN / tick), step.begin + round(_SHOWN / tick)
+    return {name: run.part(first, min(last, step.end)) for name, run in runs.items()}
+
+
+def _linear(
+    simulation: Simulation,
+) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
+    """Return loop gain and sensitivity, linearised, of the own variant and the paper's case.
+
+    A variant that is no constant is drawn as if it knew the static slopes.
+    """
+    rate = simulation.rig.settings.timing.rate_Hz
+    frequency = np.geomspace(5.0, 0.4 * rate, _FREQUENCIES)
+    gains: dict[MethodName, Response] = {}
+    sensitivities: dict[MethodName, Response] = {}
+    for name in ("ratio", simulation.own):
+        loop = simulation.loops[name]
+        known = "" if has_constants(simulation.setups[name]) else "as if it knew the static slopes"
+        note = known if loop.stable else f"{known}, unstable".removeprefix(", ")
+        gains[name] = Response(frequency, loop.response(frequency), note)
+        sensitivities[name] = Response(frequency, loop.sensitivity(frequency), note)
+    return gains, sensitivities
+
+
+def _seen(
+    setups: Mapping[MethodName, Setup], scenario: Scenario, begin: int
+) -> Mapping[MethodName, Recording]:
+    """Run a scenario under every variant, and keep what follows a tick; lost runs are left out."""
+    found = {}
+    for name, setup in setups.items():
+        recording = SimulatedLoop(setup).run(scenario)
+        lost = lost_at(setup.rig, recording, scenario.lifted)
+        if lost is None and len(recording) == scenario.ticks:
+            found[name] = recording.part(begin, len(recording))
+    return found
+
+
+def _tracked(setups: Mapping[MethodName, Setup], tried: SimulateTable) -> Iterator[Tracking]:
+    """Run trajectories and load steps for the eye."""
+    one = next(iter(setups.values()))
+    for shape in tried.trajectories:
+        seen = _seen(setups, *experiments.following(one, shape))
+        size = f"{1e6 * shape.amplitude_m:g}{NBSP}µm"
+        yield Tracking(f"{shape.kind} of {size} at {shape.frequency_Hz:g}{NBSP}Hz", seen)
+    for force in tried.load_steps_N:
+        scenario, begin = experiments.loaded(one, force)
+        ticks = round(0.1 / one.rig.dt)
+        seen = {name: run.part(0, ticks) for name, run in _seen(setups, scenario, begin).items()}
+        yield Tracking(f"load step of {force:g}{NBSP}N", seen)
+
+
+_FIGURES: Mapping[str, tuple[str, str, float]] = {
+    "rms_m": ("Position at a standstill, rms", "nm", 1e9),
+    "mean_error_m": ("Mean error at a standstill", "nm", 1e9),
+    "tracking_rms_m": ("Deviation from the trajectory, rms", "nm", 1e9),
+    "tracking_peak_m": ("Deviation from the trajectory, largest", "nm", 1e9),
+    "force_error_rms_N": ("Force error on the trajectory, rms", "N", 1.0),
+    "peak_m": ("Deviation after a load step, largest", "µm", 1e6),
+    "excess_peak_m": ("Deviation that the event makes, largest", "µm", 1e6),
+    "excess_s": ("Time until the event no longer shows", "ms", 1e3),
+    "recovery_s": ("Time until the error stays within 1 µm", "ms", 1e3),
+}
+"""Title, unit as shown and factor to it."""
+
+_CAPTIONS = {
+    "force_error_rms_N": "True less wanted force of the same tick: it holds the tick of delay and "
+    "the lag of the amplifier, which no compensation takes away."
+}
+
+
+def _tables(figures: Mapping[str, Any]) -> dict[str, tuple[FigureTable, ...]]:
+    """Return the tables of experiments beside steps."""
+    follow = {
+        f"{one['kind']} of {1e6 * one['amplitude_m']:g}{NBSP}µm at {one['frequency_Hz']:g}"
+        f"{NBSP}Hz": one["variants"]
+        for one in figures["trajectories"]
+    }
+    loads = {
+        f"load step of {one['force_N']:g}{NBSP}N": one["variants"] for one in figures["load_steps"]
+    }
+    excess = dict(figures["events"])
+    recovery = {**loads, "overload": excess.pop("overload")}
+    return {
+        "standstill": _comparisons(
+            {"hanging still": figures["standstill"]}, "rms_m", "mean_error_m"
+        ),
+        "tracking": (
+            *_comparisons(follow, "tracking_rms_m", "tracking_peak_m", "force_error_rms_N"),
+            *_comparisons(loads, "peak_m"),
+            *_comparisons(recovery, "recovery_s"),
+            *_comparisons(excess, "excess_peak_m", "excess_s"),
+        ),
+    }
+
+
+def _comparisons(rows: Mapping[str, Any], *names: str) -> tuple[FigureTable, ...]:
+    if not rows:
+        return ()
+    return tuple(
+        FigureTable(
+            *_FIGURES[name],
+            {title: _intervals(found, name) for title, found in rows.items()},
+            _CAPTIONS.get(name, ""),
+        )
+        for name in names
+    )
+
+
+def _intervals(found: Mapping[MethodName, Any], name: str) -> Intervals:
+    return {
+        variant: Interval(**one[name]) if name in one else no_mean(one["lost"], one["runs"])
+        for variant, one in found.items()
+    }
+
+
+def _cycles(found: Mapping[MethodName, Any]) -> PageTable:
+    """Report under which variants the armature never came to rest, and in how many runs."""
+    rows = [[name, *_cycle_row(found[name])] for name in ordered(found)]
+    return table(
+        "Limit cycles at a standstill",
+        ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
+        rows,
+        "Amplitude and period: medians of the runs that have a cycle.",
+    )
+
+
+def _cycle_row(one: Mapping[str, Any]) -> tuple[str, str, str]:
+    if one["lost"]:
+        return interval_text(no_mean(one["lost"], one["runs"])), NOT_KNOWN, NOT_KNOWN
+    count = f"{one['limit_cycles']} of {one['runs']}"
+    if not one["limit_cycles"]:
+        return count, NOT_KNOWN, NOT_KNOWN
+    return count, number(1e9 * one["limit_cycle_m"], 3), number(1e3 * one["limit_cycle_s"], 3)

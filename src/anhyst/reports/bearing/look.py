@@ -1,0 +1,120 @@
+"""How the figures of a simulated bearing look: one colour and one dash for every variant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from anhyst.compensate.interface import MethodName
+from anhyst.study.bearing.metrics import Interval
+from anhyst.support.arrays import FloatArray
+from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
+from anhyst.support.page.style import FALLING, RISING
+
+INK = "#000000"
+SHADE = "#8C8C8C"
+PALE = "#C4C4C4"
+
+# Okabe and Ito, and dashes beside them, for print without colour.
+COLOURS: Mapping[MethodName, str] = {
+    "ratio": FALLING,
+    "secant": "#7A4B21",
+    "linearised": "#E69F00",
+    "single-valued": "#CC79A7",
+    "play": "#882255",
+    "simplified": "#009E73",
+    "full": RISING,
+    "flux": "#56B4E9",
+}
+DASHES: Mapping[MethodName, Any] = {
+    "ratio": "-",
+    "secant": (0, (1, 1)),
+    "linearised": (0, (6, 1.5)),
+    "single-valued": (0, (3, 1)),
+    "play": (0, (4, 1, 1, 1, 1, 1)),
+    "simplified": (0, (6, 1.5, 1, 1.5)),
+    "full": "-",
+    "flux": (0, (2, 1, 1, 1)),
+}
+_WIDTH_DIGITS, _MEAN_DIGITS, _PLACES = 2, 4, 3
+MOST_POINTS = 1200
+"""Points of a curve in a figure at most."""
+
+
+def line_of(variant: MethodName) -> dict[str, Any]:
+    """Return how the line of a variant is drawn."""
+    width = 1.6 if variant == "full" else 1.2
+    return {"color": COLOURS[variant], "ls": DASHES[variant], "lw": width}
+
+
+def ordered(variants: Iterable[str]) -> list[MethodName]:
+    """Return variants in the order in which every figure and table has them."""
+    given = set(variants)
+    return [name for name in COLOURS if name in given]
+
+
+def thinned(*rows: FloatArray) -> tuple[FloatArray, ...]:
+    """Return rows of equal length with no more points than a figure can show.
+
+    From every stretch the lowest and the highest value of the last row are kept: peaks stay.
+    """
+    shape = rows[-1]
+    every = math.ceil(2 * shape.size / MOST_POINTS)
+    if every <= 2:
+        return rows
+    starts = range(0, shape.size, every)
+    kept = {
+        start + int(place(shape[start : start + every]))
+        for start in starts
+        for place in (np.argmin, np.argmax)
+    }
+    index = np.array(sorted({0, *kept, shape.size - 1}))
+    return tuple(row[index] for row in rows)
+
+
+def interval_text(found: Interval | None, unit: str = "", factor: float = 1.0) -> str:
+    """Write a mean with the half width of its confidence interval, rounded up.
+
+    An infinite time is "never"; where levitation was lost, how often.
+
+    Examples
+    --------
+    >>> interval_text(Interval(8.1234, 0.213, 20), "%").replace(NBSP, " ")
+    '8.12 ± 0.22 %'
+    >>> interval_text(Interval(math.nan, math.nan, 20, lost=7))
+    '7 of 20 lost'
+    >>> interval_text(Interval(3.6157, 0.00098, 20)), interval_text(Interval(2e-4, 0.01, 20))
+    ('3.616 ± 0.001', '0.000 ± 0.010')
+    """
+    if found is None:
+        return NOT_KNOWN
+    if found.lost:
+        return f"{found.lost} of {found.count} lost"
+    mean, width = factor * found.mean, abs(factor) * found.half_width
+    if not math.isfinite(mean):
+        return NOT_KNOWN if math.isnan(mean) else "never"
+    if not math.isfinite(width) or width <= 1e-9 * abs(mean):
+        text = number(mean, 4, short=True)
+    else:
+        digits = _WIDTH_DIGITS - 1 - math.floor(math.log10(width))
+        if mean != 0.0:
+            digits = min(digits, _MEAN_DIGITS - 1 - math.floor(math.log10(abs(mean))))
+        places = min(max(digits, 0), _PLACES)
+        unsure = math.ceil(width * 10.0**places - 1e-9) / 10.0**places
+        rounded = round(mean, places) + 0.0  # a negative zero becomes a plain one
+        text = f"{rounded:.{places}f} ± {unsure:.{places}f}".replace("-", MINUS)
+    return f"{text}{NBSP}{unit}".rstrip()
+
+
+def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
+    """Put one legend for several panels below them, each label once."""
+    found: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            found.setdefault(str(label), handle)
+    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=columns)

@@ -1,0 +1,293 @@
+"""Figures over many runs: where compensation gains, what tuning can choose from, drift."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import TwoSlopeNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from anhyst.compensate.interface import MethodName
+from anhyst.reports.bearing.look import COLOURS, INK, SHADE, legend_below, line_of, ordered
+from anhyst.study.bearing.monte_carlo import PERCENTILES, percentile
+from anhyst.support.arrays import FloatArray
+from anhyst.support.page.style import ALARM, new_figure, panels, styled
+
+_DARK = 0.45  # ratio below which its colour asks for white letters
+
+_SHORT = {"linearised": "lin.", "single-valued": "single"}  # where squares are narrow
+
+Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
+
+
+@dataclass(frozen=True)
+class BenefitCell:
+    """A figure with compensation over that of a baseline, for one iron and one step.
+
+    Parameters
+    ----------
+    measure : str
+        The figure, such as "overshoot".
+    against : str
+        Which baseline, such as "ratio" or "the strongest baseline".
+    baseline : str
+        MethodName that this is here; empty if none kept the armature in the air.
+    loop_width : float
+        Of the iron, as a share of the largest current; one number for a row of the map.
+    reversible : float or None
+        Reversible fraction of the iron; None where its family has no such number, for all cells.
+    pathological : bool
+        Whether the iron hardly answers just after a reversal.
+    height : float
+        Of the step, m.
+    ratio : float
+        Below 1 where compensation gains; not a number where one of them was lost.
+    outcome : str
+        ``"gain"`` and ``"loss"`` only if it is certain.
+    """
+
+    measure: str
+    against: str
+    baseline: str
+    loop_width: float
+    reversible: float | None
+    pathological: bool
+    height: float
+    ratio: float
+    outcome: Outcome
+
+
+@styled
+def figure_benefit(cells: Sequence[BenefitCell], variant: str) -> Figure:
+    """Draw ratios over irons: one row of maps a baseline, one column a step height.
+
+    Parameters
+    ----------
+    cells : sequence of BenefitCell
+        Of one measure, at least one; where one is missing the map stays white.
+    variant : str
+        Whose figure is divided by that of the baseline.
+    """
+    baselines = list(dict.fromkeys(cell.against for cell in cells))
+    heights = sorted({cell.height for cell in cells})
+    figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(heights)))
+    axes = figure.subplots(len(baselines), len(heights), squeeze=False, sharex=True, sharey=True)
+    mesh: QuadMesh | None = None
+    for row, against in zip(axes, baselines, strict=True):
+        for ax, height in zip(row, heights, strict=True):
+            chosen = [c for c in cells if c.against == against and c.height == height]
+            mesh = _map(ax, cells, chosen)
+            ax.set_title(f"{1e6 * height:g} µm, against {against}", fontsize=8.0)
+        row[0].set_ylabel("loop width (% of largest current)")
+    for ax in axes[-1]:
+        ax.set_xlabel("reversible fraction")
+    assert mesh is not None
+    bar = figure.colorbar(mesh, ax=axes, shrink=0.8, extend="max")
+    bar.set_label(f"{cells[0].measure} of {variant} / that of the baseline")
+    figure.legend(
+        [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _HATCHES.values()],
+        ["certain loss", "neither is certain", "nothing to gain: both are small"],
+        loc="outside lower center",
+        ncols=3,
+    )
+    return figure
+
+
+_HATCHES: Mapping[str, dict[str, Any]] = {
+    "loss": {"ec": ALARM, "hatch": "xxxx"},
+    "no gain": {"ec": SHADE, "hatch": "////"},
+    "nothing to gain": {"ec": SHADE, "hatch": "...."},
+}
+
+
+def _map(ax: Axes, cells: Sequence[BenefitCell], chosen: Sequence[BenefitCell]) -> QuadMesh:
+    widths = sorted({cell.loop_width for cell in cells})
+    shares = list(dict.fromkeys(cell.reversible for cell in cells))
+    ratios = np.full((len(widths), len(shares)), np.nan)
+    for cell in chosen:
+        y, x = widths.index(cell.loop_width), shares.index(cell.reversible)
+        ratios[y, x] = cell.ratio
+        _write(ax, (x, y), cell)
+    # Squares and not an image: a page has each of its identifiers once.
+    mesh = ax.pcolormesh(
+        np.arange(len(shares) + 1) - 0.5,
+        np.arange(len(widths) + 1) - 0.5,
+        np.ma.masked_invalid(np.minimum(ratios, 2.0)),
+        cmap="PuOr_r",
+        norm=TwoSlopeNorm(1.0, 0.0, 2.0),
+        zorder=0.5,  # below the hatching
+    )
+    ax.grid(visible=False)
+    ax.set_xticks(
+        range(len(shares)), ["as it is" if share is None else f"{share:g}" for share in shares]
+    )
+    ax.set_yticks(range(len(widths)), [f"{100.0 * width:.2g}" for width in widths])
+    return mesh
+
+
+def _write(ax: Axes, place: tuple[int, int], cell: BenefitCell) -> None:
+    """Write the ratio into its square; hatch the square where no gain is certain."""
+    x, y = place
+    text = "lost" if math.isnan(cell.ratio) else f"{cell.ratio:.2f}"
+    if cell.pathological:
+        text += "†"
+    if cell.baseline and cell.baseline != cell.against:
+        text += f"\n{_SHORT.get(cell.baseline, cell.baseline)}"
+    plain = cell.outcome == "gain"
+    ax.text(
+        x,
+        y,
+        text,
+        ha="center",
+        va="center",
+        fontsize=7.0,
+        color="#FFFFFF" if plain and cell.ratio < _DARK else INK,
+        bbox=None if plain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
+    )
+    if not plain:
+        corner = (x - 0.48, y - 0.48)
+        ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, lw=0.8, **_HATCHES[cell.outcome]))
+
+
+@dataclass(frozen=True)
+class GainsPoint:
+    """A set of gains that tuning looked at.
+
+    Parameters
+    ----------
+    variant : str
+        What it was tried with.
+    settling : float
+        Longest, s; infinite if it does not.
+    peak : float
+        Of the sensitivity.
+    kept : bool
+        Whether it keeps the other aims (overshoot, noise, effort).
+    """
+
+    variant: MethodName
+    settling: float
+    peak: float
+    kept: bool
+
+
+@dataclass(frozen=True)
+class TuningPicture:
+    """What tuning found.
+
+    Parameters
+    ----------
+    candidates : tuple of GainsPoint
+        All that were looked at.
+    chosen : mapping of str to GainsPoint
+        Of every variant.
+    settling_limit, peak_limit : float or None
+        Aims, if they were given. s, and a ratio.
+    """
+
+    candidates: tuple[GainsPoint, ...]
+    chosen: Mapping[MethodName, GainsPoint]
+    settling_limit: float | None
+    peak_limit: float | None
+
+
+@styled
+def figure_pareto(tuning: TuningPicture) -> Figure:
+    """Draw settling against peak sensitivity: candidates, fronts, what was chosen.
+
+    Parameters
+    ----------
+    tuning : TuningPicture
+        With at least one candidate that settles.
+    """
+    figure = new_figure(4.6)
+    ax = figure.add_subplot()
+    settled = [one for one in tuning.candidates if math.isfinite(one.settling)]
+    for name in ordered(one.variant for one in settled):
+        mine = [one for one in settled if one.variant == name]
+        for kept, alpha in ((False, 0.25), (True, 0.8)):
+            some = [one for one in mine if one.kept is kept]
+            ax.scatter(
+                [1e3 * one.settling for one in some],
+                [one.peak for one in some],
+                s=9.0,
+                marker="o" if kept else "x",
+                color=COLOURS[name],
+                alpha=alpha,
+                lw=0.8,
+            )
+        front = pareto_front([one for one in mine if one.kept])
+        times, peaks = [1e3 * one.settling for one in front], [one.peak for one in front]
+        ax.plot(times, peaks, **line_of(name), drawstyle="steps-post", label=f"front, {name}")
+        if (best := tuning.chosen.get(name)) is not None:
+            place = ([1e3 * best.settling], [best.peak])
+            label = f"chosen, {name}: {1e3 * best.settling:.2f} ms, peak {best.peak:.2f}"
+            ax.plot(*place, "*", ms=13.0, mfc=COLOURS[name], mec=INK, mew=0.7, label=label)
+    if tuning.settling_limit is not None:
+        ax.axvline(1e3 * tuning.settling_limit, color=ALARM, lw=0.9, ls="--", label="aims")
+    if tuning.peak_limit is not None:
+        ax.axhline(tuning.peak_limit, color=ALARM, lw=0.9, ls="--", label="aims")
+    peaks = [one.peak for one in settled]
+    ax.set_ylim(min(0.9, *peaks), min(max(peaks), 8.0) + 0.3)
+    ax.set_xlabel("settling time (ms)")
+    ax.set_ylabel("peak sensitivity")
+    legend_below(figure, ax, columns=2)
+    return figure
+
+
+def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
+    """Return those that no other one beats in both settling and peak, the fastest first."""
+    front: list[GainsPoint] = []
+    for one in sorted(candidates, key=lambda each: (each.settling, each.peak)):
+        if not front or one.peak < front[-1].peak:
+            front.append(one)
+    return front
+
+
+@dataclass(frozen=True)
+class Spread:
+    """One figure over many plants.
+
+    Parameters
+    ----------
+    title : str
+        What it is, with its unit.
+    values : mapping of str to ndarray
+        Of every variant, one a plant; infinite where a plant failed.
+    """
+
+    title: str
+    values: Mapping[MethodName, FloatArray]
+
+
+@styled
+def figure_drift(spreads: Sequence[Spread]) -> Figure:
+    """Draw the share of plants that stay below a figure, with percentiles marked.
+
+    Parameters
+    ----------
+    spreads : sequence of Spread
+        At least one.
+    """
+    figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
+    axes = panels(figure, len(spreads))
+    for ax, spread in zip(axes, spreads, strict=True):
+        for name in ordered(spread.values):
+            values = np.sort(spread.values[name])
+            share = 100.0 * np.arange(1, values.size + 1) / values.size
+            finite = np.isfinite(values)
+            ax.plot(values[finite], share[finite], **line_of(name), label=name)
+            marks = [percentile(values.tolist(), part) for part in PERCENTILES]
+            ax.plot(marks, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
+        ax.set_title(spread.title)
+        ax.set_ylim(0.0, 102.0)
+    axes[0].set_ylabel("plants below (%)")
+    legend_below(figure, *axes)
+    return figure

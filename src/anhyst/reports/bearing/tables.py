@@ -1,0 +1,308 @@
+"""Tables and sentences of the report of a simulation, every figure with its confidence interval."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import METHODS
+from anhyst.reports.bearing.look import interval_text, ordered
+from anhyst.reports.bearing.subject import WITHIN_NOISE, FigureTable, SimulationSubject, Steps
+from anhyst.study.bearing.linear import Margins
+from anhyst.study.bearing.metrics import SETTLED, Interval
+from anhyst.support.page.blocks import Cell, PageTable, table
+from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
+
+OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
+STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
+    (
+        OVERSHOOT,
+        "Overshoot",
+        "%",
+        1.0,
+        "Of the height of the step, noise included; of a step up and one down, the larger. "
+        f"“{WITHIN_NOISE}”: not certainly more than the noise below, so that it shows nothing of "
+        "the step.",
+    ),
+    (
+        NOISE,
+        "Noise in the overshoot",
+        "%",
+        1.0,
+        "Largest deviation of the gap from its mean in the last half of the hold, to both sides, "
+        "of the height of the step; of a step up and one down, the larger.",
+    ),
+    ("rise_time_s", "Rise time, 10 to 90 %", "ms", 1e3, ""),
+    (
+        "settling_in_noise_s",
+        "Settling time",
+        "ms",
+        1e3,
+        f"Until the gap stays within {100.0 * SETTLED:g} % of the height, or three times the "
+        "resolution of the position sensor (rms of its noise and its steps) where that is more: "
+        "one band for all variants.",
+    ),
+    ("steady_error_m", "Steady-state error", "nm", 1e9, "Of the gap, over the end of the hold."),
+    ("tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6, "Over the whole step."),
+    (
+        "force_error_rms_N",
+        "Force error, rms",
+        "N",
+        1.0,
+        "True less wanted force of the same tick: it holds the tick of delay and the lag of the "
+        "amplifier, which no compensation takes away.",
+    ),
+    (
+        "current_rate_rms_A_per_s",
+        "Current effort",
+        "A/s",
+        1.0,
+        "Root mean square of the current's rate of change.",
+    ),
+)
+"""Figure, title, unit as shown, factor to it, caption."""
+
+
+@dataclass(frozen=True, slots=True)
+class OvershootDifference:
+    """How one overshoot differs from that of a baseline.
+
+    Parameters
+    ----------
+    mine, baseline : float
+        Means, %.
+    certain : bool
+        Whether the difference is larger than what noise leaves open, and than what either of them
+        moves about at a standstill.
+    """
+
+    mine: float
+    baseline: float
+    certain: bool
+
+    @property
+    def less(self) -> bool:
+        """Whether it is certain that there is a gain."""
+        return self.certain and self.mine < self.baseline
+
+    @property
+    def more(self) -> bool:
+        """Whether it is certain that there is a loss."""
+        return self.certain and self.mine > self.baseline
+
+    @property
+    def share(self) -> float:
+        """Part of the baseline's overshoot that is gone."""
+        return 1.0 - self.mine / self.baseline
+
+    @property
+    def points(self) -> float:
+        """Percentage points of the height by which there is more."""
+        return self.mine - self.baseline
+
+    @property
+    def text(self) -> str:
+        """Such as "54 % less"."""
+        if self.less:
+            return f"{number(100.0 * self.share, 2)}{NBSP}% less"
+        if self.more:
+            return f"+{number(self.points, 2)} points"
+        return "alike" if math.isfinite(self.mine + self.baseline) else NOT_KNOWN
+
+
+def difference(mine: Interval, baseline: Interval, floor: float) -> OvershootDifference:
+    """Compare two overshoots.
+
+    The half widths are added as if the noise of both were independent; seeds are shared, so that
+    this asks for more than is needed.
+
+    Parameters
+    ----------
+    mine, baseline : Interval
+        %.
+    floor : float
+        Difference that is never certain, %: what a standstill adds to an overshoot.
+    """
+    unsure = max(floor, math.hypot(mine.half_width, baseline.half_width))
+    certain = abs(baseline.mean - mine.mean) > unsure
+    return OvershootDifference(mine.mean, baseline.mean, certain)
+
+
+def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> OvershootDifference:
+    """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
+    overshoot, noise = step.of(OVERSHOOT), step.of(NOISE)
+    floor = max(noise[mine].mean, noise[baseline].mean)
+    return difference(overshoot[mine], overshoot[baseline], floor)
+
+
+def overshoot_text(step: Steps, name: MethodName) -> str:
+    """Write the overshoot of a variant, and whether it is noise."""
+    return f"{interval_text(step.of(OVERSHOOT)[name], '%')} {step.remarks.get(name, '')}".rstrip()
+
+
+def benefit_table(subject: SimulationSubject) -> PageTable | None:
+    """Say for every step and baseline how much overshoot is gone."""
+    steps = [step for step in subject.steps if subject.variant in step.cells]
+    baselines = subject.baselines
+    if not steps or not baselines:
+        return None
+    rows: list[list[str | Cell]] = []
+    for step in steps:
+        row: list[str | Cell] = [subject.situation(step), overshoot_text(step, subject.variant)]
+        for name in baselines:
+            known = name in step.cells
+            found = step_difference(step, subject.variant, name) if known else None
+            text = NOT_KNOWN if found is None else found.text
+            row.append(Cell(text, strong=found is not None and found.less))
+        rows.append(row)
+    head = ["step", "overshoot", *baselines]
+    return table(
+        f"Overshoot of {subject.variant} against that of each baseline",
+        head,
+        rows,
+        f"Overshoot of {subject.variant} in % of the height, and what it is against each baseline: "
+        f"same gains, same plant, same {subject.seeds} noise seeds. “54 % less”: that part of the "
+        "overshoot of the baseline in the head of the column is gone. “+0.5 points”: more than the "
+        "baseline, by so many percentage points of the height. “Alike”: the 95 % confidence "
+        "intervals leave both signs open, or the difference is less than one of the two moves "
+        f"about at a standstill. “{WITHIN_NOISE}”: not certainly more than that. The overshoot of "
+        "every baseline stands in section 2.",
+    )
+
+
+def step_tables(subject: SimulationSubject) -> list[PageTable]:
+    """Return one table for each figure of the steps."""
+    made = []
+    for name, title, unit, factor, caption in STEP_TABLES:
+        rows = {subject.situation(step): step.of(name) for step in subject.steps}
+        remarks = {subject.situation(step): step.remarks for step in subject.steps}
+        noted = remarks if name == OVERSHOOT else {}
+        comparison = FigureTable(title, unit, factor, rows, caption, noted)
+        if any(not math.isnan(one.mean) for row in rows.values() for one in row.values()):
+            made.append(comparison_table(comparison))
+    return made
+
+
+def comparison_table(comparison: FigureTable) -> PageTable:
+    """Return a table of one figure: a row a situation, a column a variant."""
+    variants = ordered(name for row in comparison.rows.values() for name in row)
+
+    def cell(situation: str, name: MethodName, found: Interval | None) -> str:
+        """Write a figure and its remark, between which alone a line may end."""
+        remark = comparison.remarks.get(situation, {}).get(name, "")
+        parts = (interval_text(found, factor=comparison.factor), remark)
+        return " ".join(part.replace(" ", NBSP) for part in parts if part)
+
+    rows = [
+        [situation, *(cell(situation, name, row.get(name)) for name in variants)]
+        for situation, row in comparison.rows.items()
+    ]
+    counts = {one.count for row in comparison.rows.values() for one in row.values() if one.count}
+    ends = " to ".join(str(end) for end in sorted({min(counts), max(counts)})) if counts else "no"
+    interval = f"Mean and 95 % confidence interval over {ends} noise seeds."
+    head = ["", *variants]
+    return table(
+        f"{comparison.title} ({comparison.unit})" if comparison.unit else comparison.title,
+        head,
+        rows,
+        f"{comparison.caption} {interval}".strip(),
+    )
+
+
+def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
+    """Return the margins of linearised loops."""
+    rows = [
+        [
+            name,
+            "yes" if one.stable else "NO",
+            f"{number(one.gain_down, 2)} to {number(one.gain_up, 2)}",
+            number(one.phase, 2),
+            number(1e6 * one.delay, 2),
+            number(one.crossover, 3),
+            f"{number(one.peak)} at {number(one.peak_frequency, 2)}{NBSP}Hz",
+        ]
+        for name, one in ((name, margins[name]) for name in ordered(margins))
+    ]
+    return table(
+        "Margins of the linearised loop",
+        (
+            "variant",
+            "stable",
+            "gain may change by",
+            "phase margin (°)",
+            "more delay (µs)",
+            "crossover (Hz)",
+            "peak sensitivity",
+        ),
+        rows,
+        texts=2,
+    )
+
+
+def legend_table(variants: Sequence[MethodName]) -> PageTable:
+    """Say what the variants are."""
+    meaning = {
+        "ratio": "the paper's case without compensation; nothing cancels the negative stiffness",
+        "secant": "the same, read as a line through the origin",
+        "linearised": "cancels the negative stiffness at the operating point: standard practice",
+        "single-valued": "the honest baseline of hysteresis: all that a curve without memory can do",
+        "play": "the least that knows hysteresis: width of the loops and one state, no law of iron",
+        "simplified": "inverse of the simplified law",
+        "full": "inverse of the identified law, its state advanced with what was applied",
+        "flux": "needs a Hall probe in the gap, and measures instead of modelling",
+    }
+    rows: list[list[str | Cell]] = [
+        [Cell(name, code=True), METHODS[name].title, meaning[name]] for name in variants
+    ]
+    return table(
+        "Variants",
+        ["name", "from wanted force to current", "remark"],
+        rows,
+        "All are fitted to the same measured loops, except flux, which has a static series of its "
+        "probe.",
+        texts=3,
+    )
+
+
+def settling_sentence(subject: SimulationSubject) -> str:
+    """Say whether settling and steady-state error change, which the paper found not to.
+
+    Returns
+    -------
+    str
+        Empty if there is nothing to compare.
+    """
+    if "ratio" not in subject.baselines:
+        return ""
+    counts = []
+    for name, title, unit, factor in (
+        ("settling_in_noise_s", "settling time", "ms", 1e3),
+        ("steady_error_m", "steady-state error", "nm", 1e9),
+    ):
+        rows = [step.of(name) for step in subject.steps]
+        both = [
+            (abs(row[subject.variant].mean), abs(row["ratio"].mean))
+            for row in rows
+            if subject.variant in row and "ratio" in row
+        ]
+        both = [pair for pair in both if not math.isnan(sum(pair))]  # lost
+        if both:
+            mine = _range([factor * first for first, _ in both], unit)
+            other = _range([factor * second for _, second in both], unit)
+            counts.append(f"{title}: {mine} with {subject.variant}, {other} with ratio")
+    if not counts:
+        return ""
+    return (
+        "The paper found settling time and steady-state error almost unchanged by compensation. "
+        f"Here, over all steps: {'; '.join(counts)}."
+    )
+
+
+def _range(values: Sequence[float], unit: str) -> str:
+    low, high = min(values), max(values)
+    if not math.isfinite(low):
+        return "never"
+    end = f"{number(high, 2)}{NBSP}{unit}" if math.isfinite(high) else "never"
+    return f"{number(low, 2)} to {end}".replace("-", MINUS)

@@ -1,0 +1,206 @@
+"""The page about a stage that follows set-points: whether compensation pays, and where not."""
+
+from __future__ import annotations
+
+import hashlib
+
+from anhyst.compensate.methods import METHODS
+from anhyst.reports.bearing.look import interval_text
+from anhyst.reports.tracking.figures import figure_learning, figure_scan, figure_settling
+from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
+from anhyst.study.tracking.simulate import OWN, TrackingStudy
+from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.page.blocks import Block, Items, Note, PageTable, Picture, Section, Text, table
+from anhyst.support.page.numbers import NBSP, number
+from anhyst.support.page.page import Headline, Tile, render_page
+from anhyst.support.page.style import svg_text
+from anhyst.support.version import running_version
+
+_COLUMNS = (
+    ("peak [nm]", "peak_m", 1e9),
+    ("mean over the slit [nm]", "average_m", 1e9),
+    ("deviation in it [nm]", "deviation_m", 1e9),
+    ("into 50 nm [ms]", "settling_50_s", 1e3),
+    ("into 10 nm [ms]", "settling_10_s", 1e3),
+    ("force error, max [N]", "force_peak_N", 1.0),
+    ("rms [N]", "force_rms_N", 1.0),
+)
+_TILES = (
+    ("peak_m", "peak error", 1e9, "nm"),
+    ("average_m", "moving average", 1e9, "nm"),
+    ("settling_50_s", "into 50 nm", 1e3, "ms"),
+    ("settling_10_s", "into 10 nm", 1e3, "ms"),
+)
+
+
+def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) -> None:
+    """Write the report of a stage: one HTML file that needs nothing else.
+
+    Parameters
+    ----------
+    path : path-like
+        Where it is to appear, whole or not at all.
+    study : TrackingStudy
+    command : str
+        What makes it again.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    sections = [_scan(study), _settling(study), _limits(study), _learning(study)]
+    text = render_page(
+        _headline(study),
+        [*sections, _origin(study, command)],
+        running_version(),
+        kind="Short-stroke stage",
+        source="a simulation",
+    )
+    with atomic_writer(path) as stream:
+        stream.write(text)
+
+
+def _headline(study: TrackingStudy) -> Headline:
+    plant, tracking = study.rig.settings, study.rig.settings.tracking
+    worth, sentence = verdict(study)
+    notes = [Note("good" if worth else "warn", "Verdict", f"{sentence}.")]
+    notes += [
+        Note(
+            "good" if one.better else "warn",
+            "Worth it" if one.better else "Not worth it",
+            f"{one.text}.",
+        )
+        for one in verdicts(study)
+    ]
+    notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
+    return Headline(
+        title=plant.name,
+        what=f"A mass of {plant.mechanics.mass_kg:g}{NBSP}kg between two magnets at "
+        f"{1e3 * study.rig.gap:g}{NBSP}mm, which ride on a long stroke that is off by "
+        f"{1e6 * tracking.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
+        f"{plant.timing.rate_Hz:g} ticks a second, compensators in format {tracking.format}.",
+        basis="Simulated. The gains of the feedforward were found for every variant by the same "
+        "search on a training set-point; all figures are of another one that was never tuned on. "
+        f"Intervals are those of 95 % confidence over {tracking.noise_seeds} noise seeds.",
+        notes=tuple(notes),
+        tiles=_tiles(study),
+        comparison=_comparison(study),
+        holds="These figures hold for this plant and these settings, and for no other iron.",
+    )
+
+
+def _tiles(study: TrackingStudy) -> tuple[Tile, ...]:
+    own, plain = study.tried[OWN], study.tried[memoryless(study)]
+    return tuple(
+        Tile(
+            f"{number(factor * own.of(key).mean, 2)}{NBSP}{unit}",
+            name,
+            f"{memoryless(study)}: {number(factor * plain.of(key).mean, 2)}{NBSP}{unit}",
+        )
+        for key, name, factor, unit in _TILES
+    )
+
+
+def _comparison(study: TrackingStudy) -> PageTable:
+    rows = [
+        [name, METHODS[name].title]
+        + [interval_text(one.of(key), factor=factor) for _, key, factor in _COLUMNS]
+        for name, one in study.tried.items()
+    ]
+    return table(
+        "All variants on the test set-point",
+        ["variant", "", *(head for head, _, _ in _COLUMNS)],
+        rows,
+        "The first scan is left out. Moving average and deviation over a slit of "
+        f"{1e3 * study.rig.settings.tracking.slit_s:g} ms, from 5 ms after the acceleration on; "
+        "largest of all scans. A scan that does not settle counts with its whole cruise.",
+        texts=2,
+    )
+
+
+def _scan(study: TrackingStudy) -> Section:
+    names = ", ".join(study.tried)
+    figure = figure_scan(study.tried, study.rig.settings.tracking.slit_s)
+    caption = (
+        "The last scan of the test set-point: acceleration, error of the true position, its mean "
+        "over the slit, and true force less what was demanded a delay earlier. Error and mean are "
+        "linear to 100 nm and logarithmic beyond. Grey: where the moving average is judged."
+    )
+    alt = f"Set-point, error, moving average and force error over time: {names}."
+    return Section("scan", "One scan", (Picture(svg_text(figure, "scan"), alt, caption),))
+
+
+def _settling(study: TrackingStudy) -> Section:
+    figure = figure_settling(study.tried, study.rig.settings.tracking.cruise_s)
+    caption = "Every scan of every noise seed; at the right end those that never settled."
+    alt = "Histograms of the settling time into 50 and 10 nm, a row a variant."
+    return Section("settling", "Settling", (Picture(svg_text(figure, "settling"), alt, caption),))
+
+
+def _limits(study: TrackingStudy) -> Section:
+    rows = [
+        [
+            name,
+            number(1e9 * one.small.peak_m, 3),
+            number(1e9 * one.small.average_m, 3),
+            number(1e9 * one.standstill_m, 3),
+            number(1e9 * one.repeated.peak_m, 3),
+            number(1e9 * one.repeated.average_m, 3),
+            number(1e3 * one.repeated.settling_50_s, 3),
+        ]
+        for name, one in study.tried.items()
+    ]
+    head = [
+        "variant",
+        "small forces: peak [nm]",
+        "mean over the slit [nm]",
+        "standstill, rms [nm]",
+        "one repeated set-point: peak [nm]",
+        "mean over the slit [nm]",
+        "into 50 nm [ms]",
+    ]
+    return Section(
+        "limits",
+        "Small forces, standstill, one repeated set-point",
+        (
+            Items("Against the best curve without memory", tuple(limits(study))),
+            table(
+                "The same gains with a tenth of the accelerations; standing still; gains found on "
+                "the test set-point itself",
+                head,
+                rows,
+            ),
+        ),
+    )
+
+
+def _learning(study: TrackingStudy) -> Section:
+    lines = []
+    for name, one in study.tried.items():
+        first, last = one.trials_m[0], one.trials_m[-1]
+        lines.append(
+            f"{name}: {1e9 * first:.3g} nm, after {len(one.trials_m)} trials {1e9 * last:.3g} nm"
+        )
+    blocks: tuple[Block, ...] = (
+        Text(
+            "The test set-point repeated; after each trial the force that the model of the loop "
+            "asks for is added, below 200 Hz. It converges where the law is good enough."
+        ),
+        Picture(
+            svg_text(figure_learning(study.tried), "learning"),
+            "Peak error over the trials of learning control.",
+            "Learning control on every variant.",
+        ),
+        Items("Peak of the first and of the last trial", tuple(lines)),
+    )
+    return Section("learning", "Learning control", blocks)
+
+
+def _origin(study: TrackingStudy, command: str) -> Section:
+    files = [
+        (path.name, hashlib.sha256(path.read_bytes()).hexdigest()[:16])
+        for path in (study.rig.path, *study.rig.measured.files)
+    ]
+    blocks = (table("Files", ["file", "sha-256, first digits"], files), Text(f"Made by: {command}"))
+    return Section("origin", "Origin", blocks)

@@ -1,0 +1,1 @@
+"""A virtual piezo stack in a flexure stage."""

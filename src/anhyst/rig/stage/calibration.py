@@ -1,0 +1,106 @@
+"""What a stage's controller may be wrong about: plants that are not what was calibrated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst._core import Bearing
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.plant import make_bearing
+from anhyst.rig.magnet_table import HandTyped
+from anhyst.rig.parts.magnet import iron_magnet
+from anhyst.rig.stage.file import CalibrationTable
+
+CUT = 3.0
+"""Standard deviations at which the distribution of an error ends."""
+_PINNING = ("pinning_scale_A_per_m", "pinning_A_per_m", "coercivity_A_per_m")
+"""Key of the loop's width, by family of the iron."""
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationErrors:
+    """How far a plant is from what its controller was made for.
+
+    Parameters
+    ----------
+    gap_zero : float
+        Added to what the gap sensor reads, m.
+    currents : tuple of float
+        Relative errors of the currents of the two magnets.
+    pinning : float
+        Of the width of the loop, relative.
+    hall : float
+        Gain error of the Hall probes.
+    eddy : float
+        Lag of the flux behind the current that the controller does not know, s.
+    """
+
+    gap_zero: float = 0.0
+    currents: tuple[float, float] = (0.0, 0.0)
+    pinning: float = 0.0
+    hall: float = 0.0
+    eddy: float = 0.0
+
+
+CALIBRATED = CalibrationErrors()
+"""Nothing is wrong."""
+KINDS = ("gap zero", "current scale", "pinning", "Hall gain", "eddy lag", "all")
+"""What is drawn alone, and everything together."""
+
+
+def draw_errors(table: CalibrationTable, kind: str, rng: np.random.Generator) -> CalibrationErrors:
+    """Draw a plant; of all errors those of one kind, or all.
+
+    Every error is normal, cut off at three standard deviations; a lag is positive.
+    """
+    gap, first, second, pinning, hall, eddy = np.clip(rng.standard_normal(6), -CUT, CUT).tolist()
+    drawn = CalibrationErrors(
+        gap_zero=table.gap_zero_m * gap,
+        currents=(0.01 * table.current_percent * first, 0.01 * table.current_percent * second),
+        pinning=0.01 * table.pinning_percent * pinning,
+        hall=0.01 * table.hall_percent * hall,
+        eddy=table.eddy_s * abs(eddy),
+    )
+    names = {
+        "gap zero": "gap_zero",
+        "current scale": "currents",
+        "pinning": "pinning",
+        "Hall gain": "hall",
+        "eddy lag": "eddy",
+    }
+    if kind == "all":
+        return drawn
+    return replace(CalibrationErrors(), **{names[kind]: getattr(drawn, names[kind])})
+
+
+def make_mistaken(rig: BearingRig, errors: CalibrationErrors, seed: int) -> Bearing:
+    """Return the plant of a rig with such errors, at rest."""
+    settings = rig.settings
+    magnet, steel = settings.magnet, _pinned(settings.magnet.steel, errors.pinning).steel()
+    first, second = (
+        iron_magnet(
+            replace(magnet.poles, turns=magnet.poles.turns * (1.0 + error)),
+            steel,
+            magnet.eddy_time_s + errors.eddy,
+            settings.simulate.gap_m,
+        )
+        for error in errors.currents
+    )
+    sensor, hall = settings.position_sensor, settings.hall_probe
+    changes = {
+        "position_sensor": sensor.model_copy(
+            update={"offset_m": sensor.offset_m + errors.gap_zero}
+        ),
+        "hall_probe": hall
+        and hall.model_copy(update={"gain_error": hall.gain_error + errors.hall}),
+    }
+    other = replace(rig, settings=settings.model_copy(update=changes))
+    return make_bearing(other, seed, first, second)
+
+
+def _pinned(iron: HandTyped, error: float) -> HandTyped:
+    """Return an iron with a wider loop."""
+    key = next(key for key in _PINNING if hasattr(iron, key))
+    return iron.model_copy(update={key: (1.0 + error) * getattr(iron, key)})

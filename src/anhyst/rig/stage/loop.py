@@ -1,0 +1,249 @@
+"""A stage and its controller in lock-step: runs motions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from anhyst._core import LOOP_COLUMNS, BearingLoop, Tracking
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.plant import current_loop
+from anhyst.rig.stage.calibration import CALIBRATED, CalibrationErrors, make_mistaken
+from anhyst.rig.stage.file import StageRig
+from anhyst.rig.stage.setpoint import SetPoint
+from anhyst.support.arrays import FloatArray
+
+AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
+"""Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
+
+_COLUMN = {name: place for place, name in enumerate(LOOP_COLUMNS.split())}
+_STRAY_HZ, _STRAY_LATE = 3.0, 5e-3
+_COMMAND_NONE = 0
+
+
+@dataclass(frozen=True)
+class Feedforward:
+    """Gains of the force that is fed forward: ``mass*(a + jerk*j + snap*s)`` with ``a`` weighted.
+
+    Parameters
+    ----------
+    acceleration : float
+        1 for the mass that the file says.
+    jerk : float
+        s.
+    snap : float
+        s2.
+    """
+
+    acceleration: float = 1.0
+    jerk: float = 0.0
+    snap: float = 0.0
+
+
+@dataclass(frozen=True)
+class StageSetup:
+    """Everything one run needs; goes to other processes.
+
+    Parameters
+    ----------
+    rig : StageRig
+        The plant.
+    compensator : ForceController
+        From force to current, as fitted; never run itself.
+    errors : CalibrationErrors, optional
+        By which the plant is not what was calibrated.
+    """
+
+    rig: StageRig
+    compensator: ForceController
+    errors: CalibrationErrors = CALIBRATED
+
+
+@dataclass(frozen=True)
+class TrackedRun:
+    """A motion as it went.
+
+    Parameters
+    ----------
+    motion : SetPoint
+    dt : float
+        Time between ticks, s.
+    table : ndarray, shape (n, columns)
+        The loop's record.
+    frame : ndarray, shape (n + 1,)
+        Place of the magnets, m.
+    reference : ndarray, shape (n,)
+        Wanted position, m.
+    late : float
+        Ticks after which a demanded force is looked for.
+    """
+
+    motion: SetPoint
+    dt: float
+    table: FloatArray
+    frame: FloatArray
+    reference: FloatArray
+    late: float
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Return a column of the loop's record."""
+        return self.table[:, _COLUMN[name]]
+
+    @cached_property
+    def error(self) -> FloatArray:
+        """Wanted less true position, m."""
+        n = len(self.table)
+        return np.asarray(self.reference[:n] - self["gap_m"] - self.frame[:n])
+
+    @cached_property
+    def force_error(self) -> FloatArray:
+        """True force less what was demanded so much earlier, N."""
+        ticks = np.arange(len(self.table), dtype=float)
+        demanded = np.interp(ticks - self.late, ticks, self["demand_N"])
+        return np.asarray(self["force_N"] - demanded)
+
+
+def pid(rig: StageRig) -> dict[str, float]:
+    """Return the PID as a filter of second order, by the trapezoidal rule.
+
+    Integral to a fifth of the crossover, lead from a third of it to six times it.
+    """
+    table, dt = rig.settings.tracking, rig.dt
+    omega = 2.0 * math.pi * table.crossover_Hz
+    low, lead, high = omega / 5.0, omega / 3.0, 6.0 * omega
+
+    def shape(s: complex) -> complex:
+        return (s + low) / s * (1.0 + s / lead) / (1.0 + s / high)
+
+    jw = 1j * omega
+    gain = rig.settings.mechanics.mass_kg * omega**2 / abs(shape(jw))
+    # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = fast*(z - 1)/(z + 1)
+    fast = 2.0 / dt
+    up = (1.0 / lead, 1.0 + low / lead, low)
+    down = (1.0 / high, 1.0, 0.0)
+
+    def bilinear(p: tuple[float, float, float]) -> tuple[float, float, float]:
+        a, b, c = p[0] * fast**2, p[1] * fast, p[2]
+        return a + b + c, 2.0 * (c - a), a - b + c
+
+    numerator, denominator = bilinear(up), bilinear(down)
+    b0, b1, b2 = (gain * one / denominator[0] for one in numerator)
+    return {
+        "b0": b0,
+        "b1": b1,
+        "b2": b2,
+        "a1": denominator[1] / denominator[0],
+        "a2": denominator[2] / denominator[0],
+    }
+
+
+def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
+    """Return how far the long stroke is off, m: half with the acceleration, half by itself."""
+    table = rig.settings.tracking
+    late = motion.at(time - _STRAY_LATE)[1] / max(motion.peaks)
+    return np.asarray(0.25 * table.stray_m * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
+
+
+def feed(rig: StageRig, motion: SetPoint, gains: Feedforward) -> FloatArray:
+    """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
+    timing = rig.settings.timing
+    ahead = (timing.delay_ticks + 0.5) * rig.dt
+    time = instants(rig, ticks_of(rig, motion)) + ahead
+    _, acceleration, jerk, snap = motion.at(time)
+    return np.asarray(
+        rig.settings.mechanics.mass_kg
+        * (gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap)
+    )
+
+
+def instants(rig: StageRig, count: int) -> FloatArray:
+    """Return when the first ticks are, s."""
+    return np.asarray(rig.dt * np.arange(count), dtype=np.float64)
+
+
+def ticks_of(rig: StageRig, motion: SetPoint) -> int:
+    """Return how many ticks a motion takes."""
+    return round(motion.duration / rig.dt)
+
+
+def track(
+    setup: StageSetup,
+    motion: SetPoint,
+    gains: Feedforward,
+    seed: int = 0,
+    learnt: FloatArray | None = None,
+) -> TrackedRun:
+    """Follow a motion from rest, the iron demagnetised.
+
+    Parameters
+    ----------
+    setup : StageSetup
+    motion : SetPoint
+    gains : Feedforward
+    seed : int, optional
+        Of all noise; the seed of the rig file is added.
+    learnt : ndarray, optional
+        Force added to what is fed forward, N, one a tick.
+
+    Returns
+    -------
+    TrackedRun
+        Shorter than the motion where the simulation lost all bounds.
+    """
+    rig, settings = setup.rig, setup.rig.settings
+    n = ticks_of(rig, motion)
+    time = instants(rig, n + 1)
+    reference = motion.at(time)[0]
+    frame = reference - rig.gap + stray(rig, motion, time)
+    forward = feed(rig, motion, gains)
+    if learnt is not None:
+        forward = forward + learnt
+    noise = np.random.default_rng([settings.seed, seed]).normal(
+        0.0, settings.tracking.position_noise_m, n
+    )
+    bearing = make_mistaken(rig.bearing, setup.errors, seed)
+    bearing.place(rig.gap, 0.0)
+    loop = BearingLoop(
+        bearing, _controller(setup), current_loop(rig.bearing), settings.hall_probe is not None
+    )
+    # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
+    table = loop.run(
+        np.ascontiguousarray(reference[:n]),
+        np.zeros(n),
+        noise,
+        np.ascontiguousarray(-forward),
+        np.full(n, _COMMAND_NONE, dtype=np.uint32),
+        np.ascontiguousarray(frame),
+    )
+    late = settings.timing.delay_ticks + 0.5
+    return TrackedRun(motion, rig.dt, table, frame, reference[:n], late)
+
+
+def bias(rig: StageRig, method: str) -> float:
+    """Return what either magnet pulls with at rest, N: for constants half of the largest force."""
+    return 0.5 * rig.settings.tracking.force_max_N if method in AT_BIAS else rig.idle
+
+
+def _controller(setup: StageSetup) -> Tracking:
+    rig, compensator = setup.rig, setup.compensator
+    amplifier, scales = rig.settings.amplifier, compensator.scales
+    low, high = amplifier.current_low_A, amplifier.current_high_A
+    settings: dict[str, float] = {
+        "demand_full": scales.demand,
+        "current_full": scales.current,
+        "flux_full": compensator.parameters.flux_full_scale,
+        "gap_low": scales.gap_low,
+        "gap_high": scales.gap_high,
+        "idle": bias(rig, compensator.method),
+        "by_halves": compensator.method in AT_BIAS,
+        "gap_total": 2.0 * rig.gap,
+        "current_low": low,
+        "current_high": high,
+        "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
+        **pid(rig),
+    }
+    return Tracking([compensator.fresh().native for _ in rig.bearing.magnets], settings)

@@ -1,0 +1,118 @@
+"""A bearing for small movements as an object of python-control.
+
+python-control is in the extra ``control``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from anhyst.control.exchange import control_library
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.from_loops import complete_rig
+from anhyst.study.bearing.linear_plant import Point, voltage_matrices
+from anhyst.study.bearing.operating import find_operating_point
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Drive = Literal["current", "voltage"]
+
+
+def linearise(
+    rig: PathLike | BearingRig,
+    gap: float | None = None,
+    force: float | None = None,
+    *,
+    drive: Drive = "current",
+) -> StateSpace:
+    """Linearise a magnetic bearing about an operating point.
+
+    With the position ``p = gap_middle - gap``, ``m p'' = k_i i + k_s p - d p' - load``; driven by a
+    voltage, the winding and the voltage that motion induces come on top
+    (:mod:`anhyst.study.bearing.linear_plant`). The slopes are static ones, rising and falling
+    branch averaged: just after a reversal iron with hysteresis answers less.
+
+    Parameters
+    ----------
+    rig : path-like or BearingRig
+        A bearing, or its rig file.
+    gap : float, optional
+        Operating gap, m; that of the rig file if left out.
+    force : float, optional
+        What the magnet carries there, N (of a pair: the bias of each); that of the rig file if left
+        out.
+    drive : str
+        ``"current"``: the flux follows the current at once; ``"voltage"``: winding and eddy
+        currents are part of it.
+
+    Returns
+    -------
+    control.StateSpace
+        Continuous, with named signals: inputs ``current`` (A) or ``voltage`` (V), both less their
+        value at the operating point, and ``load`` (N, opens the gap); outputs ``position`` (m,
+        closes the gap), ``force`` (N) and, driven by a voltage, ``current`` (A).
+
+    Raises
+    ------
+    InputError
+        The rig cannot be read, no current carries the force, or python-control is not installed.
+    """
+    library = control_library()
+    bearing = rig if isinstance(rig, BearingRig) else read_bearing(rig)
+    bearing = _moved(bearing, gap, force)
+    if bearing.settings.magnet.from_loops:
+        bearing = complete_rig(bearing, bearing.measured.read())
+    point = find_operating_point(bearing).point
+    a, b, c, d = _under_current(point) if drive == "current" else _under_voltage(point)
+    measured = ["position", "force"] + (["current"] if drive == "voltage" else [])
+    states = ["position", "velocity", "flux_current"]
+    return library.StateSpace(
+        a,
+        b,
+        c,
+        d,
+        inputs=[drive, "load"],
+        outputs=measured,
+        states=states[: len(a)],
+        name="bearing",
+    )
+
+
+def _moved(rig: BearingRig, gap: float | None, force: float | None) -> BearingRig:
+    """Return a rig at another operating point."""
+    settings = rig.settings
+    if gap is not None:
+        tried = settings.simulate.model_copy(update={"gap_m": gap})
+        settings = settings.model_copy(update={"simulate": tried})
+    if force is not None and settings.magnet.bias_force_N is None:
+        load = settings.load.force_N + force - rig.load
+        moved = settings.load.model_copy(update={"force_N": load})
+        settings = settings.model_copy(update={"load": moved})
+    elif force is not None:
+        magnet = settings.magnet.model_copy(update={"bias_force_N": force})
+        settings = settings.model_copy(update={"magnet": magnet})
+    return replace(rig, settings=settings)
+
+
+Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def _under_current(point: Point) -> Matrices:
+    mass = point.mass
+    a = np.array([[0.0, 1.0], [point.k_s / mass, -point.damping / mass]])
+    b = np.array([[0.0, 0.0], [point.k_i / mass, -1.0 / mass]])
+    c = np.array([[1.0, 0.0], [point.k_s, 0.0]])
+    return a, b, c, np.array([[0.0, 0.0], [point.k_i, 0.0]])
+
+
+def _under_voltage(point: Point) -> Matrices:
+    a, into, current, direct = voltage_matrices(point)
+    b = np.column_stack([into, [0.0, -1.0 / point.mass, 0.0]])
+    c = np.array([[1.0, 0.0, 0.0], [point.k_s, 0.0, point.k_i], current])
+    return a, b, c, np.array([[0.0, 0.0], [0.0, 0.0], [direct, 0.0]])

@@ -1,0 +1,316 @@
+"""A whole fleet: what ``anhyst fleet`` does."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from anhyst.data.files import write_csv
+from anhyst.data.reading import read_loops
+from anhyst.identification import identify
+from anhyst.study.fleet.judge import MODEL, FleetSettings, FleetTask, SharedTask, judge, share
+from anhyst.study.fleet.members import Member, find_members
+from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, spread_of
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import all_of
+from anhyst.support.json_text import json_text
+from anhyst.support.progress import Progress
+from anhyst.support.result import Result, columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PILOTS = 3
+"""Magnets that decide together which law and gap map all of them get."""
+FEWEST = 3
+"""Magnets of which a scatter can be stated."""
+TABLE, FIGURES = "fleet.csv", "fleet.json"
+
+
+@dataclass(frozen=True, repr=False)
+class Fleet(Result):
+    """What was found.
+
+    Parameters
+    ----------
+    out : Path
+        Folder with ``fleet.json``, ``fleet.csv``, and a folder a magnet: ``model.toml``,
+        ``controller/``, ``result.json``.
+    settings : FleetSettings
+        With the law and the gap map that all got.
+    results : tuple of dict
+        Of each magnet, by name; see :func:`anhyst.study.fleet.judge.judge`.
+    typical : str
+        The magnet nearest to the mean, whose model stands for one model for all; empty if none.
+    shared : tuple of float
+        Rms deviation of that model on each magnet's loops, in parts of the largest output.
+    spread : FleetSpread or None
+        Of the fitted quantities; None below :data:`FEWEST` magnets.
+    quantities : tuple of str
+        Their names.
+    """
+
+    out: Path
+    settings: FleetSettings
+    results: tuple[dict[str, Any], ...]
+    typical: str
+    shared: tuple[float, ...]
+    spread: FleetSpread | None
+    quantities: tuple[str, ...]
+
+    @property
+    def judged(self) -> list[dict[str, Any]]:
+        """Results of the magnets that could be judged."""
+        return [one for one in self.results if "error" not in one]
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Why the others could not be, by name."""
+        return {one["name"]: one["error"] for one in self.results if "error" in one}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know before trusting the comparison."""
+        histories = {tuple(one["histories"]) for one in self.judged}
+        if len(histories) == 1:
+            return ()
+        return (
+            "what happened before the loops was taken differently from magnet to magnet, which "
+            "moves their parameters; state it with --history, or in sidecar files",
+        )
+
+    @property
+    def own(self) -> FloatArray:
+        """Rms deviation of each judged magnet with its own controller, parts of the largest."""
+        return np.array([math.hypot(one["fit_rms"], one["compiled_rms"]) for one in self.judged])
+
+    @property
+    def good(self) -> list[bool]:
+        """Whether each judged magnet keeps the tolerance with its own verified controller."""
+        limit = 0.01 * self.settings.tolerance
+        return [
+            bool(one["verified"] and one["passed_acceptance"] and error <= limit)
+            for one, error in zip(self.judged, self.own, strict=True)
+        ]
+
+    @property
+    def good_shared(self) -> list[bool]:
+        """Whether each judged magnet keeps the tolerance with one model for all."""
+        limit = 0.01 * self.settings.tolerance
+        return [bool(error <= limit) for error in self.shared]
+
+    @property
+    def outliers(self) -> list[str]:
+        """Names of the magnets that do not belong to the fleet."""
+        if self.spread is None:
+            return []
+        names = [one["name"] for one in self.judged]
+        return [name for name, odd in zip(names, self.spread.outlier, strict=True) if odd]
+
+    def facts(self) -> dict[str, str]:
+        """Return how many are good, each by itself and with one model for all."""
+        count = len(self.results)
+        return {
+            "magnets": f"{count}, {len(self.failed)} could not be judged",
+            "law": f"{self.settings.law}, gap map {self.settings.gap_map}",
+            "good, each with its own controller": f"{sum(self.good)} of {count}",
+            f"good, all with the model of '{self.typical}'": f"{sum(self.good_shared)} of {count}",
+            "outliers": ", ".join(self.outliers) or "none",
+        }
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return a row for each judged magnet: errors in per cent, fitted quantities."""
+        rows = []
+        distance = self.spread.distance if self.spread else np.full(len(self.judged), np.nan)
+        for place, one in enumerate(self.judged):
+            rows.append(
+                {
+                    "magnet": one["name"],
+                    "good": self.good[place],
+                    "own_percent": 100.0 * float(self.own[place]),
+                    "shared_percent": 100.0 * self.shared[place],
+                    "distance": float(distance[place]),
+                    "outlier": one["name"] in self.outliers,
+                    **{
+                        name: one["values"][one["quantities"].index(name)]
+                        for name in self.quantities
+                    },
+                }
+            )
+        return columns_of(rows)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``fleet.json`` holds."""
+        count = len(self.results)
+        spread = self.spread
+        return {
+            "format": "anhyst-fleet",
+            "magnets": count,
+            "law": self.settings.law,
+            "gap_map": self.settings.gap_map,
+            "tolerance_percent": self.settings.tolerance,
+            "yield": sum(self.good) / count,
+            "yield_one_model_for_all": sum(self.good_shared) / count,
+            "typical": self.typical,
+            "outliers": self.outliers,
+            "failed": self.failed,
+            "quantities": None
+            if spread is None
+            else {
+                name: {"mean": float(mean), "scatter": float(scatter)}
+                for name, mean, scatter in zip(
+                    self.quantities, spread.mean, spread.scatter, strict=True
+                )
+            },
+            "results": [
+                {
+                    "name": one["name"],
+                    "good": good,
+                    "own_rms_percent": 100.0 * float(own),
+                    "shared_rms_percent": 100.0 * shared,
+                }
+                for one, good, own, shared in zip(
+                    self.judged, self.good, self.own, self.shared, strict=True
+                )
+            ],
+        }
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the error of each magnet with its own controller and with one model for all."""
+        order = np.argsort(self.own)
+        places = np.arange(len(order))
+        ax.plot(places, 100.0 * np.array(self.shared)[order], "o", ms=4, label="one model for all")
+        ax.plot(places, 100.0 * self.own[order], "o", ms=4, label="each its own")
+        ax.axhline(self.settings.tolerance, color="0.4", lw=0.9, ls="--", label="tolerance")
+        ax.set_xlabel("magnets, by their own error")
+        ax.set_ylabel("rms deviation [% of the largest output]")
+
+
+def fleet(
+    folder: PathLike,
+    out: PathLike,
+    settings: FleetSettings,
+    *,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> Fleet:
+    """Identify, compile, verify and judge all magnets of a folder.
+
+    A run that was stopped goes on where it was; a magnet whose files or settings have changed is
+    done again. The same files, settings and version give the same result in any order of work.
+
+    Parameters
+    ----------
+    folder : path-like
+        A file of loops, or a folder of them, for each magnet.
+    out : path-like
+        Folder to write to.
+    settings : FleetSettings
+    progress : callable, optional
+        Called with magnets done and all.
+    jobs : int, optional
+        Processes; as many as there are cores if left out.
+
+    Returns
+    -------
+    Fleet
+        Written.
+
+    Raises
+    ------
+    InputError
+        The folder holds no magnet, or a place cannot be written.
+    NegativeResult
+        Not one magnet could be judged.
+    """
+    members = find_members(folder)
+    place = Path(out)
+    place.mkdir(parents=True, exist_ok=True)
+    for name in (TABLE, FIGURES):
+        check_writable(place / name)
+    settings = _decided(members, settings)
+    tasks = [FleetTask(member, settings, place) for member in members]
+    results = all_of(judge, tasks, progress, jobs)
+    if all("error" in one for one in results):
+        raise NegativeResult(
+            f"none of {len(members)} magnets could be judged; the first: {results[0]['error']}"
+        )
+    found = _compared(members, results, settings, place, jobs)
+    write_csv(place / TABLE, {name: _plain(c) for name, c in found.to_columns().items()})
+    with atomic_writer(place / FIGURES) as stream:
+        stream.write(json_text(found.as_dict()))
+    return found
+
+
+def _plain(column: Sequence[Any]) -> Any:
+    """Return a column as a CSV holds it: switches as 0 and 1, text as it is."""
+    from anhyst.data.columns import Texts
+
+    if isinstance(column[0], str):
+        values = tuple(dict.fromkeys(column))
+        return Texts(values, np.array([values.index(one) for one in column], np.int32))
+    return np.array(column, dtype=np.float64)
+
+
+def _decided(members: Sequence[Member], settings: FleetSettings) -> FleetSettings:
+    """Return settings that name a law and a gap map: what most of the first magnets choose."""
+    if "auto" not in {settings.law, settings.gap_map}:
+        return settings
+    chosen: Counter[tuple[str, str]] = Counter()
+    for member in members:
+        try:
+            loops = read_loops(member.source, history=settings.history)
+            found = identify(
+                loops, law=settings.law, gap_map=settings.gap_map, seed=settings.seed
+            ).model
+        except (InputError, NegativeResult):
+            continue
+        chosen[found.law, found.gap_map] += 1
+        if chosen.total() == PILOTS:
+            break
+    if not chosen:
+        return settings  # each says by itself what is wrong with it
+    law, gap_map = chosen.most_common(1)[0][0]
+    return replace(settings, law=law, gap_map="auto" if gap_map == "none" else gap_map)
+
+
+def _compared(
+    members: Sequence[Member],
+    results: Sequence[dict[str, Any]],
+    settings: FleetSettings,
+    out: Path,
+    jobs: int | None,
+) -> Fleet:
+    """Hold the magnets that could be judged against each other."""
+    judged = [one for one in results if "error" not in one]
+    # An offset may be fitted to one magnet and not to another: what all have is compared.
+    sets = [set(one["quantities"]) for one in judged]
+    names = tuple(name for name in judged[0]["quantities"] if all(name in one for one in sets))
+    spread = None
+    if names and len(judged) >= FEWEST:
+        spread = spread_of(
+            [
+                MagnetEstimate.of(one["values"], one["std"], one["correlation"]).only(
+                    [one["quantities"].index(name) for name in names]
+                )
+                for one in judged
+            ]
+        )
+    place = 0 if spread is None else int(np.argmin(spread.distance))
+    typical = judged[place]["name"]
+    model = out / typical / MODEL
+    by_name = {member.name: member for member in members}
+    shared = all_of(
+        share,
+        [SharedTask(by_name[one["name"]], model, settings.history) for one in judged],
+        jobs=jobs,
+    )
+    return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)

@@ -1,0 +1,155 @@
+"""How the parameters of a fleet scatter: a hierarchical normal model of all magnets.
+
+Each magnet has true values ``x_i`` out of a normal distribution with mean ``m`` and scatter ``t``
+(independent from quantity to quantity); identification gives ``x_i`` with a covariance ``S_i`` that
+the loops leave. Mean and scatter are found by expectation maximisation of their likelihood; what
+one magnet's loops do not determine is then filled from the others::
+
+    V_i = (S_i^-1 + T^-1)^-1        T = diag(t^2)
+    x_i = V_i (S_i^-1 y_i + T^-1 m)
+    m   = mean(x_i),  t^2 = mean((x_i - m)^2 + diag V_i)
+
+(Gelman et al., Bayesian Data Analysis, 3rd ed., section 5.4, with covariances.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import chi2
+
+from anhyst.support.arrays import FloatArray
+
+ROUNDS = 200
+RARE = 0.01
+"""Chance that a fleet without outliers has a magnet that is called one."""
+LEAST = 1e-4
+"""Scatter below this part of the mean is not told from none."""
+
+
+@dataclass(frozen=True)
+class MagnetEstimate:
+    """What identification says of one magnet: values, shape (q,), and covariance, (q, q)."""
+
+    values: FloatArray
+    covariance: FloatArray
+
+    @classmethod
+    def of(
+        cls, values: ArrayLike, std: Sequence[float | None] | FloatArray, correlation: ArrayLike
+    ) -> MagnetEstimate:
+        """Take an uncertainty as a model states it; a quantity without one is left open."""
+        wide = np.array([math.inf if one is None else one for one in std], dtype=np.float64)
+        size = np.maximum(np.abs(np.array(values, dtype=np.float64)), 1e-30)
+        sigma = np.clip(np.where(np.isfinite(wide), wide, 1e3 * size), 1e-9 * size, 1e3 * size)
+        matrix = np.array(correlation, dtype=np.float64)
+        matrix = matrix if matrix.size else np.eye(len(sigma))
+        matrix = np.where(np.isfinite(matrix), matrix, 0.0)
+        np.fill_diagonal(matrix, 1.0 + 1e-9)
+        return cls(np.array(values, dtype=np.float64), matrix * np.outer(sigma, sigma))
+
+    def only(self, places: Sequence[int]) -> MagnetEstimate:
+        """Return some of the quantities, in the given order, whatever the others are."""
+        kept = list(places)
+        return MagnetEstimate(self.values[kept], self.covariance[np.ix_(kept, kept)])
+
+
+@dataclass(frozen=True)
+class FleetSpread:
+    """Mean and scatter of each quantity over a fleet, and each magnet in their light.
+
+    Parameters
+    ----------
+    mean, scatter : ndarray, shape (q,)
+        In units of the quantities.
+    values : ndarray, shape (n, q)
+        Of each magnet: its own, as far as its loops determine them, drawn towards the mean.
+    distance : ndarray, shape (n,)
+        Of its own values from the mean, in standard deviations of both kinds: the root of the
+        Mahalanobis distance over the number of quantities.
+    outlier : ndarray of bool, shape (n,)
+        Magnets that do not belong: farther than one in :data:`RARE` fleets would have one.
+    """
+
+    mean: FloatArray
+    scatter: FloatArray
+    values: FloatArray
+    distance: FloatArray
+    outlier: np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+def spread_of(estimates: Sequence[MagnetEstimate]) -> FleetSpread:
+    """Find mean and scatter of a fleet; outliers have no say in either.
+
+    Parameters
+    ----------
+    estimates : sequence of MagnetEstimate
+        At least three, of the same quantities.
+    """
+    scale = np.median([np.abs(one.values) for one in estimates], axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values = np.array([one.values / scale for one in estimates])
+    covariances = np.array([one.covariance / np.outer(scale, scale) for one in estimates])
+    limit = chi2.isf(RARE / len(values), values.shape[1])
+    belongs = _near_the_middle(values)
+    for _ in range(10):
+        mean, scatter = _expectation_maximisation(values[belongs], covariances[belongs])
+        squares = _squares(values, covariances, mean, scatter)
+        again = squares <= limit
+        if 2 * again.sum() <= len(values) or np.array_equal(again, belongs):
+            break
+        belongs = again
+    drawn = np.array(
+        [_drawn(y, s, mean, scatter)[0] for y, s in zip(values, covariances, strict=True)]
+    )
+    distance = np.sqrt(squares / values.shape[1])
+    return FleetSpread(mean * scale, scatter * scale, drawn * scale, distance, squares > limit)
+
+
+def _near_the_middle(values: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return the half of the magnets whose worst quantity is nearest to the median."""
+    away = np.abs(values - np.median(values, axis=0))
+    share = away / np.maximum(np.median(away, axis=0), LEAST)
+    worst = share.max(axis=1)
+    return np.asarray(worst <= np.median(worst))
+
+
+def _expectation_maximisation(
+    values: FloatArray, covariances: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    mean = np.median(values, axis=0)
+    scatter = np.maximum(values.std(axis=0), LEAST)
+    for _ in range(ROUNDS):
+        before = mean, scatter
+        found = [_drawn(y, s, mean, scatter) for y, s in zip(values, covariances, strict=True)]
+        drawn = np.array([one for one, _ in found])
+        left = np.array([np.diag(one) for _, one in found])
+        mean = drawn.mean(axis=0)
+        scatter = np.sqrt(np.maximum(((drawn - mean) ** 2 + left).mean(axis=0), LEAST**2))
+        if np.allclose(mean, before[0], rtol=1e-6) and np.allclose(scatter, before[1], rtol=1e-4):
+            break
+    return mean, scatter
+
+
+def _drawn(
+    value: FloatArray, covariance: FloatArray, mean: FloatArray, scatter: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return a magnet's values drawn towards the mean, and their covariance."""
+    prior = np.diag(scatter**2)
+    gain = np.linalg.solve(covariance + prior, prior).T
+    drawn = mean + gain @ (value - mean)
+    return drawn, prior - gain @ prior
+
+
+def _squares(
+    values: FloatArray, covariances: FloatArray, mean: FloatArray, scatter: FloatArray
+) -> FloatArray:
+    prior = np.diag(scatter**2)
+    away = values - mean
+    return np.array(
+        [a @ np.linalg.solve(s + prior, a) for a, s in zip(away, covariances, strict=True)]
+    )

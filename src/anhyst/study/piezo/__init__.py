@@ -1,0 +1,1 @@
+"""What compensation gains a piezo stage that follows a triangle."""

@@ -1,0 +1,284 @@
+"""A piezo stage follows a triangle, with and without compensation of its hysteresis.
+
+The reference goes through the feedforward at once, and an integrator behind a notch filter at the
+resonance corrects what is left. Only what makes the voltage of a wanted displacement differs: a
+constant, the best single-valued curve, or the inverse of the model as it is compiled, in fixed
+point. All are identified from loops that the virtual stage gives, at a pace of their own, with the
+sensor's noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from anhyst.compensate.block import Block
+from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.compensate.twin import FixedTwin
+from anhyst.data import Loop, LoopSet
+from anhyst.data.files import write_csv
+from anhyst.data.history import History
+from anhyst.identification import identify
+from anhyst.model.actuator import ActuatorModel
+from anhyst.rig.piezo.file import PiezoRig
+from anhyst.rig.piezo.stack import StageMotion
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.result import Result, columns_of
+from anhyst.support.units import QUANTITIES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LOOP_SECONDS = 1.0
+"""A full cycle of the loops."""
+LOOP_STEP = 1e-3
+"""From sample to sample of the loops, s."""
+CYCLES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6), (0.0, 1.0))
+"""Ends of the loops, in parts of the amplifier's range: all of it, and what a stage uses."""
+SEED = 20261125
+NOTCH = 0.7
+"""Damping ratio of the notch filter in the feedback."""
+LEAD = 2
+"""Cycles that are not judged: the feedback finds its place."""
+TITLES = {
+    "none": "none (a constant)",
+    "single-valued": "best single-valued curve",
+    "full": "inverse of play cells, compiled",
+}
+
+
+class PiezoInverse(Protocol):
+    """What makes the voltage of a wanted displacement."""
+
+    def __call__(self, wanted: float) -> float:
+        """Return V for m, and take it as applied."""
+
+
+@dataclass(frozen=True)
+class PiezoErrors:
+    """How far the stage is from its reference, m."""
+
+    worst_m: float
+    rms_m: float
+
+
+@dataclass(frozen=True)
+class PiezoRun:
+    """One run: time, displacement and its deviation from the reference, s and m; voltage, V."""
+
+    time: FloatArray
+    displacement: FloatArray
+    error: FloatArray
+    voltage: FloatArray
+    errors: PiezoErrors
+
+
+@dataclass(frozen=True, repr=False)
+class PiezoTracking(Result):
+    """All that came out of one rig."""
+
+    reference: FloatArray
+    runs: Mapping[str, PiezoRun] = field(default_factory=dict)
+
+    @property
+    def ratio(self) -> float:
+        """Rms deviation with compensation over that without."""
+        return self.runs["full"].errors.rms_m / self.runs["none"].errors.rms_m
+
+    def facts(self) -> dict[str, str]:
+        """Return the deviation of every way from the reference."""
+        return {
+            name: f"worst {1e9 * run.errors.worst_m:.0f} nm, rms {1e9 * run.errors.rms_m:.0f} nm"
+            for name, run in self.runs.items()
+        }
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the deviation of every way from the reference, m."""
+        return columns_of(
+            [{"compensation": name, **asdict(run.errors)} for name, run in self.runs.items()]
+        )
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the deviation of every way over time."""
+        for name, run in self.runs.items():
+            ax.plot(run.time, 1e9 * run.error, lw=0.9, label=name)
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("deviation [nm]")
+
+    def save(self, path: PathLike) -> Path:
+        """Write time, reference and what each way did; see :func:`write_tracking`."""
+        write_tracking(self, path)
+        return Path(path)
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the figures, for JSON."""
+        return {
+            "rms_with_over_without": self.ratio,
+            "worst_with_over_without": self.runs["full"].errors.worst_m
+            / self.runs["none"].errors.worst_m,
+            "errors": {
+                name: {"worst_m": run.errors.worst_m, "rms_m": run.errors.rms_m}
+                for name, run in self.runs.items()
+            },
+        }
+
+
+def track(rig: PiezoRig) -> PiezoTracking:
+    """Identify, compile and follow the triangle in all ways.
+
+    Raises
+    ------
+    InputError
+        The reference lies beyond what the loops reach.
+    """
+    loops = measure(rig)
+    model = identify(loops).model
+    wanted = reference(rig)
+    top = float(loops.loops[0].output.max())
+    if wanted.max() > top:
+        raise InputError(
+            f"{rig.path}: [reference]: reaches {1e6 * wanted.max():.3g} um, the stack "
+            f"{1e6 * top:.3g} um; lower low_m or stroke_m"
+        )
+    ways: dict[str, PiezoInverse] = {
+        "none": _constant(loops),
+        "single-valued": _single_valued(loops),
+        "full": _Compiled(model, rig),
+    }
+    return PiezoTracking(wanted, {name: _follow(rig, wanted, way) for name, way in ways.items()})
+
+
+def write_tracking(found: PiezoTracking, out: PathLike) -> None:
+    """Write time, reference, and what each way did: voltage, displacement and deviation."""
+    columns = {"t_s": next(iter(found.runs.values())).time, "reference_m": found.reference}
+    for name, run in found.runs.items():
+        key = name.replace("-", "_")
+        columns |= {
+            f"u_{key}_V": run.voltage,
+            f"x_{key}_m": run.displacement,
+            f"e_{key}_m": run.error,
+        }
+    write_csv(out, columns)
+
+
+def measure(rig: PiezoRig) -> LoopSet:
+    """Return loops of the virtual stage, as its sensor reads them, from long rest at 0 V."""
+    top = rig.settings.amplifier.high_V
+    pace = 2.0 * top / LOOP_SECONDS
+    points = top * np.array([0.0, *(end for low, high in CYCLES for end in (low, high, low)), 0.0])
+    when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
+    time = np.arange(0.0, when[-1], LOOP_STEP)
+    drive = np.interp(time, when, points)
+    sensor = rig.settings.sensor
+    noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
+    read = np.round((rig.stage.run(drive, LOOP_STEP) + noise) / sensor.step_m) * sensor.step_m
+    loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
+    return LoopSet((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
+
+
+def reference(rig: PiezoRig) -> FloatArray:
+    """Return the triangle, its corners rounded, from rest at its low end."""
+    want, rate = rig.settings.reference, rig.settings.control.rate_Hz
+    ticks = round(want.cycles * rate / want.frequency_Hz)
+    phase = (np.arange(ticks) * want.frequency_Hz / rate) % 1.0
+    raw = want.low_m + want.stroke_m * (1.0 - np.abs(1.0 - 2.0 * phase))
+    width = max(1, round(want.corner_s * rate))
+    # Twice the mean over half of it: what the resonance answers to is gone at whole periods.
+    lead = np.concatenate([np.full(width, raw[0]), raw])
+    half = np.ones(max(1, width // 2)) / max(1, width // 2)
+    smooth = np.convolve(np.convolve(lead, half), half)
+    return np.asarray(smooth[width : width + ticks])
+
+
+def _constant(loops: LoopSet) -> PiezoInverse:
+    drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
+                     for name in ("input", "output"))  # fmt: skip
+    slope, offset = np.polyfit(answer, drive, 1)
+    return lambda wanted: float(slope * wanted + offset)
+
+
+def _single_valued(loops: LoopSet) -> PiezoInverse:
+    """Return the best voltage over displacement without memory: a polynomial of fifth degree."""
+    loop = loops.loops[0]
+    curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
+    return lambda wanted: float(curve(wanted))
+
+
+class _Compiled:
+    """The model as it is compiled, signals of 32 bits."""
+
+    def __init__(self, model: ActuatorModel, rig: PiezoRig) -> None:
+        request = CompileRequest("full", "q15", rig.settings.control.rate_Hz)
+        plan = make_plan(replace(model, dynamics=None), request, 0)
+        assert isinstance(plan.block, Block)
+        self._twin = FixedTwin(plan.block, "q31")
+        self._twin.commit(0.0)
+
+    def __call__(self, wanted: float) -> float:
+        voltage = self._twin.solve(wanted)
+        self._twin.commit(voltage)
+        return voltage
+
+
+class _Notch:
+    """Takes out of the feedback what the resonance of the stage would make of it."""
+
+    def __init__(self, frequency: float, damping: float, dt: float) -> None:
+        w = np.tan(np.pi * frequency * dt)
+        scale = 1.0 + 2.0 * NOTCH * w + w * w
+        self._b = tuple(
+            part / scale
+            for part in (1.0 + 2.0 * damping * w + w * w, 2.0 * (w * w - 1.0),
+                         1.0 - 2.0 * damping * w + w * w)
+        )  # fmt: skip
+        self._a = 2.0 * (w * w - 1.0) / scale, (1.0 - 2.0 * NOTCH * w + w * w) / scale
+        self._one = self._two = 0.0
+
+    def __call__(self, value: float) -> float:
+        found = float(self._b[0] * value + self._one)
+        self._one = self._b[1] * value - self._a[0] * found + self._two
+        self._two = self._b[2] * value - self._a[1] * found
+        return found
+
+
+def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRun:
+    """Run the loop: feedforward of the reference, an integrator, one sample of delay."""
+    settings = rig.settings
+    dt = 1.0 / settings.control.rate_Hz
+    gain = 2.0 * np.pi * settings.control.bandwidth_Hz * dt
+    low, high = settings.amplifier.low_V, settings.amplifier.high_V
+    noise = settings.sensor.noise_m * np.random.default_rng(SEED).standard_normal(wanted.size)
+    motion, late = StageMotion(rig.stage, dt), _lateness(rig)
+    notch = _Notch(rig.stage.resonance, rig.stage.damping, dt)
+    found, voltage = np.empty(wanted.size), np.empty(wanted.size)
+    correction = command = 0.0
+    expected = np.interp(np.arange(wanted.size) * dt - late, np.arange(wanted.size) * dt, wanted)
+    for i, value in enumerate(wanted.tolist()):
+        found[i] = motion.x
+        read = round((motion.x + noise[i]) / settings.sensor.step_m) * settings.sensor.step_m
+        motion.step(command)
+        correction += gain * notch(float(expected[i]) - read)
+        command = min(max(inverse(value + correction), low), high)
+        voltage[i] = command
+    error = found - expected
+    judged = error[round(LEAD * settings.control.rate_Hz / settings.reference.frequency_Hz) :]
+    errors = PiezoErrors(float(np.abs(judged).max()), float(np.sqrt(np.mean(judged**2))))
+    time = dt * np.arange(wanted.size, dtype=np.float64)
+    return PiezoRun(time, found, error, voltage, errors)
+
+
+def _lateness(rig: PiezoRig) -> float:
+    """Return what the stage answers later, s: known, and the same for every way.
+
+    One sample of delay and half a one of hold, the amplifier, and the slope of the phase below the
+    resonance.
+    """
+    stage = rig.stage
+    rounded = 2.0 * stage.damping / (2.0 * np.pi * stage.resonance)
+    return 1.5 / rig.settings.control.rate_Hz + stage.amplifier + rounded

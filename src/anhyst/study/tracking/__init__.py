@@ -1,0 +1,1 @@
+"""Tracking with feedforward: what compensation of hysteresis gains on a stage that follows set-points."""

@@ -1,0 +1,286 @@
+"""All variants on the set-points of a stage: what ``anhyst simulate`` gives for one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import METHODS
+from anhyst.data.files import write_csv
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.recording import check_ending
+from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.loop import Feedforward, StageSetup, TrackedRun, track
+from anhyst.rig.stage.make_setup import make_stage
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.bearing.metrics import Interval, mean_interval
+from anhyst.study.tracking.learning import learn
+from anhyst.study.tracking.measures import BANDS_M, Measures, cruises, measure, settling
+from anhyst.study.tracking.search import find_gains
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import all_of
+from anhyst.support.json_text import json_text
+from anhyst.support.progress import Progress
+from anhyst.support.result import Result, columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FIGURES = "figures.json"
+OWN: MethodName = "full"
+"""What the others are the baselines of; its run is recorded."""
+_NOT_SHOWN = ("ratio", "secant", "simplified")
+COMPARED = tuple(name for name in METHODS if name not in _NOT_SHOWN)
+"""Variants, in the order of every table."""
+SMALL = 0.1
+"""Of the accelerations of the test set-point: what is called small forces."""
+_STILL_S = 0.2
+
+
+@dataclass(frozen=True)
+class TriedVariant:
+    """One variant on the test set-point.
+
+    Parameters
+    ----------
+    gains : Feedforward
+        Found on the training set-point.
+    measures : tuple of Measures
+        One a seed.
+    settled : tuple of tuple of float
+        For each of the bands the settling of every scan of every seed, s.
+    shown : TrackedRun
+        Of the first seed.
+    small : Measures
+        The same gains, a tenth of the accelerations.
+    repeated : Measures
+        Gains found on the very test set-point: what a single, repeated one would show.
+    standstill_m : float
+        Error at rest, rms, the long stroke moving.
+    trials_m : tuple of float
+        Peak of each trial of learning control, m.
+    """
+
+    gains: Feedforward
+    measures: tuple[Measures, ...]
+    settled: tuple[tuple[float, ...], ...]
+    shown: TrackedRun
+    small: Measures
+    repeated: Measures
+    standstill_m: float
+    trials_m: tuple[float, ...]
+
+    def of(self, name: str) -> Interval:
+        """Return a measure over the seeds."""
+        return mean_interval([getattr(one, name) for one in self.measures])
+
+
+@dataclass(frozen=True, repr=False)
+class TrackingStudy(Result):
+    """What was found.
+
+    Parameters
+    ----------
+    rig : StageRig
+    tried : mapping of str to TriedVariant
+    left_out : mapping of str to str
+        Variants that could not be made, and why.
+    """
+
+    rig: StageRig
+    tried: Mapping[MethodName, TriedVariant]
+    left_out: Mapping[MethodName, str]
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Content of ``figures.json``."""
+        table = self.rig.settings.tracking
+        return {
+            "format": "anhyst-tracking",
+            "rig": self.rig.settings.name,
+            "number_format": table.format,
+            "crossover_Hz": table.crossover_Hz,
+            "train_m_per_s2": table.train_m_per_s2,
+            "test_m_per_s2": table.test_m_per_s2,
+            "left_out": dict(self.left_out),
+            "variants": {name: _figures(one) for name, one in self.tried.items()},
+        }
+
+    def facts(self) -> dict[str, str]:
+        """Return peak of the error and moving average of every variant."""
+        told = {"rig": self.rig.settings.name}
+        for name, one in self.tried.items():
+            peak, average = 1e9 * one.of("peak_m").mean, 1e9 * one.of("average_m").mean
+            told[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
+        return told
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the measures of every variant on the test set-point, means over the seeds, SI."""
+        names = [field.name for field in fields(Measures)]
+        return columns_of(
+            [
+                {"variant": variant, **{name: one.of(name).mean for name in names}}
+                for variant, one in self.tried.items()
+            ]
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``figures.json`` holds."""
+        return self.figures
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the error of every variant over the test set-point, one noise seed."""
+        for name, one in self.tried.items():
+            ax.plot(one.shown["t_s"], 1e9 * one.shown.error, lw=0.8, label=name)
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("error [nm]")
+
+    def save(self, path: PathLike) -> Path:
+        """Write the recording of the compensator's run, and ``figures.json`` beside it.
+
+        Raises
+        ------
+        InputError
+            A place cannot be written.
+        """
+        check_ending(path)
+        write_csv(path, recorded(self.tried[OWN].shown))
+        with atomic_writer(Path(path).parent / FIGURES) as stream:
+            stream.write(json_text(self.figures))
+        return Path(path)
+
+
+def _figures(one: TriedVariant) -> dict[str, Any]:
+    return {
+        "gains": {
+            "acceleration": one.gains.acceleration,
+            "jerk_s": one.gains.jerk,
+            "snap_s2": one.gains.snap,
+        },
+        "test": {
+            field.name: {
+                "mean": one.of(field.name).mean,
+                "half_width": one.of(field.name).half_width,
+                "count": len(one.measures),
+            }
+            for field in fields(Measures)
+        },
+        "small_forces": one.small.as_dict(),
+        "one_repeated_setpoint": one.repeated.as_dict(),
+        "standstill_rms_m": one.standstill_m,
+        "learning_peaks_m": list(one.trials_m),
+    }
+
+
+def try_variant(setup: StageSetup) -> TriedVariant:
+    """Find the gains of one variant on the training set-point and judge it on the test set-point."""
+    table = setup.rig.settings.tracking
+    gains = find_gains(setup, motion_of(table, table.train_m_per_s2))
+    motion = motion_of(table, table.test_m_per_s2)
+    runs = [track(setup, motion, gains, seed) for seed in range(1, table.noise_seeds + 1)]
+    small = motion_of(table, [SMALL * peak for peak in table.test_m_per_s2])
+    here = find_gains(setup, motion)
+    trials = learn(setup, gains)
+    return TriedVariant(
+        gains=gains,
+        measures=tuple(measure(run, table.slit_s) for run in runs),
+        settled=tuple(
+            tuple(one for run in runs for one in settling(run, band)) for band in BANDS_M
+        ),
+        shown=runs[0],
+        small=measure(track(setup, small, gains, 1), table.slit_s),
+        repeated=measure(track(setup, motion, here, 1), table.slit_s),
+        standstill_m=_standing(setup, gains),
+        trials_m=tuple(measure(run, table.slit_s).peak_m for run in trials),
+    )
+
+
+def _standing(setup: StageSetup, gains: Feedforward) -> float:
+    """Return the error of a mass that has moved and now stands still, rms, m."""
+    table = setup.rig.settings.tracking
+    moved = replace(motion_of(table, table.test_m_per_s2[:2]), cruise=_STILL_S, speed=0.0)
+    run = track(setup, moved, gains, 1)
+    return float(np.sqrt(np.mean(np.concatenate([run.error[part] for part in cruises(run)]) ** 2)))
+
+
+def make_variants(
+    rig: StageRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = COMPARED
+) -> tuple[dict[MethodName, StageSetup], dict[MethodName, str]]:
+    """Fit variants; the second of the mappings says which could not be, and why."""
+    made: dict[MethodName, StageSetup] = {}
+    left_out: dict[MethodName, str] = {}
+    for name in names:
+        if name == "flux" and rig.settings.hall_probe is None:
+            left_out[name] = "the rig has no Hall probe"
+            continue
+        try:
+            made[name] = make_stage(rig, magnet, name)
+        except InputError as error:
+            if name == OWN:
+                raise
+            left_out[name] = str(error)
+    return made, left_out
+
+
+def explore_stage(
+    rig: StageRig,
+    magnet: IdentifiedMagnet | None = None,
+    names: Sequence[MethodName] = COMPARED,
+    progress: Progress | None = None,
+) -> TrackingStudy:
+    """Try variants on a stage.
+
+    Parameters
+    ----------
+    rig : StageRig
+    magnet : IdentifiedMagnet, optional
+        What is known of the magnets; identified from the loops of the rig file if left out.
+    names : sequence of str, optional
+        The variants, the compensator among them.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+    """
+    known = magnet or identify_magnet(rig.measured.read(), rig.settings.identify)
+    made, left_out = make_variants(rig, known, names)
+    tried = all_of(try_variant, list(made.values()), progress)
+    return TrackingStudy(rig, dict(zip(made, tried, strict=True)), left_out)
+
+
+def simulate_stage(
+    path: PathLike, out: PathLike, progress: Progress | None = None
+) -> TrackingStudy:
+    """Read a rig file, try every variant, write recording and ``figures.json``.
+
+    Raises
+    ------
+    InputError
+        The rig file, its loops or a place to write to will not do.
+    """
+    check_ending(out)
+    rig = read_stage(path)
+    figures = Path(out).parent / FIGURES
+    for place in (out, figures):
+        check_writable(place)
+    found = explore_stage(rig, progress=progress)
+    found.save(out)
+    return found
+
+
+def recorded(run: TrackedRun) -> dict[str, Any]:
+    """Return the columns of a recording of a run."""
+    n = len(run.table)
+    columns = ("demand_N", "force_N", "command_A", "current_A", "command_2_A", "current_2_A")
+    return {
+        "t_s": run["t_s"],
+        "reference_m": run.reference[:n],
+        "position_m": run["gap_m"] + run.frame[:n],
+        "error_m": run.error,
+        "gap_m": run["gap_m"],
+        **{name: run[name] for name in columns},
+    }

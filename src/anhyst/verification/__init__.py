@@ -1,0 +1,6 @@
+"""Runs the C of ``anhyst compile`` on real instruction sets and compares it with the host."""
+
+from anhyst.verification.result import TargetResult, Verification
+from anhyst.verification.verify import verify
+
+__all__ = ["TargetResult", "Verification", "verify"]

@@ -1,0 +1,146 @@
+"""The folder that ``anhyst compile`` wrote, read back and checked."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from anhyst.support.errors import InputError
+
+FORMAT = 2
+MANIFEST = "manifest.json"
+VECTORS = "vectors.csv"
+LEVITATION = "controller.csv"
+"""What a folder with a position controller holds beside the compensator's vectors."""
+PORT_HEADER = "port/anhyst_port_cortex_m4.h"
+EXAMPLE = "main.c"
+FORMATS = {"q15": "15", "q31": "31", "f32": "32"}
+PLAY = "play"
+"""Kind of a map with one play, which is no compensator with a kernel."""
+
+AGAIN = "run 'anhyst compile' again"
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """A compensator as C, with what its manifest says.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it stands.
+    name : str
+        What the actuator is called in the C.
+    kind, io : str
+        ``full``, ``simplified``, ``cells``, ``euler`` or ``play``; ``q15`` or ``q31``.
+    rate : float or None
+        Ticks a second it was made for, Hz.
+    manifest : mapping
+        All of ``manifest.json``.
+    """
+
+    folder: Path
+    name: str
+    kind: str
+    io: str
+    rate: float | None
+    manifest: Mapping[str, Any]
+
+    @property
+    def c_files(self) -> tuple[str, ...]:
+        """All that a project compiles or includes, by path below the folder."""
+        names = (str(name) for name in self.manifest["files"])
+        return tuple(name for name in names if name[-2:] in {".c", ".h"} and name != EXAMPLE)
+
+    def copy_sources(self, folder: Path) -> None:
+        """Copy the C and the port header to a folder, to be compiled there."""
+        for name in self.c_files:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.folder / name, folder / name)
+
+    @property
+    def has_controller(self) -> bool:
+        """Whether a whole position controller comes with it."""
+        return self.manifest.get("controller") is not None
+
+    @property
+    def has_port(self) -> bool:
+        """Whether the instructions of Cortex-M4 and M7 come with it."""
+        return (self.folder / PORT_HEADER).exists()
+
+
+def read_bundle(folder: Path) -> Bundle:
+    """Read the manifest and check that every file is as it was written.
+
+    Parameters
+    ----------
+    folder : Path
+        What ``anhyst compile --out`` made.
+
+    Raises
+    ------
+    InputError
+        There is no manifest, it is of another format, or a file is missing or was changed.
+    """
+    place = folder / MANIFEST
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; name the one 'anhyst compile --out' made")
+    try:
+        manifest = json.loads(place.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(
+            f"{folder}: has no {MANIFEST}; name the folder 'anhyst compile --out' made"
+        ) from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{place}: is not JSON: {error}; {AGAIN}") from None
+    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
+        raise InputError(f"{place}: key 'format' is not {FORMAT}; {AGAIN}")
+    _check_files(folder, place, manifest)
+    io = _text(place, manifest, "io")
+    if io not in FORMATS:
+        known = " and ".join(FORMATS)
+        raise InputError(f"{place}: key 'io': {io} cannot be verified; only {known} can")
+    rate = manifest.get("rate_Hz")
+    return Bundle(
+        folder,
+        _text(place, manifest, "name"),
+        _text(place, manifest, "kind"),
+        io,
+        float(rate) if isinstance(rate, int | float) else None,
+        manifest,
+    )
+
+
+def _text(place: Path, manifest: Mapping[str, Any], key: str) -> str:
+    value = manifest.get(key)
+    if not isinstance(value, str):
+        raise InputError(f"{place}: key '{key}' is missing or not a text; {AGAIN}")
+    return value
+
+
+def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None:
+    files = manifest.get("files")
+    if not isinstance(files, dict):
+        raise InputError(f"{place}: key 'files' is missing; {AGAIN}")
+    name = _text(place, manifest, "name")
+    needed = [f"{name}_parameters.h", f"{name}_parameters.c", VECTORS]
+    if manifest.get("controller") is not None:
+        needed += [f"{name}_controller.h", f"{name}_controller.c", LEVITATION]
+    for file in needed:
+        if file not in files:
+            raise InputError(f"{place}: key 'files' does not name {file}; {AGAIN}")
+    for file, wanted in files.items():
+        path = folder / str(file)
+        try:
+            found = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            raise InputError(
+                f"{path}: {error.strerror}, but {MANIFEST} names it; {AGAIN}"
+            ) from None
+        if found != wanted:
+            raise InputError(f"{path}: was changed since it was written (sha256); {AGAIN}")

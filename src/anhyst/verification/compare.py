@@ -1,0 +1,239 @@
+"""One program against another, bit for bit, and where they part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst.verification.protocol import (
+    CHECKPOINTS,
+    RANDOM,
+    RECORD_WORDS,
+    STACK,
+    START,
+    VECTORS,
+    WINDOW,
+    RecordForm,
+    Reply,
+    Request,
+    Words,
+)
+from anhyst.verification.vectors import GoldenVectors
+from anhyst.verification.workshop import HarnessProgram
+
+STACK_STEPS = 500
+PARTS = {
+    "start": "start",
+    "vectors": "golden vector",
+    "random": "random step",
+    "firmware": "tick",
+    "status": "answer to demand",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Where a target departs from the host.
+
+    Parameters
+    ----------
+    part : str
+        ``start``, ``vectors`` (golden vectors), ``random`` (steps of the generator), ``firmware``
+        (ticks of a whole firmware) or ``status`` (its answers).
+    step : int
+        Of that part, from 0.
+    quantity : str
+        What differs first in that step.
+    expected, found : int
+        By the host, or by the golden vectors; and by the target.
+    """
+
+    part: str
+    step: int
+    quantity: str
+    expected: int
+    found: int
+
+    def text(self) -> str:
+        """Report it in one line."""
+        return (
+            f"{PARTS[self.part]} {self.step}: {self.quantity} is {self.found}, not {self.expected}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """All that a program answered.
+
+    Parameters
+    ----------
+    start, random : Reply
+        After the start, and after the random steps.
+    vectors : array of uint32, shape (rows, words of a record)
+        Answers to the golden vectors.
+    stack : int
+        Deepest stack below a call of solve or commit, bytes; 0 where it is not measured.
+    """
+
+    start: Reply
+    random: Reply
+    vectors: Words
+    stack: int
+
+
+def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
+    """Run golden vectors, random steps, and steps that measure stack.
+
+    Parameters
+    ----------
+    program : HarnessProgram
+        What to run.
+    vectors : GoldenVectors
+        Their inputs.
+    steps : int
+        Random steps.
+    seed : int
+        Of the generator, not 0.
+    """
+    rows, places = vectors.inputs, vectors.form.places
+    batches = [rows[at : at + WINDOW] for at in range(0, len(rows), WINDOW)]
+    replies = program.run(
+        [
+            Request(START, seed=seed),
+            *(Request(VECTORS, steps=len(batch), rows=batch, places=places) for batch in batches),
+            Request(START, seed=seed),
+            Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps)),
+            Request(STACK, steps=min(steps, STACK_STEPS)),
+        ]
+    )
+    answers = [
+        reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
+    ]
+    empty = np.zeros((0, RECORD_WORDS), dtype=np.uint32)
+    return Answers(
+        replies[0], replies[-2], np.concatenate([empty, *answers]), replies[-1].stack_bytes
+    )
+
+
+def _stride(steps: int) -> int:
+    return max(1, -(-steps // CHECKPOINTS))
+
+
+def compare(
+    programs: tuple[HarnessProgram, HarnessProgram],
+    outcomes: tuple[Answers, Answers],
+    vectors: GoldenVectors,
+    steps: int,
+    seed: int,
+) -> Difference | None:
+    """Hold a target against the host and the golden vectors.
+
+    Parameters
+    ----------
+    programs, outcomes : tuple
+        Of the host and of the target.
+    vectors : GoldenVectors
+        What both were given.
+    steps, seed : int
+        What both were run with.
+
+    Returns
+    -------
+    Difference or None
+        The first one.
+    """
+    host, target = outcomes
+    for name in ("status", "words", "hash"):
+        wanted, found = getattr(host.start, name), getattr(target.start, name)
+        if wanted != found:
+            quantity = f"hash of the {vectors.form.start}" if name == "hash" else name
+            return Difference("start", 0, quantity, wanted, found)
+    if (difference := _against_file(target, vectors)) is not None:
+        return difference
+    if (wrong := _first_wrong(host.vectors, target.vectors)) is not None:
+        return _difference(vectors.form, "vectors", 0, wrong, host.vectors, target.vectors)
+    if host.random.hash == target.random.hash:
+        return None
+    return _locate(vectors.form, programs, (host.random, target.random), steps, seed)
+
+
+def _against_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None:
+    places = [vectors.form.record.index(name) for name in vectors.outputs]
+    found = outcome.vectors[:, places]
+    wanted = np.stack(list(vectors.outputs.values()), axis=1)
+    wrong = _first_wrong(wanted, found)
+    if wrong is None:
+        return None
+    row, place = wrong
+    name = list(vectors.outputs)[place]
+    return Difference("vectors", row, name, _signed(wanted[wrong]), _signed(found[wrong]))
+
+
+def _locate(
+    form: RecordForm,
+    programs: tuple[HarnessProgram, HarnessProgram],
+    replies: tuple[Reply, Reply],
+    steps: int,
+    seed: int,
+) -> Difference:
+    """Narrow down the first difference by checkpoints until a window of records holds it."""
+    first, last = 0, steps
+    stride = _stride(steps)
+    while True:
+        marks = _marks(first, last, stride)
+        wrong = np.flatnonzero(
+            replies[0].checkpoints[: len(marks)] != replies[1].checkpoints[: len(marks)]
+        )
+        bad = int(wrong[0]) if len(wrong) else len(marks)
+        # The hash kept before a step speaks of the steps before it.
+        first, last = marks[bad - 1], marks[bad] if bad < len(marks) else last
+        stride = _stride(last - first)
+        replies = _again(programs, seed, first, last, stride)
+        if last - first <= WINDOW:
+            records = [reply.window[: last - first] for reply in replies]
+            found = _first_wrong(*records)
+            if found is None:
+                hashes = (reply.hash for reply in replies)
+                return Difference("random", first, "not repeatable: the hash", *hashes)
+            return _difference(form, "random", first, found, *records)
+
+
+def _marks(first: int, last: int, stride: int) -> list[int]:
+    return list(range(first, last, stride))
+
+
+def _again(
+    programs: tuple[HarnessProgram, HarnessProgram], seed: int, first: int, last: int, stride: int
+) -> tuple[Reply, Reply]:
+    requests = [
+        Request(START, seed=seed),
+        Request(
+            RANDOM,
+            steps=last,
+            checkpoint_first=first,
+            checkpoint_stride=stride,
+            window_first=first,
+        ),
+    ]
+    host, target = (program.run(requests)[-1] for program in programs)
+    return host, target
+
+
+def _first_wrong(host: Words, target: Words) -> tuple[int, int] | None:
+    wrong = np.argwhere(host != target)
+    return (int(wrong[0, 0]), int(wrong[0, 1])) if len(wrong) else None
+
+
+def _difference(
+    form: RecordForm, part: str, first: int, place: tuple[int, int], host: Words, target: Words
+) -> Difference:
+    row, word = place
+    return Difference(
+        part, first + row, form.record[word], _signed(host[row, word]), _signed(target[row, word])
+    )
+
+
+def _signed(word: int) -> int:
+    value = int(word)
+    return value - (1 << 32) if value >> 31 else value

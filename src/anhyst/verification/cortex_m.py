@@ -1,0 +1,181 @@
+"""Cortex-M: compiled by ziglang, emulated in this process by Unicorn."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.support.errors import NegativeResult
+from anhyst.verification.elf import FLASH, Image
+from anhyst.verification.protocol import BOX_BYTES, WINDOW_OFFSET, Reply, Request
+from anhyst.verification.toolchain import Build, compile_c, zig_cc
+
+TIME_LIMIT = 600.0
+FLASH_BYTES = 256 * 1024
+RAM, RAM_BYTES = 0x20000000, 64 * 1024
+
+Prefix = NDArray[np.uint32]
+Costs = Callable[[Image, bytes], Prefix]
+
+
+class _Counter(ctypes.Structure):
+    """As in ``harness/counter.c``."""
+
+    _fields_ = (
+        ("code_begin", ctypes.c_uint32),
+        ("code_end", ctypes.c_uint32),
+        ("prefix", ctypes.POINTER(ctypes.c_uint32)),
+        ("start", ctypes.c_uint32),
+        ("stop", ctypes.c_uint32),
+        ("result", ctypes.c_void_p),
+        ("count", ctypes.c_uint64),
+    )
+
+
+def build_counter(harness: Path, folder: Path, wanted_by: str) -> Path:
+    """Compile the hook that counts, for this machine."""
+    build = Build((harness / "counter.c",), flags=("-O2", "-shared", "-fPIC"))
+    library = folder / "counter.so"
+    compile_c(zig_cc(wanted_by), build, library, wanted_by)
+    return library
+
+
+def wide_instruction(halfword: int) -> bool:
+    """Return whether a Thumb instruction that begins so is 32 bits long."""
+    return halfword >= 0xE800
+
+
+def instruction_costs(image: Image, code: bytes) -> Prefix:
+    """Count every instruction as one: the number of instructions before each half-word."""
+    halfwords = np.frombuffer(code, dtype="<u2")
+    begins = np.zeros(len(halfwords), dtype=np.uint32)
+    for begin, stop in image.thumb_ranges():
+        at, end = (begin - FLASH) // 2, (stop - FLASH) // 2
+        while at < end:
+            begins[at] = 1
+            at += 2 if wide_instruction(int(halfwords[at])) else 1
+    return np.concatenate(([np.uint32(0)], np.cumsum(begins, dtype=np.uint32)))
+
+
+@dataclass(frozen=True, slots=True)
+class CortexProgram:
+    """A linked harness, ready to run.
+
+    Parameters
+    ----------
+    name : str
+        Target, for messages.
+    cpu : str
+        Unicorn's name of the processor model.
+    image : Image
+        The program.
+    counter : Path
+        The compiled hook.
+    costs : callable
+        What a block costs, as prefix sums over the code's half-words.
+    """
+
+    name: str
+    cpu: str
+    image: Image
+    counter: Path
+    costs: Costs = instruction_costs
+
+    def run(self, requests: Sequence[Request]) -> list[Reply]:
+        """Answer one request after the other, from reset.
+
+        Raises
+        ------
+        NegativeResult
+            The program reads or writes where nothing is, or runs astray.
+        """
+        machine = _Machine(self)
+        return [machine.answer(request) for request in requests]
+
+
+class _Machine:
+    """A processor with memory, stopped at harness_wait."""
+
+    def __init__(self, program: CortexProgram) -> None:
+        unicorn: Any = import_module("unicorn")
+        arm_const: Any = import_module("unicorn.arm_const")
+        self._name = program.name
+        self._error = unicorn.UcError
+        emulator: Any = unicorn.Uc(
+            unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS
+        )
+        emulator.ctl_set_cpu_model(getattr(arm_const, program.cpu))
+        self._registers = arm_const
+        self._uc = emulator
+        self._ram = (ctypes.c_ubyte * RAM_BYTES)()
+        emulator.mem_map(FLASH, FLASH_BYTES, unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC)
+        emulator.mem_map_ptr(
+            RAM,
+            RAM_BYTES,
+            unicorn.UC_PROT_READ | unicorn.UC_PROT_WRITE,
+            ctypes.addressof(self._ram),
+        )
+        for address, content in program.image.segments:
+            emulator.mem_write(address, content)
+        self._box = program.image.address("harness_box") - RAM
+        self._wait = program.image.address("harness_wait")
+        self._hook_counter(program)
+        self._go(program.image.address("reset"), program.image.address("link_stack_top"))
+
+    def _hook_counter(self, program: CortexProgram) -> None:
+        """Add the counting hook as native code: Python would take a hundred times as long."""
+        unicorn: Any = import_module("unicorn")
+        uclib: Any = import_module("unicorn.unicorn_py3.unicorn").uclib
+        image = program.image
+        code = bytes(self._uc.mem_read(FLASH, FLASH_BYTES))
+        self._prefix = np.ascontiguousarray(program.costs(image, code), dtype=np.uint32)
+        result = image.address("harness_count") - RAM
+        self._counter = _Counter(
+            FLASH,
+            FLASH + FLASH_BYTES,
+            self._prefix.ctypes.data_as(ctypes.POINTER(ctypes.c_uint32)),
+            image.address("harness_clock_start"),
+            image.address("harness_clock_stop"),
+            ctypes.addressof(self._ram) + result,
+            0,
+        )
+        self._library = ctypes.CDLL(str(program.counter))
+        hook = ctypes.c_size_t()
+        status = uclib.uc_hook_add(
+            self._uc._uch,
+            ctypes.byref(hook),
+            unicorn.UC_HOOK_BLOCK,
+            ctypes.cast(self._library.count_block, ctypes.c_void_p),
+            ctypes.addressof(self._counter),
+            ctypes.c_uint64(1),
+            ctypes.c_uint64(0),
+        )
+        if status != unicorn.UC_ERR_OK:
+            raise self._error(status)
+
+    def _go(self, address: int, stack: int | None = None) -> None:
+        """Run until the program waits."""
+        if stack is not None:
+            self._uc.reg_write(self._registers.UC_ARM_REG_SP, stack)
+        try:
+            self._uc.emu_start(address | 1, self._wait, timeout=int(TIME_LIMIT * 1e6))
+        except self._error as error:
+            at = self._uc.reg_read(self._registers.UC_ARM_REG_PC)
+            raise NegativeResult(f"target {self._name}: {error} at {at:#010x}") from None
+        if self._uc.reg_read(self._registers.UC_ARM_REG_PC) != self._wait:
+            raise NegativeResult(f"target {self._name}: did not end within {TIME_LIMIT:.0f} s")
+
+    def answer(self, request: Request) -> Reply:
+        """Put a request into the box, run, and read the box."""
+        for offset, content in ((0, request.pack()), (WINDOW_OFFSET, request.pack_rows())):
+            ctypes.memmove(ctypes.addressof(self._ram) + self._box + offset, content, len(content))
+        back = self._uc.reg_read(self._registers.UC_ARM_REG_LR)
+        self._go(back & ~1)
+        return Reply.unpack(bytes(self._ram[self._box : self._box + BOX_BYTES]))

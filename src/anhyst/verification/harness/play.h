@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The map with one play under the names of signals.h, which includes this. Its value without memory
+   stands where a compensator has a flux, its play where that has the flux applied. */
+#ifndef HARNESS_PLAY_H
+#define HARNESS_PLAY_H
+
+typedef anhyst_play_map_q31 compensator_state;
+#define PARAMETERS_WORDS 0U /* a structure with tables, not a row of words */
+#define SOLVE anhyst_play_map_solve_q31
+#define COMMIT (void)anhyst_play_map_commit_q31
+#define OUTPUT(c) ((c)->demand)
+#define FLUX_OF(c) inner_word((c)->value)
+#define FLUX_APPLIED_OF(c) inner_word((c)->play)
+
+/* Nothing has to be known of the iron before it starts. */
+#define CONDITIONING(c, tick) ((void)(c), (void)(tick), (signal)0)
+#define CONDITIONING_LENGTH(c) ((void)(c), (int32_t)0)
+
+static inline anhyst_status take_parameters(compensator_state *c)
+{
+  return anhyst_play_map_init_q31(c, &ACTUATOR_PARAMETERS,
+                                  ACTUATOR_JOIN(ACTUATOR_MACRO, _CURRENT_LOW),
+                                  ACTUATOR_JOIN(ACTUATOR_MACRO, _CURRENT_HIGH));
+}
+
+static inline void record_memory(const compensator_state *c, uint32_t *record)
+{
+  record[HARNESS_MEMORY_A] = (uint32_t)c->play;
+  record[HARNESS_MEMORY_B] = (uint32_t)c->wanted;
+  record[HARNESS_MEMORY_C] = 0;
+  record[HARNESS_MEMORY_D] = 0;
+  record[HARNESS_MEMORY_E] = 0;
+}
+
+#endif

@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The compensator under one set of names, whatever the format of its signals.
+
+   HARNESS_IO is 15, 31 or 32: q15, q31 or f32. A word is the 32 bits of a number, fixed or
+   floating. */
+#ifndef SIGNALS_H
+#define SIGNALS_H
+
+#include "boards/actuator.h"
+#include "harness.h"
+
+#if HARNESS_IO == 32
+
+typedef float signal;
+typedef anhyst_compensator_f32 compensator_state;
+#define SOLVE anhyst_compensator_solve_f32
+#define COMMIT anhyst_compensator_commit_f32
+#define OUTPUT anhyst_compensator_output_f32
+#define CONDITIONING anhyst_conditioning_f32
+#define CONDITIONING_LENGTH anhyst_conditioning_length_f32
+#define PARAMETERS_WORDS 0U /* a structure with tables, not a row of words */
+
+static inline anhyst_status take_parameters(compensator_state *c)
+{
+  return anhyst_compensator_init_f32(c, &ACTUATOR_PARAMETERS);
+}
+
+static inline uint32_t word_of(signal a)
+{
+  union {
+    signal number;
+    uint32_t word;
+  } as;
+  as.number = a;
+  return as.word;
+}
+
+static inline signal signal_of(uint32_t word)
+{
+  union {
+    signal number;
+    uint32_t word;
+  } as;
+  as.word = word;
+  return as.number;
+}
+
+/* From a q31: the part of a range, and a tenth beyond it so that limits are met too. */
+static inline signal part_of(int32_t a, signal range)
+{
+  return (signal)a * (1.1F / 2147483648.0F) * range;
+}
+
+static inline signal demand_of(int32_t a) { return part_of(a, ACTUATOR_PARAMETERS.demand_high); }
+
+static inline signal current_of(int32_t a) { return part_of(a, ACTUATOR_PARAMETERS.current_high); }
+
+static inline signal gap_of(int32_t a)
+{
+  const signal rows = ACTUATOR_PARAMETERS.gap_rows;
+  const signal span = rows > 0.0F ? (signal)ACTUATOR_PARAMETERS.gap_segments / rows : 0.0F;
+  return ACTUATOR_PARAMETERS.gap_low + part_of(a, span);
+}
+
+/* Where a converter of 12 bits between minus and plus the largest current puts it. */
+static inline signal on_grid(signal current)
+{
+  const signal step = ACTUATOR_PARAMETERS.current_high / 2048.0F;
+  const int32_t code = (int32_t)(current / step + (current < 0.0F ? -0.5F : 0.5F));
+  return (signal)code * step;
+}
+
+#define INNER_WORD word_of
+
+static inline void record_memory(const compensator_state *c, uint32_t *record)
+{
+  record[HARNESS_MEMORY_A] = word_of(c->memory.x);
+  record[HARNESS_MEMORY_B] = word_of(c->memory.y);
+  record[HARNESS_MEMORY_C] = word_of(c->memory.p);
+  record[HARNESS_MEMORY_D] = word_of(c->memory.turn);
+  record[HARNESS_MEMORY_E] = word_of(c->memory.level);
+}
+
+#else
+
+#if HARNESS_IO == 15
+typedef int16_t signal;
+#define SIGNAL_SHIFT 16
+#define SOLVE anhyst_compensator_solve_q15
+#define COMMIT anhyst_compensator_commit_q15
+#define OUTPUT anhyst_compensator_output_q15
+#define CONDITIONING anhyst_conditioning_q15
+#else
+typedef int32_t signal;
+#define SIGNAL_SHIFT 0
+#ifndef HARNESS_PLAY
+#define SOLVE anhyst_compensator_solve_q31
+#define COMMIT anhyst_compensator_commit_q31
+#define OUTPUT anhyst_compensator_output_q31
+#define CONDITIONING anhyst_conditioning_q31
+#endif
+#endif
+
+static inline uint32_t word_of(signal a) { return (uint32_t)(int32_t)a; }
+
+/* The number whose two's complement the word is, without leaving it to the compiler. */
+static inline signal signal_of(uint32_t word)
+{
+  return (signal)(word <= 0x7FFFFFFFU ? (int32_t)word : -(int32_t)(0xFFFFFFFFU - word) - 1);
+}
+
+static inline signal demand_of(int32_t a) { return (signal)(a >> SIGNAL_SHIFT); }
+
+#define current_of demand_of
+#define gap_of demand_of
+
+/* Where a converter of 12 bits puts a current; the highest code is 2047. */
+static inline signal on_grid(signal current)
+{
+  const int32_t code = (current / ((int32_t)1 << (19 - SIGNAL_SHIFT)) + (current < 0 ? -1 : 1)) / 2;
+  return (signal)((code < 2048 ? code : 2047) * ((int32_t)1 << (20 - SIGNAL_SHIFT)));
+}
+
+static inline uint32_t inner_word(int32_t a) { return (uint32_t)a; }
+
+#define INNER_WORD inner_word
+
+#ifdef HARNESS_PLAY
+#include "play.h"
+#else
+
+typedef anhyst_compensator compensator_state;
+#define CONDITIONING_LENGTH anhyst_conditioning_length
+#define PARAMETERS_WORDS ACTUATOR_PARAMETERS_WORDS
+
+static inline anhyst_status take_parameters(compensator_state *c)
+{
+  return anhyst_compensator_init(c, &ACTUATOR_KERNEL, ACTUATOR_PARAMETERS,
+                                 ACTUATOR_PARAMETERS_WORDS);
+}
+
+static inline void record_memory(const compensator_state *c, uint32_t *record)
+{
+  record[HARNESS_MEMORY_A] = (uint32_t)c->memory.x;
+  record[HARNESS_MEMORY_B] = (uint32_t)c->memory.y;
+  record[HARNESS_MEMORY_C] = (uint32_t)c->memory.p;
+  record[HARNESS_MEMORY_D] = 0;
+  record[HARNESS_MEMORY_E] = 0;
+}
+
+#endif
+#endif
+
+#ifndef HARNESS_PLAY
+#define FLUX_OF(c) INNER_WORD((c)->flux)
+#define FLUX_APPLIED_OF(c) INNER_WORD((c)->flux_applied)
+#endif
+#endif

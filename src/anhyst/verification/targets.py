@@ -1,0 +1,322 @@
+"""The targets by name, and how the C is built for each."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.verification.bundle import PLAY, PORT_HEADER, Bundle
+from anhyst.verification.cortex_m import CortexProgram, build_counter
+from anhyst.verification.elf import read_image
+from anhyst.verification.firmware import TARGET as FIRMWARE
+from anhyst.verification.msp430 import Msp430Program
+from anhyst.verification.process import ProcessProgram
+from anhyst.verification.protocol import BOX_BYTES, REQUEST_BYTES, WINDOW_OFFSET
+from anhyst.verification.toolchain import (
+    FREESTANDING,
+    Build,
+    compile_c,
+    compile_cortex_m,
+    zig_cc,
+)
+from anhyst.verification.tools import Missing, missing_modules, missing_programs
+from anhyst.verification.workshop import HARNESS, Variant, Workshop
+
+Order = Callable[[], Variant]
+"""A build that has not been made yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """What can be built for a target with the tools that are there, and which are not.
+
+    Parameters
+    ----------
+    orders : tuple of Order
+        Empty where the target cannot run.
+    missing : tuple of Missing
+        Tools that would be needed, or with which more could be built.
+    """
+
+    orders: tuple[Order, ...] = ()
+    missing: tuple[Missing, ...] = ()
+
+
+Maker = Callable[[Workshop], Offer]
+
+PORT_DEFINE = {"ANHYST_PORT_HEADER": f'"{Path(PORT_HEADER).name}"'}
+OPTIMISATIONS = ("-O0", "-O2", "-O3")
+SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+HOST_COMPILERS = {"gcc": "gcc", "clang": "clang"}
+SANITIZERS = {"gcc": "libgcc-12-dev", "clang": "libclang-rt-dev"}
+"""Packages with the libraries of their sanitizers."""
+
+AVR_CPU = "atmega1284p"
+AVR_DATA = 0x800000
+SIMAVR_HEADERS = Path("/usr/include/simavr")
+
+NUMBERS_NEED = "compile with --io q15 or q31 for it"
+
+
+@dataclass(frozen=True, slots=True)
+class Cortex:
+    """A processor: as the compiler and the emulator call it, and what it may have beyond others.
+
+    Parameters
+    ----------
+    cpu, model : str
+        Names of compiler and emulator.
+    float_unit : str
+        What the compiler is asked to use floating-point instructions; empty without.
+    has_port : bool
+        Whether it has the instructions of the port header.
+    """
+
+    cpu: str
+    model: str
+    float_unit: str = ""
+    has_port: bool = False
+
+
+CORTEX = {
+    "cortex-m0plus": Cortex("cortex_m0plus", "UC_CPU_ARM_CORTEX_M0"),
+    "cortex-m3": Cortex("cortex_m3", "UC_CPU_ARM_CORTEX_M3"),
+    "cortex-m4": Cortex("cortex_m4", "UC_CPU_ARM_CORTEX_M4", "+vfp4d16sp", has_port=True),
+    "cortex-m7": Cortex("cortex_m7", "UC_CPU_ARM_CORTEX_M7", "+fp_armv8d16sp", has_port=True),
+}
+
+
+def host_compilers() -> dict[str, list[str]]:
+    """Return the commands of the compilers for this machine that are there, by name.
+
+    Those that a report names; where there is none of them, any other.
+    """
+    found = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
+    if found:
+        return found
+    if shutil.which("cc"):
+        return {"cc": ["cc"]}
+    return {} if missing_modules("host", ["ziglang"]) else {"zig cc": zig_cc("host")}
+
+
+def reference(workshop: Workshop) -> Variant:
+    """Build what all others are compared with: the C on this machine.
+
+    Raises
+    ------
+    InputError
+        There is no C compiler.
+    """
+    for name, command in host_compilers().items():
+        return _host(workshop, name, command, ("-O2",))
+    raise InputError(
+        "no C compiler for this machine, which all targets are compared with: apt install gcc, or "
+        "pip install 'anhyst[verify]'"
+    )
+
+
+def host(workshop: Workshop) -> Offer:
+    """Return the builds for this machine: each compiler at each optimisation, and sanitizers."""
+    orders: list[Order] = []
+    missing = list(missing_programs("host", HOST_COMPILERS))
+    for name, command in host_compilers().items():
+        settings: list[tuple[str, ...]] = [(level,) for level in OPTIMISATIONS]
+        if name in SANITIZERS:
+            if _has_sanitizers(command, workshop.folder):
+                settings.append(SANITIZE)
+            else:
+                tool = f"sanitizers of {name}"
+                missing.append(Missing("host", tool, f"apt install {SANITIZERS[name]}"))
+        orders += [partial(_host, workshop, name, command, flags) for flags in settings]
+    return Offer(tuple(orders), tuple(missing))
+
+
+def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
+    probe = folder / "probe.c"
+    probe.write_text("int main(void) { return 0; }\n", encoding="ascii")
+    try:
+        compile_c(command, Build((probe,), flags=SANITIZE), folder / "probe", "host")
+    except NegativeResult:
+        return False
+    return True
+
+
+def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, ...]) -> Variant:
+    sanitized = flags == SANITIZE
+    title = f"{name} sanitizers" if sanitized else f"{name} {flags[0]}"
+    program = workshop.folder / f"host-{title.replace(' ', '-')}"
+    label = f"host ({title})"
+    warnings = compile_c(command, workshop.build("host", *flags), program, label)
+    process = ProcessProgram(label, (str(program),))
+    return Variant("host", title, process, "", "this machine", name, warnings)
+
+
+def cortex_m(name: str, workshop: Workshop) -> Offer:
+    """Return the builds for a Cortex-M: without and with its own instructions, if it has some.
+
+    In fixed point those are the port header's, in floating point those of its floating-point unit.
+    """
+    if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
+        return Offer(missing=missing)
+    counter = build_counter(HARNESS, workshop.folder, name)
+    floating = workshop.bundle.io == "f32"
+    builds = [("soft float" if floating else "portable", "")]
+    if floating and CORTEX[name].float_unit:
+        builds.append(("hard float", CORTEX[name].float_unit))
+    elif CORTEX[name].has_port and workshop.bundle.has_port:
+        builds.append(("port header", ""))
+    return Offer(tuple(partial(_cortex, name, workshop, counter, *build) for build in builds))
+
+
+def _cortex(
+    name: str,
+    workshop: Workshop,
+    counter: Path,
+    title: str,
+    float_unit: str,
+) -> Variant:
+    cpu = CORTEX[name].cpu + float_unit
+    build = workshop.build("cortex_m", "-O2", "-Wl,--gc-sections")
+    if title == "port header":
+        build = replace(build, defines={**build.defines, **PORT_DEFINE})
+    path = workshop.folder / f"{name}-{title.replace(' ', '-')}.elf"
+    warnings = compile_cortex_m(cpu, build, HARNESS / "cortex_m.ld", path)
+    image = read_image(path)
+    program = CortexProgram(name, CORTEX[name].model, image, counter)
+    return Variant(name, title, program, "instructions", cpu, "zig cc -O2", warnings, image)
+
+
+def avr(workshop: Workshop) -> Offer:
+    """Return the build for an ATmega, run by simavr."""
+    missing = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
+    missing += missing_modules("avr", ["elftools"])
+    compilers = list(host_compilers().values())
+    if not compilers:
+        missing += missing_programs("avr", HOST_COMPILERS)
+    if not (SIMAVR_HEADERS / "sim_avr.h").exists():
+        missing.append(Missing("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
+    if missing:
+        return Offer(missing=tuple(missing))
+    return Offer((partial(_avr, workshop, "avr-gcc", compilers[0]),))
+
+
+def _avr(workshop: Workshop, compiler: str, host_compiler: list[str]) -> Variant:
+    path = workshop.folder / "avr.elf"
+    build = workshop.build("avr", "-O2", f"-mmcu={AVR_CPU}", "-Wl,--gc-sections")
+    warnings = compile_c([compiler], build, path, "avr")
+    image = read_image(path)
+    runner = workshop.folder / "avr_runner"
+    compile_c(
+        host_compiler,
+        Build(
+            (HARNESS / "avr_runner.c",),
+            # simavr's own headers are not clean under this project's warnings.
+            flags=(
+                "-O2",
+                "-isystem",
+                str(SIMAVR_HEADERS),
+                "-isystem",
+                str(SIMAVR_HEADERS / "avr"),
+                "-Wno-conversion",
+            ),
+            libraries=("-lsimavr", "-lelf"),
+        ),
+        runner,
+        "avr",
+    )
+    numbers = (
+        image.address("harness_box") - AVR_DATA,
+        image.address("harness_count") - AVR_DATA,
+        REQUEST_BYTES,
+        WINDOW_OFFSET,
+        BOX_BYTES,
+    )
+    command = (str(runner), str(path), AVR_CPU, *map(str, numbers))
+    program = ProcessProgram("avr", command)
+    return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
+
+
+def msp430(workshop: Workshop) -> Offer:
+    """Return the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
+    missing = (
+        *missing_programs("msp430", {"mspdebug": "mspdebug"}),
+        *missing_modules("msp430", ["ziglang", "elftools"]),
+    )
+    if missing:
+        return Offer(missing=missing)
+    return Offer((partial(_msp430, workshop, "mspdebug"),))
+
+
+def _msp430(workshop: Workshop, simulator: str) -> Variant:
+    path = workshop.folder / "msp430.elf"
+    compiler = [
+        *zig_cc("msp430"),
+        "-target",
+        "msp430-freestanding-none",
+        *FREESTANDING,
+        "-T",
+        str(HARNESS / "msp430.ld"),
+        "-Wl,--entry=reset",
+    ]
+    # 56 KiB of flash hold a whole position controller only where it is compiled for size.
+    level = "-Os" if workshop.subject == "controller" else "-O2"
+    # Without -g the linker drops the symbols.
+    build = workshop.build("msp430", level, "-g", "-Wl,--gc-sections")
+    warnings = compile_c(compiler, build, path, "msp430")
+    image = read_image(path)
+    program = Msp430Program("msp430", simulator, path, image)
+    return Variant(
+        "msp430",
+        "portable",
+        program,
+        "cycles",
+        "MSP430, 16x16 multiplier",
+        f"zig cc {level}",
+        warnings,
+        image,
+    )
+
+
+TARGETS: Mapping[str, Maker] = {
+    "host": host,
+    **{name: partial(cortex_m, name) for name in CORTEX},
+    "avr": avr,
+    "msp430": msp430,
+}
+
+
+FLOATING = ("host", *CORTEX)
+"""Where single precision is compared."""
+
+
+def parse_targets(names: str, bundle: Bundle) -> list[str]:
+    """Read a list such as ``host,cortex-m4``.
+
+    Parameters
+    ----------
+    names : str
+        Separated by commas.
+    bundle : Bundle
+        What is to run on them.
+
+    Raises
+    ------
+    InputError
+        A name is unknown, or there is none, or the bundle is not for that target.
+    """
+    wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
+    known = (*TARGETS, FIRMWARE)
+    if not wanted:
+        raise InputError(f"--on: no target; known are {', '.join(known)}")
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"--on: unknown target {name}; known are {', '.join(known)}")
+        if bundle.io == "f32" and name not in FLOATING:
+            raise InputError(f"--on: {name} is not for f32; {NUMBERS_NEED}")
+        if bundle.kind == PLAY and name == FIRMWARE:
+            raise InputError(f"--on: {name} is built around a compensator, not a map with one play")
+    return wanted

@@ -1,0 +1,174 @@
+"""Compilers: found, called, and their refusals reported in one line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.verification.tools import missing_modules
+
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
+FREESTANDING = (
+    "-ffreestanding",
+    "-nostdlib",
+    "-fno-sanitize=undefined",
+    "-fomit-frame-pointer",
+)
+TIME_LIMIT = 300.0
+
+
+def zig_cc(wanted_by: str) -> list[str]:
+    """Return the command of the C compiler inside the PyPI package ziglang.
+
+    Raises
+    ------
+    InputError
+        It is not installed.
+    """
+    for missing in missing_modules(wanted_by, ["ziglang"]):
+        raise InputError(f"target {missing.text()}")
+    return [sys.executable, "-m", "ziglang", "cc"]
+
+
+@dataclass(frozen=True, slots=True)
+class Build:
+    """What is compiled, and how.
+
+    Parameters
+    ----------
+    sources : tuple of Path
+        C files.
+    include : tuple of Path
+        Folders of headers.
+    defines : mapping
+        Macros and their values.
+    flags : tuple of str
+        Everything else.
+    libraries : tuple of str
+        What to link with, behind the sources.
+    """
+
+    sources: tuple[Path, ...]
+    include: tuple[Path, ...] = ()
+    defines: Mapping[str, str] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+    libraries: tuple[str, ...] = ()
+
+    def arguments(self) -> list[str]:
+        """Return the compiler's arguments, without compiler and output."""
+        return [
+            "-std=c99",
+            *WARNINGS,
+            *(f"-D{name}={value}" for name, value in self.defines.items()),
+            *(f"-I{place}" for place in self.include),
+            *self.flags,
+            *(str(source) for source in self.sources),
+            *self.libraries,
+        ]
+
+
+def compile_c(compiler: Sequence[str], build: Build, output: Path, wanted_by: str) -> int:
+    """Compile and link.
+
+    Parameters
+    ----------
+    compiler : sequence of str
+        Command of the compiler.
+    build : Build
+        What, and how.
+    output : Path
+        File to make.
+    wanted_by : str
+        Target, for the message.
+
+    Returns
+    -------
+    int
+        Warnings.
+
+    Raises
+    ------
+    NegativeResult
+        The compiler refuses the sources.
+    """
+    said = run_tool([*compiler, *build.arguments(), "-o", str(output)], wanted_by)
+    return sum(": warning:" in line for line in said.splitlines())
+
+
+def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) -> int:
+    """Compile and link a program for a Cortex-M, with ziglang alone.
+
+    Parameters
+    ----------
+    cpu : str
+        As the compiler calls it: ``cortex_m4``; with a floating-point unit ``cortex_m4+...``.
+    build : Build
+        What, and how; the entry is in the linker script.
+    linker_script : Path
+        Where everything goes.
+    output : Path
+        ELF file to make.
+
+    Returns
+    -------
+    int
+        Warnings.
+
+    Raises
+    ------
+    InputError
+        ziglang is not installed.
+    NegativeResult
+        The compiler refuses the sources.
+    """
+    name, _, float_unit = cpu.replace("_", "-").partition("+")
+    compiler = [
+        *zig_cc(name),
+        "-target",
+        "thumb-freestanding-eabihf" if float_unit else "thumb-freestanding-eabi",
+        f"-mcpu={cpu}",
+        *FREESTANDING,
+        "-rtlib=compiler-rt",
+        "-T",
+        str(linker_script),
+        "-Wl,--entry=reset",
+    ]
+    return compile_c(compiler, build, output, name)
+
+
+def run_tool(command: Sequence[str], wanted_by: str) -> str:
+    """Run a compiler or linker and return what it complains about.
+
+    Raises
+    ------
+    NegativeResult
+        It refuses, or does not end.
+    """
+    try:
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=TIME_LIMIT,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise NegativeResult(
+            f"target {wanted_by}: {Path(command[0]).name} did not end within {TIME_LIMIT:.0f} s"
+        ) from None
+    if done.returncode:
+        raise NegativeResult(f"target {wanted_by}: does not compile: {_first_error(done.stderr)}")
+    return done.stderr
+
+
+def _first_error(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    for line in lines:
+        if "error" in line or "undefined" in line:
+            return line
+    return lines[0] if lines else "no reason given"

@@ -1,0 +1,283 @@
+"""Runs the C of a bundle on all targets and holds it against the host."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import cores
+from anhyst.support.progress import Progress
+from anhyst.verification.bundle import LEVITATION, PLAY, VECTORS, read_bundle
+from anhyst.verification.compare import Answers, compare, run
+from anhyst.verification.cortex_m import CortexProgram
+from anhyst.verification.elf import Image, ProgramSizes, measure_sizes
+from anhyst.verification.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
+from anhyst.verification.firmware import TARGET as FIRMWARE
+from anhyst.verification.firmware import missing_tools, verify_firmware
+from anhyst.verification.protocol import RecordForm, Reply
+from anhyst.verification.result import Cost, TargetResult, Verification
+from anhyst.verification.stack_depth import stack_below
+from anhyst.verification.targets import (
+    CORTEX,
+    TARGETS,
+    Offer,
+    Order,
+    cortex_m,
+    parse_targets,
+    reference,
+)
+from anhyst.verification.tools import Missing
+from anhyst.verification.vectors import GoldenVectors, read_levitation, read_vectors
+from anhyst.verification.workshop import CONTROL_SOURCES, Variant, Workshop
+
+DEFAULT = "host,cortex-m4"
+HOST_STEPS = 1_000_000
+TARGET_STEPS = 10_000
+ESTIMATE_STEPS = 2_000
+SEED = 1
+
+
+def verify(
+    folder: PathLike,
+    on: str | None = None,
+    host_steps: int = HOST_STEPS,
+    target_steps: int = TARGET_STEPS,
+    seed: int = SEED,
+    progress: Progress | None = None,
+) -> Verification:
+    """Compare compiled C bit for bit on several targets, and measure it there.
+
+    The compensator, and the position controller where the folder holds one.
+
+    Parameters
+    ----------
+    folder : path-like
+        What ``anhyst compile --out`` wrote.
+    on : str, optional
+        Targets, separated by commas. Left out: :data:`DEFAULT`, as far as there are tools.
+    host_steps, target_steps : int
+        Random steps on the host and on each other target, at least 1.
+    seed : int
+        Of the random steps, 1 to 2^32 - 1.
+    progress : callable or None
+        Called with builds done and their number.
+
+    Returns
+    -------
+    Verification
+        Differences included: look at ``passed``; targets whose tools are missing, too: look at
+        ``not_run`` and ``missing``.
+
+    Raises
+    ------
+    InputError
+        The folder is not what compile wrote, a target is unknown, no target at all can run, or a
+        number is out of range.
+    """
+    for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
+        if not 1 <= number < 1 << 32:
+            raise InputError(f"{name}: {number} is not within 1 .. 2^32 - 1")
+    folder = Path(folder)
+    bundle = read_bundle(folder)
+    names = parse_targets(DEFAULT if on is None else on, bundle)
+    vectors = read_vectors(folder / VECTORS, bundle.io == "f32")
+    with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
+        numbers = (host_steps, target_steps, seed)
+        workshop = Workshop.set_up(bundle, Path(scratch))
+        offers, missing = _offers(workshop, names)
+        works = {name for name, offer in offers.items() if offer.orders}
+        if FIRMWARE in names and not missing_tools():
+            works.add(FIRMWARE)
+        if not works:
+            raise InputError(f"no target can run; missing is {_listed(missing)}")
+        jobs = [(_Job(workshop, vectors, *numbers), offers)]
+        if bundle.has_controller:
+            place = Path(scratch) / "controller"
+            around = Workshop.set_up(bundle, place, "controller")
+            levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
+            jobs.append((levitation, _offers(around, names)[0]))
+        counted = _Counted(
+            progress,
+            sum(len(one.orders) for _, some in jobs for one in some.values()) + (FIRMWARE in works),
+        )
+        results: list[TargetResult] = []
+        for job, some in jobs:
+            results += job.run_all(some, counted)
+        if FIRMWARE in works:
+            results.append(verify_firmware(bundle, Path(scratch), target_steps, seed))
+            counted.one_more()
+        estimates = tuple(e for job, _ in jobs for e in _estimates(job)) if SOURCE in works else ()
+    return Verification(
+        str(folder),
+        bundle.kind,
+        bundle.io,
+        bundle.rate,
+        seed,
+        tuple(results),
+        estimates,
+        tuple(name for name in names if name not in works),
+        missing,
+    )
+
+
+def _offers(
+    workshop: Workshop, names: Sequence[str]
+) -> tuple[dict[str, Offer], tuple[Missing, ...]]:
+    """Return what can be built for each target, and all tools that are missing."""
+    offers = {name: TARGETS[name](workshop) for name in names if name in TARGETS}
+    missing = [one for offer in offers.values() for one in offer.missing]
+    return offers, (*missing, *(missing_tools() if FIRMWARE in names else ()))
+
+
+def _listed(missing: Sequence[Missing]) -> str:
+    return "; ".join(one.text() for one in missing)
+
+
+class _Counted:
+    """Counts what is done for whoever wants to know."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self._progress = progress
+        self._total = total
+        self._done = 0
+
+    def one_more(self) -> None:
+        self._done += 1
+        if self._progress is not None:
+            self._progress(self._done, self._total)
+
+
+class _Job:
+    """What all builds have in common: the inputs, and the host's answers to them."""
+
+    def __init__(
+        self,
+        workshop: Workshop,
+        vectors: GoldenVectors,
+        host_steps: int,
+        target_steps: int,
+        seed: int,
+    ) -> None:
+        self.workshop = workshop
+        self.vectors = vectors
+        self.seed = seed
+        self.host_steps, self.target_steps = host_steps, target_steps
+        self._reference = reference(workshop)
+        self._answers: dict[int, Answers] = {}
+
+    def steps(self, target: str) -> int:
+        return self.host_steps if target == "host" else self.target_steps
+
+    def run_all(self, offers: Mapping[str, Offer], counted: _Counted) -> list[TargetResult]:
+        """Build and run everything, as many at a time as there are processors."""
+        orders = [(name, order) for name, offer in offers.items() for order in offer.orders]
+        for steps in {self.steps(name) for name, _ in orders}:
+            self._answers[steps] = run(self._reference.program, self.vectors, steps, self.seed)
+        results: list[TargetResult] = []
+        with ThreadPoolExecutor(cores()) as pool:
+            waiting = [pool.submit(partial(self._one, *order)) for order in orders]
+            for future in waiting:
+                results.append(future.result())
+                counted.one_more()
+        return results
+
+    def _one(self, target: str, order: Order) -> TargetResult:
+        began = time.monotonic()
+        steps = self.steps(target)
+        try:
+            variant = order()
+        except NegativeResult as error:
+            return TargetResult(target, "build", "", "", 0, 0, failure=str(error))
+        name = variant.name
+        if self.workshop.subject == "controller":
+            name = f"{name}, controller"
+        head = (target, name, variant.processor, variant.compiler)
+        try:
+            outcome = run(variant.program, self.vectors, steps, self.seed)
+            difference = compare(
+                (self._reference.program, variant.program),
+                (self._answers[steps], outcome),
+                self.vectors,
+                steps,
+                self.seed,
+            )
+        except NegativeResult as error:
+            return TargetResult(*head, 0, 0, failure=str(error))
+        counted = bool(variant.unit)
+        image = variant.image
+        return TargetResult(
+            *head,
+            steps,
+            len(self.vectors.inputs),
+            warnings=variant.warnings,
+            unit=variant.unit,
+            costs=costs(outcome.random, self.vectors.form) if counted else (),
+            sizes=self._sizes(image, target) if image else None,
+            state_bytes=outcome.random.state_bytes,
+            control_bytes=outcome.random.control_bytes,
+            stack_measured=outcome.stack if counted else None,
+            stack_static=_static_stack(variant, self.workshop),
+            difference=difference,
+            seconds=time.monotonic() - began,
+        )
+
+    def _sizes(self, image: Image, target: str) -> ProgramSizes:
+        bundle = self.workshop.bundle
+        sources = {Path(name).name for name in (*bundle.c_files, *CONTROL_SOURCES)}
+        return measure_sizes(image, bundle.name, sources, constants_in_data=target == "avr")
+
+
+def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
+    if variant.image is None or variant.target not in CORTEX:
+        return None
+    if workshop.subject == "controller":
+        return stack_below(variant.image, [f"{workshop.bundle.name}_controller_tick"])
+    io = workshop.bundle.io
+    object_of = "play_map" if workshop.bundle.kind == PLAY else "compensator"
+    roots = [f"anhyst_{object_of}_{part}_{io}" for part in ("solve", "commit")]
+    return stack_below(variant.image, roots)
+
+
+def costs(reply: Reply, form: RecordForm) -> tuple[Cost, ...]:
+    """Take the clock's own share off what was counted."""
+    clock = reply.sections[0].least
+    found = []
+    for name, section in zip(form.sections[1:], reply.sections[1:], strict=True):
+        if section.count:
+            own = form.calls.get(name, 1) * clock
+            mean = section.total / section.count - own
+            found.append(Cost(name, section.least - own, mean, section.most - own, section.most_at))
+    return tuple(found)
+
+
+def _estimates(job: _Job) -> tuple[Estimate, ...]:
+    """Run the Cortex-M0+ once more for each list of prices."""
+    try:
+        program = cortex_m(SOURCE, job.workshop).orders[0]().program
+        assert isinstance(program, CortexProgram)
+        replies = {
+            name: run(
+                replace(program, costs=partial(costs_of, prices)),
+                job.vectors,
+                ESTIMATE_STEPS,
+                job.seed,
+            ).random
+            for name, prices in PRICES.items()
+        }
+    except NegativeResult:
+        return ()  # reported as a failure of the target where it was asked for
+    found: list[Estimate] = []
+    whose = "controller: " if job.workshop.subject == "controller" else ""
+    for name, reply in replies.items():
+        found += [
+            Estimate(f"{whose}{cost.part}", name, cost.most, CLOCK_HZ / cost.most)
+            for cost in costs(reply, job.vectors.form)
+        ]
+    return tuple(found)

@@ -1,6 +1,0 @@
-"""Runs the C of ``anhyst compile`` on real instruction sets and compares it with the host."""
-
-from anhyst.verify.result import TargetResult, Verification
-from anhyst.verify.verify import verify
-
-__all__ = ["TargetResult", "Verification", "verify"]

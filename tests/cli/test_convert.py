@@ -1,0 +1,68 @@
+"""``anhyst convert``, and the channels that ``anhyst inspect`` lists."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from anhyst.cli.app import main
+from tests.data import recordings
+from tests.data.recordings import PACKAGES
+
+
+def test_a_recording_goes_from_format_to_model_by_what_inspect_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = recordings.control_desk(tmp_path / "run.mat")
+    assert main(["inspect", str(source)]) == 2
+    listed, error = capsys.readouterr()
+    for cells in (
+        ("Coil/Current", "A", "2000", "1000", "0 to 3", "current?"),
+        ("Load cell", "N", "2000", "1000", "force?"),
+        ("Gap", "mm", "200", "100", "0.4 to 0.4", "gap"),
+    ):
+        assert any(all(f" {cell} " in line for cell in cells) for line in listed.splitlines())
+    advised = error.split('--columns "')[1].split('"')[0]
+    assert advised == "Coil/Current=I_A,Load cell=F_N"
+    assert main(["inspect", str(source), "--columns", advised, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["input"], found["output"], found["schedule"]) == ("I_A", "F_N", "gap_m")
+
+    table = tmp_path / "run.csv"
+    assert main(["convert", str(source), str(table)]) == 0
+    said = capsys.readouterr()
+    assert said.out.endswith("run.csv: 3 channels, 1991 samples\n")
+    assert "interpolated linearly" in said.err
+    assert "CSV holds no groups" in said.err
+    mapping = "Coil/Current_A=I_A,Load cell [N]=F_N"
+    assert main(["inspect", str(table), "--columns", mapping, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["loops"] == found["loops"]
+
+
+@pytest.mark.parametrize("suffix", [".mf4", ".tdms", ".h5", ".parquet", ".mat"])
+def test_a_csv_comes_back_from_every_format_as_it_was(suffix: str, tmp_path: Path) -> None:
+    if suffix in PACKAGES:
+        pytest.importorskip(PACKAGES[suffix])
+    source, there, back = tmp_path / "a.csv", tmp_path / f"b{suffix}", tmp_path / "c.csv"
+    rows = "0,1.5,-2e-300,3,rise\n0.001,0.1,1e+22,3,fall\n0.002,7,0.30000000000000004,3,fall\n"
+    source.write_text("t_s,I_mA,H_kA_per_m,spindle torque [Nm],loop\n" + rows)
+    assert main(["convert", str(source), str(there)]) == 0
+    assert main(["convert", str(there), str(back)]) == 0
+    assert back.read_text() == source.read_text()
+
+
+def test_what_cannot_be_written_is_said_before_anything_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = recordings.with_time(tmp_path / "run.mat")
+    for arguments, said in (
+        ((path, tmp_path / "run.xlsx"), "is written as .csv, .mat, .mf4, .tdms, .h5"),
+        ((path, path), "is read by this command; write to another file"),
+        ((path, tmp_path / "no" / "run.csv"), "create the folder first"),
+        ((tmp_path / "none.mat", tmp_path / "run.csv"), "no such file"),
+    ):
+        assert main(["convert", *map(str, arguments)]) == 2
+        assert said in capsys.readouterr().err
+    assert [one.name for one in tmp_path.iterdir()] == ["run.mat"]

@@ -1,0 +1,87 @@
+"""What ``simulate`` writes for a stage, and what it says to a file that will not do."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from .command import anhyst, refused
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "stage"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("rig.toml", "loops.csv", "loops.toml"):
+        shutil.copy(EXAMPLE / name, tmp_path)
+    return tmp_path
+
+
+def change(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert text.count(old) == 1, old
+    path.write_text(text.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        pytest.param(
+            'arrangement = "pair"\n',
+            "",
+            'gap_total_m belongs to a pair; remove it or write arrangement "pair"',
+            id="one magnet",
+        ),
+        pytest.param(
+            "snap_phase_s = 2e-3",
+            "snap_phase_s = 4e-3",
+            "snap_phase_s must be at most half of jerk_phase_s",
+            id="snap longer than jerk",
+        ),
+        pytest.param(
+            "speed_m_per_s = 0.5",
+            "speed_m_per_s = 0.1",
+            "22 m/s2 are not reached before speed_m_per_s is",
+            id="acceleration out of reach",
+        ),
+        pytest.param("slit_s = 0.01", "slit_s = 0.06", "slit_s must be shorter", id="slit"),
+        pytest.param("stray_m", "stray_mm", "stray_m", id="misspelt"),
+    ],
+)
+def test_a_stage_that_will_not_do_is_named_by_file_and_key(
+    folder: Path, old: str, new: str, said: str
+) -> None:
+    change(folder / "rig.toml", old, new)
+    assert said in refused("simulate", "rig.toml", "--out", "run.csv", cwd=folder)
+    assert not (folder / "run.csv").exists()
+
+
+def test_a_stage_takes_no_options_of_a_bearing(folder: Path) -> None:
+    text = refused("simulate", "rig.toml", "--out", "map.json", "--benefit", cwd=folder)
+    assert "a stage has no --controller, --board or --benefit" in text
+
+
+@pytest.mark.slow
+def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
+    rig = folder / "rig.toml"
+    change(rig, "[22.0, 16.0, 8.0, 20.0, 12.0]", "[22.0, 12.0]")
+    change(rig, "[22.0, 10.0, 18.0, 6.0, 14.0, 22.0]", "[22.0, 18.0]")
+    change(rig, "noise_seeds = 10", "noise_seeds = 2")
+    change(rig, "[identify]", '[identify]\nlaw = "effective-field"')
+    (folder / "out").mkdir()
+    done = anhyst("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "Worth it against 'single-valued'" in done.stdout
+    head = (folder / "out" / "run.csv").read_text().splitlines()[0].split(",")
+    assert {"t_s", "reference_m", "position_m", "error_m", "force_N"} <= set(head)
+    figures = json.loads((folder / "out" / "figures.json").read_text())
+    assert {"single-valued", "full", "flux"} <= set(figures["variants"])
+    page = (folder / "out" / "report.html").read_text()
+    for key in ("scan", "settling", "learning", "limits"):
+        assert f'id="{key}"' in page
+    wrong = anhyst("simulate", "rig.toml", "--out", "wrong.json", "--monte-carlo", "1", cwd=folder)
+    assert wrong.returncode == 0, wrong.stderr
+    assert "1 plants of each kind" in wrong.stdout

@@ -1,0 +1,115 @@
+"""A map with one play as a folder of C: what it holds, that it runs, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from anhyst.cli.app import main
+from anhyst.compensate.cycles import rms, worst
+from anhyst.compilation.play import CompiledPlay, compile_play
+from anhyst.model.writer import write_model
+from anhyst.support.errors import InputError
+from anhyst.verification import verify
+from tests.actuators import magnet, ring
+from tests.compilation.test_compile import WARNINGS, measured
+from tests.core.test_c_core import tool
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("play")
+    write_model(measured(magnet(play=105.0)), folder / "magnet.toml")
+    write_model(measured(ring(), -600.0, 600.0), folder / "ring.toml")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def compiled(place: Path) -> CompiledPlay:
+    return compile_play(place / "magnet.toml", place / "c", 2e4, "q31", "upper")
+
+
+def test_the_example_builds_without_a_warning_and_gives_the_golden_currents(
+    compiled: CompiledPlay, tmp_path: Path
+) -> None:
+    sources = ["main.c", "upper_parameters.c", *map(str, compiled.out.glob("src/*/*.c"))]
+    program = tmp_path / "example"
+    subprocess.run(
+        [tool("cc"), *WARNINGS, "-Iinclude", "-I.", *sources, "-o", program],
+        cwd=compiled.out,
+        check=True,
+    )
+    with (compiled.out / "vectors.csv").open() as vectors:
+        run = subprocess.run([program], stdin=vectors, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (0, "1000 rows, 0 differ\n")
+
+
+def test_every_target_gives_the_bits_of_the_host(compiled: CompiledPlay) -> None:
+    found = verify(compiled.out, "host,cortex-m4", 20_000, 2_000)
+    assert found.passed, found.first_failure()
+    assert [result.label for result in found.results if result.warnings] == []
+    costs = {
+        cost.part: cost.most
+        for result in found.results
+        if result.label == "cortex-m4 (port header)"
+        for cost in result.costs
+    }
+    assert costs["solve"] < 300
+    assert costs["commit, solved"] < 100
+    with pytest.raises(InputError, match="built around a compensator"):
+        verify(compiled.out, "cortex-m3-qemu")
+
+
+def test_what_it_says_of_its_accuracy_is_what_the_play_gains(
+    place: Path, compiled: CompiledPlay
+) -> None:
+    play, without = compiled.errors["play"], compiled.errors["single-valued"]
+    assert rms(play.major) < 0.3 * rms(without.major)
+    assert rms(play.small) < rms(without.small)
+    said = json.loads((compiled.out / "manifest.json").read_text())["accuracy"]
+    assert said["play"]["major_worst_percent"] == pytest.approx(
+        100.0 * worst(play.major) / said["largest_output"]
+    )
+    again = compile_play(place / "magnet.toml", place / "again", 2e4, "q31", "upper")
+    for name in compiled.files:
+        assert (compiled.out / name).read_bytes() == (again.out / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["magnet.toml", "--io", "q15"], "--io: q15 is not for --kind play"),
+        (["magnet.toml", "--io", "q31", "--accuracy", "1"], "--accuracy: a map with one play"),
+        (["ring.toml", "--io", "q31"], "--kind play is for a magnet"),
+        (
+            ["magnet.toml", "--io", "q31", "--controller", "x"],
+            "--controller: a position controller",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    place: Path,
+    options: list[str],
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(place)
+    code = main(["compile", *options, "--kind", "play", "--rate", "1e4", "--out", "other"])
+    assert code == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (place / "other").exists()
+
+
+def test_the_command_shows_both_accuracies(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(place)
+    given = ["magnet.toml", "--kind", "play", "--io", "q31", "--rate", "1e4", "--out", "shown"]
+    assert main(["compile", *given]) == 0
+    shown = capsys.readouterr().out
+    assert "map with one play" in shown
+    assert "without memory" in shown

@@ -1,0 +1,94 @@
+"""The virtual piezo stage and the virtual rod: their files can be made again, and their claims hold."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data.reading import read_loops
+from anhyst.identification import identify
+from anhyst.rig.piezo.file import read_piezo_rig
+from anhyst.rig.piezo.stack import StageMotion
+from tests.cli.command import quick
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+PIEZO = EXAMPLES / "piezo"
+
+
+@pytest.mark.parametrize("name", ["piezo", "magnetostrictive"])
+def test_the_files_are_made_again_byte_by_byte(name: str, tmp_path: Path) -> None:
+    script = EXAMPLES / name / "make_loops.py"
+    subprocess.run([sys.executable, script, "--out", tmp_path], check=True)
+    made = sorted(tmp_path.iterdir())
+    assert made
+    for path in made:
+        assert path.read_bytes() == (EXAMPLES / name / path.name).read_bytes(), path.name
+
+
+def test_the_virtual_stack_has_a_loop_creeps_and_rings() -> None:
+    stage = read_piezo_rig(PIEZO / "rig.toml").stage
+    dt = 1e-4
+    held = stage.run(np.full(40_000, 100.0), dt)
+    fast, later = held[200:1000].mean(), held[-1000:].mean()
+    assert 1.005 < later / fast < 1.02
+    around = held[5:60] - fast
+    turns = np.flatnonzero(np.diff(np.sign(around)))
+    assert 0.5 / (np.diff(turns).mean() * dt) == pytest.approx(stage.resonance, rel=0.05)
+    slow = 75.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(2000) / 2000))
+    found = stage.run(slow, 1e-3)
+    assert found[1500] - found[500] == pytest.approx(5.2e-6, rel=0.15)
+
+
+def test_a_voltage_that_is_not_changed_leaves_the_stage_at_rest() -> None:
+    motion = StageMotion(read_piezo_rig(PIEZO / "rig.toml").stage, 1e-4)
+    for _ in range(10):
+        motion.step(0.0)
+    assert motion.x == 0.0
+
+
+def test_random_reversals_are_predicted_four_times_as_well_as_by_a_curve() -> None:
+    loops = read_loops(PIEZO / "loops.csv")
+    model = identify(loops).model
+    unseen = read_loops(PIEZO / "unseen.csv").loops[0]
+    made = model.predict(unseen.input, time=unseen.time, history="conditioned:0").output
+    off = float(np.sqrt(np.mean((made - unseen.output) ** 2)))
+    curve = np.polynomial.Polynomial.fit(loops.loops[0].input, loops.loops[0].output, 5)
+    plain = float(np.sqrt(np.mean((curve(unseen.input) - unseen.output) ** 2)))
+    assert off < 0.013 * np.ptp(unseen.output)
+    assert off < plain / 3.0
+
+
+def test_where_rates_differ_the_model_says_how_far_it_goes(tmp_path: Path) -> None:
+    done = quick("identify", PIEZO / "loops.csv", "--out", "slow.toml", cwd=tmp_path)
+    assert "the loops run at up to 1.5 Hz; beyond nothing is known" in done.stdout
+    options = ("--history", "conditioned:0", "--out", "rates.csv")
+    done = quick("predict", "slow.toml", PIEZO / "rates.csv", *options, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "the model was seen to hold up to 1.5 Hz" in done.stderr
+
+
+def test_a_triangle_is_followed_with_a_fifth_of_the_error(tmp_path: Path) -> None:
+    done = quick("simulate", PIEZO / "rig.toml", "--out", "run.csv", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert said["rms_with_over_without"] <= 0.2
+    assert said["worst_with_over_without"] <= 0.2
+    assert (tmp_path / "run.svg").read_text(encoding="utf-8").startswith("<?xml")
+
+
+@pytest.mark.slow
+def test_a_prestress_between_is_predicted() -> None:
+    here = EXAMPLES / "magnetostrictive"
+    model = identify(read_loops(here / "loops.csv")).model
+    assert model.output.name == "magnetostriction"
+    off, largest = [], 0.0
+    for loop in read_loops(here / "unseen.csv").loops:
+        made = model.predict(loop.input, loop.schedule, None, loop.history).output
+        off.append(np.abs(made - loop.output))
+        largest = max(largest, float(loop.output.max()))
+    assert float(np.mean(np.concatenate(off))) < 0.008 * largest

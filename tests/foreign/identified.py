@@ -1,0 +1,23 @@
+"""The foreign magnets identified with nothing but defaults, once a run of the tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.command import quick
+from tests.foreign.magnets import MAGNETS
+from tests.once import made_once
+
+
+def identified_once(factory: pytest.TempPathFactory, name: str) -> Path:
+    """Return the folder of one magnet: ``loops.csv``, ``model.toml``, ``said.json``; to be read."""
+
+    def make(folder: Path) -> None:
+        MAGNETS[name].write_loops(folder / "loops.csv")
+        done = quick("identify", "loops.csv", "--out", "model.toml", "--json", cwd=folder)
+        assert done.returncode == 0, done.stderr
+        (folder / "said.json").write_text(done.stdout, encoding="utf-8")
+
+    return made_once(factory, f"identified-{name}", make)

@@ -1,0 +1,148 @@
+"""Actuators that are no magnets and are like no example: other scale, unit, offset, sign, law."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anhyst.model.file import read_model
+from anhyst.support.arrays import FloatArray
+from tests.cli.command import quick
+from tests.once import made_once
+
+STEP_MS = 20.0
+RELAYS = 4000
+STROKE, OFFSET = 7.5e-6, -31e-6
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("actuators")
+
+
+def stack(drive: FloatArray) -> FloatArray:
+    """Return the displacement of a stack of relays, no law of the package, over kilovolts; m."""
+    random = np.random.default_rng(3)
+    up = random.gamma(2.0, 0.25, RELAYS)
+    down = up - random.gamma(1.5, 0.12, RELAYS)
+    on = np.zeros(RELAYS, dtype=np.bool_)
+    found = np.empty(drive.size)
+    for i, value in enumerate(drive.tolist()):
+        on = (on | (value >= up)) & (value > down)
+        found[i] = on.mean()
+    free = 0.55 * drive - 0.05 * drive**2
+    return np.asarray(OFFSET + STROKE * (0.45 * found + free / 1.2))
+
+
+def path(points: list[float]) -> FloatArray:
+    """Return straight ways between points, kV."""
+    pieces = [
+        np.linspace(one, two, max(2, int(abs(two - one) / 0.01)), endpoint=False)
+        for one, two in pairwise(points)
+    ]
+    return np.concatenate(pieces)
+
+
+@cache
+def written(place: Path, name: str, sign: float = 1.0) -> Path:
+    points = {
+        "loops": [0.0, 1.2, 0.0, 1.2, 0.0, 0.9, 0.0, 0.6, 0.0, 0.3, 1.1, 0.3, 0.8, 0.0, 1.2, 0.0],
+        "unseen": [0.0, 1.2, 0.2, 1.0, 0.4, 0.7, 0.1, 1.15, 0.0],
+    }[name.partition("-")[0]]
+    drive = path(points)
+    read = sign * stack(drive) + 4e-9 * np.random.default_rng(5).standard_normal(drive.size)
+    rows = [
+        f"{STEP_MS * i:g};{u:.5f};{1e9 * x:.2f}"
+        for i, (u, x) in enumerate(zip(drive.tolist(), read.tolist(), strict=True))
+    ]
+    out = place / f"{name}.csv"
+    out.write_text("\n".join(["t_ms;U_kV;x_nm", *rows]) + "\n", encoding="utf-8")
+    return out
+
+
+def identify_stack(folder: Path) -> None:
+    loops = written(folder, "loops")
+    options = ("--history", "conditioned:0", "--out", "stack.toml", "--json")
+    done = quick("identify", loops, *options, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    (folder / "said.json").write_text(done.stdout, encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    """File of the stack's model, and what was printed as JSON."""
+    folder = made_once(tmp_path_factory, "identified-stack", identify_stack)
+    return folder / "stack.toml", json.loads((folder / "said.json").read_text(encoding="utf-8"))
+
+
+def test_a_foreign_stack_is_identified_and_an_unseen_path_predicted(
+    place: Path, identified: tuple[Path, Any]
+) -> None:
+    model, said = identified
+    assert said["law"] == "play-cells"
+    unseen = written(place, "unseen")
+    done = quick("predict", model, unseen, "--history", "conditioned:0", "--out", "p.csv",
+                 "--json", cwd=place)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["deviation"]["rms"] < 0.012 * STROKE
+
+
+def test_the_voltage_it_asks_for_is_the_one_that_was_applied(
+    place: Path, identified: tuple[Path, Any]
+) -> None:
+    model, _ = identified
+    done = quick("invert", model, written(place, "unseen"), "--history", "conditioned:0",
+                 "--out", "u.csv", "--json", cwd=place)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert (said["column"], said["unit"]) == ("u_V", "V")
+    assert said["deviation"]["rms"] < 0.02 * 1200.0
+
+
+def test_whether_it_is_worth_it_is_said_in_micrometres(place: Path) -> None:
+    done = quick("inspect", written(place, "loops"), cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert "µm high" in done.stdout
+    assert "x µm" in done.stdout
+
+
+def test_its_inverse_is_compiled_to_a_tenth_of_a_per_cent_of_the_stroke(
+    place: Path, identified: tuple[Path, Any]
+) -> None:
+    model, _ = identified
+    done = quick("compile", model, "--rate", "5000", "--out", "c", "--json", cwd=place)
+    assert done.returncode == 0, done.stderr
+    accuracy = json.loads(done.stdout)["accuracy"]
+    assert accuracy["largest_output"] == pytest.approx(np.ptp(read_model(model).valid.output))  # type: ignore[union-attr]
+    assert accuracy["worst_percent"] <= 0.1
+
+
+def test_one_that_falls_as_the_voltage_rises_is_told_to_flip_a_column(place: Path) -> None:
+    loops = written(place, "loops-falling", -1.0)
+    done = quick("identify", loops, "--history", "conditioned:0", "--out", "f.toml", cwd=place)
+    assert done.returncode == 2
+    assert "the displacement falls as the voltage rises; flip the sign" in done.stderr
+
+
+def test_strain_of_what_a_field_magnetises_is_even(place: Path) -> None:
+    field = 20.0 * np.sin(2.0 * np.pi * np.arange(241) / 80.0)
+    lagging = 20.0 * np.sin(2.0 * np.pi * np.arange(241) / 80.0 - 0.15)
+    rows = [
+        f"{h:.4f},{900.0 * np.tanh(b / 15.0) ** 2:.3f}" for h, b in zip(field, lagging, strict=True)
+    ]
+    loops = place / "rod.csv"
+    loops.write_text("\n".join(["H_kA_per_m,eps_ppm", *rows[160:]]) + "\n", encoding="utf-8")
+    done = quick(
+        "identify", loops, "--history", "settled", "--out", "rod.toml", "--json", cwd=place
+    )
+    assert done.returncode == 0, done.stderr
+    model = read_model(place / "rod.toml")
+    assert (model.output.name, model.power) == ("magnetostriction", 2)
+    fit = json.loads(done.stdout)["fit"]
+    assert fit["mean_abs"] < 0.02 * fit["largest_output"]

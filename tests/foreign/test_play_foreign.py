@@ -1,0 +1,44 @@
+"""The map with one play on irons that it was never tried on: never worse than without memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.compensate.cycles import CycleErrors, cycle_errors, rms
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import make_compensator
+from anhyst.compensate.sources import Operating, Sources
+from anhyst.data.reading import read_loops
+from anhyst.support.arrays import FloatArray
+from tests.foreign.magnets import MAGNETS
+
+WHOLE = {"u": 0.25, "hard": 0.6, "soft": 1.0}
+"""Error over the whole loop, of that without memory; ``soft`` has hardly a loop."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(MAGNETS))
+def test_one_play_takes_the_whole_loop_away_and_spoils_no_small_cycle(
+    name: str, tmp_path: Path
+) -> None:
+    magnet = MAGNETS[name]
+    loops = read_loops(magnet.write_loops(tmp_path / "loops.csv"))
+    gap = magnet.unseen[0]
+
+    def answer(current: FloatArray, at: float) -> FloatArray:
+        driven = np.maximum(current - magnet.sensors.current_offset, 0.0)
+        return magnet.force(driven, at) + magnet.sensors.force_offset
+
+    largest = 0.9 * float(answer(np.linspace(0.0, magnet.top, 60), gap)[-1])
+    ends = min(magnet.gaps), max(magnet.gaps)
+    sources = Sources(Operating(gap, 0.5 * largest, 2e4, ends, largest, magnet.top), loops)
+
+    def left(method: MethodName) -> CycleErrors:
+        return cycle_errors(make_compensator(method, sources, "fixed"), answer, gap, largest)
+
+    without, play = left("single-valued"), left("play")
+    assert rms(play.major) <= WHOLE[name] * rms(without.major)
+    assert rms(play.small) <= 1.05 * rms(without.small)

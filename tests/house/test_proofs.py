@@ -1,0 +1,104 @@
+"""A recorded proof stands for what it read, and for nothing that was changed afterwards."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tools.prove.inputs import content_hash
+from tools.prove.listing import PROOFS, ROOT, Proof, read_proofs
+from tools.prove.record import Entry, entry_of, is_valid, read_record, write_record
+from tools.prove.running import Evidence, Outcome
+
+LISTED = {proof.name: proof for proof in read_proofs()}
+LOOKED_AT = ["operators", "full: quotient", "cells: turn", "cells: between entries and rows"]
+EVIDENCE = Evidence(real=Outcome("proved", 41.26, ""), control=Outcome("refuted", 2.0, ""))
+
+
+def hashes(core: Path) -> dict[str, str]:
+    return {name: content_hash(LISTED[name], "1", core) for name in LOOKED_AT}
+
+
+@pytest.fixture(scope="module")
+def before() -> dict[str, str]:
+    return hashes(ROOT / "core")
+
+
+@pytest.mark.needs("cc")
+@pytest.mark.parametrize(
+    ("file", "readers"),
+    [
+        ("include/anhyst/numeric/fixed.h", set(LOOKED_AT)),
+        ("src/compensator/full.c", {"full: quotient"}),
+        ("src/compensator/cells.c", {"cells: turn"}),
+        ("src/compensator/cells_path.h", {"cells: turn", "cells: between entries and rows"}),
+        ("src/compensator/cells_f64.c", set()),
+        ("src/compensator/generic/cells.h", set()),
+    ],
+)
+def test_a_line_changes_the_hash_of_the_proofs_that_read_it_and_of_no_other(
+    file: str, readers: set[str], before: dict[str, str], tmp_path: Path
+) -> None:
+    core = Path(shutil.copytree(ROOT / "core", tmp_path / "elsewhere"))
+    with (core / file).open("a", encoding="utf-8") as source:
+        source.write("typedef int one_more;\n")
+    after = hashes(core)  # where the folder lies does not count
+    assert {name for name in LOOKED_AT if after[name] != before[name]} == readers
+
+
+@pytest.mark.needs("cc")
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"unwind": 7},
+        {"defines": ["PART=prove_forgotten"]},
+        {"functions": ["quotient"], "tool": "frama-c"},
+        {"harness": PROOFS / "esbmc" / "prove_closed.c"},
+        {"contracts": ["src/compensator/full.c:forgotten"]},
+        {"facts": [["src/compensator/full.c", "static int32_t quotient(", "/* more */ "]]},
+        {"control": {"file": "src/compensator/full.c", "right": "ONE * 4 - 1", "wrong": "ONE * 8"}},
+    ],
+)
+def test_what_is_asked_of_a_tool_changes_the_hash(
+    changed: dict[str, object], before: dict[str, str]
+) -> None:
+    proof: Proof = replace(LISTED["full: quotient"], **changed)  # type: ignore[arg-type]
+    assert content_hash(proof, "1") != before["full: quotient"]
+    assert content_hash(LISTED["full: quotient"], "2") != before["full: quotient"]
+
+
+def test_a_record_is_read_as_written_and_stands_for_its_contents_alone(tmp_path: Path) -> None:
+    entry = entry_of(EVIDENCE, "contents")
+    write_record(tmp_path / "proved.toml", {"full: search": entry})
+    read = read_record(tmp_path / "proved.toml")
+    assert read == {"full: search": entry}
+    assert entry == Entry("proved", "refuted", 43.3, entry.hash)
+    assert is_valid(read["full: search"], "contents")
+    assert not is_valid(read["full: search"], "other contents")
+
+
+@pytest.mark.parametrize("words", [{"real": "refuted"}, {"control": "proved"}, {"seconds": 1.0}])
+def test_an_entry_edited_by_hand_stands_for_nothing(words: dict[str, object]) -> None:
+    edited = replace(entry_of(EVIDENCE, "contents"), **words)  # type: ignore[arg-type]
+    assert not is_valid(edited, "contents")
+
+
+@pytest.mark.parametrize(
+    "evidence",
+    [
+        replace(EVIDENCE, real=Outcome("timeout", 420.0, "")),
+        replace(EVIDENCE, control=Outcome("proved", 2.0, "")),
+        replace(EVIDENCE, control=Outcome("no answer", 2.0, "")),
+    ],
+)
+def test_what_did_not_hold_with_its_control_is_not_recorded(evidence: Evidence) -> None:
+    with pytest.raises(ValueError, match="held"):
+        entry_of(evidence, "contents")
+
+
+def test_what_is_recorded_is_listed() -> None:
+    record = read_record(PROOFS / "proved.toml")
+    assert record
+    assert set(record) <= set(LISTED)

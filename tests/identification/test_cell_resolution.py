@@ -1,0 +1,67 @@
+"""Cells that no sample of the loops shows to be pinned count as free."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from anhyst.compensate.irons import cell_weights
+from anhyst.data import LoopSet
+from anhyst.data.history import History
+from anhyst.data.loop_set import Loop
+from anhyst.identification.cell_resolution import field_step, resolved
+from anhyst.laws.cells import CellWeights
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.units import QUANTITIES
+
+CELLS = CellWeights(
+    np.array([0.0, 4.0, 12.0, 60.0]),
+    np.array([200.0]),
+    np.array([[1e5], [2e5], [3e5], [4e5]]),
+)
+IRON = {"alpha": 0.0, "c_H": 1.0, "c_out": 1.0}
+DEMAGNETISED = History("demagnetised")
+
+
+def model() -> ActuatorModel:
+    quantities = QUANTITIES["field"], QUANTITIES["flux_density"]
+    return ActuatorModel("core", *quantities, IRON, law="play-cells", cells=CELLS)
+
+
+def loops(step: float) -> LoopSet:
+    """Field up and down in steps of so many A/m."""
+    turns = [0.0, 600.0, -600.0, 300.0, -300.0, 600.0]
+    parts = [np.arange(a, b, np.sign(b - a) * step) for a, b in itertools.pairwise(turns)]
+    field = np.concatenate(parts)
+    force = model().predict(field, history="demagnetised").output
+    loop = Loop("all", field, force, history=DEMAGNETISED)
+    return LoopSet((loop,), QUANTITIES["field"], QUANTITIES["flux_density"])
+
+
+@pytest.mark.parametrize(("step", "left"), [(2.0, 4), (10.0, 3), (30.0, 2)])
+def test_thresholds_finer_than_the_samples_are_taken_as_free(step: float, left: int) -> None:
+    coarse = loops(step)
+    assert field_step(model(), coarse) == pytest.approx(step)
+    found = cell_weights(resolved(model(), coarse))
+    assert found.thresholds.tolist() == [0.0, 4.0, 12.0, 60.0][:1] + [4.0, 12.0, 60.0][4 - left :]
+    assert found.saturation == pytest.approx(CELLS.saturation)
+    assert found.weights[0, 0] == pytest.approx(CELLS.weights[: 5 - left].sum())
+
+
+def test_where_all_is_resolved_the_model_is_the_very_same() -> None:
+    own = model()
+    assert resolved(own, loops(2.0)) is own
+
+
+def test_something_pinned_always_stays() -> None:
+    """With steps wider than every cell nothing is known of any; then the fit is left alone."""
+    own = model()
+    assert resolved(own, loops(150.0)) is own
+
+
+def test_a_law_without_cells_is_left_alone() -> None:
+    iron = {"M_s": 4e5, "a": 30.0, "k": 20.0, "c": 0.2, "c_H": 1.0, "c_out": 1.0}
+    own = ActuatorModel("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
+    assert resolved(own, loops(2.0)) is own

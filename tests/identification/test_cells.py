@@ -1,0 +1,188 @@
+"""Play cells are fitted to loops of their own, a drifting sensor's too, and chosen where they gain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
+from anhyst.identification import identify
+from anhyst.identification.bare import model_of
+from anhyst.identification.cell_kernel import CellKernel
+from anhyst.identification.default import FoundModel
+from anhyst.identification.fit_records import records_of
+from anhyst.identification.gauge import form_of
+from anhyst.identification.objective import Objective
+from anhyst.identification.offsets import OFFSETS
+from anhyst.identification.past import Past
+from anhyst.identification.space import CoordinateSpace
+from anhyst.laws.cells import Shape
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.arrays import FloatArray
+from tests.identification.truths import HISTORIES, loops_of, magnet, noisy
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
+NOISE = 2e-3
+
+
+def cells_magnet() -> ActuatorModel:
+    """The magnet of the other tests with an iron of play cells."""
+    around = magnet("reluctance", in_0=0.0, out_0=0.0)
+    kept = {name: around.parameters[name] for name in ("rho", "c_H", "c_out")}
+    scale = around.parameters["a"]
+    assert isinstance(scale, float)
+    iron = {"M_0": 1e5, "a_0": 3.0 * scale, "M_1": 1.1e6, "a_1": 2.0 * scale, "k_1": 1.2 * scale,
+            "s_1": 2.5}  # fmt: skip
+    return replace(around, law="play-cells", parameters=kept | iron)
+
+
+def one_after_another(loopset: LoopSet, drift: float = 0.0) -> LoopSet:
+    """Give the loops a clock that runs on, and the output a drift over each gap, of its largest."""
+    top = max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
+    found, clock, gap, begun = [], 0.0, -1.0, 0.0
+    for loop in loopset.loops:
+        time = clock + np.linspace(0.0, 1.0, loop.n)
+        value = loop.schedule_value or 0.0
+        if value != gap:
+            gap, begun = value, clock
+        moved = loop.output + drift * top * (time - begun)
+        found.append(replace(loop, time=time, output=moved))
+        clock += 2.0
+    return loopset.with_loops(found)
+
+
+def predicted(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
+    """Output along all loops."""
+    return np.concatenate(
+        [
+            model.predict(one.input, one.schedule, one.time, one.history).output
+            for one in loopset.loops
+        ]
+    )
+
+
+def error(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
+    """Deviations, in parts of the largest output."""
+    measured: FloatArray = np.concatenate([loop.output for loop in loopset.loops])
+    off: FloatArray = predicted(model, loopset) - measured
+    return off / float(np.max(np.abs(measured)))
+
+
+def somewhere(loops: LoopSet, shape: Shape) -> tuple[CoordinateSpace, FloatArray]:
+    """Give a space of two populations, and a place in it."""
+    form = replace(form_of(loops.input, loops.output, "effective-field"),
+                   cells=CellKernel(shape, 2))  # fmt: skip
+    space = CoordinateSpace("reluctance", records_of(loops), form)
+    usual = [
+        space.inward(name, space.numbers[name].usual or space.unit(name))
+        for name, _ in space.entries
+    ]
+    # No two pinnings alike: the least one sets the thresholds.
+    return space, np.array(usual) + 0.02 * np.arange(len(usual))
+
+
+@pytest.mark.parametrize("shape", ["tanh", "langevin"])
+def test_derivatives_are_those_of_the_deviations_without_a_drift(shape: Shape) -> None:
+    loops = one_after_another(loops_of(cells_magnet(), samples=40), drift=0.01)
+    space, theta = somewhere(loops, shape)
+    objective = Objective(space)
+    values, slopes = objective.with_jacobian(theta)
+    assert np.abs(values - objective.deviations(theta)).max() < 1e-10
+    step = 1e-5 * np.eye(theta.size)
+    numeric = np.stack(
+        [
+            (objective.deviations(theta + one) - objective.deviations(theta - one)) / 2e-5
+            for one in step
+        ],
+        axis=1,
+    )
+    assert np.abs(slopes - numeric).max() < 1e-3 * np.abs(numeric).max()
+    off, gradient, normal = objective.normal(theta)
+    assert np.abs(off - values).max() < 1e-12
+    assert np.abs(gradient - slopes.T @ values).max() < 1e-9 * np.abs(gradient).max()
+    assert np.abs(normal - slopes.T @ slopes).max() < 1e-9 * np.abs(normal).max()
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+def test_a_long_record_in_pieces_is_the_record(history: str) -> None:
+    space, theta = somewhere(loops_of(cells_magnet(), history, samples=90), "tanh")
+    whole = space.records
+    pieces = tuple(piece for one in whole.loops for piece in one.pieces(7))
+    assert len(pieces) > 10 * len(whole.loops)
+    cut = replace(space, records=replace(whole, loops=pieces))
+    for one, other in zip(
+        Objective(space).normal(theta), Objective(cut).normal(theta), strict=True
+    ):
+        assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
+
+
+def test_loops_of_play_cells_are_found_again() -> None:
+    truth = cells_magnet()
+    loops = noisy(loops_of(truth), NOISE, 1)
+    model = identify(loops).model
+    assert model.law.startswith("play-cells")
+    assert (
+        np.mean(np.abs(error(model, loops_of(truth)))) < 1.2e-3
+    )  # cells finer than the samples count as free
+
+
+@pytest.mark.parametrize("law", ["play-cells", "effective-field"])
+def test_what_was_run_at_another_gap_counts_in_a_fit_as_in_a_prediction(law: str) -> None:
+    loops = loops_of(cells_magnet(), samples=40)
+    cells, kind = (
+        (CellKernel("tanh", 2), "settled") if law == "play-cells" else (None, "conditioned")
+    )
+    space, _ = somewhere(loops, "tanh")
+    space = replace(space, form=replace(space.form, law=law, cells=cells), held=OFFSETS)
+    theta = np.array(
+        [
+            space.inward(name, space.numbers[name].usual or 0.5 * space.unit(name))
+            + 0.3 * (gap or 0)
+            for name, gap in space.entries
+        ]
+    )
+    drives = [replace(loop, input=0.3 + 0.2 * loop.input) for loop in loops.loops]
+    outputs = []
+    for past in ("0,0.8@0.0003;0.3", "0,0.8,0.3"):
+        known = loops.with_loops(drives).with_history(f"{kind}:{past}")
+        found = FoundModel(replace(space, records=records_of(known)), theta, 1.0, 0)
+        fitted = Objective(found.space).outputs(found.sets)
+        expected = predicted(model_of(found, known), known)
+        np.testing.assert_allclose(fitted, expected, rtol=0, atol=1e-9 * np.ptp(expected))
+        outputs.append(fitted)
+    assert np.abs(outputs[0] - outputs[1]).max() > 1e-3 * np.ptp(outputs[1])
+
+
+def test_a_past_at_a_gap_that_is_left_out_lies_between_its_neighbours() -> None:
+    past = Past(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).among([0, 2, 3])
+    assert past.place.tolist() == [0.0, 0.5, 1.0]
+
+
+def test_a_drift_of_the_sensor_is_no_force() -> None:
+    truth = cells_magnet()
+    clean = one_after_another(loops_of(truth))
+    drifting = one_after_another(noisy(loops_of(truth), NOISE, 1), drift=2e-3)
+    model = identify(drifting, law="play-cells").model
+    assert np.max(error(model, drifting)) - np.min(error(model, drifting)) > 5e-3
+    assert (
+        np.mean(np.abs(error(model, clean))) < 1.2e-3
+    )  # cells finer than the samples count as free
+
+
+def test_a_law_of_jiles_and_atherton_is_kept_for_its_own_loops() -> None:
+    loops = noisy(loops_of(magnet("reluctance")), NOISE, 1)
+    assert identify(loops).model.law == "effective-field"
+
+
+def test_the_bundled_magnet_is_met_at_gaps_that_were_not_measured() -> None:
+    """The reach of the example: no law of the package is its iron, and its force sensor drifts."""
+    model = identify(read_loops(FOLDER / "loops.csv")).model
+    truth = read_loops(FOLDER / "unseen_truth.csv")
+    off = np.abs(error(model, truth))
+    assert model.law.startswith("play-cells")
+    assert off.mean() < 1.2e-3
+    assert off.max() < 8e-3

@@ -1,0 +1,260 @@
+"""Which gap map is chosen, what is said about it, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data import Loop, LoopSet
+from anhyst.data.reading import read_loops
+from anhyst.identification import IdentifyResult, identify
+from anhyst.identification.default import search_each_gap, search_one_gap
+from anhyst.identification.fit_records import records_of
+from anhyst.identification.gauge import form_of
+from anhyst.identification.objective import Objective
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import FitFigures
+from anhyst.model.parameters import GapMap
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
+from tests.identification.truths import (
+    GAPS,
+    apart,
+    core,
+    largest,
+    loops_of,
+    magnet,
+    noisy,
+    path,
+    predicted,
+    worst,
+)
+
+NOISE = 2e-3
+
+
+def fit_of(result: IdentifyResult) -> FitFigures:
+    assert result.model.fit is not None
+    return result.model.fit
+
+
+def reason(result: IdentifyResult) -> str:
+    return str(result.model.provenance.settings["gap_map_reason"])
+
+
+@pytest.mark.parametrize("output", ["force", "flux_linkage"])
+@pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
+def test_auto_finds_the_map_that_made_the_loops(gap_map: GapMap, output: str) -> None:
+    loops = loops_of(magnet(gap_map, output), noise=NOISE, samples=60)
+    result = identify(loops)
+    assert result.model.gap_map == gap_map
+    left_out = fit_of(result).left_out
+    assert set(left_out) == {"scaling", "reluctance", "circuit"}
+    assert left_out[gap_map] < 1.1 * NOISE  # mean of the noise: 0.8 of its rms
+    other = "scaling" if gap_map == "reluctance" else "reluctance"
+    assert left_out[other] > 1.5 * left_out[gap_map]
+    assert f"gap map '{gap_map}' predicts gaps left out of the fit best" in reason(result)
+
+
+def test_a_left_out_error_is_that_of_a_fit_without_that_gap() -> None:
+    loops = loops_of(magnet("scaling"), noise=NOISE, samples=60)
+    law = "effective-field"
+    reported = fit_of(identify(loops, law=law, gap_map="reluctance")).left_out["reluctance"]
+    missed = []
+    for gap in GAPS[1:-1]:
+        others = identify(loops.without(gap), law=law, gap_map="reluctance")
+        seen = loops.at(gap)
+        off = np.concatenate(predicted(others.model, seen)) - np.concatenate(
+            [loop.output for loop in seen.loops]
+        )
+        missed.append(float(np.mean(np.abs(off))) / largest(loops))
+    assert reported == pytest.approx(np.mean(missed), rel=0.02)
+
+
+def test_gaps_in_any_order_give_the_same_model() -> None:
+    loops = loops_of(magnet(), noise=NOISE, samples=60)
+    mixed = replace(loops, loops=loops.loops[1::2] + loops.loops[::2])
+    one, other = identify(loops, gap_map="reluctance"), identify(mixed, gap_map="reluctance")
+    assert one.model.nodes == other.model.nodes == GAPS
+    assert apart(one.model, other.model, loops) < 1e-4
+
+
+def test_one_gap_makes_a_model_of_that_gap_and_a_warning() -> None:
+    loops = loops_of(magnet(gaps=GAPS[1:2]), noise=NOISE)
+    result = identify(loops)
+    assert result.model.gap_map == "none"
+    assert result.model.nodes == GAPS[1:2]
+    assert "loops at one gap only: the model holds there and nowhere else" in result.warnings
+    assert fit_of(result).left_out == {}
+    assert fit_of(result).rms == pytest.approx(NOISE * largest(loops), rel=0.15)
+
+
+def test_two_gaps_prove_nothing_and_that_is_said() -> None:
+    loops = loops_of(magnet(gaps=GAPS[1:3]), noise=NOISE)
+    result = identify(loops)
+    assert result.model.gap_map == "reluctance"
+    assert any("none can be left out" in text for text in result.warnings)
+    assert any("proves nothing" in text for text in result.warnings)
+    assert fit_of(result).left_out == {}
+    wanted = identify(loops, gap_map="scaling")
+    assert wanted.model.gap_map == "scaling"
+    assert any("none can be left out" in text for text in wanted.warnings)
+
+
+@pytest.mark.parametrize("gap_map", ["scaling", "reluctance", "free"])
+def test_a_gap_map_needs_two_gaps(gap_map: str) -> None:
+    loops = loops_of(magnet(gaps=GAPS[:1]))
+    with pytest.raises(InputError, match=f"gap map '{gap_map}' needs loops at two gaps or more"):
+        identify(loops, gap_map=gap_map)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"law": "preisach"}, "law 'preisach' is unknown; use one of effective-field"),
+        ({"gap_map": "none"}, "gap map 'none' is unknown; use one of scaling"),
+        ({"search": "luck"}, "search 'luck' is unknown; use one of default, paper"),
+    ],
+)
+def test_unknown_settings_are_refused(settings: dict[str, str], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        identify(loops_of(core()), **settings)  # type: ignore[arg-type]
+
+
+def test_a_single_loop_is_warned_of() -> None:
+    loops = loops_of(core())
+    alone = loops.with_loops(loops.loops[:1])
+    assert any("one loop only" in text for text in identify(alone).warnings)
+    assert not any("one loop only" in text for text in identify(loops).warnings)
+
+
+def test_too_few_samples_are_warned_of() -> None:
+    result = identify(loops_of(core(), samples=8))
+    assert any("samples for 7 quantities to find" in text for text in result.warnings)
+
+
+def test_a_moving_gap_is_refused() -> None:
+    loops = loops_of(magnet(gaps=GAPS[:2]))
+    first = loops.loops[0]
+    moving = replace(first, schedule=np.linspace(GAPS[0], GAPS[1], first.n))
+    with pytest.raises(InputError, match="the gap moves during the loop"):
+        identify(loops.with_loops([moving, *loops.loops[1:]]))
+
+
+def test_another_schedule_than_the_gap_works_the_same_way() -> None:
+    truth = replace(
+        core(), schedule=QUANTITIES["temperature"], nodes=(-10.0, 5.0, 30.0), gap_map="scaling"
+    )
+    warm = replace(truth, parameters={**truth.parameters, "c_H": (1.0, 0.9, 0.75)})
+    loops = loops_of(warm, noise=NOISE, samples=60)
+    result = identify(loops)
+    assert result.model.schedule == QUANTITIES["temperature"]
+    assert result.model.nodes == (-10.0, 5.0, 30.0)
+    assert set(fit_of(result).left_out) <= {"scaling", "reluctance", "free"}
+    assert fit_of(result).rms < 1.1 * NOISE * largest(loops)
+
+
+@pytest.mark.parametrize("output", ["force", "flux_linkage"])
+def test_a_reluctance_truth_passes_the_acceptance_test(output: str) -> None:
+    loops = loops_of(magnet("reluctance", output), noise=NOISE, samples=60)
+    result = identify(loops, gap_map="reluctance")
+    assert fit_of(result).monotone is True
+    assert result.model.is_monotone_over_gap()
+
+
+@pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
+@pytest.mark.parametrize("in_0", [-0.03, 0.005, 0.03])
+def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: float) -> None:
+    """Below its offset the true current is negative, and the gap order of what remains turns."""
+    loops = loops_of(magnet(gap_map, gaps=GAPS[::3], in_0=in_0), noise=NOISE, samples=60)
+    assert fit_of(identify(loops, gap_map=gap_map)).monotone is True
+
+
+def test_a_force_that_grows_with_the_gap_fails() -> None:
+    loops = loops_of(magnet("scaling", c_H=(7e3, 8e3, 9e3, 10e3)), noise=NOISE, samples=60)
+    assert fit_of(identify(loops, gap_map="scaling")).monotone is False
+
+
+def test_no_fitted_reluctance_is_negative_down_to_the_closed_gap() -> None:
+    for rho in ((0.0, 0.0005, 0.001, 0.0015), (0.0035, 0.0047, 0.0059, 0.0070)):
+        loops = loops_of(magnet(rho=rho), noise=NOISE, samples=60)
+        model = identify(loops, gap_map="reluctance").model
+        assert min(np.atleast_1d(model.parameters["rho"])) >= 0.0
+        assert model.predict(loops.loops[0].input, 0.0).output.max() > 0.0
+
+
+def smooth_truth() -> ActuatorModel:
+    """Everything runs over the gap a little, smoothly: no map but free can follow."""
+    x = np.linspace(-1.0, 1.0, len(GAPS))
+    return replace(
+        magnet("scaling"),
+        gap_map="free",
+        parameters={
+            **magnet("scaling").parameters,
+            "k": tuple(703.0 * np.exp(-0.15 * x)),
+            "c": tuple(0.2 + 0.05 * x),
+            "c_out": tuple(60.0 * np.exp(0.06 * x)),
+        },
+    )
+
+
+def test_the_free_map_predicts_a_smooth_truth_between_gaps() -> None:
+    loops = loops_of(smooth_truth(), samples=60)
+    assert identify(loops).model.gap_map != "free"  # with it no gap may move
+    clean = identify(loops, gap_map="free")
+    assert worst(loops, clean.fitted) < 2e-4  # the ties take a little
+    assert fit_of(clean).left_out["free"] < 1e-3
+    rough = identify(noisy(loops, NOISE, 1), gap_map="free")
+    assert fit_of(rough).left_out["free"] < 2.0 * NOISE
+
+
+def roughness(coordinates: FloatArray) -> float:
+    return float(np.sum(np.diff(coordinates) ** 2))
+
+
+def test_ties_make_what_the_loops_leave_open_run_smoothly() -> None:
+    """A noisy loop a gap, far from saturation, tells little; ties cost the fit next to nothing."""
+    truth = magnet("scaling")
+    loops = []
+    for gap in GAPS:
+        cycle = path([0.0, 1.0, 0.0], 60)[:-1]
+        output = truth.predict(cycle, gap, history="settled").output
+        loops.append(Loop("half", cycle, output, np.full(cycle.size, gap)))
+    measured = noisy(LoopSet(tuple(loops), truth.input, truth.output, truth.schedule), 1e-2, 1)
+    form = form_of(measured.input, measured.output, "effective-field")
+    records = records_of(measured)
+    tied = search_each_gap(form, records, 1, frozenset())
+    space = tied.space
+    alone = [search_one_gap(form, records.at(gap), 1, frozenset()) for gap in range(len(GAPS))]
+    loose = space.pack([one.sets[0] for one in alone])
+    for name in ("kappa", "c", "omega", "gain"):
+        at = [place for place, (one, _) in enumerate(space.entries) if one == name]
+        assert roughness(tied.theta[at]) < 0.7 * roughness(loose[at])
+    costs = [float(np.sum(Objective(space).deviations(t) ** 2)) for t in (tied.theta, loose)]
+    assert costs[0] < 1.002 * costs[1]
+    assert costs[0] < tied.cost < 1.01 * costs[0]
+
+
+def test_provenance_reports_the_settings(tmp_path: Path) -> None:
+    made = loops_of(magnet(gaps=GAPS[:2]), samples=60)
+    made.save(tmp_path / "two_gaps.csv")
+    loops = read_loops(tmp_path / "two_gaps.csv", history="settled")
+    result = identify(loops, gap_map="scaling", seed=7, weights="relative", offsets=False)
+    reported = result.model.provenance
+    assert reported.seed == 7
+    assert reported.sources == loops.sources
+    assert reported.settings["weights"] == "relative"
+    assert reported.settings["offsets"] is False
+    assert reported.settings["gap_map_wanted"] == "scaling"
+    assert result.model.name == "two_gaps"
+    assert str(result.model.history) == "settled"
+    valid = result.model.valid
+    assert valid is not None
+    assert valid.schedule == GAPS[:2]
+    assert valid.output[1] == largest(loops)
+    assert result.evaluations > 0
+    assert result.seconds > 0.0

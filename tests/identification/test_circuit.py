@@ -1,0 +1,90 @@
+"""The gap map ``circuit``: one iron, and a gap whose force follows no plain reluctance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data import LoopSet
+from anhyst.identification import IdentifyResult, identify
+from anhyst.laws.jiles_atherton import PARAMETERS
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.file import read_model
+from anhyst.model.writer import write_model
+from anhyst.support.errors import InputError
+from tests.identification.truths import GAPS, loops_of, magnet, worst
+
+GAP = np.array(GAPS)
+
+
+@cache
+def truth() -> ActuatorModel:
+    plain = magnet("reluctance")
+    around = {
+        "c_out": tuple((60.0 + 4e4 * (GAP - GAP[0])).tolist()),
+        "in_0": tuple((0.015 - 40.0 * (GAP - GAP[0])).tolist()),
+        "out_0": tuple((-0.4 + 800.0 * (GAP - GAP[0])).tolist()),
+    }
+    return replace(plain, parameters=dict(plain.parameters) | around, gap_map="circuit")
+
+
+@cache
+def loops() -> LoopSet:
+    return loops_of(truth(), "conditioned", samples=60)
+
+
+@cache
+def found(gap_map: str) -> IdentifyResult:
+    return identify(loops(), gap_map=gap_map, dead_band=False)  # the truth has none
+
+
+def test_it_follows_what_the_simpler_maps_cannot() -> None:
+    ours = worst(loops(), found("circuit").fitted)
+    assert ours < 2e-3
+    assert ours < 0.1 * min(
+        worst(loops(), found(name).fitted) for name in ("scaling", "reluctance")
+    )
+
+
+def test_the_iron_is_the_same_at_every_gap_so_that_the_gap_may_move() -> None:
+    model = found("circuit").model
+    assert set(model.varying) == {"rho", "c_out", "in_0", "out_0"}
+    assert not set(model.varying) & {spec.name for spec in PARAMETERS}
+    assert not model.fixed_gap_only
+    assert min(np.atleast_1d(model.parameters["rho"])) >= 0.0
+    moving = np.linspace(GAPS[0], GAPS[-1], 50)
+    wanted = np.linspace(2.0, 40.0, 50)
+    answer = model.invert(wanted, moving, history="demagnetised")
+    back = model.predict(answer.drive, moving, history="demagnetised")
+    assert np.allclose(back.output, wanted, atol=1e-6)
+
+
+def test_a_gap_left_out_is_reported() -> None:
+    fit = found("circuit").model.fit
+    assert fit is not None
+    assert 0.0 < fit.left_out["circuit"] < 5e-3
+
+
+def test_offsets_can_be_held() -> None:
+    model = identify(loops(), gap_map="circuit", offsets=False).model
+    assert not np.any(model.parameters["in_0"])
+    assert not np.any(model.parameters["out_0"])
+
+
+def test_the_file_keeps_it(tmp_path: Path) -> None:
+    model = found("circuit").model
+    write_model(model, tmp_path / "model.toml")
+    again = read_model(tmp_path / "model.toml")
+    assert again.gap_map == "circuit"
+    assert dict(again.parameters) == dict(model.parameters)
+
+
+def test_it_is_refused_where_it_means_nothing() -> None:
+    with pytest.raises(InputError, match="none of the paper's"):
+        identify(loops(), gap_map="circuit", search="paper")
+    with pytest.raises(InputError, match="'circuit' does not go with the law"):
+        identify(loops(), gap_map="circuit", law="jiles-atherton-1986")

@@ -1,0 +1,112 @@
+"""The bundled example: iron that is no Jiles-Atherton material, judged at gaps never seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data import LoopSet
+from anhyst.data.reading import read_loops
+from anhyst.identification import IdentifyResult, identify
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.fit_record import FitFigures
+from anhyst.support.arrays import FloatArray
+from tests.identification.truths import largest, predicted
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
+
+
+@pytest.fixture(scope="module")
+def loops() -> LoopSet:
+    return read_loops(FOLDER / "loops.csv")
+
+
+@pytest.fixture(scope="module")
+def truth() -> LoopSet:
+    return read_loops(FOLDER / "unseen_truth.csv")
+
+
+@pytest.fixture(scope="module")
+def chosen(loops: LoopSet) -> IdentifyResult:
+    return identify(loops)
+
+
+def fit_of(result: IdentifyResult) -> FitFigures:
+    assert result.model.fit is not None
+    return result.model.fit
+
+
+def mean_error(model: ActuatorModel, truth: LoopSet) -> float:
+    off = [
+        np.abs(output - loop.output)
+        for output, loop in zip(predicted(model, truth), truth.loops, strict=True)
+    ]
+    return float(np.mean(np.concatenate(off))) / largest(truth)
+
+
+def best_single_valued(truth: LoopSet) -> float:
+    """Give the error of a smooth curve through both branches, even fitted to the truth itself."""
+    off: list[FloatArray] = []
+    for gap in truth.schedule_values:
+        drive = np.concatenate([loop.input for loop in truth.at(gap).loops])
+        force = np.concatenate([loop.output for loop in truth.at(gap).loops])
+        curve = np.polynomial.Polynomial.fit(drive, force, 12)
+        off.append(np.abs(curve(drive) - force))
+    return float(np.mean(np.concatenate(off))) / largest(truth)
+
+
+def test_auto_takes_reluctance_and_says_why(chosen: IdentifyResult) -> None:
+    assert chosen.model.gap_map == "reluctance"
+    left_out = fit_of(chosen).left_out
+    assert set(left_out) == {"scaling", "reluctance", "circuit"}
+    assert min(left_out, key=lambda name: left_out[name]) == "reluctance"
+    why = chosen.model.provenance.settings["gap_map_reason"]
+    assert "'reluctance' predicts gaps left out of the fit best" in str(why)
+    assert not chosen.interrupted
+
+
+def test_unseen_gaps_are_predicted_within_a_third_of_a_percent(
+    chosen: IdentifyResult, truth: LoopSet
+) -> None:
+    assert mean_error(chosen.model, truth) < 0.0035
+
+
+def test_scaling_alone_predicts_them_within_half_a_percent(loops: LoopSet, truth: LoopSet) -> None:
+    assert mean_error(identify(loops, gap_map="scaling").model, truth) < 0.005
+
+
+def test_the_model_beats_the_best_single_valued_curve(
+    chosen: IdentifyResult, truth: LoopSet
+) -> None:
+    assert mean_error(chosen.model, truth) < 0.25 * best_single_valued(truth)
+
+
+def test_the_force_rises_as_the_gap_closes(chosen: IdentifyResult) -> None:
+    assert fit_of(chosen).monotone is True
+    check = chosen.model.check_over_gap()
+    assert check is not None
+    assert check.passed
+    assert check.gaps[0] == pytest.approx(0.3e-3)
+    assert check.gaps[-1] == pytest.approx(0.6e-3)
+
+
+def test_the_closed_gap_can_be_computed(chosen: IdentifyResult) -> None:
+    force = chosen.model.predict(np.linspace(0.0, 1.0, 50), 0.0).output
+    assert np.isfinite(force).all()
+
+
+def test_the_model_predicts_what_was_fitted(chosen: IdentifyResult, loops: LoopSet) -> None:
+    for one, other in zip(predicted(chosen.model, loops), chosen.fitted, strict=True):
+        assert np.abs(one - other).max() < 1e-8 * largest(loops)
+
+
+def test_every_seed_ends_there(chosen: IdentifyResult, loops: LoopSet) -> None:
+    for seed in range(2, 6):
+        other = identify(loops, gap_map="reluctance", seed=seed)
+        assert fit_of(other).rms == pytest.approx(fit_of(chosen).rms, rel=1e-5)
+
+
+def test_the_chosen_map_takes_few_evaluations(chosen: IdentifyResult) -> None:
+    assert chosen.evaluations < 300

@@ -1,0 +1,381 @@
+"""The paper's search: seven free parameters at each gap, and the reduction to one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anhyst.data import LoopSet
+from anhyst.identification import IdentifyResult, identify
+from anhyst.identification.fit_records import FitRecords, records_of
+from anhyst.identification.gauge import form_of
+from anhyst.identification.paper import sequence as sequence_module
+from anhyst.identification.paper.criterion import IMPOSSIBLE, Criterion, mean_deviation
+from anhyst.identification.paper.reduction import reductions
+from anhyst.identification.paper.search import (
+    SearchBench,
+    SearchEffort,
+    Stand,
+    search_each_gap,
+    spline_model_at,
+)
+from anhyst.identification.paper.sequence import search_paper
+from anhyst.identification.paper.seven import (
+    AIR_SLOPE,
+    SEVEN,
+    Values,
+    gauge_free,
+    in_one_gauge,
+    local_of,
+    mean_over_gaps,
+    variables_of,
+)
+from anhyst.identification.run import SearchRun
+from anhyst.model.actuator import ActuatorModel
+from anhyst.support.errors import InputError
+from tests.identification.truths import GAPS, core, loops_of, magnet
+
+SHORT = SearchEffort(generations=60, final=80, trial=20)
+BRIEF = SearchEffort(generations=20, final=20, trial=5)
+NO_OFFSETS = frozenset({"in_0", "out_0"})
+THREE = GAPS[:3]
+
+SET: Values = {
+    "M_s": 5e5,
+    "a": 300.0,
+    "alpha": -0.03,
+    "k": 400.0,
+    "c": 0.2,
+    "c_H": 5e3,
+    "c_out": 900.0,
+    "in_0": 0.01,
+    "out_0": 0.2,
+}
+
+
+def run_of(loops: LoopSet, held: frozenset[str] = NO_OFFSETS, **settings: object) -> SearchRun:
+    form = form_of(loops.input, loops.output, "effective-field")
+    return SearchRun(form=form, records=records_of(loops), seed=1, held=held, **settings)  # type: ignore[arg-type]
+
+
+def stopper(after: int) -> Callable[[int, int], None]:
+    def progress(done: float, total: float) -> None:
+        if done == after:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+@pytest.fixture(scope="module")
+def truth() -> ActuatorModel:
+    """Only c_H runs over the gap, as in the paper; the slope of its air core is that of iron."""
+    c_h = tuple(0.01 / (1.5e-5 + 0.19 * gap) for gap in GAPS)
+    iron: dict[str, Any] = {"a": 10.0, "k": 7.0, "alpha": -4e-5, "in_0": 0.0, "out_0": 0.0}
+    return magnet("scaling", gaps=THREE, c_H=c_h, **iron)
+
+
+@pytest.fixture(scope="module")
+def loops(truth: ActuatorModel) -> LoopSet:
+    return loops_of(truth, samples=40)
+
+
+@pytest.fixture(scope="module")
+def free(loops: LoopSet) -> Stand:
+    return search_each_gap(
+        SearchBench(run_of(loops), loops, SearchEffort(generations=150, final=250))
+    )
+
+
+@pytest.fixture(scope="module")
+def reduced(loops: LoopSet, free: Stand) -> list[Stand]:
+    bench = SearchBench(run_of(loops), loops, SearchEffort(generations=50, final=120, trial=30))
+    return [free, *(stand for stand, _ in reductions(bench, free))]
+
+
+@pytest.fixture(scope="module")
+def quick(two_gaps: LoopSet) -> IdentifyResult:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sequence_module, "SearchEffort", lambda: SHORT)
+        return identify(two_gaps, search="paper", offsets=False)
+
+
+@pytest.fixture(scope="module")
+def two_gaps() -> LoopSet:
+    return loops_of(magnet("scaling", gaps=GAPS[:2], in_0=0.0, out_0=0.0), samples=25)
+
+
+@pytest.fixture
+def records(loops: LoopSet) -> FitRecords:
+    return records_of(loops)
+
+
+def test_free_sets_reproduce_the_loops_of_every_gap(free: Stand) -> None:
+    assert free.cost < 1e-3
+    assert free.varying == SEVEN
+
+
+def test_free_sets_scatter_along_the_redundancy(free: Stand) -> None:
+    """What Fig. 1 shows: the same iron at every gap, yet k is found anywhere."""
+    k = [one["k"] for one in free.sets]
+    assert max(k) > 1.5 * min(k)
+
+
+@pytest.mark.slow
+def test_where_only_c_h_varies_freezing_the_others_costs_nothing(reduced: list[Stand]) -> None:
+    assert max(stand.cost for stand in reduced[1:]) < 1e-5
+
+
+@pytest.mark.slow
+def test_where_only_c_h_varies_it_is_the_last_one_left(reduced: list[Stand]) -> None:
+    assert [len(stand.varying) for stand in reduced] == [7, 6, 5, 4, 3, 2, 1]
+    assert reduced[-1].varying == ("c_H",)
+
+
+@pytest.mark.slow
+def test_c_h_is_found_up_to_one_common_factor(truth: ActuatorModel, reduced: list[Stand]) -> None:
+    found = np.array([one["c_H"] for one in reduced[-1].sets])
+    ratio = found / truth.over_schedule("c_H", THREE)
+    np.testing.assert_allclose(ratio / ratio[0], 1.0, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_what_is_frozen_is_the_same_at_every_gap(reduced: list[Stand]) -> None:
+    for stand in reduced[1:]:
+        for name in set(SEVEN) - set(stand.varying):
+            assert len({one[name] for one in stand.sets}) == 1
+
+
+def test_a_parameter_can_be_kept_to_the_last(two_gaps: LoopSet) -> None:
+    found = search_paper(run_of(two_gaps), two_gaps, "reluctance", BRIEF)
+    assert len(found.steps) == 6
+    assert all("alpha" not in step.candidates for step in found.steps)
+    assert found.model.varying in {("alpha",), ("rho",)}
+
+
+def test_alpha_is_read_as_a_reluctance_in_the_law_that_allows_it(two_gaps: LoopSet) -> None:
+    form = form_of(two_gaps.input, two_gaps.output, "jiles-atherton-1986")
+    run = SearchRun(form=form, records=records_of(two_gaps), seed=1, held=NO_OFFSETS)
+    found = search_paper(run, two_gaps, "reluctance", BRIEF)
+    assert found.model.law == "jiles-atherton-1986"
+    assert found.model.gap_map == "free"
+    assert found.model.varying == ("alpha",)
+
+
+def test_one_call_gives_model_steps_and_free_sets(quick: IdentifyResult) -> None:
+    model = quick.model
+    assert len(model.varying) == 1
+    assert len(model.reduction) == 6
+    for step, left in zip(model.reduction, range(7, 1, -1), strict=True):
+        assert len(step.candidates) == left
+        assert step.frozen in step.candidates
+    assert quick.per_gap is not None
+    assert set(quick.per_gap.varying) == set(SEVEN)
+    assert quick.per_gap.gap_map == "free"
+    assert quick.splines is not None
+    assert model.fit is not None
+    assert model.fit.mean_abs < 0.01 * model.fit.largest_output
+    assert quick.evaluations > 1000
+
+
+def test_cost_of_the_last_step_is_that_of_the_model(
+    quick: IdentifyResult, two_gaps: LoopSet
+) -> None:
+    outputs = np.concatenate(quick.fitted)
+    reported = mean_deviation(records_of(two_gaps), outputs)
+    assert reported == pytest.approx(quick.model.reduction[-1].cost_after, rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def whole(two_gaps: LoopSet) -> sequence_module.Sequence:
+    return search_paper(run_of(two_gaps), two_gaps, "auto", BRIEF)
+
+
+@pytest.mark.parametrize("stage", [1, 5, 20])
+def test_a_killed_run_goes_on_to_the_same_result(
+    stage: int, two_gaps: LoopSet, whole: sequence_module.Sequence, tmp_path: Path
+) -> None:
+    kept = tmp_path / "checkpoint"
+
+    def killed(done: float, total: float) -> None:
+        if done == stage:
+            raise RuntimeError("killed")
+
+    with pytest.raises(RuntimeError):
+        search_paper(run_of(two_gaps, checkpoint=kept, progress=killed), two_gaps, "auto", BRIEF)
+    again = run_of(two_gaps, checkpoint=kept)
+    found = search_paper(again, two_gaps, "auto", BRIEF)
+    assert again.resumed == stage
+    assert found.model.parameters == whole.model.parameters
+    assert found.steps == whole.steps
+
+
+def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: LoopSet) -> None:
+    def found(seed: int) -> tuple[Values, ...]:
+        run = run_of(two_gaps)
+        run.seed = seed
+        return search_each_gap(SearchBench(run, two_gaps, BRIEF)).sets
+
+    assert found(1) == found(1)
+    assert found(1) != found(2)
+
+
+def test_progress_ends_at_the_total_it_promised(two_gaps: LoopSet) -> None:
+    seen: list[tuple[int, int]] = []
+    run = run_of(two_gaps, held=frozenset(), progress=lambda *stage: seen.append(stage))
+    search_paper(run, two_gaps, "scaling", SearchEffort(5, 5, 2))
+    assert [done for done, _ in seen] == list(range(1, len(seen) + 1))
+    assert {total for _, total in seen} == {len(seen)}
+
+
+@pytest.mark.parametrize(("stage", "frozen"), [(4, 0), (16, 1)])
+def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: LoopSet) -> None:
+    run = run_of(two_gaps, progress=stopper(stage))
+    found = search_paper(run, two_gaps, "auto", SearchEffort(5, 5, 2))
+    assert found.interrupted
+    assert len(found.steps) == frozen
+    assert found.model.gap_map == "free"
+    assert len(found.model.varying) == 7 - frozen
+
+
+def test_ctrl_c_before_every_gap_has_a_set_leaves_nothing(two_gaps: LoopSet) -> None:
+    run = run_of(two_gaps, progress=stopper(1))
+    with pytest.raises(KeyboardInterrupt):
+        search_paper(run, two_gaps, "auto", SearchEffort(5, 5, 2))
+
+
+def test_offsets_become_common_to_all_gaps(two_gaps: LoopSet) -> None:
+    run = run_of(two_gaps, held=frozenset())
+    found = search_each_gap(SearchBench(run, two_gaps, BRIEF))
+    for name in ("in_0", "out_0"):
+        assert found.sets[0][name] == found.sets[1][name] != 0.0
+
+
+def test_without_reduction_everything_stays_free(two_gaps: LoopSet) -> None:
+    found = search_paper(run_of(two_gaps), two_gaps, "free", SearchEffort(5, 5, 2))
+    assert found.steps == ()
+    assert found.model.gap_map == "free"
+    assert set(found.model.varying) == set(SEVEN)
+
+
+def test_one_gap_gives_a_model_of_that_gap() -> None:
+    loops = loops_of(magnet("none", in_0=0.0, out_0=0.0), samples=30)
+    found = search_paper(run_of(loops), loops, "auto", SHORT)
+    assert found.model.gap_map == "none"
+    assert found.per_gap is None
+    assert found.steps == ()
+
+
+def test_a_measured_field_and_flux_density_leave_five() -> None:
+    loops = loops_of(core(in_0=0.0, out_0=0.0), samples=40)
+    found = search_paper(run_of(loops), loops, "auto", SearchEffort(150, 150, 5))
+    assert found.model.parameters["c_H"] == found.model.parameters["c_out"] == 1.0
+    modelled = [
+        found.model.predict(loop.input, history=loop.history).output for loop in loops.loops
+    ]
+    assert mean_deviation(records_of(loops), np.concatenate(modelled)) < 2e-3
+
+
+def test_refuses_to_keep_what_is_known(two_gaps: LoopSet) -> None:
+    by_field = LoopSet(two_gaps.loops, core().input, two_gaps.output, two_gaps.schedule)
+    with pytest.raises(InputError, match="keeps c_H to the last"):
+        search_paper(run_of(by_field), by_field, "scaling")
+
+
+def test_a_gap_map_needs_two_gaps() -> None:
+    loops = loops_of(magnet("none"), samples=30)
+    with pytest.raises(InputError, match="two gaps"):
+        search_paper(run_of(loops), loops, "scaling")
+
+
+def test_splines_meet_the_nodes_and_overshoot_between() -> None:
+    values = (100.0, 5000.0, 100.0, 100.0)
+    model = magnet("scaling", c_H=values)
+    for gap, value in zip(GAPS, values, strict=True):
+        at = spline_model_at(model, gap)
+        assert at.parameters["c_H"] == pytest.approx(value)
+        assert at.gap_map == "none"
+    with pytest.raises(InputError, match="c_H"):
+        spline_model_at(model, 0.55e-3)
+
+
+def test_splines_need_two_nodes() -> None:
+    with pytest.raises(InputError, match="two nodes"):
+        spline_model_at(magnet("none"), 0.4e-3)
+
+
+def test_the_acceptance_test_reports_which_gaps_fail_with_splines(quick: IdentifyResult) -> None:
+    check = quick.splines
+    assert check is not None
+    assert set(check.failing) <= set(check.gaps.tolist())
+    assert bool(check.failing) == (not check.passed)
+
+
+def test_one_gauge_leaves_the_law_as_it_was() -> None:
+    other = SET | {"M_s": 9e5, "a": 2e3, "k": 1e3, "c_H": 3e4, "c_out": 90.0}
+    moved = in_one_gauge([SET, other], SEVEN, power=2)
+    assert len({one["M_s"] for one in moved}) == 1
+    for before, after in zip([SET, other], moved, strict=True):
+        assert after["a"] == pytest.approx(AIR_SLOPE * after["M_s"])
+        old, new = local_of(before, 2), local_of(after, 2)
+        for name in ("kappa", "c", "omega", "scale", "gain", "in_0", "out_0"):
+            assert getattr(new, name) == pytest.approx(getattr(old, name), rel=1e-12)
+
+
+def test_one_gauge_leaves_alone_what_measurements_fix() -> None:
+    plain = SET | {"c_H": 1.0, "c_out": 1.0}
+    moved = in_one_gauge([plain], ("M_s", "a", "alpha", "k", "c"), power=1)[0]
+    for name, value in plain.items():
+        assert moved[name] == pytest.approx(value, rel=1e-12)
+
+
+def test_scales_are_averaged_geometrically_and_the_rest_plainly() -> None:
+    assert mean_over_gaps("k", [1.0, 100.0]) == pytest.approx(10.0)
+    assert mean_over_gaps("alpha", [-0.1, 0.3]) == pytest.approx(0.1)
+
+
+def test_coordinates_and_parameters_agree(loops: LoopSet, records: FitRecords) -> None:
+    variables, known = variables_of(records, loops.input, loops.output, frozenset())
+    assert known == {}
+    back = variables.outward(variables.inward(SET))
+    for name, value in SET.items():
+        assert float(back[name]) == pytest.approx(value, rel=1e-12)
+    assert variables.only(["c_H", "k"]).names == ("k", "c_H")
+
+
+def test_batch_and_exact_law_cost_the_same(loops: LoopSet, records: FitRecords) -> None:
+    rng = np.random.default_rng(3)
+    count = 20
+    many = {name: value * (1.0 + 0.1 * rng.random(count)) for name, value in SET.items()}
+    form = form_of(loops.input, loops.output, "effective-field")
+    criterion = Criterion(form, records.at(0))
+    batch = criterion.of_many(many)
+    exact = [
+        criterion.of_one({name: float(many[name][place]) for name in many})
+        for place in range(count)
+    ]
+    np.testing.assert_allclose(batch, exact, atol=5e-3)
+    assert criterion.evaluations == 2 * count
+
+
+def test_what_the_law_cannot_do_costs_a_fortune(loops: LoopSet, records: FitRecords) -> None:
+    form = form_of(loops.input, loops.output, "effective-field")
+    criterion = Criterion(form, records.at(0))
+    impossible = SET | {"k": 1e-9}
+    assert criterion.of_one(impossible) == IMPOSSIBLE
+    assert criterion.of_many({n: np.array([v]) for n, v in impossible.items()})[0] == np.inf
+
+
+def test_gauge_free_form_has_no_trace_of_the_redundancy() -> None:
+    q = 3.0
+    same = SET | {name: q * SET[name] for name in ("M_s", "a", "k", "c_H")}
+    same["c_out"] = SET["c_out"] / q**2
+    one, other = (
+        gauge_free({name: np.asarray(value) for name, value in values.items()}, 2)
+        for values in (SET, same)
+    )
+    for name, value in one.items():
+        np.testing.assert_allclose(other[name], value, rtol=1e-12)

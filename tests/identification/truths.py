@@ -1,0 +1,206 @@
+"""Virtual actuators of known parameters, and loops measured on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from anhyst.data import History, Loop, LoopSet
+from anhyst.identification.response import LOCAL, Local
+from anhyst.model.actuator import ActuatorModel
+from anhyst.model.parameters import GapMap, Parameter
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0, QUANTITIES
+
+GAPS = (0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3)
+I_MAX = 2.0
+H_MAX = 120.0
+HISTORIES = ("settled", "demagnetised", "conditioned")
+
+MAGNET: Mapping[str, Parameter] = {
+    "M_s": 1e6,
+    "a": 1000.0,
+    "k": 700.0,
+    "c": 0.2,
+    "c_out": 60.0,
+    "in_0": 0.015,
+    "out_0": -0.4,
+}
+"""A magnet in the gauge that identification chooses too: ``a = AIR_CORE*M_s*(1 - alpha)``."""
+
+AROUND: Mapping[GapMap, Mapping[str, Parameter]] = {
+    "none": {"alpha": 0.0, "c_H": 12e3, "rho": 0.006},
+    "scaling": {
+        "alpha": -0.004,
+        "a": 1004.0,
+        "k": 702.8,
+        "c_H": tuple(1.0 / (1.5e-5 + 0.19 * gap) for gap in GAPS),
+    },
+    "reluctance": {"c_H": 12e3, "rho": tuple(2e-4 + 11.5 * gap for gap in GAPS)},
+}
+"""What runs over the gap is straight where the gap map interpolates it."""
+
+CORE: Mapping[str, Parameter] = {
+    "M_s": 4e5,
+    "a": 18.0,
+    "k": 11.0,
+    "c": 0.25,
+    "alpha": 4e-5,
+    "c_H": 1.0,
+    "c_out": 1.0,
+    "in_0": 0.8,
+    "out_0": 2e-3,
+}
+
+
+def magnet(
+    gap_map: GapMap = "reluctance",
+    output: str = "force",
+    gaps: Sequence[float] = GAPS,
+    law: str = "effective-field",
+    **changes: Parameter,
+) -> ActuatorModel:
+    """Build an electromagnet driven by a current; a map other than 'none' has nodes at the gaps."""
+    parameters = {**MAGNET, **AROUND[gap_map], **changes}
+    places = [GAPS.index(gap) for gap in gaps]
+    chosen = {
+        name: tuple(value[place] for place in places) if isinstance(value, tuple) else value
+        for name, value in parameters.items()
+    }
+    scheduled = gap_map != "none"
+    return ActuatorModel(
+        "magnet",
+        QUANTITIES["current"],
+        QUANTITIES[output],
+        chosen,
+        law=law,
+        gap_map=gap_map,
+        schedule=QUANTITIES["gap"] if scheduled else None,
+        nodes=tuple(gaps) if scheduled else (),
+    )
+
+
+def core(law: str = "effective-field", **changes: Parameter) -> ActuatorModel:
+    """Build a closed core driven by a field, seen by its flux density."""
+    parameters = {**CORE, **changes}
+    return ActuatorModel(
+        "core", QUANTITIES["field"], QUANTITIES["flux_density"], parameters, law=law
+    )
+
+
+def path(points: Sequence[float], samples: int) -> FloatArray:
+    """Straight from point to point, about as many samples in all."""
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)))])
+    return np.interp(np.linspace(0.0, way[-1], samples), way, points)
+
+
+def history_of(model: ActuatorModel, kind: str) -> str:
+    """Spell a history out: the conditioning drive is two large cycles from rest."""
+    if kind != "conditioned":
+        return kind
+    points = "120,-120,120,-60,0" if model.input.name == "field" else "0,2,0,2,0"
+    return f"conditioned:{points}"
+
+
+def drives_of(model: ActuatorModel, history: str, samples: int) -> dict[str, FloatArray]:
+    """Nested loops: cycles of their own if settled, else one record that goes through them."""
+    top = H_MAX if model.input.name == "field" else I_MAX
+    low = -1.0 if model.input.name == "field" else 0.0
+    if history == "settled":
+        cycles = {}
+        for name, part in (("full", 1.0), ("middle", 0.6), ("small", 0.3)):
+            bottom, peak = low * part * top, part * top
+            cycle = path([bottom, peak, bottom], samples)[:-1]
+            cycles[name] = np.roll(cycle, samples // 5)
+        return cycles
+    points = [0.0, 1.0, low, 0.6, 0.8 * low + 0.1, 0.4, 0.3 * low + 0.1, 0.9]
+    return {"record": path([top * point for point in points], 3 * samples)}
+
+
+def loops_of(
+    model: ActuatorModel,
+    history: str = "settled",
+    *,
+    samples: int = 80,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> LoopSet:
+    """Measure nested loops at every node; noise is relative to the largest output."""
+    history = history_of(model, history)
+    loops = []
+    for node in model.nodes or (None,):
+        for label, drive in drives_of(model, history, samples).items():
+            schedule = None if node is None else np.full(drive.size, node)
+            output = model.predict(drive, node, history=history).output
+            loops.append(Loop(label, drive, output, schedule, history=History.parse(history)))
+    clean = LoopSet(tuple(loops), model.input, model.output, model.schedule)
+    return noisy(clean, noise, seed) if noise else clean
+
+
+def noisy(loopset: LoopSet, noise: float, seed: int) -> LoopSet:
+    """Add white noise to the output, relative to the largest output of all loops."""
+    rng = np.random.default_rng(seed)
+    size = noise * largest(loopset)
+    return loopset.with_loops(
+        replace(loop, output=loop.output + size * rng.standard_normal(loop.n))
+        for loop in loopset.loops
+    )
+
+
+def largest(loopset: LoopSet) -> float:
+    """Largest absolute output of all loops."""
+    return max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
+
+
+def worst(loopset: LoopSet, outputs: Sequence[FloatArray]) -> float:
+    """Worst deviation of outputs from those of the loops, relative to the largest."""
+    deviations = [
+        np.abs(output - loop.output).max()
+        for loop, output in zip(loopset.loops, outputs, strict=True)
+    ]
+    return float(max(deviations)) / largest(loopset)
+
+
+def predicted(model: ActuatorModel, loopset: LoopSet) -> list[FloatArray]:
+    """Give what a model says about every loop."""
+    return [
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
+        for loop in loopset.loops
+    ]
+
+
+def gauge_free(model: ActuatorModel) -> list[Local]:
+    """Parameters that every gauge of a model shares, at each node, (docs/theory.md)."""
+    found = []
+    for node in model.nodes or (None,):
+        p = model.parameters_at(node)
+        grip = 1.0 - p["alpha"]
+        found.append(
+            Local(
+                law=(p["k"] / p["a"], p["c"]),
+                omega=(p["rho"] / (1.0 + p["rho"]) - p["alpha"]) * p["M_s"] / p["a"],
+                scale=p["a"] * (1.0 + p["rho"]) / p["c_H"],
+                gain=p["c_out"] * (MU_0 * p["M_s"] * grip) ** model.power,
+                in_0=p["in_0"],
+                out_0=p["out_0"],
+                h=p["a"] / (p["M_s"] * grip),
+            )
+        )
+    return found
+
+
+def apart(one: ActuatorModel, other: ActuatorModel, loopset: LoopSet) -> float:
+    """Largest relative difference of gauge-free parameters; offsets relative to the spans."""
+    spans = {
+        "c": 1.0,
+        "in_0": max(float(np.max(np.abs(loop.input))) for loop in loopset.loops),
+        "out_0": largest(loopset),
+    }
+    differences = [
+        abs(getattr(a, name) - getattr(b, name)) / spans.get(name, abs(getattr(b, name)))
+        for a, b in zip(gauge_free(one), gauge_free(other), strict=True)
+        for name in LOCAL
+    ]
+    return float(max(differences))

@@ -1,0 +1,175 @@
+"""What every result can do: a table, a picture, a file, a short word."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pyarrow
+import pytest
+
+import anhyst
+from anhyst.compilation.output import Compiled
+from anhyst.model.diff import ModelDiff
+from anhyst.support.result import Result
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+LOOPS = EXAMPLES / "electromagnet" / "loops.csv"
+GAP = 4e-4
+
+
+@pytest.fixture(autouse=True)
+def _no_window() -> Iterator[None]:
+    with mpl.rc_context({"backend": "Agg"}):
+        yield
+        plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def loops() -> anhyst.Loops:
+    return anhyst.read_loops(LOOPS)
+
+
+@pytest.fixture(scope="module")
+def found(loops: anhyst.Loops) -> anhyst.IdentifyResult:
+    return anhyst.identify(loops, law="effective-field", gap_map="reluctance")
+
+
+@pytest.fixture(scope="module")
+def results(
+    loops: anhyst.Loops,
+    found: anhyst.IdentifyResult,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[str, Result]:
+    """One of each kind that takes no minute."""
+    folder = tmp_path_factory.mktemp("results")
+    model = found.model
+    compiled = anhyst.compile(model, folder / "controller", rate=2e4)
+    half = anhyst.identify(
+        loops.at([3e-4, 6e-4]), law="effective-field", gap_map="reluctance", dead_band=False
+    )
+    return {
+        "loops": loops,
+        "inspection": anhyst.inspect(loops),
+        "identified": found,
+        "model": model,
+        "prediction": model.predict(np.linspace(0.0, 2.0, 50), GAP),
+        "diff": anhyst.diff(model, half.model),
+        "compiled": compiled,
+        "verification": anhyst.verify(folder / "controller", on="host", host_steps=1000),
+        "piezo": anhyst.simulate(EXAMPLES / "piezo" / "rig.toml"),
+    }
+
+
+def test_every_result_has_a_table(results: dict[str, Result]) -> None:
+    for name, one in results.items():
+        frame = one.to_dataframe()
+        assert isinstance(frame, pd.DataFrame)
+        # Nothing is timed on the host; everything else has rows.
+        assert len(frame) > 0 or name == "verification", name
+
+
+def test_every_result_is_drawn_where_one_wants(results: dict[str, Result]) -> None:
+    for name, one in results.items():
+        figure, mine = plt.subplots()
+        assert one.plot(mine) is mine, name
+        assert one.plot().figure is not figure, name
+        plt.close("all")
+    ax = results["model"].plot()
+    assert ax.get_xlabel() == "current I [A]"
+    assert ax.get_ylabel() == "force F [N]"
+    assert len(ax.lines) == 4
+
+
+def test_every_result_says_in_short_what_it_holds(results: dict[str, Result]) -> None:
+    for one in results.values():
+        text = repr(one)
+        assert text.startswith(f"<{type(one).__name__} ")
+        assert len(text) < 2000
+        page = one._repr_html_()
+        assert type(one).__name__ in page
+        assert page.count("<tr>") == len(one.facts())
+    assert "gap 0.3 mm" in repr(results["loops"])
+
+
+def test_what_a_result_says_is_escaped(found: anhyst.IdentifyResult) -> None:
+    from dataclasses import replace
+
+    odd = replace(found.model, name="<script>x</script>")
+    assert "<script>" not in odd._repr_html_()
+
+
+def test_every_result_is_saved_whole(results: dict[str, Result], tmp_path: Path) -> None:
+    endings = {"loops": ".csv", "identified": ".toml", "model": ".toml", "piezo": ".csv"}
+    for name, one in results.items():
+        path = tmp_path / f"{name}{endings.get(name, '.json')}"
+        assert one.save(path) == path
+        assert path.stat().st_size > 100
+        with pytest.raises(anhyst.InputError, match="nowhere"):
+            one.save(tmp_path / "nowhere" / path.name)
+    back = anhyst.read_loops(tmp_path / "loops.csv")
+    assert np.array_equal(back.loops[3].output, results["loops"].loops[3].output)  # type: ignore[attr-defined]
+    assert anhyst.read_model(tmp_path / "model.toml") == results["model"]
+
+
+def test_a_model_is_a_function_and_has_an_inverse(found: anhyst.IdentifyResult) -> None:
+    current = np.concatenate([np.linspace(0.0, 2.0, 80), np.linspace(2.0, 0.5, 60)])
+    force = found.model(current, GAP)
+    assert force[79] > force[40] > force[0]
+    # The way down lies above the way up: the loop has an area.
+    up = np.interp(1.0, current[:80], force[:80])
+    down = np.interp(-1.0, -current[80:], force[80:])
+    assert down > up
+    again = found.model.inverse(force, GAP)
+    assert np.abs(again - current).max() < 1e-6
+
+
+def test_the_fit_in_the_table_is_the_fit_in_the_figures(found: anhyst.IdentifyResult) -> None:
+    frame = found.to_dataframe()
+    fit = found.model.fit
+    assert fit is not None
+    assert np.isclose(frame["F_N_residual"].abs().max(), fit.worst)
+    assert set(frame["loop"]) == {loop.label for loop in found.loops.loops}
+
+
+def test_loops_come_from_frames_of_any_library(loops: anhyst.Loops) -> None:
+    frame = loops.to_dataframe()
+
+    class Interchanged:
+        """A frame that is known by the protocol alone."""
+
+        def __dataframe__(self, nan_as_null: bool = False, allow_copy: bool = True) -> object:
+            return pyarrow.table(frame).__dataframe__(nan_as_null, allow_copy)
+
+    columns = {name: frame[name].to_numpy() for name in frame}
+    for given in (frame, columns, pyarrow.Table.from_pandas(frame)):
+        read = anhyst.read_loops(given)
+        assert [loop.label for loop in read.loops] == [loop.label for loop in loops.loops]
+        assert np.array_equal(read.loops[5].output, loops.loops[5].output)
+    numbers = frame.drop(columns="loop")[frame["loop"] == "0.30mm-full"]
+    frame = numbers.reset_index(drop=True)
+    assert np.array_equal(anhyst.read_loops(Interchanged()).loops[0].output, loops.loops[0].output)
+
+
+def test_a_model_in_memory_compiles_as_its_file_does(
+    found: anhyst.IdentifyResult, results: dict[str, Result], tmp_path: Path
+) -> None:
+    path = found.save(tmp_path / "model.toml")
+    by_file = anhyst.compile(path, tmp_path / "controller", rate=2e4)
+    in_memory = results["compiled"]
+    assert isinstance(by_file, Compiled)
+    assert isinstance(in_memory, Compiled)
+    assert by_file.manifest == in_memory.manifest
+    with pytest.raises(anhyst.InputError, match="--rate: is missing"):
+        anhyst.compile(path, tmp_path / "controller")
+
+
+def test_two_models_are_told_apart(results: dict[str, Result]) -> None:
+    apart = results["diff"]
+    assert isinstance(apart, ModelDiff)
+    assert not apart.same
+    assert apart.to_dataframe()["worst"].max() == pytest.approx(apart.worst)

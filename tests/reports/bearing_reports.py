@@ -1,0 +1,172 @@
+"""A simulation that never ran: all that its report can hold, for the tests of the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerTable, read_controller
+from anhyst.reports.bearing import SimulationSubject
+from anhyst.reports.bearing.force_current import LoopCurve
+from anhyst.reports.bearing.over_frequency import Response
+from anhyst.reports.bearing.over_runs import (
+    BenefitCell,
+    GainsPoint,
+    Spread,
+    TuningPicture,
+)
+from anhyst.reports.bearing.over_time import StepPanel
+from anhyst.reports.bearing.subject import FigureTable, Tracking, grouped
+from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.recording import COLUMNS, Recording
+from anhyst.rig.bearing.scenario import ReferenceStep
+from anhyst.study.bearing.linear import Margins
+from anhyst.study.bearing.metrics import Interval, no_mean
+from anhyst.study.bearing.responses import StepCell
+from anhyst.support.page.blocks import Items, Note
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+SHOWN: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
+RATE, BEGIN, HEIGHT, GAP = 20e3, 200, 10e-6, 0.45e-3
+# Overshoot in % of the height at 10 and 50 um: mean, half width.
+OVERSHOOT: Mapping[MethodName, tuple[tuple[float, float], ...]] = {
+    "ratio": ((30.25, 0.4), (24.75, 0.3)),
+    "single-valued": ((10.0, 0.3), (7.125, 0.3)),
+    "full": ((12.1, 0.25), (7.25, 0.25)),
+}
+NOISE = 0.5
+
+
+@cache
+def rig() -> BearingRig:
+    """The bundled bearing."""
+    return read_bearing(EXAMPLE / "rig.toml")
+
+
+@cache
+def controller() -> ControllerTable:
+    """Its controller."""
+    return read_controller(EXAMPLE / "controller.toml").settings
+
+
+def response(overshoot: float, seed: int) -> Recording:
+    """A record with one step of 10 um up that overshoots, with noise."""
+    table = np.zeros((800, len(COLUMNS)))
+    time = np.arange(800) / RATE
+    since = np.maximum(time - BEGIN / RATE, 0.0)
+    decay = -math.log(overshoot / 100.0) * 250.0 / math.pi
+    way = 1.0 - np.exp(-decay * since) * (
+        np.cos(250.0 * since) + decay / 250.0 * np.sin(250.0 * since)
+    )
+    noise = 5e-9 * np.random.default_rng(seed).standard_normal(800)
+    values = {
+        "t_s": 3.0 + time,
+        "reference_m": GAP + HEIGHT / 2 - HEIGHT * (np.arange(800) >= BEGIN),
+        "gap_m": GAP + HEIGHT / 2 - HEIGHT * way + noise,
+        "demand_N": 150.0 + 20.0 * np.exp(-400.0 * since) * (since > 0.0),
+        "force_N": 150.0 + 18.0 * np.exp(-300.0 * since) * (since > 0.0),
+        "current_A": 2.8 + 0.3 * np.exp(-300.0 * since) * (since > 0.0),
+    }
+    for name, column in values.items():
+        table[:, COLUMNS.index(name)] = column
+    return Recording(table)
+
+
+def cells() -> list[StepCell]:
+    return [
+        StepCell(
+            name,
+            GAP,
+            height,
+            150.0,
+            {
+                "overshoot_percent": Interval(*OVERSHOOT[name][place], 20),
+                "noise_percent": Interval(NOISE, 0.05, 20),
+                "settling_in_noise_s": Interval(6.25e-3, 0.1e-3, 20),
+                "steady_error_m": Interval(1e-9, 2e-9, 20),
+            },
+            lost=0,
+            runs=20,
+        )
+        for place, height in enumerate((10e-6, 50e-6))
+        for name in SHOWN
+    ]
+
+
+def lag(corner: float, gain: float) -> Response:
+    frequency = np.geomspace(5.0, 5e3, 60)
+    return Response(frequency, np.asarray(gain / (1.0 + 1j * frequency / corner), np.complex128))
+
+
+@cache
+def runs() -> dict[MethodName, Recording]:
+    """A step under every variant that is shown."""
+    return {name: response(OVERSHOOT[name][0][0], place) for place, name in enumerate(SHOWN)}
+
+
+@cache
+def subject() -> SimulationSubject:
+    """Everything that a report can hold."""
+    step = ReferenceStep(BEGIN, 800, GAP + HEIGHT / 2, GAP - HEIGHT / 2)
+    overshoot = {name: Interval(*OVERSHOOT[name][0], 20) for name in SHOWN}
+    current = np.concatenate([np.linspace(0.0, 4.0, 40), np.linspace(4.0, 0.0, 40)])
+    benefit = tuple(
+        BenefitCell(
+            "overshoot", against, baseline, width, share, share < 0.1, height, ratio, outcome
+        )
+        for against, baseline, base in (
+            ("ratio", "ratio", 0.3),
+            ("the strongest", "single-valued", 0.9),
+        )
+        for width, share, ratio in ((0.02, 0.05, base), (0.05, 0.15, base + 0.08))
+        for height in (10e-6, 50e-6)
+        for outcome in (("gain" if ratio < 0.95 else "no gain"),)
+    )
+    chosen = GainsPoint("full", 5.5e-3, 2.125, kept=True)
+    others = (
+        GainsPoint("full", 4e-3, 3.5, kept=True),
+        GainsPoint("full", math.inf, 1.2, kept=False),
+    )
+    margins = Margins(True, 0.31, 3.7, 41.5, 1.2e-4, 392.0, 1.82, 650.0)
+    return SimulationSubject(
+        rig=rig(),
+        controller=controller(),
+        seeds=20,
+        panels=(StepPanel(step, runs(), overshoot),),
+        steps=grouped(cells()),
+        forces=runs(),
+        run=runs(),
+        measured=(LoopCurve(0.42e-3, current, 20.0 * current**2),),
+        identified=LoopCurve(GAP, current, 18.0 * current**2),
+        tracked=(Tracking("triangle of 20 µm", runs()),),
+        standstill={name: run.part(0, BEGIN) for name, run in runs().items()},
+        sensitivity={
+            name: lag(800.0, gain) for name, gain in zip(SHOWN, (4.4, 2.0, 1.5), strict=True)
+        },
+        linear_sensitivity={"full": lag(700.0, 1.5)},
+        loop_gain={"full": lag(90.0, 40.0)},
+        margins={"full": margins},
+        tables={
+            "standstill": (
+                FigureTable(
+                    "Standstill <rms>",
+                    "nm",
+                    1e9,
+                    {"still": {"full": Interval(14.25e-9, 5e-10, 20), "ratio": no_mean(3, 20)}},
+                ),
+            )
+        },
+        blocks={"tuning": (Items("What limits", ("The encoder of 50 nm limits.",)),)},
+        benefit=benefit,
+        drift=(Spread("overshoot (%)", {"full": np.arange(1.0, 101.0)}),),
+        plants=100,
+        tuning=TuningPicture((chosen, *others), {"full": chosen}, 6e-3, 3.0),
+        notes=(Note("warn", "Note", "noise <b>was</b> added"),),
+        files={"rig.toml": "ab" * 32},
+        command="anhyst simulate rig.toml --out run.csv",
+    )

@@ -1,0 +1,162 @@
+"""Many magnets of one type: who is good, who does not belong, how they scatter."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.study.fleet import fleet as whole
+from anhyst.study.fleet.fleet import Fleet, fleet
+from anhyst.study.fleet.judge import RESULT, FleetSettings
+from anhyst.study.fleet.members import find_members
+from anhyst.study.fleet.spread import MagnetEstimate, spread_of
+from anhyst.support.errors import InputError, NegativeResult
+from tests.cli.command import anhyst
+from tests.study.fleets import SCATTER, loops_of, magnet, write_fleet
+
+SETTINGS = FleetSettings(
+    rate=1e4, law="effective-field", gap_map="reluctance", tolerance=0.5, history="settled"
+)
+
+
+def drawn(count: int, left: float, seed: int) -> list[MagnetEstimate]:
+    """Draw magnets of mean (2, -30), scatter (0.1, 3), whose loops leave two correlated errors."""
+    rng = np.random.default_rng(seed)
+    true = np.array([2.0, -30.0]) + rng.standard_normal((count, 2)) * [0.1, 3.0]
+    std = left * np.array([0.1, 3.0])
+    correlation = np.array([[1.0, 0.97], [0.97, 1.0]])
+    errors = rng.multivariate_normal([0.0, 0.0], correlation * np.outer(std, std), count)
+    return [MagnetEstimate.of(one, std, correlation) for one in true + errors]
+
+
+@pytest.mark.parametrize("left", [1e-3, 0.5, 1.0])
+def test_mean_and_scatter_are_those_of_the_magnets_not_of_their_loops(left: float) -> None:
+    found = spread_of(drawn(400, left, 3))
+    assert found.mean == pytest.approx([2.0, -30.0], rel=0.02)
+    assert found.scatter == pytest.approx([0.1, 3.0], rel=0.25)
+    assert not found.outlier.any()
+
+
+def test_what_loops_leave_open_is_taken_from_the_others() -> None:
+    rng = np.random.default_rng(5)
+    true = 2.0 + 0.1 * rng.standard_normal((60, 1))
+    read = true + 0.2 * rng.standard_normal((60, 1))
+    found = spread_of([MagnetEstimate.of(one, [0.2], [[1.0]]) for one in read])
+    assert np.std(found.values - true) < 0.6 * np.std(read - true)
+
+
+def test_outliers_are_named_and_have_no_say() -> None:
+    magnets = drawn(30, 0.1, 4)
+    clean = spread_of(magnets)
+    odd = MagnetEstimate(np.array([2.9, -30.0]), magnets[0].covariance)
+    found = spread_of([*magnets, odd, odd])
+    assert list(np.flatnonzero(found.outlier)) == [30, 31]
+    assert found.scatter == pytest.approx(clean.scatter, rel=0.1)
+
+
+def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
+    magnets = drawn(20, 0.1, 6)
+    wide = [MagnetEstimate.of([*one.values, 7.0], [0.01, 0.3, np.inf], []) for one in magnets]
+    found = spread_of(wide)
+    assert np.isfinite(found.mean).all()
+    assert not found.outlier.any()
+
+
+def test_a_magnet_is_a_file_or_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "b.csv").write_text("I_A,F_N\n")
+    (tmp_path / "notes.txt.bak").write_text("x")
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "near.csv").write_text("I_A,F_N\n")
+    (tmp_path / "empty").mkdir()
+    assert [one.name for one in find_members(tmp_path)] == ["a", "b"]
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "near.csv").write_text("I_A,F_N\n")
+    with pytest.raises(InputError, match="two magnets are called 'b'"):
+        find_members(tmp_path)
+    with pytest.raises(InputError, match="is no folder"):
+        find_members(tmp_path / "none")
+    with pytest.raises(InputError, match="holds no"):
+        find_members(tmp_path / "empty")
+
+
+@pytest.fixture(scope="module")
+def magnets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write three magnets, one with pinning of its own kind, and a damaged file."""
+    folder = tmp_path_factory.mktemp("magnets")
+    write_fleet(folder, 4)
+    loops_of(magnet(1.8, 1.0), 99).save(folder / "odd.csv")
+    (folder / "damaged.csv").write_text("I_A,F_N\n1,x\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(magnets: Path, tmp_path_factory: pytest.TempPathFactory) -> Fleet:
+    return fleet(magnets, tmp_path_factory.mktemp("fleet"), SETTINGS)
+
+
+@pytest.mark.slow
+def test_a_fleet_is_judged_and_one_damaged_file_stops_nobody(found: Fleet) -> None:
+    assert [one["name"] for one in found.judged] == ["m00", "m01", "m02", "m03", "odd"]
+    assert list(found.failed) == ["damaged"]
+    assert "damaged.csv: line 2" in found.failed["damaged"]
+    # Each with its own controller is good; outputs that differ by 5 % are not, with one for all.
+    assert all(found.good)
+    assert sum(found.good_shared) < 4
+    assert found.outliers == ["odd"]
+    assert found.typical != "odd"
+    assert found.spread is not None
+    scatter = dict(zip(found.quantities, found.spread.scatter / found.spread.mean, strict=True))
+    assert 0.3 * SCATTER < scatter["output at saturation (N)"] < 3.0 * SCATTER
+    assert abs(scatter["a/c_H (A)"]) < 0.2 * SCATTER
+    content = json.loads((found.out / "fleet.json").read_text())
+    assert content["yield"] == pytest.approx(5 / 6)
+    assert (found.out / "m02" / "controller" / "DROP_IN.md").is_file()
+    assert len((found.out / "fleet.csv").read_text().splitlines()) == 6
+    assert len(found.plot().lines) == 3
+
+
+@pytest.mark.slow
+def test_a_stopped_run_goes_on_and_gives_the_same(
+    magnets: Path, found: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = {path: path.read_bytes() for path in found.out.rglob("*.json")}
+    kept = found.out / "m00" / RESULT
+    stamp = kept.stat().st_mtime_ns
+    (found.out / "m01" / RESULT).unlink()
+    (found.out / "m02" / RESULT).write_text('{"name": "m02"')  # the power went
+    again = fleet(magnets, found.out, SETTINGS, jobs=1)
+    assert kept.stat().st_mtime_ns == stamp
+    # Byte for byte, but for the folders' times in no file: the same files in any order of work.
+    assert {path: path.read_bytes() for path in found.out.rglob("*.json")} == before
+    assert again.as_dict() == found.as_dict()
+    monkeypatch.setattr(whole, "all_of", lambda *_: [{"name": "a", "error": "broken"}])
+    with pytest.raises(
+        NegativeResult, match="none of 6 magnets could be judged; the first: broken"
+    ):
+        fleet(magnets, found.out, SETTINGS)
+
+
+@pytest.mark.slow
+def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
+    done = anhyst(
+        *("fleet", magnets, "--out", found.out, "--tolerance", "0.5", "--history", "settled"),
+        *("--law", "effective-field", "--gap-map", "reluctance", "--json"),
+        cwd=found.out.parent,
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["outliers"] == ["odd"]
+    assert "warning: damaged: " in done.stderr
+    page = (found.out / "report.html").read_text()
+    assert "Do not belong" in page
+    assert "Measuring each pays" in page
+
+
+def test_an_empty_folder_is_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "magnets").mkdir()
+    done = anhyst("fleet", "magnets", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("anhyst: error: magnets: holds no ")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,186 @@
+"""A stage that follows set-points: what the loop is, and what compensation is worth in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from anhyst._core import allocate
+from anhyst.reports.tracking import write_tracking_report
+from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
+from anhyst.rig.stage.calibration import CalibrationErrors, draw_errors
+from anhyst.rig.stage.file import CalibrationTable
+from anhyst.rig.stage.loop import Feedforward, pid, track
+from anhyst.study.tracking.measures import Measures, cruises, measure, moving, settling
+from tests.study import stages
+
+SLIT = 0.01
+
+
+@given(st.floats(-1e4, 1e4), st.floats(0.1, 100.0))
+def test_both_magnets_always_pull_and_their_difference_is_the_net_force(
+    net: float, idle: float
+) -> None:
+    first, second = allocate(net, idle)
+    assert first > 0.0
+    assert second > 0.0
+    assert first - second == pytest.approx(net, abs=1e-12 * (abs(net) + idle))
+    assert first * second == pytest.approx(idle**2, rel=1e-12)
+
+
+def test_a_set_point_keeps_its_limits_and_its_derivatives_belong_together() -> None:
+    motion = stages.unseen(stages.stage())
+    time = np.arange(0.0, motion.duration, 2e-5)
+    position, acceleration, jerk, snap = motion.at(time)
+    speed = np.gradient(position, time)
+    assert np.abs(acceleration).max() == pytest.approx(22.0, rel=1e-6)
+    assert np.abs(jerk).max() == pytest.approx(22.0 / 5.5e-3, rel=1e-6)
+    assert np.abs(snap).max() == pytest.approx(22.0 / 5.5e-3 / 2e-3, rel=1e-6)
+    assert np.abs(np.gradient(speed, time) - acceleration)[3:-3].max() < 0.05
+    assert np.abs(np.gradient(acceleration, time) - jerk)[1:-1].max() < 30.0
+    ends = [begin + length + 1e-3 for begin, length, _ in motion.pulses]
+    assert np.interp(ends, time, speed) == pytest.approx([0.25, -0.25, 0.25], rel=1e-4)
+
+
+def test_the_loop_crosses_where_the_file_says_with_room_for_its_delay() -> None:
+    rig = stages.stage()
+    omega, c = 2.0 * np.pi * 130.0, pid(rig)
+    back = np.exp(-1j * omega * rig.dt)
+    control = (c["b0"] + c["b1"] * back + c["b2"] * back**2) / (
+        1.0 + c["a1"] * back + c["a2"] * back**2
+    )
+    gain = control * np.exp(-1.5j * omega * rig.dt) / (10.0 * (1j * omega) ** 2)
+    assert abs(gain) == pytest.approx(1.0, rel=5e-3)
+    assert 180.0 + np.degrees(np.angle(gain)) - 360.0 * (np.angle(gain) > 0.0) > 35.0
+
+
+def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None:
+    made = stages.setup("full", stray_m=20e-6)
+    run = track(made, stages.unseen(made.rig), Feedforward())
+    position = run["gap_m"] + run.frame[:-1]
+    assert np.ptp(position) > 5e-3
+    assert 5e-6 < np.ptp(run["gap_m"]) < 25e-6
+    pushed = np.cumsum(-run["force_N"]) * run.dt / 10.0
+    speed = np.diff(position) / run.dt
+    assert np.abs(pushed[:-1] - speed).max() < 2e-3
+
+
+def test_compensation_pays_on_a_set_point_that_was_never_tuned_on() -> None:
+    found = stages.study().tried
+    own, plain, play = found["full"], found["single-valued"], found["play"]
+    for name, reach in (("peak_m", 0.4), ("average_m", 0.2), ("settling_50_s", 0.4)):
+        assert own.of(name).mean <= reach * plain.of(name).mean, name
+    assert own.of("peak_m").mean < play.of("peak_m").mean < plain.of("peak_m").mean
+
+
+def test_fixed_point_follows_floating_point_and_the_plant_is_fine_enough() -> None:
+    def error(format_: str, substeps: int) -> np.ndarray:
+        made = stages.setup("full", substeps, format=format_)
+        return track(made, stages.unseen(made.rig), stages.study().tried["full"].gains, 1).error
+
+    real = error("f64", 8)
+    assert np.abs(error("fixed", 8) - real).max() <= 10e-9
+    assert np.abs(error("f32", 8) - real).max() <= 1e-9
+    assert np.abs(error("f64", 16) - real).max() <= 2e-9
+
+
+def test_learning_converges_on_a_good_law_and_not_on_a_curve() -> None:
+    found = stages.study().tried
+    own, plain = found["full"].trials_m, found["single-valued"].trials_m
+    assert own[-1] <= 0.2 * own[0]
+    assert plain[-1] > 10.0 * own[-1]
+
+
+def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
+    made = stages.setup("full")
+    motion, forward = stages.unseen(made.rig), stages.study().tried["full"].gains
+
+    def average(errors: CalibrationErrors) -> float:
+        return measure(track(replace(made, errors=errors), motion, forward, 1), SLIT).average_m
+
+    right = average(CalibrationErrors())
+    assert average(CalibrationErrors(gap_zero=2e-6)) > 2.0 * right
+    assert average(CalibrationErrors(currents=(0.005, -0.005))) > 2.0 * right
+    assert average(CalibrationErrors(hall=0.01)) == right
+
+
+def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
+    drawn = draw_errors(CalibrationTable(), "pinning", np.random.default_rng(1))
+    assert drawn.pinning != 0.0
+    assert drawn == CalibrationErrors(pinning=drawn.pinning)
+    assert draw_errors(CalibrationTable(), "all", np.random.default_rng(1)).eddy > 0.0
+
+
+def test_measures_say_what_they_say() -> None:
+    made = stages.setup("full")
+    run = track(made, stages.unseen(made.rig), stages.study().tried["full"].gains, 1)
+    scans = cruises(run)
+    assert len(scans) == 2
+    whole = measure(run, SLIT)
+    mean, spread = moving(run.error, 200)
+    assert mean[1000] == pytest.approx(np.mean(run.error[1000:1200]), abs=1e-18)
+    assert spread[1000] == pytest.approx(np.std(run.error[1000:1200]), rel=1e-3)
+    assert settling(run, 1.0) == [0.0, 0.0]
+    assert settling(run, 0.0) == pytest.approx([0.03, 0.03])
+    assert whole.peak_m >= whole.average_m
+    assert isinstance(whole, Measures)
+
+
+def test_each_baseline_has_a_sentence_and_the_page_shows_every_variant(tmp_path: Path) -> None:
+    study = stages.study()
+    assert memoryless(study) == "single-valued"
+    said = {one.baseline: one for one in verdicts(study)}
+    assert set(said) == {"single-valued", "play"}
+    assert said["single-valued"].better
+    assert said["single-valued"].text.startswith("Worth it against 'single-valued': peak 0.")
+    write_tracking_report(tmp_path / "report.html", study, "anhyst simulate rig.toml")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for text in ("One scan", "Settling", "Learning control", "Worth it", "map with one play"):
+        assert text in page
+
+
+def test_a_compensator_that_is_no_better_is_called_not_worth_it() -> None:
+    study = stages.study()
+    swapped = dict(study.tried) | {"full": study.tried["single-valued"]}
+    text = verdicts(replace(study, tried=swapped))[0].text
+    assert text.startswith("Not worth it against 'single-valued': peak 1, ")
+    assert "nothing to gain" in limits(replace(study, tried=swapped))[0]
+
+
+def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> None:
+    """A compensator that is beaten in settling alone, by one baseline alone, is not worth it."""
+    study = stages.study()
+    worth, text = verdict(study)
+    assert worth
+    assert text.startswith("Worth it here, against the strongest baseline in each: peak 0.")
+    own, play = study.tried["full"], study.tried["play"]
+    quick = tuple(replace(one, settling_50_s=0.0) for one in play.measures)
+    slow = tuple(replace(one, settling_50_s=0.01) for one in own.measures)
+    tried = dict(study.tried)
+    tried["play"], tried["full"] = replace(play, measures=quick), replace(own, measures=slow)
+    beaten = replace(study, tried=tried)
+    worth, text = verdict(beaten)
+    assert not worth
+    said = "strongest baseline: settling to 50 nm more than nothing of 'play'; below it: peak 0."
+    assert said in text
+    assert not {one.baseline: one for one in verdicts(beaten)}["play"].better
+
+
+def test_a_standstill_that_is_quiet_anyway_is_named_so() -> None:
+    assert "within 10 nm without it" in limits(stages.study())[1]
+
+
+def test_the_table_and_the_picture_of_a_study_hold_every_variant(tmp_path: Path) -> None:
+    found = stages.study()
+    table = found.to_dataframe().set_index("variant")
+    assert list(table.index) == list(found.tried)
+    assert table.loc["full", "peak_m"] < table.loc["single-valued", "peak_m"]
+    assert len(found.plot(Figure().add_subplot()).lines) == len(found.tried)
+    found.save(tmp_path / "run.csv")
+    assert (tmp_path / "figures.json").is_file()

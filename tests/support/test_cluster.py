@@ -1,0 +1,97 @@
+"""Work on a cluster of dask: a real scheduler and two workers, one of them killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import all_of, each, workers_of
+
+pytest.importorskip("distributed")
+
+WORKER = "--no-nanny --nthreads 1 --no-dashboard --death-timeout 60"
+
+
+def start(*arguments: str) -> subprocess.Popen[bytes]:
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_scheduler", *arguments]
+        if arguments[0] == "--port"
+        else [sys.executable, "-m", "distributed.cli.dask_worker", *arguments],
+        cwd=Path(__file__).resolve().parents[2],
+        stdout=quiet,
+        stderr=quiet,
+    )
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Start a scheduler on a free port, and two workers."""
+    file = tmp_path / "scheduler.json"
+    scheduler = start(
+        *("--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file))
+    )
+    end = time.monotonic() + 120.0
+    while not file.exists():
+        assert time.monotonic() < end, "the scheduler did not start"
+        time.sleep(0.1)
+    import json
+
+    address = json.loads(file.read_text())["address"]
+    workers = [start(address, *WORKER.split()) for _ in range(2)]
+    yield address, workers
+    for process in (*workers, scheduler):
+        process.kill()
+        process.wait()
+
+
+def slowly(number: int) -> tuple[int, int]:
+    """Return a square, and which process found it."""
+    time.sleep(0.3)
+    return number**2, os.getpid()
+
+
+def test_a_lost_worker_loses_no_work(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+) -> None:
+    address, workers = cluster
+    seen: dict[int, tuple[int, int]] = {}
+    told: list[tuple[float, float]] = []
+    with workers_of(address):
+        for place, result in each(slowly, range(24), lambda *at: told.append(at)):
+            seen[place] = result
+            if len(seen) == 4:
+                os.kill(workers[0].pid, signal.SIGKILL)
+    assert {place: square for place, (square, _) in seen.items()} == {
+        number: number**2 for number in range(24)
+    }
+    assert os.getpid() not in {process for _, process in seen.values()}
+    assert told[-1] == (24, 24)
+
+
+def test_a_fault_of_the_work_comes_back(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+) -> None:
+    with workers_of(cluster[0]), pytest.raises(ZeroDivisionError):
+        all_of(one_over, [1, 0])
+
+
+def one_over(number: int) -> float:
+    return 1.0 / number
+
+
+def test_a_scheduler_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("anhyst.support.jobs.PATIENCE_S", 0.3)
+    with pytest.raises(InputError, match=r"tcp://127\.0\.0\.1:1: no scheduler answers"):  # noqa: SIM117
+        with workers_of("tcp://127.0.0.1:1"):
+            pass
+    with workers_of(None):
+        assert all_of(one_over, [1, 2], jobs=1) == [1.0, 0.5]

@@ -1,0 +1,76 @@
+"""Compiled compensators for the targets: made once from the bundled example's loops."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from anhyst.compensate.plan import CompileRequest
+from anhyst.compilation.output import compile_model
+from anhyst.data.reading import read_loops
+from anhyst.identification import identify
+from anhyst.model.writer import write_model
+from tests.once import made_once
+
+ROOT = Path(__file__).resolve().parents[2]
+RATE = 10_000.0
+NAME = "magnet"
+
+Compile = Callable[[str, str], Path]
+Seed = Callable[[str, str, str], Path]
+
+
+@pytest.fixture(scope="session")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
+    """Give the folder of a kind of compensator and a format of signals.
+
+    ``full`` is that of Jiles and Atherton, ``cells`` the same kind for play cells.
+    """
+
+    def give(kind: str, io: str) -> Path:
+        law = "play-cells" if kind == "cells" else "effective-field"
+
+        def identify_magnet(folder: Path) -> None:
+            loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
+            write_model(identify(loops, law=law, gap_map="scaling").model, folder / "model.toml")
+
+        model = made_once(tmp_path_factory, f"magnet-{law}", identify_magnet) / "model.toml"
+        wanted = "full" if kind == "cells" else kind
+        request = CompileRequest(wanted, io, RATE, name=NAME)  # type: ignore[arg-type]
+        name = f"compiled-{kind}-{io}"
+        place = made_once(
+            tmp_path_factory, name, lambda folder: compile_model(model, folder / "out", request)
+        )
+        return place / "out"
+
+    return give
+
+
+def sign(folder: Path) -> None:
+    """Make the manifest agree with the files again."""
+    place = folder / "manifest.json"
+    manifest = json.loads(place.read_text(encoding="utf-8"))
+    for name in manifest["files"]:
+        manifest["files"][name] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+    place.write_text(json.dumps(manifest), encoding="utf-8")
+
+
+@pytest.fixture
+def with_fault(compiled: Compile, tmp_path: Path) -> Seed:
+    """Give a copy of a compensator in one of whose files a text was replaced."""
+
+    def give(name: str, right: str, wrong: str) -> Path:
+        folder = tmp_path / "faulty"
+        shutil.copytree(compiled("full", "q31"), folder)
+        text = (folder / name).read_text(encoding="utf-8")
+        assert text.count(right) >= 1, f"{name} no longer holds {right!r}"
+        (folder / name).write_text(text.replace(right, wrong, 1), encoding="utf-8")
+        sign(folder)
+        return folder
+
+    return give

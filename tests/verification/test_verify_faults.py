@@ -1,0 +1,153 @@
+"""Faults seeded into the C of one target alone: each must be found, and found where it is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from anhyst.cli.app import main
+from anhyst.verification import TargetResult, verify
+from anhyst.verification.bundle import read_bundle
+from anhyst.verification.protocol import COMPENSATOR, RANDOM, START, Request
+from anhyst.verification.targets import reference
+from anhyst.verification.workshop import Workshop
+from tests.verification.conftest import Compile, Seed
+
+STEP = 7_013
+SOLVE = (
+    "int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap)\n{\n"
+)
+SCALE = "  return high * b + ((low * b) >> 16);"
+CLAMP = "  return a > high ? high : a;"
+POWER = "    2,             /* 10 POWER"
+CONDITIONING = "  return anhyst_sat_q15(low + (span * way) / ramp);"
+
+
+def on_target(line: str, right: str, wrong: str) -> str:
+    """Give a line twice: as it is, and another for Cortex-M alone."""
+    return f"#ifdef __thumb__\n{line.replace(right, wrong)}\n#else\n{line}\n#endif"
+
+
+FAULTS = {
+    "a product rounded up": (
+        "include/anhyst/numeric/fixed.h",
+        SCALE,
+        on_target(SCALE, "low * b", "low * b + 0xFFFF"),
+        "",
+    ),
+    "a clamp too high": (
+        "include/anhyst/numeric/fixed.h",
+        CLAMP,
+        on_target(CLAMP, "? high", "? high - 1"),
+        "",
+    ),
+    "a conditioning current off by one": (
+        "src/compensator/compensator.c",
+        CONDITIONING,
+        on_target(CONDITIONING, "/ ramp", "/ ramp + 1"),
+        "start 0: hash of the conditioning sequence",
+    ),
+    "another parameter": (
+        "magnet_parameters.c",
+        POWER,
+        "#ifdef __thumb__\n    1,\n#else\n    2,\n#endif\n/* 10 POWER",
+        "start 0: status is -1, not 0",
+    ),
+}
+
+
+def only(results: tuple[TargetResult, ...]) -> TargetResult:
+    (result,) = results
+    return result
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_on_the_target_is_found(with_fault: Seed, fault: str) -> None:
+    name, right, wrong, expected = FAULTS[fault]
+    folder = with_fault(name, right, wrong)
+    found = verify(folder, "cortex-m3", target_steps=2_000)
+    assert not found.passed
+    assert expected in only(found.results).verdict()
+
+
+def demand_at(folder: Path, step: int, scratch: Path) -> int:
+    """Ask the host which demand the generator gives at a step."""
+    program = reference(Workshop.set_up(read_bundle(folder), scratch)).program
+    reply = program.run(
+        [Request(START, seed=1), Request(RANDOM, steps=step + 1, window_first=step)]
+    )[-1]
+    word = int(reply.window[0, COMPENSATOR.record.index("demand")])
+    return word - (1 << 32) if word >> 31 else word
+
+
+def test_a_fault_of_a_single_step_is_found_in_that_step(
+    compiled: Compile, with_fault: Seed, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    demand = demand_at(compiled("full", "q31"), STEP, tmp_path / "scratch")
+    wrong = f"{SOLVE}#ifdef __thumb__\n  gap ^= demand == {demand} ? 1 << 29 : 0;\n#endif\n"
+    folder = with_fault("src/compensator/compensator.c", SOLVE, wrong)
+    assert main(["verify", str(folder), "--on", "cortex-m3", "--json"]) == 1
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert f"target cortex-m3 (portable): random step {STEP}: " in said.err
+    kept = json.loads((folder / "verify.json").read_text(encoding="utf-8"))
+    assert kept == json.loads(said.out)
+    assert kept["passed"] is False
+    difference = kept["results"][0]["difference"]
+    assert (difference["part"], difference["step"]) == ("random", STEP)
+    assert difference["quantity"] in {"current", "flags", "flux"}
+    assert difference["expected"] != difference["found"]
+    assert str(STEP) in (folder / "verify.md").read_text(encoding="utf-8")
+
+
+def test_a_fault_that_does_not_repeat_is_reported_as_such(with_fault: Seed) -> None:
+    twist = "  static int32_t calls;\n  demand ^= ++calls == 1500 ? 1 << 29 : 0;"
+    wrong = f"{SOLVE}#ifdef __thumb__\n{twist}\n#endif\n"
+    folder = with_fault("src/compensator/compensator.c", SOLVE, wrong)
+    result = only(verify(folder, "cortex-m3", target_steps=1_000).results)
+    assert "not repeatable" in result.verdict()
+
+
+def test_a_golden_vector_that_is_not_met_is_found(with_fault: Seed) -> None:
+    folder = with_fault("vectors.csv", "demand,gap,applied,current\n", VECTOR_BEFORE)
+    result = only(verify(folder, "cortex-m3", target_steps=100).results)
+    assert result.difference is not None
+    assert (result.difference.part, result.difference.step) == ("vectors", 0)
+    assert result.difference.quantity == "current"
+    assert result.difference.expected == 123_456_789
+
+
+VECTOR_BEFORE = "demand,gap,applied,current\n0,0,0,123456789\n"
+
+
+def test_an_access_to_nowhere_is_reported(with_fault: Seed) -> None:
+    wrong = f"{SOLVE}#ifdef __thumb__\n  *(volatile int32_t *)0x40000000 = demand;\n#endif\n"
+    result = only(
+        verify(with_fault("src/compensator/compensator.c", SOLVE, wrong), "cortex-m3").results
+    )
+    assert "target cortex-m3: " in result.failure
+    assert "UNMAPPED" in result.failure
+
+
+@pytest.mark.needs("gcc")
+def test_undefined_behaviour_is_found_by_the_sanitizers_alone(
+    with_fault: Seed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("anhyst.verification.targets.HOST_COMPILERS", {"gcc": "gcc"})
+    wrong = f"{SOLVE}  volatile int32_t most = 2147483647;\n  most = most + 1;\n"
+    found = verify(
+        with_fault("src/compensator/compensator.c", SOLVE, wrong), "host", host_steps=1_000
+    )
+    assert [result.passed for result in found.results] == [True, True, True, False]
+    assert "signed integer overflow" in found.first_failure()
+
+
+def test_c_that_does_not_compile_is_reported(with_fault: Seed) -> None:
+    folder = with_fault(
+        "src/compensator/compensator.c", SOLVE, f"{SOLVE}#ifdef __thumb__\n#error no\n#endif\n"
+    )
+    failure = only(verify(folder, "cortex-m3", target_steps=10).results).failure
+    assert failure.startswith("target cortex-m3: does not compile: ")
+    assert "error" in failure

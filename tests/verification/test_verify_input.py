@@ -1,0 +1,119 @@
+"""What ``anhyst verify`` says to bad input: one line, exit code 2."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from anhyst.cli.app import main
+from anhyst.compilation.folder import check_folder
+from anhyst.support.errors import InputError
+from anhyst.verification import verify
+from tests.verification.conftest import Compile, sign
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    assert main(["verify", *map(str, arguments)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("anhyst: error: ")
+    assert said.err.count("\n") == 1
+    return said.err
+
+
+@pytest.fixture
+def copied(compiled: Compile, tmp_path: Path) -> Path:
+    folder = tmp_path / "copy"
+    shutil.copytree(compiled("full", "q31"), folder)
+    return folder
+
+
+def test_the_command_writes_both_files_and_prints_tables(
+    copied: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["verify", str(copied), "--on", "cortex-m4"]) == 0
+    said = json.loads((copied / "verify.json").read_text(encoding="utf-8"))
+    assert said["passed"] is True
+    text = (copied / "verify.md").read_text(encoding="utf-8")
+    assert "full, q31, seed 1: identical everywhere." in text
+    table = capsys.readouterr().out
+    assert "cortex-m4 (port header)" in table
+    assert "identical" in table
+
+
+def test_a_verified_folder_may_be_compiled_again(copied: Path) -> None:
+    (copied / "verify.json").write_text("{}", encoding="utf-8")
+    (copied / "verify.md").write_text("old", encoding="utf-8")
+    check_folder(copied)
+    (copied / "notes.md").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match="has not written"):
+        check_folder(copied)
+
+
+def test_an_unknown_target(compiled: Compile, capsys: pytest.CaptureFixture[str]) -> None:
+    said = refused(capsys, compiled("full", "q31"), "--on", "host,cortex-m5")
+    assert "cortex-m5" in said
+    assert "cortex-m4" in said
+    assert "no target" in refused(capsys, compiled("full", "q31"), "--on", " , ")
+    assert "is not for f32" in refused(capsys, compiled("full", "f32"), "--on", "avr")
+
+
+def test_a_folder_that_is_not_there_or_not_ours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "no such folder" in refused(capsys, tmp_path / "none")
+    assert "manifest.json" in refused(capsys, tmp_path)
+
+
+def test_a_manifest_that_cannot_be_read(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = copied / "manifest.json"
+    right = json.loads(place.read_text(encoding="utf-8"))
+    for wrong, expected in (
+        ("{", "is not JSON"),
+        ("[]", "'format'"),
+        (json.dumps({**right, "format": 99}), "'format'"),
+        (json.dumps({**right, "files": 3}), "'files'"),
+        (json.dumps({**right, "files": {}}), "does not name"),
+        (json.dumps({**right, "io": "q7"}), "q7"),
+        (json.dumps({**right, "io": None}), "'io'"),
+    ):
+        place.write_text(wrong, encoding="utf-8")
+        assert expected in refused(capsys, copied)
+
+
+def test_a_file_that_was_changed_or_is_missing(
+    copied: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with (copied / "src" / "compensator" / "full.c").open("a", encoding="utf-8") as stream:
+        stream.write("/* mine */\n")
+    said = refused(capsys, copied)
+    assert "full.c: was changed" in said
+    assert "anhyst compile" in said
+    (copied / "src" / "compensator" / "full.c").unlink()
+    assert "full.c: No such file" in refused(capsys, copied)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("demand,gap\n1,2\n", "column 'current' is missing"),
+        ("demand,gap,current\n1,2,x\n", "not an integer of 32 bits"),
+        ("demand,gap,current\n1,2\n", "not an integer"),
+        ("demand,gap,current\n1,2,99999999999\n", "not an integer of 32 bits"),
+    ],
+)
+def test_golden_codes_that_cannot_be_read(
+    copied: Path, capsys: pytest.CaptureFixture[str], text: str, expected: str
+) -> None:
+    (copied / "vectors.csv").write_text(text, encoding="utf-8")
+    sign(copied)
+    assert expected in refused(capsys, copied)
+
+
+@pytest.mark.parametrize("numbers", [(0, 1, 1), (1, 0, 1), (1, 1, 0), (1, 1, 1 << 32)])
+def test_numbers_out_of_range(compiled: Compile, numbers: tuple[int, int, int]) -> None:
+    with pytest.raises(InputError, match="is not within"):
+        verify(compiled("full", "q31"), "cortex-m4", *numbers)

@@ -1,0 +1,149 @@
+"""The compiled compensators on every target: the same bits, and what they cost there."""
+
+from __future__ import annotations
+
+import pytest
+
+from anhyst.verification import TargetResult, verify
+from anhyst.verification.firmware import FirmwareRun, compare_runs
+from anhyst.verification.protocol import COMPENSATOR
+from anhyst.verification.result import Verification
+from tests.verification.conftest import Compile
+
+needs_avr = pytest.mark.needs("avr-gcc", "cc", "/usr/include/simavr/sim_avr.h")
+
+KINDS = [("full", "q31"), ("cells", "q31"), ("simplified", "q15")]
+PARTS = list(COMPENSATOR.sections[1:])
+
+
+def agrees(found: Verification) -> Verification:
+    """Every build gave the same bits, without a warning."""
+    assert found.passed, found.first_failure()
+    assert [result.label for result in found.results if result.warnings] == []
+    return found
+
+
+def plausible(result: TargetResult) -> None:
+    assert [cost.part for cost in result.costs] == PARTS
+    for cost in result.costs:
+        assert 0 < cost.least <= cost.mean <= cost.most, cost
+        assert 0 <= cost.most_at < result.steps
+    most = {cost.part: cost.most for cost in result.costs}
+    parts = most["solve"] + most["commit, other"] + most["pidd2"]
+    assert most["solve"] < most["tick"] <= max(parts, most["solve"] + most["commit, solved"]) * 2
+    sizes = result.sizes
+    assert sizes is not None
+    assert sizes.code > 1000
+    assert sizes.parameters >= 2 * 48
+    assert sizes.variables == 0
+    assert result.state_bytes <= 140
+    assert result.stack_measured is not None
+    assert 0 < result.stack_measured < 1024
+
+
+@pytest.mark.parametrize(("kind", "io"), KINDS)
+def test_cortex_m4_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -> None:
+    found = agrees(verify(compiled(kind, io), "cortex-m4"))
+    assert [result.build for result in found.results] == ["portable", "port header"]
+    for result in found.results:
+        plausible(result)
+        assert result.steps == 10_000
+        assert result.vectors >= 100
+        assert result.stack_static is not None
+        assert result.stack_static >= (result.stack_measured or 0)
+    portable, port = found.results
+    assert port.costs[0].most < portable.costs[0].most
+
+
+@pytest.mark.parametrize(
+    ("kind", "io", "rounded", "worst"),
+    [("full", "q31", 2450, 3700), ("cells", "q31", 3100, 4500), ("simplified", "q15", 1150, 1600)],
+)
+def test_a_converters_grid_costs_no_second_search(
+    compiled: Compile, kind: str, io: str, rounded: int, worst: int
+) -> None:
+    """Instructions of the worst tick of this magnet on a Cortex-M4, a tenth to spare."""
+    port = verify(compiled(kind, io), "cortex-m4").results[1]
+    most = {cost.part: cost.most for cost in port.costs}
+    assert most["tick, rounded"] < rounded
+    assert most["tick"] < worst
+
+
+def test_single_precision_has_the_same_bits_with_and_without_a_float_unit(
+    compiled: Compile,
+) -> None:
+    found = agrees(verify(compiled("full", "f32"), "cortex-m4", target_steps=1_000))
+    soft, hard = found.results
+    assert (soft.build, hard.build) == ("soft float", "hard float")
+    for result in found.results:
+        plausible(result)
+        assert result.stack_static is not None
+        assert result.stack_static >= (result.stack_measured or 0)
+    assert hard.costs[0].most < soft.costs[0].most / 4
+
+
+@pytest.mark.parametrize("target", ["cortex-m3", "cortex-m7"])
+def test_the_other_cortex_m_do_too(compiled: Compile, target: str) -> None:
+    for result in agrees(verify(compiled("full", "q31"), target, target_steps=2_000)).results:
+        plausible(result)
+
+
+def test_a_dsc_is_estimated_from_two_lists_of_prices(compiled: Compile) -> None:
+    found = agrees(verify(compiled("simplified", "q15"), "cortex-m0plus", target_steps=2_000))
+    plausible(found.results[0])
+    cycles = {(each.prices, each.part): each.cycles for each in found.estimates}
+    instructions = found.results[0].cost("tick")
+    assert instructions is not None
+    for part in PARTS:
+        assert 0 < cycles["at best", part] < cycles["cautious", part]
+    for each in found.estimates:
+        assert each.rate == pytest.approx(60e6 / each.cycles)
+
+
+@pytest.mark.parametrize(
+    "compiler", [pytest.param(one, marks=pytest.mark.needs(one)) for one in ("gcc", "clang")]
+)
+def test_host_builds_agree_under_sanitizers_too(
+    compiled: Compile, compiler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("anhyst.verification.targets.HOST_COMPILERS", {compiler: compiler})
+    found = agrees(verify(compiled("full", "q31"), "host", host_steps=20_000))
+    assert [result.build for result in found.results] == [
+        *(f"{compiler} {level}" for level in ("-O0", "-O2", "-O3")),
+        f"{compiler} sanitizers",
+    ]
+    assert {result.costs for result in found.results} == {()}
+
+
+@needs_avr
+@pytest.mark.parametrize(("kind", "io"), KINDS)
+def test_avr_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -> None:
+    (result,) = agrees(verify(compiled(kind, io), "avr", target_steps=300)).results
+    plausible(result)
+    assert result.unit == "cycles"
+
+
+@pytest.mark.needs("mspdebug")
+def test_msp430_gives_the_bits_of_the_host(compiled: Compile) -> None:
+    (result,) = agrees(verify(compiled("simplified", "q15"), "msp430", target_steps=300)).results
+    plausible(result)
+    assert result.unit == "cycles"
+
+
+@pytest.mark.needs("qemu-system-arm")
+def test_the_whole_firmware_gives_the_currents_of_the_host(compiled: Compile) -> None:
+    (result,) = agrees(verify(compiled("full", "q31"), "cortex-m3-qemu", target_steps=300)).results
+    assert result.build == "firmware"
+    assert result.steps == 300
+
+
+def test_a_firmware_that_drives_another_current_is_found() -> None:
+    answer = {"tick": 1, "drive": 5}
+    right = FirmwareRun([1, 2, 3], [answer])
+    assert compare_runs(right, right) is None
+    wrong = compare_runs(right, FirmwareRun([1, 2, 4], [answer]))
+    assert wrong is not None
+    assert wrong.text() == "tick 2: drive is 4, not 3"
+    wrong = compare_runs(right, FirmwareRun([1, 2, 3], [{"tick": 1, "drive": 6}]))
+    assert wrong is not None
+    assert wrong.text() == "answer to demand 0: drive is 6, not 5"

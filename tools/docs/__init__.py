@@ -1,0 +1,1 @@
+"""The documentation site: hand-written pages, generated reference, gallery."""

@@ -1,0 +1,59 @@
+"""Build the documentation site into build/site: ``make docs``.
+
+The pages of docs/ are taken as they are, but that links to files beside docs/ become their names;
+the reference is generated, and every script of examples/gallery is run. Warnings are errors.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tools.docs.c_reference import c_reference  # noqa: E402
+from tools.docs.command_line import command_line  # noqa: E402
+from tools.docs.pages import chapters, index  # noqa: E402
+from tools.docs.python_names import python_names  # noqa: E402
+
+SOURCE, SITE = ROOT / "build" / "site-source", ROOT / "build" / "site"
+_OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)#]+)[^)]*\)")
+
+
+def assemble(place: Path) -> None:
+    """Put everything that Sphinx reads in one folder."""
+    shutil.rmtree(place, ignore_errors=True)
+    (place / "reference").mkdir(parents=True)
+    shutil.copytree(ROOT / "docs" / "img", place / "img")
+    shutil.copytree(ROOT / "examples" / "gallery", place / "gallery_scripts")
+    for page in (ROOT / "docs").glob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        (place / page.name).write_text(_OUTSIDE.sub(r"\1 (`\2`)", text), encoding="utf-8")
+    pages = {
+        "index": index(),
+        **chapters(),
+        "reference/python-names": python_names(),
+        "reference/command-line": command_line(),
+        "reference/c": c_reference(ROOT / "core" / "include"),
+    }
+    for name, text in pages.items():
+        (place / f"{name}.md").write_text(text, encoding="utf-8")
+    shutil.copy(Path(__file__).with_name("conf.py"), place / "conf.py")
+
+
+def main() -> int:
+    """Assemble and build."""
+    assemble(SOURCE)
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
+    done = subprocess.run([*command, str(SOURCE), str(SITE)], check=False)
+    if done.returncode == 0:
+        print(f"docs: {SITE.relative_to(ROOT)}/index.html")
+    return done.returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

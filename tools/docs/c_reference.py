@@ -1,0 +1,55 @@
+"""The reference of the C core, out of its headers: each comment with what it stands before."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+_COMMENT = re.compile(r"/\*(.*?)\*/", re.S)
+_DECLARED = re.compile(r"^/\*((?:(?!\*/)[\s\S])*)\*/\n((?:(?!/\*|#|\n).*\n)+)", re.M)
+_NOISE = re.compile(r"^(#|extern \"C\"|\}$|$)")
+ROOMS = ("compensator", "control", "law", "numeric")
+
+
+def c_reference(include: Path) -> str:
+    """Return a page for all public headers below ``include/anhyst``."""
+    parts = [
+        "# C\n",
+        "C99, no heap, no globals, no clock; each header states format, rounding, saturation and "
+        "error bound. Headers of the folders `generic` are the frame that the formats share.\n",
+    ]
+    for room in ROOMS:
+        parts.append(f"## {room}\n")
+        headers = sorted((include / "anhyst" / room).glob("*.h"))
+        parts += [_header(header, include) for header in headers]
+    return "\n".join(parts)
+
+
+def _header(path: Path, include: Path) -> str:
+    text = path.read_text(encoding="utf-8")
+    comments = [_plain(match.group(1)) for match in _COMMENT.finditer(text)]
+    about = next((one for one in comments if "SPDX" not in one), "")
+    parts = [f"### {path.relative_to(include)}\n", f"{about}\n"]
+    parts += [_entry(comment, code) for comment, code in _declarations(text)]
+    return "\n".join(parts)
+
+
+def _declarations(text: str) -> list[tuple[str, str]]:
+    """Return each comment that a declaration follows, with that declaration."""
+    found = []
+    for match in _DECLARED.finditer(text):
+        comment, code = _plain(match.group(1)), match.group(2).strip()
+        if "SPDX" not in comment and not _NOISE.match(code):
+            found.append((comment, code))
+    return found
+
+
+def _entry(comment: str, code: str) -> str:
+    return f"```c\n{code}\n```\n\n{comment}\n"
+
+
+def _plain(comment: str) -> str:
+    """Return a comment as a paragraph; angle brackets and stars are text."""
+    lines = [line.strip() for line in comment.strip().splitlines()]
+    text = "\n".join(lines)
+    return re.sub(r"([*_<>\[\]`|$#])", r"\\\1", text)

@@ -1,0 +1,72 @@
+"""Which pages the site has, in which order."""
+
+from __future__ import annotations
+
+CHAPTERS: dict[str, tuple[str, ...]] = {
+    "Start": (
+        "coming-from",
+        "howto-levitate",
+        "init",
+        "measurements",
+        "file-formats",
+        "identification",
+        "python",
+    ),
+    "Use a model": (
+        "compile",
+        "start-up",
+        "verify",
+        "proofs",
+        "force-control",
+        "fleet",
+        "exchange",
+    ),
+    "Rigs": (
+        "simulate",
+        "bearing",
+        "tracking",
+        "actuators",
+        "tune",
+        "monte-carlo",
+        "benefit",
+        "rig-file",
+        "controller-file",
+    ),
+    "While it runs": ("live", "bench", "excite", "firmware", "boards", "xcp"),
+    "Background": ("theory", "reproducibility", "faq", "contributing"),
+}
+"""Hand-written pages of docs/, by chapter; the gallery and the reference follow."""
+
+REFERENCE = ("python-names", "command-line", "c")
+
+
+def index() -> str:
+    """Return the landing page: one picture, one command, and where to go on."""
+    parts = [
+        "# anhyst\n",
+        "*From a measured loop to a linear actuator.*\n",
+        "The force of an electromagnet lags its current. anhyst takes force-current loops at a few "
+        "air gaps, finds a model in seconds, turns it round, and compiles it to fixed-point C that "
+        "is proved and verified: current in, force out, in a straight line.\n",
+        "```sh\nmake demo\n```\n",
+        "![Measured and modelled loops of the bundled example](img/loops.png)\n",
+        _tree((*map(slug, CHAPTERS), "gallery/index", "reference"), depth=2),
+    ]
+    return "\n".join(parts)
+
+
+def chapters() -> dict[str, str]:
+    """Return the page of each chapter by its name, which lists the pages in it."""
+    found = {slug(title): f"# {title}\n\n{_tree(pages)}" for title, pages in CHAPTERS.items()}
+    pages = tuple(f"reference/{name}" for name in REFERENCE)
+    return found | {"reference": f"# Reference\n\n{_tree(pages)}"}
+
+
+def slug(title: str) -> str:
+    """Return the name of a chapter's page; no page of docs/ is called so."""
+    return "chapter-" + title.lower().replace(" ", "-")
+
+
+def _tree(pages: tuple[str, ...], depth: int = 1) -> str:
+    lines = "\n".join(pages)
+    return f"```{{toctree}}\n:maxdepth: {depth}\n\n{lines}\n```\n"

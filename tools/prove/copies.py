@@ -1,0 +1,40 @@
+"""The copy of core/ that a proof reads, or the one with a fault that its control reads."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+from tools.prove.listing import Proof
+
+
+def replace_once(file: Path, right: str, wrong: str) -> None:
+    """Put a fault into a copy."""
+    text = file.read_text(encoding="utf-8")
+    if text.count(right) != 1:
+        raise ValueError(f"{file.name}: {right!r} does not stand there once; adapt proofs.toml")
+    file.write_text(text.replace(right, wrong), encoding="utf-8")
+
+
+def leave_to_contract(file: Path, function: str) -> None:
+    """Turn a static function into a declaration, so that the harness can define it again."""
+    text = file.read_text(encoding="utf-8")
+    head = re.compile(rf"^(static [^;{{}}()]*\b){function}(\([^;{{}}]*\))\s\{{", re.MULTILINE)
+    if len(head.findall(text)) != 1:
+        raise ValueError(f"{file.name}: no static function {function}; adapt proofs.toml")
+    declared = rf"\1{function}\2;\n\1{function}_body\2\n{{"
+    file.write_text(head.sub(declared, text), encoding="utf-8")
+
+
+def copy_core(core: Path, proof: Proof, to: Path, *, broken: bool) -> None:
+    """Copy ``core`` to ``to`` as the proof wants it read, with the fault of its control or not."""
+    shutil.copytree(core, to)
+    if broken:
+        control = proof.control
+        replace_once(to / control["file"], control["right"], control["wrong"])
+    for file, text, facts in proof.facts:
+        replace_once(to / file, text, facts + text)
+    for item in proof.contracts:
+        file, function = item.split(":")
+        leave_to_contract(to / file, function)

@@ -1,0 +1,63 @@
+"""The hash of everything that a proof and its control depend on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import tempfile
+from pathlib import Path
+
+from tools.prove import verdict
+from tools.prove.copies import copy_core
+from tools.prove.listing import ROOT, Proof
+from tools.prove.provers import command, reads, sources
+
+
+def files_read(proof: Proof, core: Path) -> list[Path]:
+    """Return the sources and headers that a proof reads in a copy of core/, from the compiler.
+
+    The whole of a file counts, whatever a tool's own preprocessor takes of it.
+    """
+    listing = ["cc", "-std=c99", "-MM", *reads(proof, core), *map(str, sources(proof, core))]
+    rules = subprocess.run(listing, capture_output=True, text=True, check=True).stdout
+    return sorted({Path(word) for word in rules.split() if word[-1] not in ":\\"})
+
+
+def content_hash(proof: Proof, version: str, core: Path = ROOT / "core") -> str:
+    """Return a hash over the contents that a proof depends on.
+
+    Parameters
+    ----------
+    proof : Proof
+        Its facts, contracts and fault are in what is read.
+    version : str
+        What its tool says of its version.
+    core : Path
+        The folder core/ that it is about.
+
+    Returns
+    -------
+    str
+        SHA-256 over every file that the proof reads, right and broken, the tool's arguments and
+        version, and how its answer is read. Where the folders lie does not count.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        parts: list[object] = [proof.name, version]
+        parts.append(Path(verdict.__file__).read_text(encoding="utf-8"))
+        for broken in (False, True):
+            copy = Path(folder) / ("broken" if broken else "right") / "core"
+            copy_core(core, proof, copy, broken=broken)
+            places = {f"{copy.parent}/": "", f"{ROOT}/": ""}
+            program, *arguments = command(proof, copy)
+            texts = {str(f): f.read_text(encoding="utf-8") for f in files_read(proof, copy)}
+            parts += [Path(program).name, [without(places, word) for word in arguments]]
+            parts.append({without(places, name): text for name, text in texts.items()})
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def without(places: dict[str, str], text: str) -> str:
+    """Return a text without the places of folders."""
+    for place, nothing in places.items():
+        text = text.replace(place, nothing)
+    return text

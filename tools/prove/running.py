@@ -1,0 +1,65 @@
+"""One run of a tool on one copy of core/."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Timer
+
+from tools.prove.copies import copy_core
+from tools.prove.listing import ROOT, Proof
+from tools.prove.provers import command
+from tools.prove.verdict import PROVED, REFUTED, TIMEOUT, verdict_of
+
+LONGEST = 420  # seconds of processor time of one run of a tool
+HANGING = 2400  # seconds after which it is given up, on however busy a machine
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a tool said, and how much processor time it took."""
+
+    verdict: str
+    seconds: float
+    output: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A proof and its control, both run."""
+
+    real: Outcome
+    control: Outcome
+
+    @property
+    def holds(self) -> bool:
+        """Whether the proof was found, and its control seen to fail."""
+        return self.real.verdict == PROVED and self.control.verdict == REFUTED
+
+    @property
+    def seconds(self) -> float:
+        """Processor time of both."""
+        return self.real.seconds + self.control.seconds
+
+
+def run(proof: Proof, *, broken: bool) -> Outcome:
+    """Run one proof on a copy of core/, or its control on a broken one."""
+    with tempfile.TemporaryDirectory() as folder:
+        core, log = Path(folder) / "core", Path(folder) / "log"
+        copy_core(ROOT / "core", proof, core, broken=broken)
+        limited = ["sh", "-c", f'ulimit -t {LONGEST}; exec "$@"', "sh", *command(proof, core)]
+        with log.open("wb") as out:
+            process = subprocess.Popen(limited, cwd=folder, stdout=out, stderr=subprocess.STDOUT)
+            timer = Timer(HANGING, process.kill)
+            timer.start()
+            _, status, used = os.wait4(process.pid, 0)  # whose answer knows the processor time
+            timer.cancel()
+            process.returncode = os.waitstatus_to_exitcode(status)
+        output = log.read_text(encoding="utf-8", errors="replace")
+        late = process.returncode in {-signal.SIGXCPU, -signal.SIGKILL}
+        verdict = TIMEOUT if late else verdict_of(proof.tool, output)
+        return Outcome(verdict, used.ru_utime + used.ru_stime, output)
