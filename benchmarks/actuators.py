@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.history import History
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
@@ -84,7 +84,7 @@ def _part(whole: Loop, part: slice, history: str) -> Loop:
                 History.parse(history))  # fmt: skip
 
 
-def _play_cells(loops: LoopSet, own: Loop) -> Inverse:
+def _play_cells(loops: Loops, own: Loop) -> Inverse:
     model = identify(loops.with_loops([own])).model
 
     def inverse(whole: Loop) -> FloatArray:
@@ -135,7 +135,7 @@ def stage() -> list[Row]:
     ]
 
 
-def _compiled(rate: float, loops: LoopSet, wanted: FloatArray) -> list[Row]:
+def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as place:
         model, folder = Path(place) / "model.toml", Path(place) / "c"
         write_model(identify(loops).model, model)

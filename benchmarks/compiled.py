@@ -18,7 +18,7 @@ from anhyst.compensate.twin import FixedTwin
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.support.arrays import FloatArray
@@ -215,7 +215,7 @@ def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
     return rows
 
 
-def closed_form_against_euler(model: ActuatorModel, path: Path, folder: Path) -> list[Row]:
+def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Row]:
     """Compare the closed form with Euler steps of the paper, at the same rate."""
     limits = find_limits(model)
     scales = find_scales(model, limits)

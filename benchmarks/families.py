@@ -19,7 +19,7 @@ from anhyst.compensate.paths import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
 from anhyst.control.controller_file import ControllerFile
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification.options import IdentifyTable
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
@@ -94,7 +94,7 @@ def rigs() -> dict[str, BearingRig]:
     return {BUNDLED: rig, **others}
 
 
-def with_first(rig: BearingRig, loops: LoopSet) -> LoopSet:
+def with_first(rig: BearingRig, loops: Loops) -> Loops:
     """Return loops with a record more at every gap, which begins demagnetised."""
     fresh = measure_loops(changed(rig, {"measurement.conditioning_cycles": 0}))
     record = rig.settings.measurement.records[0].name
@@ -103,7 +103,7 @@ def with_first(rig: BearingRig, loops: LoopSet) -> LoopSet:
 
 
 def _setups(
-    rig: BearingRig, controller: ControllerFile, loops: LoopSet
+    rig: BearingRig, controller: ControllerFile, loops: Loops
 ) -> tuple[dict[MethodName, Setup], IdentifiedMagnet]:
     """Fit the baselines, and `full` with play cells."""
     table = controller.settings
@@ -114,7 +114,7 @@ def _setups(
     return setups, knowledge
 
 
-def _by_paper(rig: BearingRig, controller: ControllerFile, loops: LoopSet) -> Setup | str:
+def _by_paper(rig: BearingRig, controller: ControllerFile, loops: Loops) -> Setup | str:
     """Fit `full` with the law of the paper, or report why it cannot be."""
     knowledge = identify_magnet(loops, IdentifyTable(law=PAPER))
     try:

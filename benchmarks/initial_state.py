@@ -22,7 +22,7 @@ from anhyst.compensate.twin import FixedTwin
 from anhyst.data import read_loops
 from anhyst.identification import identify
 from anhyst.laws.oracle.explicit import ExplicitForm
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 from rows import ROOT, Row
@@ -64,7 +64,7 @@ class Actuator:
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The iron, in double precision.
     gap : float
         Where everything happens, m.
@@ -74,7 +74,7 @@ class Actuator:
         A parameter block for each kind.
     """
 
-    model: ActuatorModel
+    model: Model
     gap: float
     current: float
     force: float
@@ -100,9 +100,7 @@ class Actuator:
         return answer.output[past.size :]
 
 
-def actuator_of(
-    model: ActuatorModel, gaps: tuple[float, float], gap: float, current: float
-) -> Actuator:
+def actuator_of(model: Model, gaps: tuple[float, float], gap: float, current: float) -> Actuator:
     """Compile a model in every form, for triangles of a force that every gap can give."""
     both = np.array([0.0, current])
     top, force = (

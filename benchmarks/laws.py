@@ -16,12 +16,12 @@ from types import ModuleType
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.clean import thin
 from anhyst.data.reading import read_loops
 from anhyst.data.verdict import single_valued
 from anhyst.identification import identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from rows import ROOT, Row, Stopwatch, measurements
 
@@ -61,18 +61,18 @@ class Missed:
         return f"{self.mean:.3f} %, worst {self.worst:.2f} %"
 
 
-def _at_unseen(model: ActuatorModel, truth: LoopSet) -> list[FloatArray]:
+def _at_unseen(model: Model, truth: Loops) -> list[FloatArray]:
     return [
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
         for loop in truth.loops
     ]
 
 
-def _largest(truth: LoopSet) -> float:
+def _largest(truth: Loops) -> float:
     return max(float(np.max(loop.output)) for loop in truth.loops)
 
 
-def _unseen_row(name: str, models: dict[str, ActuatorModel], truth: LoopSet) -> Row:
+def _unseen_row(name: str, models: dict[str, Model], truth: Loops) -> Row:
     largest = _largest(truth)
     missed = {law: Missed.of(_at_unseen(model, truth), largest) for law, model in models.items()}
     plain = Missed.of([off for _, off in single_valued(truth)], largest)
@@ -85,7 +85,7 @@ def _unseen_row(name: str, models: dict[str, ActuatorModel], truth: LoopSet) -> 
     )
 
 
-def _path_rows(module: ModuleType, name: str, models: dict[str, ActuatorModel], at_rest: Missed,
+def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest: Missed,
                largest: float) -> list[Row]:  # fmt: skip
     """Lines of a moving gap and of small cycles about a bias."""
     offset = module.SETTINGS["sensors"]["current_offset_A"]
@@ -148,7 +148,7 @@ def _bundled(folder: Path) -> Row:
     )
 
 
-def _joint(loops: LoopSet, law: str, weights: str) -> list[float]:
+def _joint(loops: Loops, law: str, weights: str) -> list[float]:
     """Rms of one set for all loops: together if each sample counts the same, else loop by loop, %."""
     fit = identify(loops, law=law, weights=weights, offsets=False).model.fit
     assert fit is not None
@@ -157,7 +157,7 @@ def _joint(loops: LoopSet, law: str, weights: str) -> list[float]:
     return [100.0 * row.rms / row.largest_output for row in fit.loops]
 
 
-def _left_out(loops: LoopSet, law: str) -> list[float]:
+def _left_out(loops: Loops, law: str) -> list[float]:
     """Rms of each inner loop that was left out of the fit, % of its largest output."""
     ordered = sorted(loops.loops, key=lambda loop: float(np.max(np.abs(loop.output))))
     found = []

@@ -13,7 +13,7 @@ from unittest.mock import patch
 import numpy as np
 
 import baseline_scipy_de as baseline
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.clean import thin
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
@@ -97,7 +97,7 @@ def ferrite(folder: Path) -> list[Row]:
     ]
 
 
-def _single(loop: Loop, loops: LoopSet) -> float:
+def _single(loop: Loop, loops: Loops) -> float:
     """Rms of one loop fitted alone, relative to its largest output."""
     alone = loops.with_loops([loop])
     fit = identify(alone, law=LAW, offsets=False).model.fit
@@ -124,7 +124,7 @@ def steel(folder: Path) -> Row:
     )
 
 
-def _rmse(loops: LoopSet, fitted: tuple[Array, ...]) -> float:
+def _rmse(loops: Loops, fitted: tuple[Array, ...]) -> float:
     off = np.concatenate([f - loop.output for f, loop in zip(fitted, loops.loops, strict=True)])
     return float(np.sqrt(np.mean(off**2)))
 

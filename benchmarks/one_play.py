@@ -18,7 +18,7 @@ from anhyst.compensate.cycles import Answer, CycleErrors, cycle_errors, rms, wor
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.make_setup import identify_magnet
@@ -38,7 +38,7 @@ def _foreign(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArr
     return magnet.force(driven, gap) + sensors.force_offset
 
 
-def magnets() -> Iterator[tuple[str, LoopSet, Answer]]:
+def magnets() -> Iterator[tuple[str, Loops, Answer]]:
     """Return name, loops as read and true answer of each magnet."""
     rig = read_bearing(BEARING / "rig.toml")
 
@@ -52,7 +52,7 @@ def magnets() -> Iterator[tuple[str, LoopSet, Answer]]:
             yield name, loops, partial(_foreign, magnet)
 
 
-def measure(loops: LoopSet, answer: Answer) -> tuple[float, dict[str, CycleErrors]]:
+def measure(loops: Loops, answer: Answer) -> tuple[float, dict[str, CycleErrors]]:
     """Return the largest demand, and by method what is left at three gaps."""
     gaps = [gap for gap in loops.by_schedule() if gap is not None]
     ends = min(gaps), max(gaps)

@@ -31,11 +31,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import CubicSpline
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.paper.search import spline_model_at
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.reports.model.figures import figure_reduction
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -57,7 +57,7 @@ TRUTH = Path(__file__).parent / "electromagnet" / "unseen_truth.csv"
 SHOWN = ("k", "c_H")
 
 
-def search(loops: LoopSet, gap_map: str, seed: int) -> IdentifyResult:
+def search(loops: Loops, gap_map: str, seed: int) -> IdentifyResult:
     def progress(done: float, total: float) -> None:
         if sys.stderr.isatty():
             print(f"\r{gap_map}: stage {done} of {total}", end="", file=sys.stderr)
@@ -69,7 +69,7 @@ def search(loops: LoopSet, gap_map: str, seed: int) -> IdentifyResult:
 
 
 @styled
-def figure_parameters(model: ActuatorModel, splines: bool) -> Figure:
+def figure_parameters(model: Model, splines: bool) -> Figure:
     """Draw k and c_H over the gap: at the nodes, and by spline or by the model's own map."""
     figure = new_figure(3.2)
     nodes = np.array(model.nodes)
@@ -90,7 +90,7 @@ def figure_parameters(model: ActuatorModel, splines: bool) -> Figure:
 
 
 @styled
-def figure_loops(model: ActuatorModel, answer: Answer, measured: LoopSet) -> Figure:
+def figure_loops(model: Model, answer: Answer, measured: Loops) -> Figure:
     """Draw settled loops at the nodes, and dashed between them where that can be computed."""
     assert model.valid is not None
     figure = new_figure(4.6)
@@ -124,15 +124,15 @@ def _plain(error: InputError) -> str:
     return str(error).removeprefix("model parameter ")
 
 
-def by_splines(model: ActuatorModel) -> Answer:
+def by_splines(model: Model) -> Answer:
     return lambda drive, gap: spline_model_at(model, gap).predict(drive).output
 
 
-def by_map(model: ActuatorModel) -> Answer:
+def by_map(model: Model) -> Answer:
     return lambda drive, gap: model.predict(drive, gap).output
 
 
-def report(found: IdentifyResult, what: str, truth: LoopSet) -> None:
+def report(found: IdentifyResult, what: str, truth: Loops) -> None:
     model, fit = found.model, found.model.fit
     assert fit is not None
     print(f"{what}: {found.seconds:.0f} s, gap map {model.gap_map}")

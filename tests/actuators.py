@@ -10,7 +10,7 @@ import numpy as np
 from anhyst.compensate.block import Block, DemandLimits, Kind, Scales, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -31,9 +31,7 @@ AROUND: dict[str, dict[str, Parameter]] = {
 
 
 @cache
-def magnet(
-    gap_map: GapMap = "reluctance", play: float = 0.0, residual: float = 0.5
-) -> ActuatorModel:
+def magnet(gap_map: GapMap = "reluctance", play: float = 0.0, residual: float = 0.5) -> Model:
     """Return an electromagnet: force over current at gaps of 0.3 to 0.6 mm.
 
     `play` is the half-width of the play, A/m; `residual` the force at zero flux, N.
@@ -41,7 +39,7 @@ def magnet(
     parameters: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.15}
     parameters |= AROUND[gap_map]
     parameters |= {"c_out": 60.0, "in_0": 0.02, "out_0": residual, "r_d": play}
-    return ActuatorModel(
+    return Model(
         "magnet",
         QUANTITIES["current"],
         QUANTITIES["force"],
@@ -53,9 +51,9 @@ def magnet(
 
 
 @cache
-def ring(play: float = 0.0) -> ActuatorModel:
+def ring(play: float = 0.0) -> Model:
     """Return a core without a gap: flux density over field, both of either sign."""
-    return ActuatorModel(
+    return Model(
         "ring",
         QUANTITIES["field"],
         QUANTITIES["flux_density"],

@@ -21,7 +21,7 @@ from pathlib import Path
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.link.firmware import actuator_defines
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import Parameter
 from anhyst.model.writer import write_model
@@ -49,13 +49,13 @@ LENGTH_MOST = 160
 """Bytes of a script."""
 
 
-def small_magnet() -> ActuatorModel:
+def small_magnet() -> Model:
     """Return an electromagnet with two gaps."""
     gaps = (0.3e-3, 0.6e-3)
     parameters: dict[str, Parameter] = {"M_s": 1e6, "a": 1000.0, "k": 700.0, "c": 0.2}
     parameters |= {"c_H": 12e3, "rho": tuple(2e-4 + 11.5 * gap for gap in gaps)}
     parameters |= {"c_out": 60.0, "in_0": 0.015, "out_0": -0.4}
-    return ActuatorModel(
+    return Model(
         "small magnet",
         QUANTITIES["current"],
         QUANTITIES["force"],

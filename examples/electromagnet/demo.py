@@ -25,12 +25,12 @@ from rich.table import Table
 
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.inspection import inspect
 from anhyst.data.reading import read_loops
 from anhyst.data.verdict import monotone_fit, single_valued
 from anhyst.identification import identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.reports import write_plots, write_report
@@ -70,7 +70,7 @@ def load_magnet() -> ModuleType:
     return sys.modules[name]
 
 
-def unseen_deviation(model: ActuatorModel, truth: LoopSet) -> Deviation:
+def unseen_deviation(model: Model, truth: Loops) -> Deviation:
     """Model against noise-free loops at gaps it has not seen."""
     return Deviation.of(
         [
@@ -80,7 +80,7 @@ def unseen_deviation(model: ActuatorModel, truth: LoopSet) -> Deviation:
     )
 
 
-def unseen_single_valued(truth: LoopSet) -> Deviation:
+def unseen_single_valued(truth: Loops) -> Deviation:
     """Judge the best single-valued curves at the same gaps, fitted to these very loops."""
     return Deviation.of([residual for _, residual in single_valued(truth)])
 
@@ -118,7 +118,7 @@ def single_valued_inverse(gap: float) -> tuple[Array, Array]:
     return force[order], monotone_fit(current[order], np.ones(order.size))
 
 
-def demand_deviations(model: ActuatorModel) -> dict[str, tuple[Deviation, Deviation, float]]:
+def demand_deviations(model: Model) -> dict[str, tuple[Deviation, Deviation, float]]:
     """Open loop at a gap between those measured: demand against true force.
 
     Returns
@@ -140,7 +140,7 @@ def demand_deviations(model: ActuatorModel) -> dict[str, tuple[Deviation, Deviat
     return found
 
 
-def table_of(models: dict[str, ActuatorModel], truth: LoopSet, seconds: dict[str, float]) -> Table:
+def table_of(models: dict[str, Model], truth: Loops, seconds: dict[str, float]) -> Table:
     """Build the one table of the demo."""
     largest = max(float(np.max(loop.output)) for loop in truth.loops)
     table = Table(title="bundled example (simulated): error of the force", title_justify="left")

@@ -29,13 +29,12 @@ if TYPE_CHECKING:
     from anhyst.compilation.output import Compiled
     from anhyst.compilation.verb import compile_actuator as compile  # noqa: A004
     from anhyst.data.inspection import Inspection, inspect
-    from anhyst.data.loop_set import Loop
-    from anhyst.data.loop_set import LoopSet as Loops
+    from anhyst.data.loops import Loop, Loops
     from anhyst.data.reading import read_loops
     from anhyst.draft.examples import example_files
     from anhyst.identification.identify import identify
     from anhyst.identification.result import IdentifyResult
-    from anhyst.model.actuator import ActuatorModel as Model
+    from anhyst.model.actuator import Model
     from anhyst.model.diff import ModelDiff, diff
     from anhyst.model.file import read_model
     from anhyst.model.prediction import Prediction
@@ -83,9 +82,9 @@ _PLACES = {
     "IdentifyResult": "identification.result",
     "InputError": "support.errors",
     "Inspection": "data.inspection",
-    "Loop": "data.loop_set",
-    "Loops": "data.loop_set:LoopSet",
-    "Model": "model.actuator:ActuatorModel",
+    "Loop": "data.loops",
+    "Loops": "data.loops:Loops",
+    "Model": "model.actuator",
     "ModelDiff": "model.diff",
     "NegativeResult": "support.errors",
     "Prediction": "model.prediction",

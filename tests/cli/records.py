@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.writer import model_text
 from anhyst.support.units import QUANTITIES
@@ -39,7 +39,7 @@ def table(lines: Sequence[Row] | None = None, header: str = "t_s,I_A,F_N,gap_m")
 def model() -> str:
     """Text of a model of the same kind of magnet, over the gap."""
     return model_text(
-        ActuatorModel(
+        Model(
             name="magnet",
             input=QUANTITIES["current"],
             output=QUANTITIES["force"],

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
@@ -198,22 +198,22 @@ def test_a_flux_table_that_will_not_do(folder: Path, text: str | None, said: str
     assert refused(*RUN, cwd=folder).startswith(f"flux.csv: {said}")
 
 
-def write_spoilt(folder: Path, spoil: Callable[[ActuatorModel], ActuatorModel]) -> None:
+def write_spoilt(folder: Path, spoil: Callable[[Model], Model]) -> None:
     """Write a good model of a magnet after something was done to it."""
     path = folder / "model.toml"
     path.write_text(model())
     write_model(spoil(read_model(path)), path)
 
 
-def piezo(model: ActuatorModel) -> ActuatorModel:
+def piezo(model: Model) -> Model:
     return replace(model, input=QUANTITIES["voltage"], output=QUANTITIES["displacement"])
 
 
-def with_eddy_currents(model: ActuatorModel) -> ActuatorModel:
+def with_eddy_currents(model: Model) -> Model:
     return replace(model, parameters={**model.parameters, "gamma": 1.0})
 
 
-def of_1986(model: ActuatorModel) -> ActuatorModel:
+def of_1986(model: Model) -> Model:
     return replace(model, law="jiles-atherton-1986")
 
 
@@ -228,7 +228,7 @@ def of_1986(model: ActuatorModel) -> ActuatorModel:
     ],
 )  # fmt: skip
 def test_a_model_that_cannot_be_compiled(
-    folder: Path, spoil: Callable[[ActuatorModel], ActuatorModel], said: str
+    folder: Path, spoil: Callable[[Model], Model], said: str
 ) -> None:
     write_spoilt(folder, spoil)
     change(folder / "controller.toml", '"full"', '"full"\nmodel = "model.toml"')

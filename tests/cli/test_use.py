@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.writer import write_model
@@ -35,7 +35,7 @@ def fails_in_one_line(result: subprocess.CompletedProcess[str], code: int, said:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    model = ActuatorModel(
+    model = Model(
         name="magnet",
         input=QUANTITIES["current"],
         output=QUANTITIES["force"],

@@ -23,7 +23,7 @@ from anhyst.compensate.scheduled import Arms, flux_unit
 from anhyst.compensate.twin import FixedTwin, Io, RealTwin
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.oracle.play_cells import PlayCells
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -52,7 +52,7 @@ HOLD, RANDOM = 1500, 900
 
 
 @cache
-def cells(gap_map: GapMap = "reluctance", law: str = "play-cells") -> ActuatorModel:
+def cells(gap_map: GapMap = "reluctance", law: str = "play-cells") -> Model:
     """Return the magnet of the other tests with an iron of play cells."""
     around = magnet(gap_map, residual=0.0)
     kept = {name: around.parameters[name] for name in ("c_H", "rho", "c_out", "in_0")}
@@ -82,7 +82,7 @@ def ranges(gap_map: GapMap, law: str) -> tuple[Scales, DemandLimits]:
 class DirectSums:
     """The iron and its magnet by sums of its curves, in double precision."""
 
-    def __init__(self, model: ActuatorModel, cells_kept: FloatArray | None = None) -> None:
+    def __init__(self, model: Model, cells_kept: FloatArray | None = None) -> None:
         self.model, self.weights = model, cell_weights(model)
         self.plays = np.zeros(self.weights.thresholds.size) if cells_kept is None else cells_kept
         self.alpha = float(np.atleast_1d(model.parameters["alpha"])[0])

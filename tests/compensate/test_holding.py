@@ -18,7 +18,7 @@ from anhyst.compensate.paths import find_reach
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compensate.twin import FixedTwin, Io, twin_of
 from anhyst.identification import identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.sources import ReadOptions
 from anhyst.model.writer import write_model
 from anhyst.support.arrays import FloatArray
@@ -31,7 +31,7 @@ WANTED = 1e-3  # of the largest output
 
 
 @cache
-def model_of(name: str, *, dead_band: bool = True) -> ActuatorModel:
+def model_of(name: str, *, dead_band: bool = True) -> Model:
     loops = ReadOptions().read([EXAMPLES / name / "loops.csv"])
     law = "effective-field"  # that which forgets; play cells do not
     return identify(loops, law=law, gap_map="reluctance", dead_band=dead_band).model

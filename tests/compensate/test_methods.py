@@ -17,8 +17,8 @@ from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import METHODS, make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compensate.surface import fit_surface
-from anhyst.data import History, Loop, LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data import History, Loop, Loops
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -35,8 +35,8 @@ WIDTH = 0.1
 """Of the loops without a model, A."""
 
 
-def loopset(loops: list[Loop]) -> LoopSet:
-    return LoopSet(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
+def loopset(loops: list[Loop]) -> Loops:
+    return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
 
 
 def lines(force: FloatArray, gap: float) -> FloatArray:
@@ -49,7 +49,7 @@ def roots(force: FloatArray, gap: float) -> FloatArray:
     return np.asarray(280.0 * (gap + 0.1e-3) * np.sqrt(force))
 
 
-def around(curve: object, noise: float = 0.0) -> LoopSet:
+def around(curve: object, noise: float = 0.0) -> Loops:
     """Loops of one width around a curve, up and down again, at every gap."""
     assert callable(curve)
     rng = np.random.default_rng(2)
@@ -69,7 +69,7 @@ def around(curve: object, noise: float = 0.0) -> LoopSet:
 
 
 @cache
-def known() -> tuple[LoopSet, ActuatorModel, FluxCalibration]:
+def known() -> tuple[Loops, Model, FluxCalibration]:
     """Return loops of a magnet with hysteresis, its model, and a probe's calibration."""
     model = replace(magnet(), valid=ValidRange((0.0, 2.0), (0.0, 140.0), (GAPS[0], GAPS[-1])))
     loops, forces = [], []
@@ -333,7 +333,7 @@ def test_what_does_not_fit_is_refused() -> None:
         make_compensator("flux", Sources(POINT, loops, model), "f64")
     with pytest.raises(InputError, match="less than a fifth of 1000 N"):
         fit_surface(loops, 1000.0, RANGE)
-    bare = LoopSet((replace(loops.loops[0], schedule=None),), loops.input, loops.output)
+    bare = Loops((replace(loops.loops[0], schedule=None),), loops.input, loops.output)
     with pytest.raises(InputError, match="I_A, F_N and gap_m"):
         fit_surface(bare, 90.0, RANGE)
     with pytest.raises(InputError, match="does not say where it holds"):

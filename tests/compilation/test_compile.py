@@ -23,7 +23,7 @@ from anhyst.compensate.paths import paths
 from anhyst.compensate.plan import CompileRequest, full_scale
 from anhyst.compensate.twin import twin_of
 from anhyst.compilation.output import Compiled, compile_model
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.core_folder import core_folder
@@ -48,7 +48,7 @@ QUICK = {("full", "q15"), ("simplified", "q31"), ("full", "f32")}
 """Every kind and every format once; the other pairs are the rest of a sweep."""
 
 
-def measured(model: ActuatorModel, low: float = 0.0, high: float = 2.0) -> ActuatorModel:
+def measured(model: Model, low: float = 0.0, high: float = 2.0) -> Model:
     """Give a model a valid range, as identification would."""
     gap = GAPS[0] if model.nodes else None
     ends = model.predict([high, low, high], gap, history="demagnetised").output

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.data import History, Loop, LoopSet, estimates
+from anhyst.data import History, Loop, Loops, estimates
 from anhyst.data.clean import DEFAULT_STEPS, STEPS, clean, thin
 from anhyst.data.noise import noise
 from anhyst.data.path import turning_points
@@ -36,9 +36,9 @@ def iron(cycles: float = 3.0, samples: int = SAMPLES) -> tuple[FloatArray, Float
     return field, 0.4 * np.tanh(field / 60.0) + np.asarray(flux), time
 
 
-def record(field: FloatArray, flux: FloatArray, time: FloatArray | None = None) -> LoopSet:
+def record(field: FloatArray, flux: FloatArray, time: FloatArray | None = None) -> Loops:
     loop = Loop("1", field, flux, None, time, History("settled"))
-    return LoopSet((loop,), QUANTITIES["field"], QUANTITIES["flux_density"])
+    return Loops((loop,), QUANTITIES["field"], QUANTITIES["flux_density"])
 
 
 def test_unknown_step_is_refused_with_the_known_ones() -> None:
@@ -110,7 +110,7 @@ def test_offsets_of_symmetric_loops_are_found() -> None:
 def test_offset_of_force_is_left_alone() -> None:
     field, flux, _ = iron()
     loop = Loop("1", field, flux**2)
-    loops = LoopSet((loop,), QUANTITIES["current"], QUANTITIES["force"])
+    loops = Loops((loop,), QUANTITIES["current"], QUANTITIES["force"])
     assert clean(loops, ["offset"]) is loops
 
 
@@ -163,7 +163,7 @@ def test_wobbling_gap_is_settled_to_its_median() -> None:
     field, flux, _ = iron()
     gap = 3e-4 + 1e-6 * np.sin(np.arange(field.size))
     loop = Loop("1", field, flux, gap)
-    loops = LoopSet((loop,), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
+    loops = Loops((loop,), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
     settled = clean(loops, ["steady"])
     assert len(settled.schedule_values) == 1
     assert settled.schedule_values[0] == pytest.approx(3e-4, abs=2e-7)

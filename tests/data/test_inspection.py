@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from anhyst.data import History, Loop, LoopSet
+from anhyst.data import History, Loop, Loops
 from anhyst.data.inspection import inspect
 from anhyst.data.plot import plot_inspection
 from anhyst.data.verdict import judge, monotone_fit
@@ -33,12 +33,12 @@ def magnet(
     return Loop("1", current[start:], force[start:], schedule, None, History("settled"))
 
 
-def loopset(*loops: Loop) -> LoopSet:
+def loopset(*loops: Loop) -> Loops:
     current, force, gap = (QUANTITIES[name] for name in ("current", "force", "gap"))
-    return LoopSet(loops, current, force, gap)
+    return Loops(loops, current, force, gap)
 
 
-def changed(loop: Loop, drive: FloatArray, answer: FloatArray) -> LoopSet:
+def changed(loop: Loop, drive: FloatArray, answer: FloatArray) -> Loops:
     return loopset(Loop("1", drive, answer, loop.schedule, None, loop.history))
 
 
@@ -130,7 +130,7 @@ def test_biased_magnet_follows_the_sign_of_its_current() -> None:
 def test_flux_that_falls_with_its_field_is_refused() -> None:
     loop = magnet(bipolar=True)
     flux = -np.tanh(loop.input)
-    wrong = LoopSet((Loop("1", loop.input, flux),), QUANTITIES["field"], QUANTITIES["flux_density"])
+    wrong = Loops((Loop("1", loop.input, flux),), QUANTITIES["field"], QUANTITIES["flux_density"])
     with pytest.raises(InputError, match="the flux density falls as the field grows"):
         inspect(wrong)
 

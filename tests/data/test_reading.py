@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from anhyst.data import History, Loop, LoopSet
+from anhyst.data import History, Loop, Loops
 from anhyst.data.reading import read_loops
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
@@ -295,4 +295,4 @@ def test_loops_are_immutable() -> None:
 def test_two_loops_of_one_name_are_refused() -> None:
     loop = Loop("1", np.array(UP_AND_BACK), np.array(UP_AND_BACK))
     with pytest.raises(InputError, match="two loops are both called"):
-        LoopSet((loop, loop), QUANTITIES["current"], QUANTITIES["force"])
+        Loops((loop, loop), QUANTITIES["current"], QUANTITIES["force"])

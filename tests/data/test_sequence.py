@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from anhyst.data.history import SETTLED, History
-from anhyst.data.loop_set import Loop
+from anhyst.data.loops import Loop
 from anhyst.data.sequence import one_after_another
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES
 from tests.model.test_cells import CIRCUIT, NUMBERS
 
@@ -22,9 +22,7 @@ def loops(
     *, remembered: bool, law: str = "play-cells", gap: float | None = None, clock: float = 0.0
 ) -> list[Loop]:
     """One larger loop and two within it, in an iron that keeps the larger one or has lost it."""
-    model = ActuatorModel(
-        "iron", QUANTITIES["current"], QUANTITIES["force"], NUMBERS | CIRCUIT, law=law
-    )
+    model = Model("iron", QUANTITIES["current"], QUANTITIES["force"], NUMBERS | CIRCUIT, law=law)
     found: list[Loop] = []
     before: list[float] = []
     rng = np.random.default_rng(3)
@@ -93,7 +91,7 @@ def test_what_was_before_a_settled_loop_counts_for_an_iron_that_remembers_it() -
     apart = {}
     for law, iron in numbers.items():
         quantities = QUANTITIES["current"], QUANTITIES["force"]
-        model = ActuatorModel("iron", *quantities, iron | CIRCUIT, law=law)
+        model = Model("iron", *quantities, iron | CIRCUIT, law=law)
         one, other = (model.predict(drive, history=past).output for past in (SETTLED, inside))
         apart[law] = float(np.max(np.abs(one - other)) / np.ptp(one))
     assert apart["play-cells"] > 0.01

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from tests.cli.command import quick
@@ -19,7 +19,7 @@ from tests.foreign.identified import identified_once
 from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
 NAMES = sorted(MAGNETS)
-Found = Callable[[str], tuple[ActuatorModel, Any]]
+Found = Callable[[str], tuple[Model, Any]]
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("foreign")
 
 
-def identified(place: Path, magnet: ForeignMagnet, *options: str) -> tuple[ActuatorModel, Any]:
+def identified(place: Path, magnet: ForeignMagnet, *options: str) -> tuple[Model, Any]:
     """Identify a magnet's loops by the command line; the model, and what was printed as JSON."""
     loops = magnet.write_loops(place / f"{magnet.name}.csv")
     out = place / f"{magnet.name}.toml"
@@ -40,14 +40,14 @@ def identified(place: Path, magnet: ForeignMagnet, *options: str) -> tuple[Actua
 def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
     """Give the model of a magnet by its name, and what was printed as JSON."""
 
-    def give(name: str) -> tuple[ActuatorModel, Any]:
+    def give(name: str) -> tuple[Model, Any]:
         folder = identified_once(tmp_path_factory, name)
         return read_model(folder / "model.toml"), json.loads((folder / "said.json").read_text())
 
     return give
 
 
-def missed(model: ActuatorModel, magnet: ForeignMagnet) -> list[float]:
+def missed(model: Model, magnet: ForeignMagnet) -> list[float]:
     """Mean deviation from the noise-free truth at each unseen gap, of the largest force."""
     assert model.fit is not None
     history = "demagnetised" if magnet.demagnetised else "settled"

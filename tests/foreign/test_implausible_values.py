@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.support.errors import ImplausibleWarning
 from tests.cli.command import quick
@@ -14,7 +14,7 @@ from tests.cli.records import model, rows, table
 
 
 @pytest.fixture
-def known(tmp_path: Path) -> ActuatorModel:
+def known(tmp_path: Path) -> Model:
     """Return a model of 0 to 2 A, 0 to 500 N and 0.3 to 0.6 mm."""
     (tmp_path / "model.toml").write_text(model())
     return read_model(tmp_path / "model.toml")
@@ -43,7 +43,7 @@ def inspected(folder: Path, header: str, factors: tuple[float, float, float]) ->
     return result.stderr.splitlines()
 
 
-def test_metres_for_millimetres_warn_once_with_the_likely_unit(known: ActuatorModel) -> None:
+def test_metres_for_millimetres_warn_once_with_the_likely_unit(known: Model) -> None:
     with pytest.warns(ImplausibleWarning) as caught:
         known.predict([0.0, 1.0, 2.0], 0.3)
     assert [str(one.message) for one in caught] == [
@@ -56,19 +56,19 @@ def test_metres_for_millimetres_warn_once_with_the_likely_unit(known: ActuatorMo
         known.stepper(0.3, "demagnetised")
 
 
-def test_milliamperes_for_amperes_warn_with_the_likely_unit(known: ActuatorModel) -> None:
+def test_milliamperes_for_amperes_warn_with_the_likely_unit(known: Model) -> None:
     with pytest.warns(ImplausibleWarning, match="current 2000 A is 1e.03 times .*given in mA"):
         known.predict([0.0, 2000.0], 0.45e-3)
 
 
-def test_micrometres_and_metres_for_millimetres_are_reported_apart(known: ActuatorModel) -> None:
+def test_micrometres_and_metres_for_millimetres_are_reported_apart(known: Model) -> None:
     with pytest.warns(ImplausibleWarning, match="given in um"):
         known.predict([0.0, 1.0], 450.0)
     with pytest.warns(ImplausibleWarning, match="less than the smallest gap .*taken for mm"):
         known.predict([0.0, 1.0], 0.45e-6)
 
 
-def test_values_a_little_outside_are_flagged_but_no_warning(known: ActuatorModel) -> None:
+def test_values_a_little_outside_are_flagged_but_no_warning(known: Model) -> None:
     assert known.predict([0.0, 6.0], 2e-3).flags
     assert known.invert([0.0, 1500.0], 0.1e-3).flags
 

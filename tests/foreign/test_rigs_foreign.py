@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.rig.distance import along, distance, follower
 from anhyst.rig.from_loops import FittedPlant, fit_magnet
@@ -44,13 +44,13 @@ knee_slow_A_per_m = 4000.0
 """Somebody's guess at the magnet ``u``: its turns are a quarter too few."""
 
 
-def fit(path: Path, **known: float) -> tuple[FittedPlant, LoopSet]:
+def fit(path: Path, **known: float) -> tuple[FittedPlant, Loops]:
     loops = read_loops(path)
     table = ElectromagnetTable.model_validate({"iron": "from loops", **known})
     return fit_magnet(loops, table), loops
 
 
-def percent(found: FittedPlant, loops: LoopSet) -> float:
+def percent(found: FittedPlant, loops: Loops) -> float:
     magnet, zero = found.magnet, found.zero_current
     far = distance(loops, lambda loop: along(follower(magnet), loop, zero) + found.zero_force)
     return 100.0 * far.mean / far.force_max

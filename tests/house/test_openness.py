@@ -19,7 +19,7 @@ from anhyst.identification import identify
 from anhyst.laws.law import Law, ParameterSpec
 from anhyst.laws.registry import LAWS
 from anhyst.laws.sampled import SampledIron, State
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
 from anhyst.support.arrays import FloatArray
@@ -84,8 +84,8 @@ def _registered() -> Iterator[None]:
     del LAWS[PLAY.name], FORMATS[".toy"]
 
 
-def magnet() -> ActuatorModel:
-    return ActuatorModel(
+def magnet() -> Model:
+    return Model(
         "truth",
         QUANTITIES["current"],
         QUANTITIES["force"],

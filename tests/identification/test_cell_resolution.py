@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.irons import cell_weights
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.history import History
-from anhyst.data.loop_set import Loop
+from anhyst.data.loops import Loop
 from anhyst.identification.cell_resolution import field_step, resolved
 from anhyst.laws.cells import CellWeights
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES
 
 CELLS = CellWeights(
@@ -25,19 +25,19 @@ IRON = {"alpha": 0.0, "c_H": 1.0, "c_out": 1.0}
 DEMAGNETISED = History("demagnetised")
 
 
-def model() -> ActuatorModel:
+def model() -> Model:
     quantities = QUANTITIES["field"], QUANTITIES["flux_density"]
-    return ActuatorModel("core", *quantities, IRON, law="play-cells", cells=CELLS)
+    return Model("core", *quantities, IRON, law="play-cells", cells=CELLS)
 
 
-def loops(step: float) -> LoopSet:
+def loops(step: float) -> Loops:
     """Field up and down in steps of so many A/m."""
     turns = [0.0, 600.0, -600.0, 300.0, -300.0, 600.0]
     parts = [np.arange(a, b, np.sign(b - a) * step) for a, b in itertools.pairwise(turns)]
     field = np.concatenate(parts)
     force = model().predict(field, history="demagnetised").output
     loop = Loop("all", field, force, history=DEMAGNETISED)
-    return LoopSet((loop,), QUANTITIES["field"], QUANTITIES["flux_density"])
+    return Loops((loop,), QUANTITIES["field"], QUANTITIES["flux_density"])
 
 
 @pytest.mark.parametrize(("step", "left"), [(2.0, 4), (10.0, 3), (30.0, 2)])
@@ -63,5 +63,5 @@ def test_something_pinned_always_stays() -> None:
 
 def test_a_law_without_cells_is_left_alone() -> None:
     iron = {"M_s": 4e5, "a": 30.0, "k": 20.0, "c": 0.2, "c_H": 1.0, "c_out": 1.0}
-    own = ActuatorModel("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
+    own = Model("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
     assert resolved(own, loops(2.0)) is own

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.identification.bare import model_of
@@ -21,7 +21,7 @@ from anhyst.identification.offsets import OFFSETS
 from anhyst.identification.past import Past
 from anhyst.identification.space import CoordinateSpace
 from anhyst.laws.cells import Shape
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from tests.identification.truths import HISTORIES, loops_of, magnet, noisy
 
@@ -29,7 +29,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 NOISE = 2e-3
 
 
-def cells_magnet() -> ActuatorModel:
+def cells_magnet() -> Model:
     """The magnet of the other tests with an iron of play cells."""
     around = magnet("reluctance", in_0=0.0, out_0=0.0)
     kept = {name: around.parameters[name] for name in ("rho", "c_H", "c_out")}
@@ -40,7 +40,7 @@ def cells_magnet() -> ActuatorModel:
     return replace(around, law="play-cells", parameters=kept | iron)
 
 
-def one_after_another(loopset: LoopSet, drift: float = 0.0) -> LoopSet:
+def one_after_another(loopset: Loops, drift: float = 0.0) -> Loops:
     """Give the loops a clock that runs on, and the output a drift over each gap, of its largest."""
     top = max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
     found, clock, gap, begun = [], 0.0, -1.0, 0.0
@@ -55,7 +55,7 @@ def one_after_another(loopset: LoopSet, drift: float = 0.0) -> LoopSet:
     return loopset.with_loops(found)
 
 
-def predicted(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
+def predicted(model: Model, loopset: Loops) -> FloatArray:
     """Output along all loops."""
     return np.concatenate(
         [
@@ -65,14 +65,14 @@ def predicted(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
     )
 
 
-def error(model: ActuatorModel, loopset: LoopSet) -> FloatArray:
+def error(model: Model, loopset: Loops) -> FloatArray:
     """Deviations, in parts of the largest output."""
     measured: FloatArray = np.concatenate([loop.output for loop in loopset.loops])
     off: FloatArray = predicted(model, loopset) - measured
     return off / float(np.max(np.abs(measured)))
 
 
-def somewhere(loops: LoopSet, shape: Shape) -> tuple[CoordinateSpace, FloatArray]:
+def somewhere(loops: Loops, shape: Shape) -> tuple[CoordinateSpace, FloatArray]:
     """Give a space of two populations, and a place in it."""
     form = replace(form_of(loops.input, loops.output, "effective-field"),
                    cells=CellKernel(shape, 2))  # fmt: skip

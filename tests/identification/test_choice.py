@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.default import search_each_gap, search_one_gap
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
@@ -187,7 +187,7 @@ def test_no_fitted_reluctance_is_negative_down_to_the_closed_gap() -> None:
         assert model.predict(loops.loops[0].input, 0.0).output.max() > 0.0
 
 
-def smooth_truth() -> ActuatorModel:
+def smooth_truth() -> Model:
     """Everything runs over the gap a little, smoothly: no map but free can follow."""
     x = np.linspace(-1.0, 1.0, len(GAPS))
     return replace(
@@ -224,7 +224,7 @@ def test_ties_make_what_the_loops_leave_open_run_smoothly() -> None:
         cycle = path([0.0, 1.0, 0.0], 60)[:-1]
         output = truth.predict(cycle, gap, history="settled").output
         loops.append(Loop("half", cycle, output, np.full(cycle.size, gap)))
-    measured = noisy(LoopSet(tuple(loops), truth.input, truth.output, truth.schedule), 1e-2, 1)
+    measured = noisy(Loops(tuple(loops), truth.input, truth.output, truth.schedule), 1e-2, 1)
     form = form_of(measured.input, measured.output, "effective-field")
     records = records_of(measured)
     tied = search_each_gap(form, records, 1, frozenset())

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
 from anhyst.laws.jiles_atherton import PARAMETERS
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.support.errors import InputError
@@ -22,7 +22,7 @@ GAP = np.array(GAPS)
 
 
 @cache
-def truth() -> ActuatorModel:
+def truth() -> Model:
     plain = magnet("reluctance")
     around = {
         "c_out": tuple((60.0 + 4e4 * (GAP - GAP[0])).tolist()),
@@ -33,7 +33,7 @@ def truth() -> ActuatorModel:
 
 
 @cache
-def loops() -> LoopSet:
+def loops() -> Loops:
     return loops_of(truth(), "conditioned", samples=60)
 
 

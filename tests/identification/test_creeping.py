@@ -12,13 +12,13 @@ from anhyst.data import Loop
 from anhyst.data.history import History
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 
 AUTHORS = 0.58e-6
 
 
 @cache
-def halves(folder: Path) -> tuple[ActuatorModel, Loop, int]:
+def halves(folder: Path) -> tuple[Model, Loop, int]:
     """Model of the first half, the whole record, and where the second begins."""
     loops = read_loops(
         folder / "piezo_flexure" / "model_run.csv",

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.dead_band import COST, PARTS
 from anhyst.model.sources import ReadOptions
@@ -19,7 +19,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
 @cache
-def example(name: str) -> LoopSet:
+def example(name: str) -> Loops:
     return ReadOptions().read([EXAMPLES / name / "loops.csv"])
 
 

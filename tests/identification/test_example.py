@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures
 from anhyst.support.arrays import FloatArray
 from tests.identification.truths import largest, predicted
@@ -19,17 +19,17 @@ FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 
 
 @pytest.fixture(scope="module")
-def loops() -> LoopSet:
+def loops() -> Loops:
     return read_loops(FOLDER / "loops.csv")
 
 
 @pytest.fixture(scope="module")
-def truth() -> LoopSet:
+def truth() -> Loops:
     return read_loops(FOLDER / "unseen_truth.csv")
 
 
 @pytest.fixture(scope="module")
-def chosen(loops: LoopSet) -> IdentifyResult:
+def chosen(loops: Loops) -> IdentifyResult:
     return identify(loops)
 
 
@@ -38,7 +38,7 @@ def fit_of(result: IdentifyResult) -> FitFigures:
     return result.model.fit
 
 
-def mean_error(model: ActuatorModel, truth: LoopSet) -> float:
+def mean_error(model: Model, truth: Loops) -> float:
     off = [
         np.abs(output - loop.output)
         for output, loop in zip(predicted(model, truth), truth.loops, strict=True)
@@ -46,7 +46,7 @@ def mean_error(model: ActuatorModel, truth: LoopSet) -> float:
     return float(np.mean(np.concatenate(off))) / largest(truth)
 
 
-def best_single_valued(truth: LoopSet) -> float:
+def best_single_valued(truth: Loops) -> float:
     """Give the error of a smooth curve through both branches, even fitted to the truth itself."""
     off: list[FloatArray] = []
     for gap in truth.schedule_values:
@@ -68,18 +68,16 @@ def test_auto_takes_reluctance_and_says_why(chosen: IdentifyResult) -> None:
 
 
 def test_unseen_gaps_are_predicted_within_a_third_of_a_percent(
-    chosen: IdentifyResult, truth: LoopSet
+    chosen: IdentifyResult, truth: Loops
 ) -> None:
     assert mean_error(chosen.model, truth) < 0.0035
 
 
-def test_scaling_alone_predicts_them_within_half_a_percent(loops: LoopSet, truth: LoopSet) -> None:
+def test_scaling_alone_predicts_them_within_half_a_percent(loops: Loops, truth: Loops) -> None:
     assert mean_error(identify(loops, gap_map="scaling").model, truth) < 0.005
 
 
-def test_the_model_beats_the_best_single_valued_curve(
-    chosen: IdentifyResult, truth: LoopSet
-) -> None:
+def test_the_model_beats_the_best_single_valued_curve(chosen: IdentifyResult, truth: Loops) -> None:
     assert mean_error(chosen.model, truth) < 0.25 * best_single_valued(truth)
 
 
@@ -97,12 +95,12 @@ def test_the_closed_gap_can_be_computed(chosen: IdentifyResult) -> None:
     assert np.isfinite(force).all()
 
 
-def test_the_model_predicts_what_was_fitted(chosen: IdentifyResult, loops: LoopSet) -> None:
+def test_the_model_predicts_what_was_fitted(chosen: IdentifyResult, loops: Loops) -> None:
     for one, other in zip(predicted(chosen.model, loops), chosen.fitted, strict=True):
         assert np.abs(one - other).max() < 1e-8 * largest(loops)
 
 
-def test_every_seed_ends_there(chosen: IdentifyResult, loops: LoopSet) -> None:
+def test_every_seed_ends_there(chosen: IdentifyResult, loops: Loops) -> None:
     for seed in range(2, 6):
         other = identify(loops, gap_map="reluctance", seed=seed)
         assert fit_of(other).rms == pytest.approx(fit_of(chosen).rms, rel=1e-5)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.history import History, Kind
-from anhyst.data.loop_set import Loop
+from anhyst.data.loops import Loop
 from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.laws.cells import CellWeights
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES
 
 RISE = np.linspace(0.0, 1.0, 50)
@@ -19,7 +19,7 @@ HARD = 5e4
 """Weight of cells that the unipolar drive switches once and never back, A/m."""
 
 
-def model(hard: float) -> ActuatorModel:
+def model(hard: float) -> Model:
     cells = CellWeights(
         np.array([0.0, 40.0, 1200.0]),
         np.array([300.0, 2000.0]),
@@ -27,13 +27,13 @@ def model(hard: float) -> ActuatorModel:
     )
     quantities = QUANTITIES["current"], QUANTITIES["force"]
     numbers = {"alpha": 0.0, "c_H": 4000.0, "c_out": 200.0}
-    return ActuatorModel("magnet", *quantities, numbers, law="play-cells", cells=cells)
+    return Model("magnet", *quantities, numbers, law="play-cells", cells=cells)
 
 
-def loops(of: ActuatorModel, kind: Kind) -> LoopSet:
+def loops(of: Model, kind: Kind) -> Loops:
     force = of.predict(DRIVE, history=kind).output
     loop = Loop("all", DRIVE, force, history=History(kind))
-    return LoopSet((loop,), QUANTITIES["current"], QUANTITIES["force"])
+    return Loops((loop,), QUANTITIES["current"], QUANTITIES["force"])
 
 
 def test_cells_that_no_loop_switches_back_show_in_the_first_rise_alone() -> None:
@@ -51,6 +51,6 @@ def test_a_law_of_jiles_and_atherton_that_hardly_moves_fails_like_any_other() ->
     """Pinned a thousand times as strongly as its curve is wide, it keeps all that it once took up."""
     quantities = QUANTITIES["current"], QUANTITIES["force"]
     numbers = {"M_s": 1e6, "a": 1000.0, "c": 0.5, "alpha": 0.0, "c_H": 4000.0, "c_out": 200.0}
-    usual, stuck = (ActuatorModel("magnet", *quantities, numbers | {"k": k}) for k in (500.0, 5e5))
+    usual, stuck = (Model("magnet", *quantities, numbers | {"k": k}) for k in (500.0, 5e5))
     assert first_rise(usual, loops(usual, "settled")) < 0.5 * FARTHEST
     assert first_rise(stuck, loops(stuck, "settled")) > 2.0 * FARTHEST

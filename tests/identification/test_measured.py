@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.clean import clean
 from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, identify
@@ -28,12 +28,12 @@ def relative_rms(result: IdentifyResult) -> float:
 
 
 @pytest.fixture(scope="module")
-def ferrite(measurements: Path) -> LoopSet:
+def ferrite(measurements: Path) -> Loops:
     return read_loops(measurements / "ferrite_mnzn/mnzn_hp_ferrite_4loops.csv")
 
 
 @pytest.fixture(scope="module")
-def gapped_core(measurements: Path) -> LoopSet:
+def gapped_core(measurements: Path) -> Loops:
     return read_loops(
         measurements / "ferrite_core_gaps/loops_by_gap.csv",
         columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"},
@@ -41,7 +41,7 @@ def gapped_core(measurements: Path) -> LoopSet:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_the_ferrite_is_fitted_to_the_optimum_of_the_law(ferrite: LoopSet, seed: int) -> None:
+def test_the_ferrite_is_fitted_to_the_optimum_of_the_law(ferrite: Loops, seed: int) -> None:
     result = identify(
         ferrite,
         law="effective-field",
@@ -56,21 +56,21 @@ def test_the_ferrite_is_fitted_to_the_optimum_of_the_law(ferrite: LoopSet, seed:
     assert result.evaluations < 100
 
 
-def test_the_ferrite_is_fitted_no_worse_with_offsets(ferrite: LoopSet) -> None:
+def test_the_ferrite_is_fitted_no_worse_with_offsets(ferrite: Loops) -> None:
     held, found = (
         identify(ferrite, offsets=offsets, weights="points") for offsets in (False, True)
     )
     assert fit_of(found).rms <= (1.0 + 1e-9) * fit_of(held).rms
 
 
-def test_the_model_of_the_ferrite_predicts_its_loops(ferrite: LoopSet) -> None:
+def test_the_model_of_the_ferrite_predicts_its_loops(ferrite: Loops) -> None:
     result = identify(ferrite)
     again = predicted(result.model, ferrite)
     for one, other in zip(again, result.fitted, strict=True):
         assert np.abs(one - other).max() < 1e-8 * fit_of(result).largest_output
 
 
-def test_the_gapped_core_is_fitted_by_reluctance(gapped_core: LoopSet) -> None:
+def test_the_gapped_core_is_fitted_by_reluctance(gapped_core: Loops) -> None:
     result = identify(gapped_core, gap_map="reluctance")
     assert relative_rms(result) < 0.016
     assert fit_of(result).monotone is True
@@ -79,7 +79,7 @@ def test_the_gapped_core_is_fitted_by_reluctance(gapped_core: LoopSet) -> None:
     assert rho[0] < rho[1] < rho[2]
 
 
-def test_auto_takes_reluctance_for_the_gapped_core(gapped_core: LoopSet) -> None:
+def test_auto_takes_reluctance_for_the_gapped_core(gapped_core: Loops) -> None:
     result = identify(gapped_core)
     assert result.model.gap_map == "reluctance"
     left_out = fit_of(result).left_out
@@ -89,7 +89,7 @@ def test_auto_takes_reluctance_for_the_gapped_core(gapped_core: LoopSet) -> None
 
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_two_gaps_of_the_core_predict_the_third_in_its_place(
-    gapped_core: LoopSet, place: int
+    gapped_core: Loops, place: int
 ) -> None:
     """The loop at the third gap lies between its neighbours, or beyond the outer one."""
     gaps = gapped_core.schedule_values

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.identification import identify
 from anhyst.identification.default import follow
 from anhyst.identification.fit_records import WEIGHTINGS, FitRecords, records_of
@@ -19,7 +19,7 @@ from anhyst.identification.response import LOCAL, Local
 from anhyst.identification.screening import sample_sets, screen, starts
 from anhyst.identification.space import PER_GAP, CoordinateSpace
 from anhyst.identification.uncertainty import memory
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -35,7 +35,7 @@ from tests.identification.truths import (
 )
 
 TWO = GAPS[1:3]
-CASES: dict[str, tuple[ActuatorModel, str]] = {
+CASES: dict[str, tuple[Model, str]] = {
     "force, one gap": (magnet("none"), "none"),
     "force, scaling": (magnet("scaling", gaps=TWO), "scaling"),
     "force, reluctance": (magnet("reluctance", gaps=TWO), "reluctance"),
@@ -46,14 +46,12 @@ CASES: dict[str, tuple[ActuatorModel, str]] = {
 }
 
 
-def space_of(
-    truth: ActuatorModel, gap_map: str, loops: LoopSet, weights: str = "loops"
-) -> CoordinateSpace:
+def space_of(truth: Model, gap_map: str, loops: Loops, weights: str = "loops") -> CoordinateSpace:
     form = form_of(loops.input, loops.output, truth.law)
     return CoordinateSpace(gap_map, records_of(loops, weights), form)
 
 
-def near(space: CoordinateSpace, truth: ActuatorModel, seed: int) -> FloatArray:
+def near(space: CoordinateSpace, truth: Model, seed: int) -> FloatArray:
     """Coordinates some way off the truth, each in its own direction."""
     rng = np.random.default_rng(seed)
     theta = space.pack(gauge_free(truth))
@@ -155,7 +153,7 @@ def test_each_map_shares_what_it_says(gap_map: GapMap) -> None:
     assert all(local.in_0 == local.out_0 == 0.0 for local, _ in held.unpack(np.zeros(held.size)))
 
 
-def pair(factor: float) -> LoopSet:
+def pair(factor: float) -> Loops:
     """Two loops of one core, a large short one and a small long one, that cannot both be fitted."""
     truth = core(in_0=0.0, out_0=0.0)
     loops = []
@@ -163,10 +161,10 @@ def pair(factor: float) -> LoopSet:
         cycle = path([-top, top, -top], samples)[:-1]
         output = size * truth.predict(cycle, history="settled").output
         loops.append(Loop(label, cycle, output))
-    return LoopSet(tuple(loops), truth.input, truth.output)
+    return Loops(tuple(loops), truth.input, truth.output)
 
 
-def criterion(loops: LoopSet, outputs: tuple[FloatArray, ...], weights: str) -> float:
+def criterion(loops: Loops, outputs: tuple[FloatArray, ...], weights: str) -> float:
     """Sum of squares that a weighting stands for, spelt out."""
     squares = [
         float(np.mean((output - loop.output) ** 2))

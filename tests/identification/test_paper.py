@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.fit_records import FitRecords, records_of
 from anhyst.identification.gauge import form_of
@@ -35,7 +35,7 @@ from anhyst.identification.paper.seven import (
     variables_of,
 )
 from anhyst.identification.run import SearchRun
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
 from tests.identification.truths import GAPS, core, loops_of, magnet
 
@@ -57,7 +57,7 @@ SET: Values = {
 }
 
 
-def run_of(loops: LoopSet, held: frozenset[str] = NO_OFFSETS, **settings: object) -> SearchRun:
+def run_of(loops: Loops, held: frozenset[str] = NO_OFFSETS, **settings: object) -> SearchRun:
     form = form_of(loops.input, loops.output, "effective-field")
     return SearchRun(form=form, records=records_of(loops), seed=1, held=held, **settings)  # type: ignore[arg-type]
 
@@ -71,7 +71,7 @@ def stopper(after: int) -> Callable[[int, int], None]:
 
 
 @pytest.fixture(scope="module")
-def truth() -> ActuatorModel:
+def truth() -> Model:
     """Only c_H runs over the gap, as in the paper; the slope of its air core is that of iron."""
     c_h = tuple(0.01 / (1.5e-5 + 0.19 * gap) for gap in GAPS)
     iron: dict[str, Any] = {"a": 10.0, "k": 7.0, "alpha": -4e-5, "in_0": 0.0, "out_0": 0.0}
@@ -79,37 +79,37 @@ def truth() -> ActuatorModel:
 
 
 @pytest.fixture(scope="module")
-def loops(truth: ActuatorModel) -> LoopSet:
+def loops(truth: Model) -> Loops:
     return loops_of(truth, samples=40)
 
 
 @pytest.fixture(scope="module")
-def free(loops: LoopSet) -> Stand:
+def free(loops: Loops) -> Stand:
     return search_each_gap(
         SearchBench(run_of(loops), loops, SearchEffort(generations=150, final=250))
     )
 
 
 @pytest.fixture(scope="module")
-def reduced(loops: LoopSet, free: Stand) -> list[Stand]:
+def reduced(loops: Loops, free: Stand) -> list[Stand]:
     bench = SearchBench(run_of(loops), loops, SearchEffort(generations=50, final=120, trial=30))
     return [free, *(stand for stand, _ in reductions(bench, free))]
 
 
 @pytest.fixture(scope="module")
-def quick(two_gaps: LoopSet) -> IdentifyResult:
+def quick(two_gaps: Loops) -> IdentifyResult:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sequence_module, "SearchEffort", lambda: SHORT)
         return identify(two_gaps, search="paper", offsets=False)
 
 
 @pytest.fixture(scope="module")
-def two_gaps() -> LoopSet:
+def two_gaps() -> Loops:
     return loops_of(magnet("scaling", gaps=GAPS[:2], in_0=0.0, out_0=0.0), samples=25)
 
 
 @pytest.fixture
-def records(loops: LoopSet) -> FitRecords:
+def records(loops: Loops) -> FitRecords:
     return records_of(loops)
 
 
@@ -136,7 +136,7 @@ def test_where_only_c_h_varies_it_is_the_last_one_left(reduced: list[Stand]) -> 
 
 
 @pytest.mark.slow
-def test_c_h_is_found_up_to_one_common_factor(truth: ActuatorModel, reduced: list[Stand]) -> None:
+def test_c_h_is_found_up_to_one_common_factor(truth: Model, reduced: list[Stand]) -> None:
     found = np.array([one["c_H"] for one in reduced[-1].sets])
     ratio = found / truth.over_schedule("c_H", THREE)
     np.testing.assert_allclose(ratio / ratio[0], 1.0, rtol=1e-4)
@@ -149,14 +149,14 @@ def test_what_is_frozen_is_the_same_at_every_gap(reduced: list[Stand]) -> None:
             assert len({one[name] for one in stand.sets}) == 1
 
 
-def test_a_parameter_can_be_kept_to_the_last(two_gaps: LoopSet) -> None:
+def test_a_parameter_can_be_kept_to_the_last(two_gaps: Loops) -> None:
     found = search_paper(run_of(two_gaps), two_gaps, "reluctance", BRIEF)
     assert len(found.steps) == 6
     assert all("alpha" not in step.candidates for step in found.steps)
     assert found.model.varying in {("alpha",), ("rho",)}
 
 
-def test_alpha_is_read_as_a_reluctance_in_the_law_that_allows_it(two_gaps: LoopSet) -> None:
+def test_alpha_is_read_as_a_reluctance_in_the_law_that_allows_it(two_gaps: Loops) -> None:
     form = form_of(two_gaps.input, two_gaps.output, "jiles-atherton-1986")
     run = SearchRun(form=form, records=records_of(two_gaps), seed=1, held=NO_OFFSETS)
     found = search_paper(run, two_gaps, "reluctance", BRIEF)
@@ -181,22 +181,20 @@ def test_one_call_gives_model_steps_and_free_sets(quick: IdentifyResult) -> None
     assert quick.evaluations > 1000
 
 
-def test_cost_of_the_last_step_is_that_of_the_model(
-    quick: IdentifyResult, two_gaps: LoopSet
-) -> None:
+def test_cost_of_the_last_step_is_that_of_the_model(quick: IdentifyResult, two_gaps: Loops) -> None:
     outputs = np.concatenate(quick.fitted)
     reported = mean_deviation(records_of(two_gaps), outputs)
     assert reported == pytest.approx(quick.model.reduction[-1].cost_after, rel=0.02)
 
 
 @pytest.fixture(scope="module")
-def whole(two_gaps: LoopSet) -> sequence_module.Sequence:
+def whole(two_gaps: Loops) -> sequence_module.Sequence:
     return search_paper(run_of(two_gaps), two_gaps, "auto", BRIEF)
 
 
 @pytest.mark.parametrize("stage", [1, 5, 20])
 def test_a_killed_run_goes_on_to_the_same_result(
-    stage: int, two_gaps: LoopSet, whole: sequence_module.Sequence, tmp_path: Path
+    stage: int, two_gaps: Loops, whole: sequence_module.Sequence, tmp_path: Path
 ) -> None:
     kept = tmp_path / "checkpoint"
 
@@ -213,7 +211,7 @@ def test_a_killed_run_goes_on_to_the_same_result(
     assert found.steps == whole.steps
 
 
-def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: LoopSet) -> None:
+def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: Loops) -> None:
     def found(seed: int) -> tuple[Values, ...]:
         run = run_of(two_gaps)
         run.seed = seed
@@ -223,7 +221,7 @@ def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: LoopS
     assert found(1) != found(2)
 
 
-def test_progress_ends_at_the_total_it_promised(two_gaps: LoopSet) -> None:
+def test_progress_ends_at_the_total_it_promised(two_gaps: Loops) -> None:
     seen: list[tuple[int, int]] = []
     run = run_of(two_gaps, held=frozenset(), progress=lambda *stage: seen.append(stage))
     search_paper(run, two_gaps, "scaling", SearchEffort(5, 5, 2))
@@ -232,7 +230,7 @@ def test_progress_ends_at_the_total_it_promised(two_gaps: LoopSet) -> None:
 
 
 @pytest.mark.parametrize(("stage", "frozen"), [(4, 0), (16, 1)])
-def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: LoopSet) -> None:
+def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: Loops) -> None:
     run = run_of(two_gaps, progress=stopper(stage))
     found = search_paper(run, two_gaps, "auto", SearchEffort(5, 5, 2))
     assert found.interrupted
@@ -241,20 +239,20 @@ def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: LoopS
     assert len(found.model.varying) == 7 - frozen
 
 
-def test_ctrl_c_before_every_gap_has_a_set_leaves_nothing(two_gaps: LoopSet) -> None:
+def test_ctrl_c_before_every_gap_has_a_set_leaves_nothing(two_gaps: Loops) -> None:
     run = run_of(two_gaps, progress=stopper(1))
     with pytest.raises(KeyboardInterrupt):
         search_paper(run, two_gaps, "auto", SearchEffort(5, 5, 2))
 
 
-def test_offsets_become_common_to_all_gaps(two_gaps: LoopSet) -> None:
+def test_offsets_become_common_to_all_gaps(two_gaps: Loops) -> None:
     run = run_of(two_gaps, held=frozenset())
     found = search_each_gap(SearchBench(run, two_gaps, BRIEF))
     for name in ("in_0", "out_0"):
         assert found.sets[0][name] == found.sets[1][name] != 0.0
 
 
-def test_without_reduction_everything_stays_free(two_gaps: LoopSet) -> None:
+def test_without_reduction_everything_stays_free(two_gaps: Loops) -> None:
     found = search_paper(run_of(two_gaps), two_gaps, "free", SearchEffort(5, 5, 2))
     assert found.steps == ()
     assert found.model.gap_map == "free"
@@ -279,8 +277,8 @@ def test_a_measured_field_and_flux_density_leave_five() -> None:
     assert mean_deviation(records_of(loops), np.concatenate(modelled)) < 2e-3
 
 
-def test_refuses_to_keep_what_is_known(two_gaps: LoopSet) -> None:
-    by_field = LoopSet(two_gaps.loops, core().input, two_gaps.output, two_gaps.schedule)
+def test_refuses_to_keep_what_is_known(two_gaps: Loops) -> None:
+    by_field = Loops(two_gaps.loops, core().input, two_gaps.output, two_gaps.schedule)
     with pytest.raises(InputError, match="keeps c_H to the last"):
         search_paper(run_of(by_field), by_field, "scaling")
 
@@ -337,7 +335,7 @@ def test_scales_are_averaged_geometrically_and_the_rest_plainly() -> None:
     assert mean_over_gaps("alpha", [-0.1, 0.3]) == pytest.approx(0.1)
 
 
-def test_coordinates_and_parameters_agree(loops: LoopSet, records: FitRecords) -> None:
+def test_coordinates_and_parameters_agree(loops: Loops, records: FitRecords) -> None:
     variables, known = variables_of(records, loops.input, loops.output, frozenset())
     assert known == {}
     back = variables.outward(variables.inward(SET))
@@ -346,7 +344,7 @@ def test_coordinates_and_parameters_agree(loops: LoopSet, records: FitRecords) -
     assert variables.only(["c_H", "k"]).names == ("k", "c_H")
 
 
-def test_batch_and_exact_law_cost_the_same(loops: LoopSet, records: FitRecords) -> None:
+def test_batch_and_exact_law_cost_the_same(loops: Loops, records: FitRecords) -> None:
     rng = np.random.default_rng(3)
     count = 20
     many = {name: value * (1.0 + 0.1 * rng.random(count)) for name, value in SET.items()}
@@ -361,7 +359,7 @@ def test_batch_and_exact_law_cost_the_same(loops: LoopSet, records: FitRecords) 
     assert criterion.evaluations == 2 * count
 
 
-def test_what_the_law_cannot_do_costs_a_fortune(loops: LoopSet, records: FitRecords) -> None:
+def test_what_the_law_cannot_do_costs_a_fortune(loops: Loops, records: FitRecords) -> None:
     form = form_of(loops.input, loops.output, "effective-field")
     criterion = Criterion(form, records.at(0))
     impossible = SET | {"k": 1e-9}

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst.identification import IdentifyResult, identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import GapMap
 from anhyst.support.errors import InputError
@@ -29,7 +29,7 @@ from tests.identification.truths import (
     worst,
 )
 
-TRUTHS: dict[str, ActuatorModel] = {
+TRUTHS: dict[str, Model] = {
     "force at one gap": magnet("none"),
     "flux linkage at one gap": magnet("none", "flux_linkage"),
     "force, scaling": magnet("scaling"),
@@ -44,7 +44,7 @@ NAMES = ("kappa", "c", "omega", "scale", "gain", "in_0", "out_0")
 PER_GAP: dict[GapMap, str] = {"none": "", "scaling": "scale", "reluctance": "omega"}
 
 
-def wanted_map(model: ActuatorModel) -> str:
+def wanted_map(model: Model) -> str:
     return "auto" if model.gap_map == "none" else model.gap_map
 
 
@@ -71,7 +71,7 @@ def test_the_truth_behind_clean_loops_is_found_from_every_seed(name: str, histor
     ],
     ids=["closed core", "force at one gap", "scaling"],
 )
-def test_the_law_of_1986_is_found_too(truth: ActuatorModel, history: str) -> None:
+def test_the_law_of_1986_is_found_too(truth: Model, history: str) -> None:
     loops = loops_of(truth, history, samples=48)
     result = identify(loops, law="jiles-atherton-1986", gap_map=wanted_map(truth))
     assert worst(loops, result.fitted) < 1e-9
@@ -126,7 +126,7 @@ def test_noise_is_what_remains(name: str) -> None:
     assert worst(clean, predicted(result.model, clean)) < 1.5 * NOISE
 
 
-def truths_in_order(truth: ActuatorModel) -> list[float]:
+def truths_in_order(truth: Model) -> list[float]:
     sets = gauge_free(truth)
     return [
         getattr(local, name)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
@@ -23,12 +23,12 @@ and the dead band."""
 
 
 @pytest.fixture(scope="module")
-def loops() -> LoopSet:
+def loops() -> Loops:
     return loops_of(magnet(), noise=NOISE, samples=40)
 
 
 @pytest.fixture(scope="module")
-def whole(loops: LoopSet) -> IdentifyResult:
+def whole(loops: Loops) -> IdentifyResult:
     return identify(loops)
 
 
@@ -59,14 +59,14 @@ def same(one: IdentifyResult, other: IdentifyResult) -> bool:
     )
 
 
-def run_of(loops: LoopSet, checkpoint: Path, **settings: Any) -> SearchRun:
+def run_of(loops: Loops, checkpoint: Path, **settings: Any) -> SearchRun:
     form = form_of(loops.input, loops.output, settings.pop("law", "effective-field"))
     records = records_of(loops, settings.pop("weights", "loops"))
     given: dict[str, Any] = {"seed": 1, "held": frozenset[str]()} | settings
     return SearchRun(form, records, checkpoint=checkpoint, **given)
 
 
-def is_resumed(loops: LoopSet, checkpoint: Path, **settings: Any) -> bool:
+def is_resumed(loops: Loops, checkpoint: Path, **settings: Any) -> bool:
     """Whether a run finds the stage that another left behind."""
     run = run_of(loops, checkpoint, **settings)
     run.stage("one", lambda: 1)
@@ -74,14 +74,14 @@ def is_resumed(loops: LoopSet, checkpoint: Path, **settings: Any) -> bool:
 
 
 def test_the_same_seed_gives_the_same_model_to_the_last_digit(
-    loops: LoopSet, whole: IdentifyResult
+    loops: Loops, whole: IdentifyResult
 ) -> None:
     assert same(identify(loops), whole)
     one, other = (identify(loops, gap_map="free", seed=4) for _ in range(2))
     assert same(one, other)
 
 
-def test_ten_seeds_reach_the_same_optimum(loops: LoopSet) -> None:
+def test_ten_seeds_reach_the_same_optimum(loops: Loops) -> None:
     ends = [identify(loops, gap_map="reluctance", seed=seed) for seed in range(10)]
     rms = [end.model.fit.rms for end in ends if end.model.fit is not None]
     assert max(rms) < (1.0 + 1e-6) * min(rms)
@@ -89,7 +89,7 @@ def test_ten_seeds_reach_the_same_optimum(loops: LoopSet) -> None:
     assert np.abs(rho - rho[0]).max() < 1e-3 * rho.max()
 
 
-def test_stages_done_are_not_done_again(tmp_path: Path, loops: LoopSet) -> None:
+def test_stages_done_are_not_done_again(tmp_path: Path, loops: Loops) -> None:
     checkpoint = tmp_path / "run.json"
     first = run_of(loops, checkpoint)
     made = first.stage("one", lambda: {"x": [0.1, float(np.pi), 1e-300], "n": 3})
@@ -115,7 +115,7 @@ def test_stages_done_are_not_done_again(tmp_path: Path, loops: LoopSet) -> None:
     ids=lambda change: str(next(iter(change))),
 )
 def test_another_setting_does_not_go_on_from_there(
-    loops: LoopSet, tmp_path: Path, change: dict[str, Any]
+    loops: Loops, tmp_path: Path, change: dict[str, Any]
 ) -> None:
     checkpoint = tmp_path / "run.json"
     run_of(loops, checkpoint).stage("one", lambda: 1)
@@ -125,7 +125,7 @@ def test_another_setting_does_not_go_on_from_there(
 
 @pytest.mark.parametrize("history", ["demagnetised", "conditioned:0,1.9,0"])
 def test_other_data_or_another_past_do_not_go_on_from_there(
-    loops: LoopSet, tmp_path: Path, history: str
+    loops: Loops, tmp_path: Path, history: str
 ) -> None:
     checkpoint = tmp_path / "run.json"
     for others in (noisy(loops, NOISE, 9), loops.at(GAPS[:2]), loops.with_history(history)):
@@ -144,7 +144,7 @@ def test_other_data_or_another_past_do_not_go_on_from_there(
         b"\xff\xfe\0",
     ],
 )
-def test_a_damaged_checkpoint_is_ignored(loops: LoopSet, tmp_path: Path, rubbish: bytes) -> None:
+def test_a_damaged_checkpoint_is_ignored(loops: Loops, tmp_path: Path, rubbish: bytes) -> None:
     checkpoint = tmp_path / "run.json"
     checkpoint.write_bytes(rubbish)
     assert not is_resumed(loops, checkpoint)
@@ -173,13 +173,13 @@ def test_ctrl_c_leaves_the_best_so_far(samples: int) -> None:
     assert late.model.fit.rms < 1.1 * NOISE * largest(loops)
 
 
-def test_ctrl_c_before_there_is_a_model_goes_on_as_ctrl_c(loops: LoopSet) -> None:
+def test_ctrl_c_before_there_is_a_model_goes_on_as_ctrl_c(loops: Loops) -> None:
     with pytest.raises(KeyboardInterrupt):
         identify(loops, progress=Killer(1))
 
 
 def test_ctrl_c_inside_a_stage_leaves_the_best_so_far(
-    loops: LoopSet, monkeypatch: pytest.MonkeyPatch
+    loops: Loops, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> float:
         raise KeyboardInterrupt
@@ -188,7 +188,7 @@ def test_ctrl_c_inside_a_stage_leaves_the_best_so_far(
     assert identify(loops).interrupted
 
 
-def test_progress_counts_up_to_its_total(loops: LoopSet) -> None:
+def test_progress_counts_up_to_its_total(loops: Loops) -> None:
     for gap_map, stages in list(STAGES.items())[:2]:
         progress = Killer()
         identify(loops, law="effective-field", gap_map=gap_map, progress=progress)

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from anhyst.data import History, Loop, LoopSet
+from anhyst.data import History, Loop, Loops
 from anhyst.identification.response import LOCAL, Local
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
@@ -61,7 +61,7 @@ def magnet(
     gaps: Sequence[float] = GAPS,
     law: str = "effective-field",
     **changes: Parameter,
-) -> ActuatorModel:
+) -> Model:
     """Build an electromagnet driven by a current; a map other than 'none' has nodes at the gaps."""
     parameters = {**MAGNET, **AROUND[gap_map], **changes}
     places = [GAPS.index(gap) for gap in gaps]
@@ -70,7 +70,7 @@ def magnet(
         for name, value in parameters.items()
     }
     scheduled = gap_map != "none"
-    return ActuatorModel(
+    return Model(
         "magnet",
         QUANTITIES["current"],
         QUANTITIES[output],
@@ -82,12 +82,10 @@ def magnet(
     )
 
 
-def core(law: str = "effective-field", **changes: Parameter) -> ActuatorModel:
+def core(law: str = "effective-field", **changes: Parameter) -> Model:
     """Build a closed core driven by a field, seen by its flux density."""
     parameters = {**CORE, **changes}
-    return ActuatorModel(
-        "core", QUANTITIES["field"], QUANTITIES["flux_density"], parameters, law=law
-    )
+    return Model("core", QUANTITIES["field"], QUANTITIES["flux_density"], parameters, law=law)
 
 
 def path(points: Sequence[float], samples: int) -> FloatArray:
@@ -96,7 +94,7 @@ def path(points: Sequence[float], samples: int) -> FloatArray:
     return np.interp(np.linspace(0.0, way[-1], samples), way, points)
 
 
-def history_of(model: ActuatorModel, kind: str) -> str:
+def history_of(model: Model, kind: str) -> str:
     """Spell a history out: the conditioning drive is two large cycles from rest."""
     if kind != "conditioned":
         return kind
@@ -104,7 +102,7 @@ def history_of(model: ActuatorModel, kind: str) -> str:
     return f"conditioned:{points}"
 
 
-def drives_of(model: ActuatorModel, history: str, samples: int) -> dict[str, FloatArray]:
+def drives_of(model: Model, history: str, samples: int) -> dict[str, FloatArray]:
     """Nested loops: cycles of their own if settled, else one record that goes through them."""
     top = H_MAX if model.input.name == "field" else I_MAX
     low = -1.0 if model.input.name == "field" else 0.0
@@ -120,13 +118,13 @@ def drives_of(model: ActuatorModel, history: str, samples: int) -> dict[str, Flo
 
 
 def loops_of(
-    model: ActuatorModel,
+    model: Model,
     history: str = "settled",
     *,
     samples: int = 80,
     noise: float = 0.0,
     seed: int = 0,
-) -> LoopSet:
+) -> Loops:
     """Measure nested loops at every node; noise is relative to the largest output."""
     history = history_of(model, history)
     loops = []
@@ -135,11 +133,11 @@ def loops_of(
             schedule = None if node is None else np.full(drive.size, node)
             output = model.predict(drive, node, history=history).output
             loops.append(Loop(label, drive, output, schedule, history=History.parse(history)))
-    clean = LoopSet(tuple(loops), model.input, model.output, model.schedule)
+    clean = Loops(tuple(loops), model.input, model.output, model.schedule)
     return noisy(clean, noise, seed) if noise else clean
 
 
-def noisy(loopset: LoopSet, noise: float, seed: int) -> LoopSet:
+def noisy(loopset: Loops, noise: float, seed: int) -> Loops:
     """Add white noise to the output, relative to the largest output of all loops."""
     rng = np.random.default_rng(seed)
     size = noise * largest(loopset)
@@ -149,12 +147,12 @@ def noisy(loopset: LoopSet, noise: float, seed: int) -> LoopSet:
     )
 
 
-def largest(loopset: LoopSet) -> float:
+def largest(loopset: Loops) -> float:
     """Largest absolute output of all loops."""
     return max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)
 
 
-def worst(loopset: LoopSet, outputs: Sequence[FloatArray]) -> float:
+def worst(loopset: Loops, outputs: Sequence[FloatArray]) -> float:
     """Worst deviation of outputs from those of the loops, relative to the largest."""
     deviations = [
         np.abs(output - loop.output).max()
@@ -163,7 +161,7 @@ def worst(loopset: LoopSet, outputs: Sequence[FloatArray]) -> float:
     return float(max(deviations)) / largest(loopset)
 
 
-def predicted(model: ActuatorModel, loopset: LoopSet) -> list[FloatArray]:
+def predicted(model: Model, loopset: Loops) -> list[FloatArray]:
     """Give what a model says about every loop."""
     return [
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output
@@ -171,7 +169,7 @@ def predicted(model: ActuatorModel, loopset: LoopSet) -> list[FloatArray]:
     ]
 
 
-def gauge_free(model: ActuatorModel) -> list[Local]:
+def gauge_free(model: Model) -> list[Local]:
     """Parameters that every gauge of a model shares, at each node, (docs/theory.md)."""
     found = []
     for node in model.nodes or (None,):
@@ -191,7 +189,7 @@ def gauge_free(model: ActuatorModel) -> list[Local]:
     return found
 
 
-def apart(one: ActuatorModel, other: ActuatorModel, loopset: LoopSet) -> float:
+def apart(one: Model, other: Model, loopset: Loops) -> float:
     """Largest relative difference of gauge-free parameters; offsets relative to the spans."""
     spans = {
         "c": 1.0,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.laws.cells import CellWeights, Population, populations
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.diff import diff
 from anhyst.model.file import read_model
 from anhyst.model.writer import model_text, write_model
@@ -32,9 +32,9 @@ FEW = CellWeights(
 DRIVE = np.concatenate([np.linspace(0, 3, 40), np.linspace(3, -1, 40), np.linspace(-1, 2, 40)])
 
 
-def model(cells: CellWeights | None = FEW, law: str = "play-cells") -> ActuatorModel:
+def model(cells: CellWeights | None = FEW, law: str = "play-cells") -> Model:
     numbers = NUMBERS if cells is None else {"alpha": 1e-4}
-    return ActuatorModel(
+    return Model(
         "by hand",
         QUANTITIES["current"],
         QUANTITIES["force"],

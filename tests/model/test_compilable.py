@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.compilable import GAPS as LOOKED_AT
 from anhyst.model.compilable import least_slope, obstacle
 from anhyst.model.fit_record import ValidRange
@@ -17,7 +17,7 @@ from tests.model.test_model import GAPS, magnet
 AT = np.linspace(GAPS[0], GAPS[-1], LOOKED_AT)
 
 
-def drive_rises(model: ActuatorModel, gap: float) -> bool:
+def drive_rises(model: Model, gap: float) -> bool:
     """Tell whether more flux always needs more drive, on rises after falls of every depth.
 
     Which drive a flux needs is never in doubt: it is computed without any search for a root.

@@ -7,13 +7,13 @@ from dataclasses import replace
 import pytest
 
 from anhyst.data.history import History
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.diff import diff
 from anhyst.model.fit_record import Provenance, ValidRange
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
 
-MODEL = ActuatorModel(
+MODEL = Model(
     name="magnet",
     input=QUANTITIES["current"],
     output=QUANTITIES["force"],
@@ -26,7 +26,7 @@ MODEL = ActuatorModel(
 )
 
 
-def with_parameters(**changes: float | tuple[float, ...]) -> ActuatorModel:
+def with_parameters(**changes: float | tuple[float, ...]) -> Model:
     return replace(MODEL, parameters=dict(MODEL.parameters) | changes)
 
 
@@ -83,7 +83,7 @@ def test_settings_that_differ_are_named() -> None:
 
 
 def test_models_without_a_schedule_have_one_loop_to_compare() -> None:
-    core = ActuatorModel(
+    core = Model(
         "core",
         QUANTITIES["field"],
         QUANTITIES["flux_density"],

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.laws.cells import CellWeights
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
@@ -19,7 +19,7 @@ from anhyst.support.units import MU_0, QUANTITIES
 CELLS = CellWeights(
     np.array([0.0, 10.0, 40.0]), np.array([200.0]), np.array([[3000.0], [500.0], [500.0]])
 )
-STACK = ActuatorModel(
+STACK = Model(
     "stack",
     QUANTITIES["voltage"],
     QUANTITIES["displacement"],

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anhyst.data.history import History
-from anhyst.data.loop_set import Source
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data.loops import Source
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import (
     FitFigures,
@@ -29,7 +29,7 @@ from anhyst.support.toml_file import TomlFileError
 from anhyst.support.units import QUANTITIES, Quantity
 
 IRON: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.1, "c_H": 9e3}
-COMPLETE = ActuatorModel(
+COMPLETE = Model(
     name='solenoid "B"',
     input=QUANTITIES["current"],
     output=QUANTITIES["force"],
@@ -77,7 +77,7 @@ FIELD = replace(
     nodes=(-15.0, 0.0, 15.0),
     history=History("settled"),
 )
-PIEZO = ActuatorModel(
+PIEZO = Model(
     "stack",
     QUANTITIES["voltage"],
     QUANTITIES["displacement"],
@@ -86,7 +86,7 @@ PIEZO = ActuatorModel(
 
 
 @pytest.mark.parametrize("model", [COMPLETE, FIELD, PIEZO])
-def test_a_model_reads_back_as_it_was_written(model: ActuatorModel, tmp_path: Path) -> None:
+def test_a_model_reads_back_as_it_was_written(model: Model, tmp_path: Path) -> None:
     write_model(model, tmp_path / "model.toml")
     again = read_model(tmp_path / "model.toml")
     assert again == model

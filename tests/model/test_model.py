@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anhyst.data.history import History
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
@@ -32,9 +32,9 @@ AROUND: dict[GapMap, dict[str, Parameter]] = {
 MOVING: tuple[GapMap, ...] = ("none", "scaling", "reluctance")
 
 
-def magnet(gap_map: GapMap = "reluctance", **changes: Parameter) -> ActuatorModel:
+def magnet(gap_map: GapMap = "reluctance", **changes: Parameter) -> Model:
     parameters = IRON | AROUND[gap_map] | {"c_out": 60.0, "in_0": 0.02, "out_0": 0.5} | changes
-    return ActuatorModel(
+    return Model(
         name="magnet",
         input=QUANTITIES["current"],
         output=QUANTITIES["force"],
@@ -91,7 +91,7 @@ def test_inverse_undoes_predict_however_coarse(
 
 
 def test_signed_output_is_inverted_on_both_branches() -> None:
-    core = ActuatorModel(
+    core = Model(
         "core",
         QUANTITIES["field"],
         QUANTITIES["flux_density"],

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.data.history import History
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict_file import run_file
@@ -18,7 +18,7 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
 
-MODEL = ActuatorModel(
+MODEL = Model(
     name="magnet",
     input=QUANTITIES["current"],
     output=QUANTITIES["force"],

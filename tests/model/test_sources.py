@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data.loop_set import LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data.loops import Loops
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import Provenance
 from anhyst.model.sources import ReadOptions, read_sources, with_read_options
@@ -30,8 +30,8 @@ def measured(folder: Path) -> Path:
     return path
 
 
-def model_of(loops: LoopSet, options: ReadOptions) -> ActuatorModel:
-    model = ActuatorModel(
+def model_of(loops: Loops, options: ReadOptions) -> Model:
+    model = Model(
         "m",
         QUANTITIES["current"],
         QUANTITIES["force"],
@@ -41,7 +41,7 @@ def model_of(loops: LoopSet, options: ReadOptions) -> ActuatorModel:
     return with_read_options(model, options)
 
 
-def same(one: LoopSet, other: LoopSet) -> bool:
+def same(one: Loops, other: Loops) -> bool:
     return all(
         np.array_equal(a.input, b.input) and np.array_equal(a.output, b.output)
         for a, b in zip(one.loops, other.loops, strict=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.errors import InputError
@@ -16,12 +16,12 @@ LIMIT = 0.45
 STEP = 2.0**-10  # a power of two: differences of times are exact
 
 
-def magnet(gap_map: GapMap = "reluctance", gamma: float = 0.0) -> ActuatorModel:
+def magnet(gap_map: GapMap = "reluctance", gamma: float = 0.0) -> Model:
     iron: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.15, "c_H": 9000.0}
     varying: dict[str, Parameter] = {"rho": (0.004, 0.008)}
     if gap_map == "free":
         varying = {"k": (300.0, 250.0)}
-    return ActuatorModel(
+    return Model(
         name="magnet",
         input=QUANTITIES["current"],
         output=QUANTITIES["force"],
@@ -125,7 +125,7 @@ def test_bad_input_is_refused() -> None:
 
 
 def test_settled_start_needs_a_range_to_cycle_over() -> None:
-    model = ActuatorModel(
+    model = Model(
         "core",
         QUANTITIES["field"],
         QUANTITIES["flux_density"],

@@ -17,7 +17,7 @@ from anhyst.data.clean import STEPS, clean
 from anhyst.data.inspection import inspect
 from anhyst.data.reading import read_loops
 from anhyst.data.sidecar import FileDescription
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty, ValidRange
 from anhyst.model.writer import model_text
@@ -137,7 +137,7 @@ def describe(path: Path) -> None:
 
 def model_of_everything() -> str:
     """Text of a model file with every table that there is."""
-    magnet = ActuatorModel(
+    magnet = Model(
         name="magnet",
         input=QUANTITIES["current"],
         output=QUANTITIES["force"],

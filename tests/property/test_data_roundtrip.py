@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from anhyst.data import History, Loop, LoopSet, read_columns, write_csv
+from anhyst.data import History, Loop, Loops, read_columns, write_csv
 from anhyst.data.columns import Texts
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import turning_points
@@ -110,7 +110,7 @@ def test_loops_survive_a_file(drive: str, answer: str, samples: int, seed: int) 
              time=np.sort(rng.uniform(size=samples)), history=History("settled"))
         for gap in (3e-4, 1.0 / 3.0) for label in ("a", "b c")
     ]  # fmt: skip
-    before = LoopSet(tuple(loops), QUANTITIES[drive], QUANTITIES[answer], QUANTITIES["gap"])
+    before = Loops(tuple(loops), QUANTITIES[drive], QUANTITIES[answer], QUANTITIES["gap"])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "loops.csv"
         before.save(path)

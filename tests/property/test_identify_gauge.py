@@ -16,7 +16,7 @@ from anhyst.identification.objective import Objective
 from anhyst.identification.past import Past
 from anhyst.identification.response import Local, ResponseForm
 from anhyst.identification.space import CoordinateSpace
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -102,8 +102,8 @@ def space_of(form: ResponseForm, gap_map: GapMap, count: int) -> CoordinateSpace
 
 def model_of(
     sets: list[Local], gap_map: GapMap, law: str, quantities: tuple[Quantity, Quantity]
-) -> ActuatorModel:
-    return ActuatorModel(
+) -> Model:
+    return Model(
         "model",
         *quantities,
         physical(form_of(*quantities, law), sets, gap_map, *quantities, GAPS[: len(sets)]),
@@ -117,7 +117,7 @@ def model_of(
 
 def check_same_outputs(
     sets: list[Local], gap_map: GapMap, law: str, names: tuple[str, str]
-) -> ActuatorModel:
+) -> Model:
     quantities = (QUANTITIES[names[0]], QUANTITIES[names[1]])
     space = space_of(form_of(*quantities, law), gap_map, len(sets))
     sets = [space.form.with_h(one) for one in sets]
@@ -176,7 +176,7 @@ def test_a_lift_moves_only_along_the_redundancy(sets: list[Local]) -> None:
     assert 0.0 < alpha < 1.0
 
 
-def scaled(model: ActuatorModel, factors: dict[str, float], **others: Parameter) -> ActuatorModel:
+def scaled(model: Model, factors: dict[str, float], **others: Parameter) -> Model:
     changed = {
         name: tuple(v * factors.get(name, 1.0) for v in value)
         if isinstance(value, tuple)
@@ -186,7 +186,7 @@ def scaled(model: ActuatorModel, factors: dict[str, float], **others: Parameter)
     return replace(model, parameters={**changed, **others})
 
 
-def outputs(model: ActuatorModel, gaps: Sequence[float] = GAPS) -> FloatArray:
+def outputs(model: Model, gaps: Sequence[float] = GAPS) -> FloatArray:
     return np.concatenate([model.predict(PATH, gap).output for gap in gaps])
 
 

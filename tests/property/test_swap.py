@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from anhyst.compensate.block import Block, DemandLimits, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_simplified
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from tests.actuators import (
@@ -55,7 +55,7 @@ def cycle(gap_map: GapMap) -> FloatArray:
     return triangles(0.04 * high, high, 100, 1)
 
 
-def block_of(gap_map: GapMap, model: ActuatorModel, reach: float) -> Block:
+def block_of(gap_map: GapMap, model: Model, reach: float) -> Block:
     """Return a block for the signals of the magnet whose current ends at a part of its range."""
     scales, limits = ranges(gap_map, PLAY)
     low, high = limits.current
@@ -63,7 +63,7 @@ def block_of(gap_map: GapMap, model: ActuatorModel, reach: float) -> Block:
     return build_full(model, scales, narrow, FULL_SIZES)
 
 
-def drives(model: ActuatorModel, demand: FloatArray, gap: float) -> FloatArray:
+def drives(model: Model, demand: FloatArray, gap: float) -> FloatArray:
     """Return the currents of the law in double precision, from the demagnetised state."""
     answer = model.invert(demand, np.full(demand.size, gap), history="demagnetised")
     return np.asarray(answer.drive)

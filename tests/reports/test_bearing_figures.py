@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
-from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.loops import Loop, Loops
 from anhyst.reports.bearing import SimulationSubject
 from anhyst.reports.bearing.block_diagram import figure_structure
 from anhyst.reports.bearing.force_current import LoopCurve, figure_force_current, nearest_loops
@@ -206,7 +206,7 @@ def test_forces_show_the_error_of_what_is_shown(runs: dict[MethodName, Recording
 
 def test_the_run_lies_over_the_nearest_loops() -> None:
     current = np.array([0.0, 2.0, 4.0, 2.0, 0.0])
-    loops = LoopSet(
+    loops = Loops(
         tuple(
             Loop("a", current, 1e-6 * current / gap, np.full(5, gap))
             for gap in (0.35e-3, 0.42e-3, 0.48e-3, 0.55e-3)

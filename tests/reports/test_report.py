@@ -13,9 +13,9 @@ import pytest
 
 from anhyst.cli import app as cli
 from anhyst.data.history import History
-from anhyst.data.loop_set import LoopSet, Source
+from anhyst.data.loops import Loops, Source
 from anhyst.data.verdict import Level
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.parameters import Parameter
 from anhyst.model.sources import ReadOptions
@@ -39,7 +39,7 @@ GAPS = (0.3e-3, 0.45e-3, 0.6e-3)
 TURNS = (1500.0, 1150.0, 950.0)
 
 
-def rows_of(model: ActuatorModel, at: float | None, top: float, seed: int) -> list[str]:
+def rows_of(model: Model, at: float | None, top: float, seed: int) -> list[str]:
     """Lines of a table: a loop of the model with noise, from 0 (a force) or about 0."""
     low = 0.0 if model.power == 2 else -top
     half = np.linspace(low, top, 60)
@@ -50,9 +50,9 @@ def rows_of(model: ActuatorModel, at: float | None, top: float, seed: int) -> li
     return [f"{i!r},{o!r}{end}" for i, o in zip(drive.tolist(), output.tolist(), strict=True)]
 
 
-def magnet(folder: Path, **changes: object) -> ActuatorModel:
+def magnet(folder: Path, **changes: object) -> Model:
     """A model of a magnet over three gaps, its measurements in a file, all its records filled."""
-    model = ActuatorModel(
+    model = Model(
         "magnet",
         QUANTITIES["current"],
         QUANTITIES["force"],
@@ -83,15 +83,13 @@ def magnet(folder: Path, **changes: object) -> ActuatorModel:
     return replace(finished(model, loops, {"scaling": 0.004, "reluctance": 0.003}), **changes)  # type: ignore[arg-type]
 
 
-def measured(folder: Path, lines: list[str]) -> LoopSet:
+def measured(folder: Path, lines: list[str]) -> Loops:
     path = folder / "loops.csv"
     path.write_text("\n".join(lines) + "\n")
     return ReadOptions(history="settled").read([path])
 
 
-def finished(
-    model: ActuatorModel, loops: LoopSet, left_out: Mapping[str, float] | None = None
-) -> ActuatorModel:
+def finished(model: Model, loops: Loops, left_out: Mapping[str, float] | None = None) -> Model:
     """Give a model the provenance and the fit figures that go with its loops."""
     sources = tuple(Source(Path(s.path).name, s.sha256, s.columns) for s in loops.sources)
     settings = {"gap_map_reason": "it predicts best", "read_history": "settled"}
@@ -102,10 +100,10 @@ def finished(
     return replace(model, fit=replace(fit, left_out=left_out or {}))
 
 
-def iron_sample(folder: Path, schedule: Quantity | None = None) -> ActuatorModel:
+def iron_sample(folder: Path, schedule: Quantity | None = None) -> Model:
     """A model from field to flux density, over a temperature or over nothing."""
     nodes = (-20.0, 10.0) if schedule else ()
-    model = ActuatorModel(
+    model = Model(
         "sample",
         QUANTITIES["field"],
         QUANTITIES["flux_density"],
@@ -122,7 +120,7 @@ def iron_sample(folder: Path, schedule: Quantity | None = None) -> ActuatorModel
     return finished(model, measured(folder, lines))
 
 
-def report_of(model: ActuatorModel, folder: Path) -> tuple[str, tuple[str, ...]]:
+def report_of(model: Model, folder: Path) -> tuple[str, tuple[str, ...]]:
     write_model(model, folder / "model.toml")
     warnings = write_report(folder / "model.toml", folder / "report.html")
     return (folder / "report.html").read_text(encoding="utf-8"), warnings
@@ -386,9 +384,9 @@ def test_noise_is_reported_from_the_record_before_thinning(tmp_path: Path) -> No
     assert evidence.loops.loops[0].n <= 4000
 
 
-def bare_model() -> ActuatorModel:
+def bare_model() -> Model:
     parameters = {**IRON, "c_H": 1.0}
-    return ActuatorModel("bare", QUANTITIES["field"], QUANTITIES["flux_density"], parameters)
+    return Model("bare", QUANTITIES["field"], QUANTITIES["flux_density"], parameters)
 
 
 def test_a_bare_model_can_be_reported(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from anhyst.control.controller_file import (
     write_controller,
 )
 from anhyst.data.reading import read_loops
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.rig.bearing.controller_check import check_controller
 from anhyst.rig.bearing.file import check_load, check_rate, read_bearing, step_ends
 from anhyst.rig.bearing.flux_file import check_flux_range, read_flux_table
@@ -370,7 +370,7 @@ def test_gains_that_fixed_point_cannot_hold_are_reported_with_their_key(folder: 
     line = change(path, "bandwidth_Hz = 120.0", "bandwidth_Hz = 1e6")
     rig, where = read_bearing(folder / "rig.toml"), rf"{path}:{line}: design\.bandwidth_Hz: prop"
     loops = read_loops(EXAMPLE / "loops.csv")
-    known = IdentifiedMagnet(loops, cast(ActuatorModel, None))  # no variant below looks at a model
+    known = IdentifiedMagnet(loops, cast(Model, None))  # no variant below looks at a model
     with pytest.raises(InputError, match=rf"{where}.* too large"):
         make_setups(rig, read_controller(path), known, ("single-valued",))
     change(path, 'format = "fixed"', 'format = "f64"')

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.baselines import fit_ratio, fit_single_valued
-from anhyst.data import History, Loop, LoopSet
+from anhyst.data import History, Loop, Loops
 from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop
 from anhyst.rig.force.demand import LEAD_IN, moving_gap, triangle, with_lead_in
 from anhyst.rig.force.file import MovingTable, Rig, TriangleTable, read_rig
@@ -24,7 +24,7 @@ def rig() -> Rig:
     return read_rig(EXAMPLE / "rig.toml")
 
 
-def loopset(*pairs: tuple[float, float]) -> LoopSet:
+def loopset(*pairs: tuple[float, float]) -> Loops:
     """Loops that are lines in force, shifted by half their width in current, at each gap."""
     force = np.concatenate([np.linspace(0.0, 50.0, 201), np.linspace(50.0, 0.0, 201)])
     side = np.repeat([1.0, -1.0], 201)
@@ -38,7 +38,7 @@ def loopset(*pairs: tuple[float, float]) -> LoopSet:
         )
         for gap, width in pairs
     ]
-    return LoopSet(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
+    return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
 
 
 def test_a_triangle_turns_where_it_says_after_its_lead_in() -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.data.loop_set import Loop, LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data.loops import Loop, Loops
+from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES
 
 GAPS = (3e-4, 5e-4)
@@ -19,7 +19,7 @@ SCATTER = 0.05
 """Of the pinning and of the output, from magnet to magnet."""
 
 
-def magnet(pinning: float, output: float, gap_error: float = 0.0) -> ActuatorModel:
+def magnet(pinning: float, output: float, gap_error: float = 0.0) -> Model:
     """Make one magnet: pinning and output in parts of the usual ones, gap error in m."""
     iron: dict[str, float | tuple[float, ...]] = {
         "M_s": 1e6,
@@ -32,7 +32,7 @@ def magnet(pinning: float, output: float, gap_error: float = 0.0) -> ActuatorMod
         "c_out": 170.0 * output,
         "rho": tuple(g + gap_error for g in (9e-3, 15e-3)),
     }
-    return ActuatorModel(
+    return Model(
         "magnet",
         QUANTITIES["current"],
         QUANTITIES["force"],
@@ -43,7 +43,7 @@ def magnet(pinning: float, output: float, gap_error: float = 0.0) -> ActuatorMod
     )
 
 
-def loops_of(model: ActuatorModel, seed: int) -> LoopSet:
+def loops_of(model: Model, seed: int) -> Loops:
     """Measure a magnet in one run: at each gap large loops, then small ones, the last of each."""
     rng = np.random.default_rng(seed)
     loops = []
@@ -60,7 +60,7 @@ def loops_of(model: ActuatorModel, seed: int) -> LoopSet:
                 0.01 * np.arange(drive.size, dtype=np.float64)[part],
             )
             loops.append(Loop(label, drive[part], force[part], schedule, time))
-    return LoopSet(tuple(loops), model.input, model.output, QUANTITIES["gap"])
+    return Loops(tuple(loops), model.input, model.output, QUANTITIES["gap"])
 
 
 def write_fleet(folder: Path, count: int, seed: int = 7) -> list[tuple[float, float]]:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.history import History
 from anhyst.identification import identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.measuring import HeldBearing
 from anhyst.rig.force.file import read_rig
@@ -53,7 +53,7 @@ class MeasuredRig:
     def past(self) -> list[float]:
         return [0.0, *[self.campaign.current_max_A, 0.0] * 3]
 
-    def usual_loops(self) -> LoopSet:
+    def usual_loops(self) -> Loops:
         """Return the loops that its own [measurement] asks for."""
         magnet = self.held.magnet()
         places = range(len(self.campaign.gaps_m))
@@ -61,9 +61,9 @@ class MeasuredRig:
             loop for one in places for loop in measure_place(self.held, self.campaign, one, magnet)
         ]
         names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
-        return LoopSet(tuple(loops), *names)
+        return Loops(tuple(loops), *names)
 
-    def model(self, loops: LoopSet) -> ActuatorModel:
+    def model(self, loops: Loops) -> Model:
         return identify(loops, law="play-cells", gap_map=GAP_MAP[self.kind]).model
 
     def truth(self, turns: tuple[float, ...], gap: float) -> tuple[FloatArray, FloatArray]:
@@ -74,7 +74,7 @@ class MeasuredRig:
         current = straight([largest * turn for turn in turns], largest / 80.0)
         return current, np.array([magnet.step(one, gap) for one in current.tolist()])
 
-    def errors(self, model: ActuatorModel, turns: tuple[float, ...]) -> float:
+    def errors(self, model: Model, turns: tuple[float, ...]) -> float:
         """Return the rms error of a model at gaps that were not measured, N."""
         squares = []
         for gap in UNSEEN[self.kind]:

@@ -7,7 +7,7 @@ import pytest
 
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.watch.cusum import Chart, Reference
@@ -28,7 +28,7 @@ def rig() -> Rig:
 
 
 @pytest.fixture(scope="module")
-def model() -> ActuatorModel:
+def model() -> Model:
     loops = read_loops(EXAMPLES / "solenoid" / "loops.csv").at([1.0e-3, 1.6e-3, 2.8e-3])
     return identify(loops, law="play-cells", gap_map="reluctance").model
 
@@ -65,7 +65,7 @@ def cycles(count: int, low: float, high: float) -> FloatArray:
 @pytest.mark.parametrize("ends", [(0.1, 1.0), (0.3, 0.8)])
 @pytest.mark.parametrize("gap", [1.25e-3, 2.0e-3, None])
 def test_pinning_of_a_fifth_more_is_found_within_ten_seconds_of_motion(
-    rig: Rig, model: ActuatorModel, ends: tuple[float, float], gap: float | None
+    rig: Rig, model: Model, ends: tuple[float, float], gap: float | None
 ) -> None:
     current = cycles(LEARNT + 12, *ends)
     if gap is None:  # the armature moves along
@@ -89,7 +89,7 @@ def test_pinning_of_a_fifth_more_is_found_within_ten_seconds_of_motion(
     assert f"{found.drifted.shift:+.3g} N" in found.text(RATE)
 
 
-def test_what_is_found_does_not_depend_on_the_chunks(rig: Rig, model: ActuatorModel) -> None:
+def test_what_is_found_does_not_depend_on_the_chunks(rig: Rig, model: Model) -> None:
     current = cycles(16, 0.2, 0.9)
     at, ticks = np.full(current.size, 1.3e-3), np.arange(current.size, dtype=np.float64)
     rows = (ticks, *sensed(rig, current, at, true_force(rig, current, at)))
@@ -113,7 +113,7 @@ def test_what_is_found_does_not_depend_on_the_chunks(rig: Rig, model: ActuatorMo
         DriftWatch(model, 1.3e-3).take(rows[0][::-1], *rows[1:])
 
 
-def test_a_swing_that_is_met_half_way_is_a_cycle_too(model: ActuatorModel) -> None:
+def test_a_swing_that_is_met_half_way_is_a_cycle_too(model: Model) -> None:
     assert model.valid is not None
     half = 0.7 * TURN * np.ptp(model.valid.input)  # to either side of where it begins
     current = 0.6 + half * np.sin(2.0 * np.pi * np.arange(8 * RATE) / RATE)
@@ -123,7 +123,7 @@ def test_a_swing_that_is_met_half_way_is_a_cycle_too(model: ActuatorModel) -> No
 
 
 @pytest.mark.slow
-def test_an_hour_of_noise_is_no_drift(rig: Rig, model: ActuatorModel) -> None:
+def test_an_hour_of_noise_is_no_drift(rig: Rig, model: Model) -> None:
     few = cycles(4, 0.1, 1.0)
     force = true_force(rig, few, np.full(few.size, 1.25e-3))
     last, before = force[3 * RATE :], force[2 * RATE : 3 * RATE]

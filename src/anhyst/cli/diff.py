@@ -12,7 +12,7 @@ from anhyst.cli.console import in_small_units, print_json, show, table
 from anhyst.cli.options import AsJson
 
 if TYPE_CHECKING:
-    from anhyst.model.actuator import ActuatorModel
+    from anhyst.model.actuator import Model
     from anhyst.model.diff import ModelDiff
     from anhyst.model.parameters import Parameter
 
@@ -40,7 +40,7 @@ def diff(
         _show(result, one, other)
 
 
-def _show(result: ModelDiff, model: ActuatorModel, other: ActuatorModel) -> None:
+def _show(result: ModelDiff, model: Model, other: Model) -> None:
     if result.same:
         show("the two models compute the same")
         return

@@ -17,8 +17,8 @@ from anhyst.cli.options import (
     Columns,
     Constants,
     LoopColumn,
+    LoopFiles,
     LoopHistory,
-    Loops,
     Schedule,
     Sidecar,
     read_options,
@@ -29,7 +29,7 @@ from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
     from anhyst.identification import IdentifyResult
-    from anhyst.model.actuator import ActuatorModel
+    from anhyst.model.actuator import Model
     from anhyst.model.fit_record import CandidateFit
 
 
@@ -117,7 +117,7 @@ DeadBand = Annotated[
 
 
 def identify(
-    loops: Loops,
+    loops: LoopFiles,
     out: Out,
     law: LawOption = "auto",
     gap_map: GapMapOption = GapMapChoice.AUTO,
@@ -278,7 +278,7 @@ def _candidate(one: CandidateFit) -> str:
     )
 
 
-def _offsets(model: ActuatorModel) -> list[str]:
+def _offsets(model: Model) -> list[str]:
     """Name the offsets that were taken, and how sure they are."""
     unsure = model.uncertainty
     if unsure is None:

@@ -15,8 +15,8 @@ from anhyst.cli.options import (
     Columns,
     Constants,
     LoopColumn,
+    LoopFiles,
     LoopHistory,
-    Loops,
     Schedule,
     Sidecar,
     read_options,
@@ -26,11 +26,11 @@ from anhyst.cli.progress import progress_bar
 if TYPE_CHECKING:
     from anhyst.data.inspection import Inspection, LoopFigures
     from anhyst.data.listing import ChannelFigures
-    from anhyst.data.loop_set import LoopSet
+    from anhyst.data.loops import Loops
 
 
 def inspect(
-    loops: Loops,
+    loops: LoopFiles,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the loops (png, svg or pdf).")
     ] = None,
@@ -111,7 +111,7 @@ def check_plot(path: Path) -> None:
     check_writable(path)
 
 
-def _draw(found: Inspection, loops: LoopSet, path: Path) -> None:
+def _draw(found: Inspection, loops: Loops, path: Path) -> None:
     from io import BytesIO
 
     from anhyst.data.plot import plot_inspection

@@ -19,7 +19,7 @@ class BoardChoice(StrEnum):
     QEMU = "qemu-mps2"
 
 
-Loops = Annotated[
+LoopFiles = Annotated[
     list[Path], typer.Argument(metavar="LOOPS", help="CSV files, recordings or folders.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from anhyst.compensate.interface import Compensator
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.verdict import monotone_fit
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -102,12 +102,12 @@ class SingleValued(Memoryless):
         return np.asarray(PchipInterpolator(self.nodes, self.table, axis=0)(place))
 
 
-def fit_ratio(loops: LoopSet, force_max: float) -> ConstantRatio:
+def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
     """Fit a constant ratio at every gap, least squares of the force up to the largest wanted.
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Current to force.
     force_max : float
         N.
@@ -122,7 +122,7 @@ def fit_ratio(loops: LoopSet, force_max: float) -> ConstantRatio:
     return ConstantRatio(np.array(list(groups), dtype=np.float64), np.array(ratios))
 
 
-def fit_single_valued(loops: LoopSet, force_max: float) -> SingleValued:
+def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
     """Fit the best single-valued current over force and gap.
 
     At every level of force the current lies midway between the least and the largest that the
@@ -130,7 +130,7 @@ def fit_single_valued(loops: LoopSet, force_max: float) -> SingleValued:
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Current to force.
     force_max : float
         N.

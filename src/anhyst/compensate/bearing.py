@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 from anhyst.data.output_map import is_electromagnet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.support.errors import InputError
 
 
 def bearing_model(
-    model: ActuatorModel, current_max: float, force_max: float, gaps: tuple[float, float]
-) -> ActuatorModel:
+    model: Model, current_max: float, force_max: float, gaps: tuple[float, float]
+) -> Model:
     """Return a model that holds for one magnet of a bearing, and no further.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Force over current and gap.
     current_max, force_max : float
         Of that magnet, A and N; the least of both is zero.

@@ -27,7 +27,7 @@ from anhyst.compensate.measure import (
 from anhyst.compensate.paths import Path, find_reach, paths
 from anhyst.compensate.plan import Plan
 from anhyst.compensate.search import FINE
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
 
@@ -159,7 +159,7 @@ def _part(
     return BudgetPart(name, title, off.worst, off.rms, f"worst in {where}")
 
 
-def _drift(held: Sequence[Held], model: ActuatorModel) -> BudgetPart:
+def _drift(held: Sequence[Held], model: Model) -> BudgetPart:
     off = np.array([one.drift for one in held])
     worst = held[int(np.argmax(off))]
     return BudgetPart(
@@ -250,7 +250,7 @@ def _sampling(plan: Plan) -> BudgetPart:
     return BudgetPart("sample_rate", "sample rate", off.worst, off.rms, note)
 
 
-def _late(model: ActuatorModel, demand: FloatArray, gap: FloatArray) -> FloatArray:
+def _late(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:
     """Output minus demand where each current acts two ticks late, at the gap of then.
 
     The iron's memory is advanced at the ticks alone. Between them the gap moves under a current

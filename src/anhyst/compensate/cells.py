@@ -29,7 +29,7 @@ from anhyst.compensate.scheduled import (
     refuse_uncompilable,
 )
 from anhyst.laws.cells import CellWeights
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -221,7 +221,7 @@ def cell_rows(
 
 
 def build_cells(
-    model: ActuatorModel,
+    model: Model,
     scales: Scales,
     limits: DemandLimits,
     sizes: TableSizes | None = None,

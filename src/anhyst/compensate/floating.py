@@ -27,7 +27,7 @@ from anhyst.compensate.scheduled import (
     refuse_uncompilable,
 )
 from anhyst.compensate.simplified import ClosedForm, curve, distances, fit_closed_form
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 
 RealKind = Literal["full", "simplified", "cells"]
@@ -82,7 +82,7 @@ class RealBlock:
 
 
 def build_real(
-    model: ActuatorModel,
+    model: Model,
     kind: RealKind,
     scales: Scales,
     limits: DemandLimits,
@@ -94,7 +94,7 @@ def build_real(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Of the effective-field law, without eddy currents; every gap map but 'free'.
     kind : str
         ``"full"``, ``"cells"`` or ``"simplified"``.
@@ -137,7 +137,7 @@ def build_real(
 
 
 def _common(
-    model: ActuatorModel,
+    model: Model,
     scales: Scales,
     limits: DemandLimits,
     sizes: TableSizes,
@@ -160,7 +160,7 @@ def _common(
     }
 
 
-def _largest_flux(model: ActuatorModel, limits: DemandLimits, at: FloatArray) -> float:
+def _largest_flux(model: Model, limits: DemandLimits, at: FloatArray) -> float:
     """Return the flux that the demands need at most, or that of saturated iron."""
     circuit = model.circuit(at, np.zeros(at.size))
     needed = [circuit.flux_density(np.full(at.size, end))[0] for end in limits.demand]
@@ -171,7 +171,7 @@ Arms = tuple[FloatArray, FloatArray, FloatArray]
 Law = tuple[dict[str, float], Arms, dict[str, FloatArray]]
 
 
-def _full(model: ActuatorModel, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
+def _full(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
     law = normal(model, at)
     found = full_tables(law, limits, sizes)
     numbers = {
@@ -188,7 +188,7 @@ def _full(model: ActuatorModel, limits: DemandLimits, at: FloatArray, sizes: Tab
     return numbers, (law.bias, law.flux_arm, law.field_arm), tables
 
 
-def _cells(model: ActuatorModel, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
+def _cells(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
     arms = arms_of(model, at)
     found = cell_rows(cell_weights(model), arms, limits, sizes)
     numbers = {
@@ -203,7 +203,7 @@ def _cells(model: ActuatorModel, limits: DemandLimits, at: FloatArray, sizes: Ta
     return numbers, (arms.bias, arms.flux_arm, arms.field_arm), tables
 
 
-FULL: dict[str, Callable[[ActuatorModel, DemandLimits, FloatArray, TableSizes], Law]] = {
+FULL: dict[str, Callable[[Model, DemandLimits, FloatArray, TableSizes], Law]] = {
     "full": _full,
     "cells": _cells,
 }

@@ -29,7 +29,7 @@ from anhyst.compensate.scheduled import (
     refuse_uncompilable,
 )
 from anhyst.laws.ascending_branch import ascending_branch
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -67,7 +67,7 @@ class Normal:
     field_arm: FloatArray
 
 
-def normal(model: ActuatorModel, at: FloatArray) -> Normal:
+def normal(model: Model, at: FloatArray) -> Normal:
     """Bring a model into the form of the compensator, at places over the gap."""
     iron, arms = iron_of(model), arms_of(model, at)
     a = iron["a"]
@@ -154,7 +154,7 @@ def full_tables(law: Normal, limits: DemandLimits, sizes: TableSizes) -> FullTab
 
 
 def build_full(
-    model: ActuatorModel,
+    model: Model,
     scales: Scales,
     limits: DemandLimits,
     sizes: TableSizes | None = None,
@@ -165,7 +165,7 @@ def build_full(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Of the effective-field law, without eddy currents; gap map none, scaling or reluctance.
     scales : Scales
         What 1.0 means.

@@ -17,7 +17,7 @@ import numpy as np
 from anhyst.compensate.paths import Reach, find_reach
 from anhyst.compensate.plan import Plan
 from anhyst.compensate.twin import twin_of
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 
 SECONDS, NOISE_SECONDS = 60.0, 10.0
@@ -179,7 +179,7 @@ class _Pair:
     """A compensator, and the exact model that gets its currents, both going on where they are."""
 
     def __init__(self, plan: Plan, home: float) -> None:
-        self.model: ActuatorModel = plan.model
+        self.model: Model = plan.model
         self.twin = twin_of(plan.block, plan.request.io)
         self.iron = plan.model.iron_at(home if plan.model.needs_schedule else None)
         self.state = np.zeros(plan.model.operator_law.states)

@@ -14,7 +14,7 @@ from anhyst.compensate.irons import iron_of
 from anhyst.compensate.paths import Path
 from anhyst.compensate.scheduled import arms_of, flux_unit, nodes
 from anhyst.compensate.twin import AnyBlock, FixedTwin, Io, RealTwin, twin_of
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 
@@ -55,12 +55,12 @@ class OutputDeviation:
     path: str
 
 
-def run_twin(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> PathRun:
+def run_twin(model: Model, block: AnyBlock, io: Io, path: Path) -> PathRun:
     """Run a compensator along a path, and the exact model with its currents.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
     block : Block or RealBlock
         Parameters of the compensator.
@@ -79,7 +79,7 @@ def run_twin(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> PathR
     )
 
 
-def run_with_losses(model: ActuatorModel, block: AnyBlock, io: Io, path: Path) -> PathRun:
+def run_with_losses(model: Model, block: AnyBlock, io: Io, path: Path) -> PathRun:
     """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
     size = path.demand.size
     loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
@@ -127,7 +127,7 @@ def _lossy_numbers(twin: RealTwin, path: Path, loss: FloatArray) -> FloatArray:
     return np.array(currents)
 
 
-def exact_output(model: ActuatorModel, current: FloatArray, path: Path) -> FloatArray:
+def exact_output(model: Model, current: FloatArray, path: Path) -> FloatArray:
     """Return what the model makes of a current along a path."""
     return model.predict(current, path.gap, history="demagnetised").output
 
@@ -171,7 +171,7 @@ def resolution(scales: Scales) -> float:
 
 
 def against_demand(
-    model: ActuatorModel, block: AnyBlock, io: Io, paths: Sequence[Path]
+    model: Model, block: AnyBlock, io: Io, paths: Sequence[Path]
 ) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
     """Run a compensator along all paths, the first of the random ones with losses as well.
 
@@ -192,7 +192,7 @@ def against_demand(
 
 
 def between(
-    model: ActuatorModel,
+    model: Model,
     one: tuple[AnyBlock, Io],
     other: tuple[AnyBlock, Io],
     paths: Sequence[Path],
@@ -206,9 +206,7 @@ def between(
     return deviation((path.name, errors(path)) for path in paths)
 
 
-def snapped(
-    paths: Sequence[Path], model: ActuatorModel, scales: Scales, sizes: TableSizes
-) -> list[Path]:
+def snapped(paths: Sequence[Path], model: Model, scales: Scales, sizes: TableSizes) -> list[Path]:
     """Return the paths with every gap moved to the nearest entry of the tables over it."""
     if not model.needs_schedule:
         return list(paths)
@@ -223,7 +221,7 @@ def snapped(
 
 
 def interpolation(
-    model: ActuatorModel,
+    model: Model,
     scales: Scales,
     limits: DemandLimits,
     sizes: TableSizes,
@@ -233,7 +231,7 @@ def interpolation(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
     scales : Scales
         Range of the gap.

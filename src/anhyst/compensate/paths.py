@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.compensate.block import DemandLimits, Scales
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 
 MARGIN = 0.98
@@ -68,12 +68,12 @@ class Reach:
         return np.asarray(low + (high - low) * part)
 
 
-def find_reach(model: ActuatorModel, scales: Scales, limits: DemandLimits) -> Reach:
+def find_reach(model: Model, scales: Scales, limits: DemandLimits) -> Reach:
     """Find out which outputs can be reached over the gap.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
     scales : Scales
         Range of the gap.
@@ -99,7 +99,7 @@ def find_reach(model: ActuatorModel, scales: Scales, limits: DemandLimits) -> Re
 
 
 def paths(
-    model: ActuatorModel,
+    model: Model,
     scales: Scales,
     limits: DemandLimits,
     *,
@@ -111,7 +111,7 @@ def paths(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
     scales : Scales
         Range of the gap.

@@ -7,8 +7,8 @@ import numpy as np
 from anhyst.compensate.block import Scales
 from anhyst.compensate.current_map import CurrentMap
 from anhyst.compensate.surface import fit_line, fit_surface
-from anhyst.data import Loop, LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data import Loop, Loops
+from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
 
 _COLUMNS = 9
@@ -24,7 +24,7 @@ _LARGEST = 1.0 - 2.0**-15
 """Of the full scale: the largest entry in 16 bits."""
 
 
-def plain_map(model: ActuatorModel, scales: Scales) -> CurrentMap:
+def plain_map(model: Model, scales: Scales) -> CurrentMap:
     """Return a constant force-current ratio, fitted to the settled loops of a model.
 
     The method ``ratio`` around half of the largest force at the middle gap, with loops of the model
@@ -32,7 +32,7 @@ def plain_map(model: ActuatorModel, scales: Scales) -> CurrentMap:
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Force over current and gap, within the limits of its controller.
     scales : Scales
         Full scales of the controller.
@@ -53,7 +53,7 @@ def plain_map(model: ActuatorModel, scales: Scales) -> CurrentMap:
     ends = scales.gap_low, scales.gap_high
     middle = 0.5 * (ends[0] + ends[1])
     loops = [_loop(model, high, gap) for gap in (ends[0], middle, ends[1])]
-    known = LoopSet(tuple(loops), model.input, model.output, model.schedule)
+    known = Loops(tuple(loops), model.input, model.output, model.schedule)
     surface = fit_surface(known, scales.demand, ends)
     line = fit_line(surface, 0.5 * force_max, middle, force_max)
     force = np.linspace(0.0, scales.demand, _COLUMNS)
@@ -63,7 +63,7 @@ def plain_map(model: ActuatorModel, scales: Scales) -> CurrentMap:
     return CurrentMap(entries, scales, (0.0, high), {"k_i_N_per_A": line.k_i})
 
 
-def _loop(model: ActuatorModel, high: float, gap: float) -> Loop:
+def _loop(model: Model, high: float, gap: float) -> Loop:
     """Return the settled loop up to a current and back at a gap."""
     ramp = np.linspace(0.0, high, _SAMPLES)
     drive = np.concatenate((ramp, ramp[-2::-1]))

@@ -13,7 +13,7 @@ from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
 from anhyst.compensate.start import StartUp, plan_start
 from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.data.output_map import output_map
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError, NegativeResult
 
 GAPS = 65
@@ -110,7 +110,7 @@ class Plan:
     allowance: float
 
     @property
-    def model(self) -> ActuatorModel:
+    def model(self) -> Model:
         """The model."""
         return self.builder.model
 
@@ -144,7 +144,7 @@ def largest_output(limits: DemandLimits) -> float:
     return max(abs(end) for end in limits.demand)
 
 
-def reference_output(model: ActuatorModel, limits: DemandLimits) -> float:
+def reference_output(model: Model, limits: DemandLimits) -> float:
     """Return the largest demand; of what has no natural zero the range of demands, its stroke."""
     if output_map(model.output).from_zero:
         return largest_output(limits)
@@ -152,7 +152,7 @@ def reference_output(model: ActuatorModel, limits: DemandLimits) -> float:
 
 
 def make_plan(
-    model: ActuatorModel,
+    model: Model,
     request: CompileRequest,
     model_hash: int,
     share: float = 1.0,
@@ -162,7 +162,7 @@ def make_plan(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
     request : CompileRequest
         What is wanted.
@@ -212,7 +212,7 @@ def not_computed(error: InputError | NegativeResult) -> InputError:
     )
 
 
-def find_limits(model: ActuatorModel) -> DemandLimits:
+def find_limits(model: Model) -> DemandLimits:
     """Return the limits of demand and current: where the model was seen to hold.
 
     Raises
@@ -241,7 +241,7 @@ def find_limits(model: ActuatorModel) -> DemandLimits:
     return limits
 
 
-def _largest_word(model: ActuatorModel, limits: DemandLimits) -> float:
+def _largest_word(model: Model, limits: DemandLimits) -> float:
     """Return the largest magnitude that the words of a demand hold.
 
     What has no natural zero may lie far from the output at zero flux: that, and the way from there,
@@ -256,7 +256,7 @@ def _largest_word(model: ActuatorModel, limits: DemandLimits) -> float:
     )
 
 
-def find_scales(model: ActuatorModel, limits: DemandLimits) -> Scales:
+def find_scales(model: Model, limits: DemandLimits) -> Scales:
     """Return what 1.0 of each signal means: round values, the gap's range as it is."""
     assert model.valid is not None
     gap_low, gap_high = model.valid.schedule or (0.0, 0.0)

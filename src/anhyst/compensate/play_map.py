@@ -26,7 +26,7 @@ from anhyst.compensate.force_controller import REAL, Native
 from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compensate.surface import SPAN, Surface, fit_surface
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.support.arrays import FloatArray
 from anhyst.support.fixed_point import as_factor, q31
 
@@ -109,7 +109,7 @@ def _play(surface: Surface, half: FloatArray, operating: Operating, radius: floa
     return PlayMap(current_map(entries, operating, {}, half), half, radius)
 
 
-def half_widths(surface: Surface, loops: LoopSet) -> FloatArray:
+def half_widths(surface: Surface, loops: Loops) -> FloatArray:
     """Return half the width of the loops on the steps of a surface.
 
     At a force it is half of what lies between the least and the largest current of a gap's loops,
@@ -120,7 +120,7 @@ def half_widths(surface: Surface, loops: LoopSet) -> FloatArray:
     ----------
     surface : Surface
         Best current without memory.
-    loops : LoopSet
+    loops : Loops
         Current to force, with gaps.
 
     Returns
@@ -151,7 +151,7 @@ def no_steeper(half: FloatArray, rise: FloatArray) -> FloatArray:
     return half
 
 
-def best_radius(surface: Surface, loops: LoopSet, operating: Operating) -> float:
+def best_radius(surface: Surface, loops: Loops, operating: Operating) -> float:
     """Return the radius with which a map expects the forces of all records best.
 
     Every record counts, minor cycles as the others; where there are none, hardly anything sets the
@@ -161,7 +161,7 @@ def best_radius(surface: Surface, loops: LoopSet, operating: Operating) -> float
     ----------
     surface : Surface
         Best current without memory, over all gaps of the loops.
-    loops : LoopSet
+    loops : Loops
         Current to force, with gaps.
     operating : Operating
         Limits; forces beyond the largest one wanted do not count.

@@ -9,7 +9,7 @@ import numpy as np
 from anhyst.compensate.block import Conditioning, DemandLimits, Packer, Scales, TableSizes, as_word
 from anhyst.compensate.irons import iron_of, saturation
 from anhyst.compensate.layout import UNITS
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.compilable import least_slope, obstacle
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -20,13 +20,13 @@ LARGEST_WEIGHT = 32767 / WEIGHT
 MOST_FLUX_SHIFT = 6
 
 
-def refuse_uncompilable(model: ActuatorModel) -> None:
+def refuse_uncompilable(model: Model) -> None:
     """Raise `InputError` for a model that has no fixed-point form, saying why."""
     if (reason := obstacle(model)) is not None:
         raise InputError(reason)
 
 
-def nearly_jumps(model: ActuatorModel, at: FloatArray) -> InputError:
+def nearly_jumps(model: Model, at: FloatArray) -> InputError:
     """Return the error of a model whose current does not rise far enough with its field."""
     return InputError(
         f"alpha: the output all but jumps at some currents (least slope of the drive "
@@ -35,19 +35,19 @@ def nearly_jumps(model: ActuatorModel, at: FloatArray) -> InputError:
     )
 
 
-def nodes(model: ActuatorModel, scales: Scales, sizes: TableSizes) -> FloatArray:
+def nodes(model: Model, scales: Scales, sizes: TableSizes) -> FloatArray:
     """Places over the gap at which a table has its entries, SI."""
     if not model.needs_schedule:
         return np.full(2, scales.gap_low)
     return np.linspace(scales.gap_low, scales.gap_high, 2**sizes.gap_segments + 1)
 
 
-def flux_unit(model: ActuatorModel) -> float:
+def flux_unit(model: Model) -> float:
     """Flux density of saturated iron without the air around it, T: the unit of the inner flux."""
     return MU_0 * saturation(model) * (1.0 - iron_of(model)["alpha"])
 
 
-def unit_codes(model: ActuatorModel) -> int:
+def unit_codes(model: Model) -> int:
     """Return the units of demand, current and gap as one word."""
     gap = model.schedule.unit if model.schedule is not None else ""
     demand, current, gap_code = (
@@ -72,7 +72,7 @@ def flux_shift(gain: FloatArray) -> int:
     return max(0, int(np.ceil(np.log2(gain.max() / LARGEST_WEIGHT))))
 
 
-def flux_gain(model: ActuatorModel, scales: Scales, at: FloatArray) -> FloatArray:
+def flux_gain(model: Model, scales: Scales, at: FloatArray) -> FloatArray:
     """Return the flux of a full-scale output at each node, in units of :func:`flux_unit`."""
     full = scales.demand / model.over_schedule("c_out", at)
     return np.asarray((np.sqrt(full) if model.power == 2 else full) / flux_unit(model))
@@ -80,7 +80,7 @@ def flux_gain(model: ActuatorModel, scales: Scales, at: FloatArray) -> FloatArra
 
 def pack_common(
     pack: Packer,
-    model: ActuatorModel,
+    model: Model,
     scales: Scales,
     limits: DemandLimits,
     sizes: TableSizes,
@@ -131,7 +131,7 @@ class Arms:
     field_arm: FloatArray
 
 
-def arms_of(model: ActuatorModel, at: FloatArray) -> Arms:
+def arms_of(model: Model, at: FloatArray) -> Arms:
     """Bring the circuit of a model into the form of a compensator, at places over the gap.
 
     ``c_H*(I - in_0) = x/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with

@@ -19,7 +19,7 @@ from anhyst.compensate.measure import against_demand, between, interpolation, sn
 from anhyst.compensate.paths import paths
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.compensate.twin import AnyBlock, Io
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 
 SPARE = 0.9
 """Of the wanted accuracy is used up on the path of the plan; the budget measures another one."""
@@ -76,7 +76,7 @@ ITERATION_RANGE = range(2, 12)
 class Builder:
     """Makes blocks of one model, kind and format that differ in their sizes alone."""
 
-    model: ActuatorModel
+    model: Model
     kind: Kind
     io: Io
     scales: Scales

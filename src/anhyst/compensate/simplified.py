@@ -37,7 +37,7 @@ from anhyst.compensate.scheduled import (
     pack_common,
     refuse_uncompilable,
 )
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -121,7 +121,7 @@ def _demand(low: float, high: float) -> FloatArray:
     return np.tile(low + (high - low) * wave, CYCLES)
 
 
-def _tasks(model: ActuatorModel, at: float, limits: DemandLimits) -> list[_Task]:
+def _tasks(model: Model, at: float, limits: DemandLimits) -> list[_Task]:
     """Return what the full model does at one gap, one task a demand."""
     circuit = model.circuit(np.array([at]), np.zeros(1))
     unit = flux_unit(model)
@@ -142,7 +142,7 @@ def _tasks(model: ActuatorModel, at: float, limits: DemandLimits) -> list[_Task]
     return tasks
 
 
-def _with_offset(model: ActuatorModel, at: float, tasks: list[_Task], offset: float) -> list[_Task]:
+def _with_offset(model: Model, at: float, tasks: list[_Task], offset: float) -> list[_Task]:
     """Return the same demands with the flux that another offset makes of them."""
     unit = flux_unit(model)
     scale = float(model.over_schedule("c_out", np.array([at]))[0]) * unit**2
@@ -252,7 +252,7 @@ def _least_squares(design: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def _straighten(
-    model: ActuatorModel,
+    model: Model,
     at: float,
     tasks: list[_Task],
     law: tuple[float, float],
@@ -276,7 +276,7 @@ def _straighten(
 
 
 def fit_closed_form(
-    model: ActuatorModel,
+    model: Model,
     limits: DemandLimits,
     at: FloatArray,
     sizes: TableSizes | None = None,
@@ -286,7 +286,7 @@ def fit_closed_form(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Of the effective-field law.
     limits : DemandLimits
         Of demand and current.
@@ -367,7 +367,7 @@ def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]
 
 
 def build_simplified(
-    model: ActuatorModel,
+    model: Model,
     scales: Scales,
     limits: DemandLimits,
     sizes: TableSizes | None = None,

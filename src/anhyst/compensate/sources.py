@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from anhyst.compensate.flux import FluxCalibration
 from anhyst.compensate.plan import full_scale
 from anhyst.compensate.surface import Surface, fit_surface
-from anhyst.data import LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data import Loops
+from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
 
 
@@ -62,17 +62,17 @@ class Sources:
     ----------
     operating : Operating
         Operating point and limits.
-    loops : LoopSet, optional
+    loops : Loops, optional
         Current to force; needed by every method without a model.
-    model : ActuatorModel, optional
+    model : Model, optional
         Identified from the same loops; needed by methods with a model.
     flux_calibration : FluxCalibration, optional
         Needed by a method that measures the flux density.
     """
 
     operating: Operating
-    loops: LoopSet | None = None
-    model: ActuatorModel | None = None
+    loops: Loops | None = None
+    model: Model | None = None
     flux_calibration: FluxCalibration | None = None
 
     def surface(self) -> Surface:

@@ -9,7 +9,7 @@ import numpy as np
 
 from anhyst.compensate.block import Conditioning, DemandLimits, Scales
 from anhyst.data.history import History
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 
 RAMP_SECONDS = 0.25
@@ -46,13 +46,13 @@ class StartUp:
 
 
 def plan_start(
-    model: ActuatorModel, scales: Scales, limits: DemandLimits, rate: float, wanted: float
+    model: Model, scales: Scales, limits: DemandLimits, rate: float, wanted: float
 ) -> StartUp:
     """Choose the sequence.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
     scales : Scales
         Range of the gap.
@@ -77,7 +77,7 @@ def plan_start(
     return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining)
 
 
-def left_after(model: ActuatorModel, scales: Scales, limits: DemandLimits, cycles: int) -> float:
+def left_after(model: Model, scales: Scales, limits: DemandLimits, cycles: int) -> float:
     """Return how far outputs of different starts are apart after so many cycles, at any gap."""
     low, high = limits.current
     corners = [low, high] * cycles + [low]

@@ -9,7 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.signal import savgol_filter
 
 from anhyst.compensate.baselines import midway
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.data.verdict import monotone_fit
 from anhyst.support.arrays import FloatArray
@@ -72,7 +72,7 @@ class Surface:
         return np.asarray(np.interp(force, self.force, row))
 
 
-def fit_surface(loops: LoopSet, force_high: float, gap_range: tuple[float, float]) -> Surface:
+def fit_surface(loops: Loops, force_high: float, gap_range: tuple[float, float]) -> Surface:
     """Fit the best current without memory.
 
     At every level of force it lies midway between the least and the largest current that the loops
@@ -82,7 +82,7 @@ def fit_surface(loops: LoopSet, force_high: float, gap_range: tuple[float, float
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Current to force, with gaps.
     force_high : float
         Largest force of the surface, N.

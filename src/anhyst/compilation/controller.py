@@ -23,7 +23,7 @@ from anhyst.control.controller_file import (
     read_controller,
 )
 from anhyst.control.position import PositionControl, Settings
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import Fault, faults_error
@@ -59,7 +59,7 @@ class Controller:
         """Of the file."""
         return hashlib.sha256(self.file.path.read_bytes()).hexdigest()
 
-    def narrowed(self, model: ActuatorModel) -> ActuatorModel:
+    def narrowed(self, model: Model) -> Model:
         """Return the model for forces, currents and gaps of this controller alone.
 
         Raises
@@ -74,7 +74,7 @@ class Controller:
         force_max = table.force_max(table.pair)
         return bearing_model(model, table.limits.current_high_A, force_max, gaps)
 
-    def check_current(self, model: ActuatorModel) -> None:
+    def check_current(self, model: Model) -> None:
         """Refuse currents that the model was never seen at.
 
         Raises

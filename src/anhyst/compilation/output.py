@@ -31,7 +31,7 @@ from anhyst.compilation.manifest import manifest
 from anhyst.compilation.page import budget_page
 from anhyst.compilation.source import sources
 from anhyst.compilation.vectors import golden_vectors, vectors_csv
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -190,7 +190,7 @@ def compile_model(
     return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"), late)
 
 
-def not_compiled(model: ActuatorModel) -> tuple[str, ...]:
+def not_compiled(model: Model) -> tuple[str, ...]:
     """Say what of lag and creep is left to what stands around the compensator."""
     late, said = model.dynamics, []
     if late is not None and late.lag > 0.0:
@@ -211,7 +211,7 @@ def _accuracy(budget: Budget) -> dict[str, str]:
     }
 
 
-def _better(model: ActuatorModel, plan: Plan, controller: Controller | None) -> str:
+def _better(model: Model, plan: Plan, controller: Controller | None) -> str:
     """Return the options that reach an accuracy which those of a plan do not; empty if none do."""
     asked = plan.request
     tries: list[tuple[str, CompileRequest]] = []
@@ -231,7 +231,7 @@ def _better(model: ActuatorModel, plan: Plan, controller: Controller | None) -> 
 
 
 def _planned(
-    model: ActuatorModel,
+    model: Model,
     request: CompileRequest,
     model_hash: int,
     controller: Controller | None,

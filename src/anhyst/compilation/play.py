@@ -24,9 +24,9 @@ from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.parameters import ENTRIES_A_LINE
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
-from anhyst.data import History, Loop, LoopSet
+from anhyst.data import History, Loop, Loops
 from anhyst.data.output_map import is_electromagnet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
@@ -151,13 +151,13 @@ class _Head:
     """What all files may show."""
 
     name: str
-    model: ActuatorModel
+    model: Model
     sha256: str
     version: str
     operating: Operating
 
 
-def _operating(model: ActuatorModel, rate: float) -> Operating:
+def _operating(model: Model, rate: float) -> Operating:
     """Return where the map has to hold: all that the model does."""
     if not is_electromagnet(model) or model.valid is None or model.valid.schedule is None:
         raise InputError(
@@ -171,7 +171,7 @@ def _operating(model: ActuatorModel, rate: float) -> Operating:
     return Operating(middle, 0.5 * force, rate, gaps, force, limits.current[1])
 
 
-def model_loops(model: ActuatorModel, operating: Operating) -> LoopSet:
+def model_loops(model: Model, operating: Operating) -> Loops:
     """Return the whole loop and minor cycles of a model at several gaps."""
     most = operating.current_max
     loops = []
@@ -182,7 +182,7 @@ def model_loops(model: ActuatorModel, operating: Operating) -> LoopSet:
         drive = np.concatenate([before[:-1], _ramps((0.0, *NESTED, 0.0), most)])
         history = History("conditioned", (0.0, most, 0.0, most, 0.0))
         loops.append(_record(model, "nested", drive, before.size - 1, gap, history))
-    return LoopSet(tuple(loops), model.input, model.output, model.schedule)
+    return Loops(tuple(loops), model.input, model.output, model.schedule)
 
 
 def _ramps(turns: tuple[float, ...], most: float) -> FloatArray:
@@ -194,7 +194,7 @@ def _ramps(turns: tuple[float, ...], most: float) -> FloatArray:
 
 
 def _record(
-    model: ActuatorModel, label: str, drive: FloatArray, skip: int, gap: float, history: History
+    model: Model, label: str, drive: FloatArray, skip: int, gap: float, history: History
 ) -> Loop:
     """Return a record of a model without its first samples, which are its history."""
     start = "settled" if history.kind == "settled" else "demagnetised"
@@ -203,9 +203,7 @@ def _record(
     return Loop(label, drive[skip:], force[skip:], at, history=history)
 
 
-def model_errors(
-    model: ActuatorModel, play: PlayMap, operating: Operating
-) -> dict[str, CycleErrors]:
+def model_errors(model: Model, play: PlayMap, operating: Operating) -> dict[str, CycleErrors]:
     """Return what the map, and the same without a width, leave of the model's forces."""
 
     def answer(current: FloatArray, gap: float) -> FloatArray:

@@ -11,7 +11,7 @@ from anhyst.compensate.twin import Io
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.compilation.play import CompiledPlay, compile_play
 from anhyst.control.controller_file import read_controller
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -20,7 +20,7 @@ CompileKind = Literal["full", "simplified", "play"]
 
 
 def compile_actuator(
-    model: ActuatorModel | PathLike,
+    model: Model | PathLike,
     out: PathLike,
     *,
     rate: float | None = None,
@@ -35,7 +35,7 @@ def compile_actuator(
 
     Parameters
     ----------
-    model : ActuatorModel or path-like
+    model : Model or path-like
         The model, or its file.
     out : path-like
         The folder to write; one that was compiled before is replaced, any other is left alone.
@@ -68,7 +68,7 @@ def compile_actuator(
     NegativeResult
         The wanted accuracy cannot be reached.
     """
-    if isinstance(model, ActuatorModel):
+    if isinstance(model, Model):
         with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
             path = model.save(Path(folder) / "model.toml")
             return compile_actuator(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from anhyst.data.files import write_csv
 from anhyst.data.history import History
-from anhyst.data.loop_set import Loop, LoopSet, Source
+from anhyst.data.loops import Loop, Loops, Source
 from anhyst.data.reading import read_loops
 from anhyst.data.table import DataTable, read_columns
 
@@ -12,7 +12,7 @@ __all__ = [
     "DataTable",
     "History",
     "Loop",
-    "LoopSet",
+    "Loops",
     "Source",
     "read_columns",
     "read_loops",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import output_map
 from anhyst.data.path import turning_points
 from anhyst.support.arrays import FloatArray
@@ -116,7 +116,7 @@ def is_negative(drive: FloatArray) -> bool:
     return not is_bipolar(drive) and float(drive.min()) < -abs(float(drive.max()))
 
 
-def is_even(loopset: LoopSet) -> bool:
+def is_even(loopset: Loops) -> bool:
     """Whether the output does not depend on the sign of the input, as force cannot.
 
     Not so in a magnet with a bias (permanent magnet or second coil): its force follows the input.

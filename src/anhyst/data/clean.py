@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
-from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise as noise_of
 from anhyst.data.output_map import output_map
 from anhyst.data.path import turning_points
@@ -26,7 +26,7 @@ _SPIKE_SIGMA = 8.0
 _SPIKE_SHARE = 0.01
 
 
-def clean(loopset: LoopSet, steps: Sequence[str] | None = None) -> LoopSet:
+def clean(loopset: Loops, steps: Sequence[str] | None = None) -> Loops:
     """Apply cleaning steps in the order given.
 
     Parameters
@@ -38,7 +38,7 @@ def clean(loopset: LoopSet, steps: Sequence[str] | None = None) -> LoopSet:
 
     Returns
     -------
-    LoopSet
+    Loops
         With one line in ``repairs`` for each step that changed something.
 
     Raises
@@ -53,7 +53,7 @@ def clean(loopset: LoopSet, steps: Sequence[str] | None = None) -> LoopSet:
     return loopset
 
 
-def dedupe(loopset: LoopSet) -> LoopSet:
+def dedupe(loopset: Loops) -> Loops:
     """Drop samples that repeat the one before.
 
     At the same time another value is no repeat: then the clock is coarser than the sampling.
@@ -70,7 +70,7 @@ def dedupe(loopset: LoopSet) -> LoopSet:
     return _kept(loopset, keep, "dedupe: {} repeated samples dropped")
 
 
-def spikes(loopset: LoopSet) -> LoopSet:
+def spikes(loopset: Loops) -> Loops:
     """Drop single output samples far from their neighbours, away from reversals."""
 
     def good(loop: Loop) -> NDArray[np.bool_]:
@@ -86,7 +86,7 @@ def spikes(loopset: LoopSet) -> LoopSet:
     return _kept(loopset, [good(loop) for loop in loopset.loops], "spikes: {} samples dropped")
 
 
-def steady(loopset: LoopSet) -> LoopSet:
+def steady(loopset: Loops) -> Loops:
     """Settle a scheduling value that wobbles by less than 2 % within a loop to its median."""
     loops = list(loopset.loops)
     settled = 0
@@ -102,7 +102,7 @@ def steady(loopset: LoopSet) -> LoopSet:
     return loopset.with_loops(loops, f"steady: {name} of {settled} loops settled to its median")
 
 
-def drift(loopset: LoopSet) -> LoopSet:
+def drift(loopset: Loops) -> Loops:
     """Take a linear drift out of the output, so that states that come again have one output.
 
     Where none comes again the drift cannot be judged: a note says so, and the loop stays as it is.
@@ -125,7 +125,7 @@ def drift(loopset: LoopSet) -> LoopSet:
     return loopset.with_loops(loops, f"drift: {_some(texts)} removed from the output")
 
 
-def offset(loopset: LoopSet) -> LoopSet:
+def offset(loopset: Loops) -> Loops:
     """Centre symmetric loops of an odd output: one input offset for all, one output offset each."""
     if is_even(loopset):
         return loopset
@@ -144,7 +144,7 @@ def offset(loopset: LoopSet) -> LoopSet:
     )
 
 
-def skew(loopset: LoopSet) -> LoopSet:
+def skew(loopset: Loops) -> Loops:
     """Shift the output by its delay behind the input (one delay for all loops, their median)."""
     found = [estimates.skew(loop) for loop in loopset.loops]
     delays = [delay for delay in found if delay is not None]
@@ -160,7 +160,7 @@ def skew(loopset: LoopSet) -> LoopSet:
     return loopset.with_loops(loops, f"skew: output moved by {-delay:.2f} samples")
 
 
-def thin(loopset: LoopSet, most: int = MOST_POINTS) -> LoopSet:
+def thin(loopset: Loops, most: int = MOST_POINTS) -> Loops:
     """Average long loops down to ``most`` samples along their path, reversals kept as measured.
 
     What creeps keeps its samples: there the clock counts.
@@ -181,7 +181,7 @@ def thin(loopset: LoopSet, most: int = MOST_POINTS) -> LoopSet:
     )
 
 
-STEPS: Mapping[str, Callable[[LoopSet], LoopSet]] = MappingProxyType(
+STEPS: Mapping[str, Callable[[Loops], Loops]] = MappingProxyType(
     {
         "dedupe": dedupe,
         "spikes": spikes,
@@ -237,7 +237,7 @@ def _stays(values: FloatArray) -> NDArray[np.bool_]:
     return still
 
 
-def _kept(loopset: LoopSet, keep: Sequence[NDArray[np.bool_]], text: str) -> LoopSet:
+def _kept(loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str) -> Loops:
     dropped = sum(int(np.count_nonzero(~mask)) for mask in keep)
     if not dropped:
         return loopset

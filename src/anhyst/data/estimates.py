@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.branches import Branch, branches, is_bipolar, repeats, smooth
-from anhyst.data.loop_set import Loop
+from anhyst.data.loops import Loop
 from anhyst.data.noise import TO_SIGMA, noise
 from anhyst.data.path import crossings
 from anhyst.support.arrays import FloatArray

@@ -11,7 +11,7 @@ from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
 from anhyst.data.history import History
 from anhyst.data.look import length_scale
-from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise as noise_of
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.start import Proposal, propose_histories
@@ -180,7 +180,7 @@ class Inspection(Result):
         return units
 
 
-def inspect(loopset: LoopSet) -> Inspection:
+def inspect(loopset: Loops) -> Inspection:
     """Look at loops: figures of each, warnings, and whether a hysteresis model is worth it.
 
     Noise and delay are those of the record as it is: inspect before thinning it.
@@ -245,7 +245,7 @@ def _figures(loop: Loop, deviation: FloatArray, proposal: Proposal, *, even: boo
     )
 
 
-def _warnings(loopset: LoopSet, figures: tuple[LoopFigures, ...]) -> list[str]:
+def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
     found = []
     for loop, one in zip(loopset.loops, figures, strict=True):
         name = loopset.describe(loop)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.data.loop_set import Loop, LoopSet, Source
+from anhyst.data.loops import Loop, Loops, Source
 from anhyst.support.errors import InputError
 from anhyst.support.units import Quantity
 
@@ -27,7 +27,7 @@ class LoopPart:
     open: frozenset[int] = frozenset()
 
 
-def join(parts: Sequence[LoopPart]) -> LoopSet:
+def join(parts: Sequence[LoopPart]) -> Loops:
     """Join the loops of several sources into one set.
 
     A loop that comes twice with the same data is taken once. Scheduling values that differ by
@@ -49,7 +49,7 @@ def join(parts: Sequence[LoopPart]) -> LoopSet:
             if twin is not None:
                 notes.append(f"{part.place}: loop '{loop.label}' is the one in {twin}: left out")
     sources = tuple(part.source for part in parts if part.source is not None)
-    return LoopSet(
+    return Loops(
         tuple(kept.loops), first.input, first.output, first.schedule, sources, tuple(notes)
     )
 

@@ -15,7 +15,7 @@ from anhyst.data.branches import (
     is_negative,
     separation,
 )
-from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import output_map
 from anhyst.support.errors import InputError
 
@@ -37,7 +37,7 @@ _FLAT = 0.3
 _STRONG = 0.8
 
 
-def check_plausible(loopset: LoopSet) -> tuple[str, ...]:
+def check_plausible(loopset: Loops) -> tuple[str, ...]:
     """Refuse records that cannot be what they claim, and warn about odd ones.
 
     The attraction of an electromagnet grows with the square of the flux: force falls nowhere as
@@ -68,7 +68,7 @@ def check_plausible(loopset: LoopSet) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def _check_schedule(loopset: LoopSet) -> list[str]:
+def _check_schedule(loopset: Loops) -> list[str]:
     warnings: list[str] = []
     quantity, values = loopset.schedule, loopset.schedule_values
     if quantity is None or not values:
@@ -92,7 +92,7 @@ def _check_schedule(loopset: LoopSet) -> list[str]:
     return warnings
 
 
-def _check_size(loopset: LoopSet) -> list[str]:
+def _check_size(loopset: Loops) -> list[str]:
     """Warn of a quantity whose largest value no actuator has."""
     warnings = []
     sizes = (
@@ -112,7 +112,7 @@ def _check_size(loopset: LoopSet) -> list[str]:
     return warnings
 
 
-def _check_force_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
+def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
     low, high = float(loop.output.min()), float(loop.output.max())
     falls = correlation(loop.input**2, loop.output) < -0.5
     if low < 0.0 and (falls or high <= 0.0 or -low > 5.0 * high):
@@ -128,7 +128,7 @@ def _check_force_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
         )
 
 
-def _check_flux_sign(loopset: LoopSet, loop: Loop, name: str) -> None:
+def _check_flux_sign(loopset: Loops, loop: Loop, name: str) -> None:
     if correlation(loop.input, loop.output) < -0.5:
         what = loopset.output.name.replace("_", " ")
         raise InputError(
@@ -178,7 +178,7 @@ def _initial_steepness(loop: Loop) -> float | None:
     return first_slope / next_slope
 
 
-def _check_sense(loopset: LoopSet, loop: Loop, name: str) -> list[str]:
+def _check_sense(loopset: Loops, loop: Loop, name: str) -> list[str]:
     """Warn of a settled cycle whose input runs ahead the wrong way: it would win energy."""
     if not output_map(loopset.output).of_flux or not loop.reverses:
         return []

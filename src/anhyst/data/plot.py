@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from anhyst.data.inspection import Inspection
-    from anhyst.data.loop_set import LoopSet
+    from anhyst.data.loops import Loops
 
 
-def plot_inspection(inspection: Inspection, loopset: LoopSet) -> Figure:
+def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
     """Draw the loops, the residuals of the best single-valued curve, and the verdict.
 
     Parameters

@@ -17,7 +17,7 @@ from anhyst.data.frames import is_frame, table_of
 from anhyst.data.history import History
 from anhyst.data.joining import LoopPart, join
 from anhyst.data.labels import SHORTEST, find_label, may_label
-from anhyst.data.loop_set import Loop, LoopSet, Source
+from anhyst.data.loops import Loop, Loops, Source
 from anhyst.data.output_map import answer_of
 from anhyst.data.path import time_fault, value_fault
 from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
@@ -68,7 +68,7 @@ def read_loops(
     file_name: str | None = None,
     sidecar: PathLike | None = None,
     progress: Progress | None = None,
-) -> LoopSet:
+) -> Loops:
     """Read loops from one or several files, from all in a folder, or from columns in memory.
 
     Parameters

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from anhyst.data.branches import Branch, branches, folded, is_even, smooth
-from anhyst.data.loop_set import LoopSet
+from anhyst.data.loops import Loops
 from anhyst.data.verdict import loop_width
 from anhyst.support.arrays import FloatArray
 
@@ -28,7 +28,7 @@ _UNSURE = 0.05
 """Standard error above which nothing is estimated."""
 
 
-def reversal_share(loopset: LoopSet) -> float | None:
+def reversal_share(loopset: Loops) -> float | None:
     """Slope of the output just after a rising input was turned back, in parts of the static slope.
 
     Without hysteresis it is one; an iron that is all pinned does not answer at all at first. The

@@ -14,7 +14,7 @@ import numpy as np
 
 from anhyst.data.branches import Branch, branches
 from anhyst.data.history import SETTLED, History
-from anhyst.data.loop_set import Loop
+from anhyst.data.loops import Loop
 from anhyst.data.noise import noise
 from anhyst.data.path import turning_points
 from anhyst.support.arrays import FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 
 from anhyst.data.branches import Branch, branches, folded
 from anhyst.data.history import DEMAGNETISED, SETTLED, History
-from anhyst.data.loop_set import Loop
+from anhyst.data.loops import Loop
 from anhyst.data.noise import noise
 from anhyst.data.path import crossings
 from anhyst.support.arrays import FloatArray

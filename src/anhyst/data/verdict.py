@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from anhyst.data.branches import branches, folded, is_even, separation, smooth
-from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise
 from anhyst.data.output_map import output_map
 from anhyst.support.arrays import FloatArray
@@ -107,7 +107,7 @@ def monotone_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
     return np.repeat(np.array(means), sizes)
 
 
-def single_valued(loopset: LoopSet) -> list[tuple[Loop, FloatArray]]:
+def single_valued(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
     """Deviation of each loop's output from the best monotone curve of its scheduling value.
 
     Returns
@@ -157,7 +157,7 @@ def separation_sideways(
     return float(np.max(np.abs(np.interp(levels, y1, x1) - np.interp(levels, y2, x2))))
 
 
-def largest_output(loopset: LoopSet) -> float:
+def largest_output(loopset: Loops) -> float:
     """Return what deviations of the output are related to: its largest size in all loops.
 
     A displacement has no natural zero: there it is the largest range.
@@ -167,7 +167,7 @@ def largest_output(loopset: LoopSet) -> float:
     return max(float(np.max(np.abs(loop.output))) for loop in loopset.loops) or 1.0
 
 
-def judge(loopset: LoopSet) -> Verdict:
+def judge(loopset: Loops) -> Verdict:
     """Weigh loop width, the best single-valued curve and the noise against each other."""
     even = is_even(loopset)
     widths = [loop_width(loop, even=even) for loop in loopset.loops]
@@ -205,7 +205,7 @@ def judge(loopset: LoopSet) -> Verdict:
     return _worded(loopset, figures)
 
 
-def _worded(loopset: LoopSet, figures: Verdict) -> Verdict:
+def _worded(loopset: Loops, figures: Verdict) -> Verdict:
     drive, answer = loopset.input, loopset.output
     what = answer.name.replace("_", " ")
     kind = output_map(answer).reference

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from anhyst.compensate.surface import Tangent, fit_plane, fit_surface
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.noise import noise
 from anhyst.data.output_map import is_electromagnet
 from anhyst.draft.rounding import nearest
@@ -39,7 +39,7 @@ class MeasuredMagnet:
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Force over current, at one gap or several.
     gaps : ndarray, shape (g,)
         Measured ones, m, rising.
@@ -49,7 +49,7 @@ class MeasuredMagnet:
         Force at that current, N.
     """
 
-    loops: LoopSet
+    loops: Loops
     gaps: FloatArray
     current_high: float
     forces: FloatArray
@@ -121,7 +121,7 @@ class MeasuredMagnet:
         return (step, sweep) if step > 0.0 and sweep > 0.0 else None
 
 
-def reach_of(loops: LoopSet) -> MeasuredMagnet:
+def reach_of(loops: Loops) -> MeasuredMagnet:
     """Look at the loops of a magnet.
 
     Raises

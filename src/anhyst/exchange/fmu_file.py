@@ -21,7 +21,7 @@ from anhyst.exchange.description import (
     build_description,
     model_description,
 )
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike, check_writable, write_bytes
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -53,7 +53,7 @@ PLATFORMS_ALL = tuple(PLATFORMS)
 
 
 def export_fmu(
-    model: ActuatorModel | PathLike,
+    model: Model | PathLike,
     out: PathLike,
     *,
     rate: float,
@@ -69,7 +69,7 @@ def export_fmu(
 
     Parameters
     ----------
-    model : ActuatorModel or path-like
+    model : Model or path-like
         The model, or its file.
     out : path-like
         The file, ``.fmu``; with sources, and binaries for Linux, Windows and macOS.

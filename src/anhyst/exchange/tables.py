@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.data.files import write_csv
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.json_text import json_text
@@ -15,14 +15,14 @@ from anhyst.support.json_text import json_text
 POINTS, GAPS = 101, 11
 
 
-def export_tables(model: ActuatorModel, out: PathLike) -> Path:
+def export_tables(model: Model, out: PathLike) -> Path:
     """Write the settled loop of a model over its valid range as tables.
 
     A table holds the major loop alone: inner loops, and so hysteresis in use, need the model.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         With a valid range.
     out : path-like
         ``.csv``: rows of scheduling variable, input, output rising and falling; ``.json``: the axes

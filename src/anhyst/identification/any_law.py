@@ -13,14 +13,14 @@ from functools import cached_property
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.output_map import output_map
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.screening import evenly
 from anhyst.identification.uncertainty import memory, statements
 from anhyst.laws.law import Law
 from anhyst.laws.registry import LAWS
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import MAY_VARY, GapMap, Parameter
 from anhyst.support.arrays import FloatArray
@@ -65,7 +65,7 @@ class _Entry:
 class Fitted:
     """A model of any law, and what least squares say of it."""
 
-    model: ActuatorModel
+    model: Model
     uncertainty: Uncertainty
     cost: float
     evaluations: int
@@ -78,7 +78,7 @@ class _Problem:
 
     law: Law
     gap_map: GapMap
-    loopset: LoopSet
+    loopset: Loops
     records: FitRecords
     offsets: bool
     evaluations: int = 0
@@ -114,7 +114,7 @@ class _Problem:
             return False
         return self.gap_map == "free" or name in MAY_VARY[self.gap_map] & {"rho", "c_H"}
 
-    def model(self, entries: tuple[_Entry, ...], theta: FloatArray) -> ActuatorModel:
+    def model(self, entries: tuple[_Entry, ...], theta: FloatArray) -> Model:
         """Return the model at a point of the cube of some entries."""
         nodes = self.loopset.schedule_values
         values: dict[str, Parameter] = {"c_H": 1.0, "c_out": 1.0}
@@ -125,7 +125,7 @@ class _Problem:
             else:
                 rows[entry.name][entry.node] = entry.value(part)
         values |= {name: tuple(row) for name, row in rows.items()}
-        return ActuatorModel(
+        return Model(
             name="model",
             input=self.loopset.input,
             output=self.loopset.output,
@@ -136,7 +136,7 @@ class _Problem:
             nodes=nodes,
         )
 
-    def outputs(self, model: ActuatorModel) -> FloatArray | None:
+    def outputs(self, model: Model) -> FloatArray | None:
         """Modelled outputs of all loops; None where the law has no answer."""
         self.evaluations += 1
         groups = self.loopset.by_schedule()
@@ -210,7 +210,7 @@ class _Problem:
 
 
 def fit_any(
-    loopset: LoopSet, records: FitRecords, law: str, wanted: str, seed: int, offsets: bool
+    loopset: Loops, records: FitRecords, law: str, wanted: str, seed: int, offsets: bool
 ) -> Fitted:
     """Fit a law through its iron alone.
 

@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification.cell_kernel import SCALES, WeightKernel
 from anhyst.identification.default import FoundModel
 from anhyst.identification.gauge import physical
 from anhyst.identification.rest import AT_REST
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.support.arrays import FloatArray
 
 
-def model_of(found: FoundModel, loopset: LoopSet) -> ActuatorModel:
+def model_of(found: FoundModel, loopset: Loops) -> Model:
     """Bare model of a fit: parameters and gap map, no records of how it was found.
 
     Parameters
     ----------
     found : FoundModel
         The fit.
-    loopset : LoopSet
+    loopset : Loops
         For the quantities.
 
     Returns
     -------
-    ActuatorModel
+    Model
     """
     space = found.space
     nodes = tuple(float(node) for node in space.records.nodes)
@@ -42,7 +42,7 @@ def model_of(found: FoundModel, loopset: LoopSet) -> ActuatorModel:
     if isinstance(space.form.cells, WeightKernel):
         scales = (float(np.max(parameters.pop(name))) for name in SCALES)
         cells = space.form.cells.scaled(found.sets[0].law, *scales)
-    return ActuatorModel(
+    return Model(
         name="model",
         cells=cells,
         input=loopset.input,
@@ -55,12 +55,12 @@ def model_of(found: FoundModel, loopset: LoopSet) -> ActuatorModel:
     )
 
 
-def valid_range(loopset: LoopSet) -> ValidRange:
+def valid_range(loopset: Loops) -> ValidRange:
     """Give the range of what was measured.
 
     Parameters
     ----------
-    loopset : LoopSet
+    loopset : Loops
         All loops.
 
     Returns

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.offsets import OFFSETS
@@ -69,7 +69,7 @@ def require_gaps(records: FitRecords, wanted: str) -> None:
         )
 
 
-def map_candidates(run: SearchRun, loopset: LoopSet, wanted: str) -> list[ModelCandidate]:
+def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCandidate]:
     """Name the candidates, the simplest first.
 
     A reluctance in series is physics of a gap only, and does not go with the law of 1986. Of

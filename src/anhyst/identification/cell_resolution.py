@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.laws.registry import law_of
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.units import MU_0
 
 
-def field_step(model: ActuatorModel, loops: LoopSet) -> float:
+def field_step(model: Model, loops: Loops) -> float:
     """Return by how much the effective field moves to the first sample after a reversal, A/m.
 
     The median over all reversals; 0 where there is none. Just there the iron hardly answers, and
@@ -26,9 +26,9 @@ def field_step(model: ActuatorModel, loops: LoopSet) -> float:
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Identified from the loops.
-    loops : LoopSet
+    loops : Loops
     """
     steps = []
     for loop in loops.loops:
@@ -42,18 +42,18 @@ def field_step(model: ActuatorModel, loops: LoopSet) -> float:
     return float(np.median(turned)) if turned.size else 0.0
 
 
-def resolved(model: ActuatorModel, loops: LoopSet) -> ActuatorModel:
+def resolved(model: Model, loops: Loops) -> Model:
     """Count cells that no sample shows to be pinned as free.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Identified from the loops.
-    loops : LoopSet
+    loops : Loops
 
     Returns
     -------
-    ActuatorModel
+    Model
         The very model where its law has no cells, or all of them are wide enough.
     """
     law = model.operator_law

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.noise import noise
 from anhyst.data.output_map import is_electromagnet
 from anhyst.identification.bare import model_of, valid_range
@@ -94,14 +94,14 @@ class ModelChoice:
     why_law: str = ""
 
 
-def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
+def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
     """Fit under the wanted map and law, or under all, and keep what predicts best what is left out.
 
     Parameters
     ----------
     run : SearchRun
         Settings and stages.
-    loopset : LoopSet
+    loopset : Loops
         All loops.
     wanted : str
         A gap map, or ``auto``.
@@ -158,7 +158,7 @@ def search_models(run: SearchRun, loopset: LoopSet, wanted: str) -> ModelChoice:
 
 def _compared_maps(
     run: SearchRun,
-    loopset: LoopSet,
+    loopset: Loops,
     tried: list[ModelCandidate],
     known: list[Local],
     left_out: list[Fold],
@@ -173,7 +173,7 @@ def _compared_maps(
 
 
 def _compare_cells(
-    run: SearchRun, loopset: LoopSet, contest: Contest, base: ModelCandidate
+    run: SearchRun, loopset: Loops, contest: Contest, base: ModelCandidate
 ) -> ModelCandidate:
     """Fit play cells under the map of another candidate, and choose from all.
 
@@ -208,14 +208,14 @@ def _compare_cells(
     return _accepted(contest, loopset)
 
 
-def _leave_out(contest: Contest, loopset: LoopSet, new: list[ModelCandidate], by: LeftOut) -> None:
+def _leave_out(contest: Contest, loopset: Loops, new: list[ModelCandidate], by: LeftOut) -> None:
     for fold in folds(contest.places, nested=True):
         contest.refits[fold].update(
             {one: refit(contest.fits[one].found, loopset, fold, by) for one in new}
         )
 
 
-def _leaves_something(found: FoundModel, loopset: LoopSet) -> bool:
+def _leaves_something(found: FoundModel, loopset: Loops) -> bool:
     """Whether a fit leaves more than the noise of the sensors, so that another law could gain."""
     deviation = Evaluation(Objective(found.space)).at(found.theta).deviation
     ordered = [loop for group in loopset.by_schedule().values() for loop in group]
@@ -227,7 +227,7 @@ def _leaves_something(found: FoundModel, loopset: LoopSet) -> bool:
     return left > max(_NOTHING_MORE**2 * sum(noises), _EXACT**2)
 
 
-def _is_usable(found: FoundModel, loopset: LoopSet) -> bool:
+def _is_usable(found: FoundModel, loopset: Loops) -> bool:
     """Whether what is to be compensated can be compiled, and starts near what was measured."""
     if not is_electromagnet(loopset):
         return True
@@ -270,7 +270,7 @@ def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
     return text
 
 
-def _accepted(contest: Contest, loopset: LoopSet) -> ModelCandidate:
+def _accepted(contest: Contest, loopset: Loops) -> ModelCandidate:
     """Choose; what fails the acceptance test drops out as long as anything else is there."""
     every = list(contest.entrants)
     while contest.entrants:
@@ -282,7 +282,7 @@ def _accepted(contest: Contest, loopset: LoopSet) -> ModelCandidate:
     return contest.winner()
 
 
-def _passes(found: FoundModel, loopset: LoopSet) -> bool:
+def _passes(found: FoundModel, loopset: Loops) -> bool:
     model = replace(model_of(found, loopset), valid=valid_range(loopset))
     return model.acceptance().passed is not False
 
@@ -292,7 +292,7 @@ def _is_thinned(run: SearchRun) -> bool:
 
 
 def _finished(
-    run: SearchRun, loopset: LoopSet, found: FoundModel, why: str
+    run: SearchRun, loopset: Loops, found: FoundModel, why: str
 ) -> tuple[FoundModel, str, str]:
     """Give the law its dead band and follow the fit to its end on every sample.
 
@@ -314,7 +314,7 @@ def _finished(
     return found, why, dead_band
 
 
-def _with_dead_band(run: SearchRun, loopset: LoopSet, found: FoundModel) -> tuple[FoundModel, str]:
+def _with_dead_band(run: SearchRun, loopset: Loops, found: FoundModel) -> tuple[FoundModel, str]:
     def usable(one: FoundModel) -> bool:
         return obstacle(model_of(one, loopset)) is None and _passes(one, loopset)
 
@@ -357,7 +357,7 @@ def _joined(run: SearchRun, one: ModelCandidate, known: list[Local]) -> Fits:
 
 
 def _without(
-    run: SearchRun, contest: Contest, loopset: LoopSet, fold: Fold
+    run: SearchRun, contest: Contest, loopset: Loops, fold: Fold
 ) -> dict[ModelCandidate, Refit]:
     return run.step(
         lambda: {one: refit(contest.fits[one].wide, loopset, fold) for one in contest.entrants}

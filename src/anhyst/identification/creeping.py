@@ -16,11 +16,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.branches import correlation
 from anhyst.data.history import History
 from anhyst.laws.cells import CellWeights
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, rate_of
 from anhyst.model.fit_record import CandidateFit
 from anhyst.support.arrays import FloatArray
@@ -114,7 +114,7 @@ class CreepingFit:
         What was compared.
     """
 
-    model: ActuatorModel
+    model: Model
     numbers: int
     tried: int
     why: str
@@ -133,12 +133,12 @@ class _Try:
     rms: float = np.inf
 
 
-def fit_creeping(loopset: LoopSet) -> CreepingFit:
+def fit_creeping(loopset: Loops) -> CreepingFit:
     """Fit play cells, lag and creep to loops without a scheduling variable.
 
     Parameters
     ----------
-    loopset : LoopSet
+    loopset : Loops
         Loops with their histories.
 
     Raises
@@ -190,7 +190,7 @@ def _with_creep(problem: _Problem, plain: Sequence[_Try], chosen: _Try) -> _Try:
     return alike if alike.rms < WORTH * chosen.rms else chosen
 
 
-def held(model: ActuatorModel, loopset: LoopSet) -> tuple[ActuatorModel, str]:
+def held(model: Model, loopset: Loops) -> tuple[Model, str]:
     """Find up to which rate of cycles a model holds, and say what it misses beyond."""
     missed: dict[float, list[float]] = {}
     for loop in loopset.loops:
@@ -233,7 +233,7 @@ def _why(chosen: _Try, still: _Try) -> str:
 class _Problem:
     """Loops, and the columns of their least-squares problem."""
 
-    def __init__(self, loopset: LoopSet) -> None:
+    def __init__(self, loopset: Loops) -> None:
         self.loopset = loopset
         self.solved = 0
         self.low = min(float(loop.input.min()) for loop in loopset.loops)
@@ -384,14 +384,14 @@ class _Problem:
             columns.append(single.added(at_once, loop.time, start).found - at_once)
         return np.stack(columns, axis=1)
 
-    def model(self, one: _Try) -> ActuatorModel:
+    def model(self, one: _Try) -> Model:
         """Return the model that a solution stands for."""
         assert one.weights is not None
         cells = (PLAYS + 1) * len(WIDTHS)
         slope, weights = self.slope, one.weights[:cells] / self.slope
         slow = one.weights[cells:-2]
         kept = [(t, float(w)) for t, w in zip(one.times, slow, strict=True) if w > 1e-4]
-        return ActuatorModel(
+        return Model(
             name="model",
             input=self.loopset.input,
             output=self.loopset.output,
@@ -412,7 +412,7 @@ class _Problem:
         )
 
 
-def _fewer(loopset: LoopSet) -> LoopSet:
+def _fewer(loopset: Loops) -> Loops:
     """Take every so many samples of long records, at the same pace."""
     every = 1 + sum(loop.n for loop in loopset.loops) // MOST_SAMPLES
     if every == 1:

@@ -15,14 +15,14 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.noise import noise
 from anhyst.data.verdict import largest_output
 from anhyst.identification.bare import model_of
 from anhyst.identification.default import FoundModel, follow
 from anhyst.identification.fit_records import FitRecords, clocks_of
 from anhyst.identification.offsets import only_demanded
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import CrossValidation
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
@@ -109,7 +109,7 @@ def folds(places: Sequence[int], nested: bool) -> list[Fold]:
     return [*single, *map(frozenset, pairs)]
 
 
-def refit(wide: FoundModel, loopset: LoopSet, fold: Fold, by: LeftOut = "gap") -> Refit:
+def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> Refit:
     """Fit without some gaps or loops, offsets and all, and predict them.
 
     Parameters
@@ -117,7 +117,7 @@ def refit(wide: FoundModel, loopset: LoopSet, fold: Fold, by: LeftOut = "gap") -
     wide : FoundModel
         Fit to all gaps with its offsets free, from which this one starts; of play cells with those
         that all gaps demand.
-    loopset : LoopSet
+    loopset : Loops
         All loops.
     fold : frozenset of int
         Places of what is left out.
@@ -158,7 +158,7 @@ def refit(wide: FoundModel, loopset: LoopSet, fold: Fold, by: LeftOut = "gap") -
     return Refit(found.cost, missed)
 
 
-def _off(model: ActuatorModel, loops: Sequence[Loop]) -> list[FloatArray]:
+def _off(model: Model, loops: Sequence[Loop]) -> list[FloatArray]:
     return [
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
         for loop in loops
@@ -205,7 +205,7 @@ def better(simple: Sequence[Miss], complex_: Sequence[Miss]) -> bool:
     return bool(float(every.mean()) > max(scatter, least) and not worse)
 
 
-def noise_at(loopset: LoopSet) -> list[float]:
+def noise_at(loopset: Loops) -> list[float]:
     """Mean absolute noise of the output at each gap, in parts of the largest."""
     normal, span = math.sqrt(2.0 / math.pi), largest_output(loopset)
     return [

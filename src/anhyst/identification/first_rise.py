@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError, NegativeResult
 
 FARTHEST = 1.0
@@ -20,19 +20,19 @@ FARTHEST = 1.0
 _STEPS = 100
 
 
-def is_guessed(loopset: LoopSet) -> bool:
+def is_guessed(loopset: Loops) -> bool:
     """Whether no loop begins demagnetised."""
     return all(loop.history.kind != "demagnetised" for loop in loopset.loops)
 
 
-def first_rise(model: ActuatorModel, loopset: LoopSet) -> float:
+def first_rise(model: Model, loopset: Loops) -> float:
     """Return how far a model puts the first rise below the loop that follows.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Identified from the loops.
-    loopset : LoopSet
+    loopset : Loops
 
     Returns
     -------

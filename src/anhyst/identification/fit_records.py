@@ -10,7 +10,7 @@ from itertools import chain, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.path import turning_points
 from anhyst.data.verdict import largest_output
 from anhyst.identification.past import Past
@@ -194,12 +194,12 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
     return [weight / size for weight, size in zip(each, sizes, strict=True)]
 
 
-def records_of(loopset: LoopSet, weighting: str = "loops", rest: Rest | None = None) -> FitRecords:
+def records_of(loopset: Loops, weighting: str = "loops", rest: Rest | None = None) -> FitRecords:
     """Make the loops of a set ready for fitting.
 
     Parameters
     ----------
-    loopset : LoopSet
+    loopset : Loops
         Loops at constant scheduling values, each with at least one reversal.
     weighting : str
         One of :data:`WEIGHTINGS`.

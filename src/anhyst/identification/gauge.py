@@ -65,7 +65,7 @@ def physical(
     output_quantity: Quantity,
     gaps: Sequence[float] = (),
 ) -> dict[str, Parameter]:
-    """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.ActuatorModel`.
+    """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.Model`.
 
     Parameters
     ----------

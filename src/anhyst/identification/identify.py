@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.data import History, LoopSet
+from anhyst.data import History, Loops
 from anhyst.data.history import SETTLED
 from anhyst.data.output_map import is_electromagnet, output_map
 from anhyst.data.plausibility import check_plausible
@@ -35,7 +35,7 @@ from anhyst.identification.space import IN_SERIES
 from anhyst.identification.uncertainty import assess
 from anhyst.laws.cells import Shape
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import (
     CandidateFit,
@@ -61,7 +61,7 @@ FEWEST = 5
 
 
 def identify(
-    loopset: LoopSet,
+    loopset: Loops,
     *,
     law: str = AUTO,
     gap_map: str = "auto",
@@ -77,7 +77,7 @@ def identify(
 
     Parameters
     ----------
-    loopset : LoopSet
+    loopset : Loops
         Loops at constant scheduling values; all are fitted together.
     law : str
         One of :data:`anhyst.laws.registry.LAWS`, or ``auto``: the law of Jiles and Atherton, and
@@ -221,7 +221,7 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
         )
 
 
-def _compared(loopset: LoopSet, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
+def _compared(loopset: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
     """Name the law of the search, and the play cells that are fitted from it."""
     shapes = {name: shape for shape, name in LAW_OF.items()}
     if law in shapes:
@@ -237,7 +237,7 @@ def _compared(loopset: LoopSet, law: str, search: str) -> tuple[str, tuple[Shape
 class _Outcome:
     """What a search has come to; the model is bare yet."""
 
-    model: ActuatorModel
+    model: Model
     uncertainty: Uncertainty
     quantities: int
     evaluations: int
@@ -250,17 +250,17 @@ class _Outcome:
     candidates: tuple[CandidateFit, ...] = ()
     why_law: str = ""
     steps: tuple[ReductionStep, ...] = ()
-    per_gap: ActuatorModel | None = None
+    per_gap: Model | None = None
     resumed: int = 0
 
 
-def _creeps(loopset: LoopSet, law: str, search: str) -> bool:
+def _creeps(loopset: Loops, law: str, search: str) -> bool:
     """Whether cells are fitted with lag and creep, in one step."""
     able = output_map(loopset.output).creeps and loopset.schedule is None
     return able and law in {AUTO, CREEPING_LAW} and search == "default"
 
 
-def _creeping(loopset: LoopSet) -> _Outcome:
+def _creeping(loopset: Loops) -> _Outcome:
     end = fit_creeping(loopset)
     return _Outcome(
         end.model,
@@ -277,7 +277,7 @@ def _creeping(loopset: LoopSet) -> _Outcome:
 
 
 def _any_law(
-    loopset: LoopSet, law: str, gap_map: str, seed: int, weights: str, *, offsets: bool
+    loopset: Loops, law: str, gap_map: str, seed: int, weights: str, *, offsets: bool
 ) -> _Outcome:
     """Fit a law that the core does not have."""
     records = records_of(loopset, weights)
@@ -295,7 +295,7 @@ def _any_law(
     )
 
 
-def _resolved(outcome: _Outcome, loopset: LoopSet) -> _Outcome:
+def _resolved(outcome: _Outcome, loopset: Loops) -> _Outcome:
     """Count as free what no sample shows to be pinned."""
     model = resolved(outcome.model, loopset)
     if model is outcome.model:
@@ -303,14 +303,14 @@ def _resolved(outcome: _Outcome, loopset: LoopSet) -> _Outcome:
     return replace(outcome, model=model, fitted=_predicted(model, loopset))
 
 
-def _predicted(model: ActuatorModel, loopset: LoopSet) -> tuple[FloatArray, ...]:
+def _predicted(model: Model, loopset: Loops) -> tuple[FloatArray, ...]:
     return tuple(
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output
         for loop in loopset.loops
     )
 
 
-def _search(run: SearchRun, loopset: LoopSet, gap_map: str, search: str) -> _Outcome:
+def _search(run: SearchRun, loopset: Loops, gap_map: str, search: str) -> _Outcome:
     if search == "paper":
         end = search_paper(run, loopset, gap_map)
         if not end.interrupted:
@@ -352,7 +352,7 @@ def _search(run: SearchRun, loopset: LoopSet, gap_map: str, search: str) -> _Out
     )
 
 
-def _fitted(found: FoundModel, loopset: LoopSet) -> tuple[FloatArray, ...]:
+def _fitted(found: FoundModel, loopset: Loops) -> tuple[FloatArray, ...]:
     """Modelled outputs in the order of the loops of the set."""
     ends = np.cumsum([record.input.size for record in found.space.records.loops])[:-1]
     offset = found.space.records.rest.output.offset
@@ -362,7 +362,7 @@ def _fitted(found: FoundModel, loopset: LoopSet) -> tuple[FloatArray, ...]:
     return tuple(by_loop[id(loop)] for loop in loopset.loops)
 
 
-def _warnings(loopset: LoopSet, outcome: _Outcome) -> list[str]:
+def _warnings(loopset: Loops, outcome: _Outcome) -> list[str]:
     gaps, quantities = len(loopset.schedule_values), outcome.quantities
     warnings = [note for note in loopset.notes if "columns not used" in note]
     warnings += [outcome.why] if gaps == 2 else []
@@ -385,7 +385,7 @@ def _warnings(loopset: LoopSet, outcome: _Outcome) -> list[str]:
     return warnings
 
 
-def _name(loopset: LoopSet) -> str:
+def _name(loopset: Loops) -> str:
     """Name a model after its file, or after the folder that its files share."""
     paths = [Path(source.path) for source in loopset.sources]
     if len(paths) == 1:
@@ -394,7 +394,7 @@ def _name(loopset: LoopSet) -> str:
     return folders.pop() or "actuator" if len(folders) == 1 else "actuator"
 
 
-def _history(loopset: LoopSet) -> History:
+def _history(loopset: Loops) -> History:
     """Name what most loops had before them; what a settled one goes on from is its own."""
     seen = (SETTLED if one.history.kind == "settled" else one.history for one in loopset.loops)
     return Counter(seen).most_common(1)[0][0]

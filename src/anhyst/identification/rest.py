@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.verdict import largest_output
 
 AT_REST = 0.01
@@ -46,7 +46,7 @@ class Rest:
     output: RestReading = field(default_factory=RestReading)
 
 
-def rest_of(loopset: LoopSet) -> Rest:
+def rest_of(loopset: Loops) -> Rest:
     """Take the offsets of the sensors from where the drive is at rest.
 
     A drive of one sign that comes down to almost nothing, time after time, comes down to nothing:
@@ -55,7 +55,7 @@ def rest_of(loopset: LoopSet) -> Rest:
 
     Parameters
     ----------
-    loopset : LoopSet
+    loopset : Loops
         All loops.
 
     Returns

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.look import few, length_scale
 from anhyst.model.acceptance import Acceptance, GapCheck
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.writer import write_model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
@@ -27,9 +27,9 @@ class IdentifyResult(Result):
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Complete, with fit figures, uncertainty, reduction and provenance.
-    loops : LoopSet
+    loops : Loops
         What it was fitted to.
     fitted : tuple of ndarray
         Modelled output of each loop of ``loops``, SI, in the same order.
@@ -37,7 +37,7 @@ class IdentifyResult(Result):
         Outcome of the acceptance test.
     warnings : tuple of str
         What a user should know before trusting the model.
-    per_gap : ActuatorModel or None
+    per_gap : Model or None
         Of the paper's search: seven parameters free at each gap, before the reduction.
     splines : GapCheck or None
         The acceptance test over the gap with ordinary splines through the parameters of
@@ -50,12 +50,12 @@ class IdentifyResult(Result):
         The search was stopped before its end; the model is the best so far.
     """
 
-    model: ActuatorModel
-    loops: LoopSet
+    model: Model
+    loops: Loops
     fitted: tuple[FloatArray, ...]
     acceptance: Acceptance
     warnings: tuple[str, ...] = ()
-    per_gap: ActuatorModel | None = None
+    per_gap: Model | None = None
     splines: GapCheck | None = None
     seconds: float = 0.0
     evaluations: int = 0

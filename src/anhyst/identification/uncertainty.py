@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification.default import FoundModel
 from anhyst.identification.fitting import Evaluation
 from anhyst.identification.objective import Objective
@@ -57,14 +57,14 @@ def _covariance(found: FoundModel) -> FloatArray:
     return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
 
 
-def assess(found: FoundModel, loopset: LoopSet) -> Uncertainty:
+def assess(found: FoundModel, loopset: Loops) -> Uncertainty:
     """Give standard deviations, correlations and plain statements for a finished fit.
 
     Parameters
     ----------
     found : FoundModel
         The fit.
-    loopset : LoopSet
+    loopset : Loops
         What was fitted, for names and units.
 
     Returns

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from anhyst.data import LoopSet
-from anhyst.data.loop_set import Loop
+from anhyst.data import Loops
+from anhyst.data.loops import Loop
 from anhyst.identification.fit_records import thinned
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 
 _POINTS = 200
@@ -35,14 +35,14 @@ class DrawnLoop(NamedTuple):
     force: list[float]
 
 
-def make_curves(loops: LoopSet, model: ActuatorModel | None = None) -> tuple[DrawnLoop, ...]:
+def make_curves(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
     """Return loops of force over current, thinned; and those of a model along the same currents.
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Others than of force over current give nothing.
-    model : ActuatorModel, optional
+    model : Model, optional
         Identified from them.
     """
     if (loops.input.name, loops.output.name) != ("current", "force"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.rig.bench.protocol import Signal
 from anhyst.study.watch.drift import LEARN, RUN_LENGTH, DriftWatch
 from anhyst.support.arrays import FloatArray
@@ -24,7 +24,7 @@ class BenchWatch:
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         In force.
     signals : sequence of Signal
         Of the bench.
@@ -37,7 +37,7 @@ class BenchWatch:
         The bench does not say what is needed.
     """
 
-    def __init__(self, model: ActuatorModel, signals: Sequence[Signal], rate: float) -> None:
+    def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
         names = [signal.name for signal in signals]
         self._columns = [_place(names, choice) for choice in _READ]
         self._model, self._rate = model, rate

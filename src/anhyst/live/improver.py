@@ -13,7 +13,7 @@ from anhyst.link.blocks import GENERATION_AT, regenerate
 from anhyst.live.board_job import BoardJob, Seat
 from anhyst.live.curves import DrawnLoop, make_curves
 from anhyst.live.job import Ended, Job, Work
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.rig.bench.exchange import BlockHolder
 from anhyst.study.improve.steps import (
@@ -46,7 +46,7 @@ class Improver:
 
     Attributes
     ----------
-    model : ActuatorModel
+    model : Model
         Of the compensator in force.
     curves : tuple of DrawnLoop
         The loops it was identified from, and what it makes of them.
@@ -67,8 +67,8 @@ class Improver:
         self._words: list[int] = []
         self._in_force: list[int] = []
         self._first = self.model, self.curves
-        self._found: tuple[ActuatorModel, tuple[DrawnLoop, ...]] | None = None
-        self._before: tuple[list[int], ActuatorModel, tuple[DrawnLoop, ...]] | None = None
+        self._found: tuple[Model, tuple[DrawnLoop, ...]] | None = None
+        self._before: tuple[list[int], Model, tuple[DrawnLoop, ...]] | None = None
 
     @property
     def place(self) -> Path:
@@ -149,7 +149,7 @@ class Improver:
             raise InputError("back: no model was swapped yet")
         return self._exchange(*self._before)
 
-    def to_watch(self) -> ActuatorModel:
+    def to_watch(self) -> Model:
         """Return the model that the rows of the bench can be held against.
 
         Raises
@@ -238,9 +238,7 @@ class Improver:
             step: shown,
         }
 
-    def _exchange(
-        self, words: Sequence[int], model: ActuatorModel, curves: tuple[DrawnLoop, ...]
-    ) -> int:
+    def _exchange(self, words: Sequence[int], model: Model, curves: tuple[DrawnLoop, ...]) -> int:
         if self.drives:
             raise InputError("swap: a measurement drives the controller; wait, or cancel it")
         old = self._bench.read_block()

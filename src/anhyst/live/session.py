@@ -19,7 +19,7 @@ from anhyst.live.improver import Improver
 from anhyst.live.recorder import RecordingFile
 from anhyst.live.recording import Span, TickRecorder
 from anhyst.live.sets import ParameterSets
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.bench.subscription import Subscription
@@ -186,7 +186,7 @@ class LiveSession:
         """Start a generator around the target, or stop it and go back to the target."""
         self.bench.generate(generator)
 
-    def watch(self, model: ActuatorModel | None) -> None:
+    def watch(self, model: Model | None) -> None:
         """Hold the rows from now on against a model, or no more.
 
         Raises

@@ -33,14 +33,14 @@ CYCLE_S = 1.0
 
 
 @dataclass(frozen=True, repr=False)
-class ActuatorModel(Result, ActuatorRecord):
+class Model(Result, ActuatorRecord):
     """A record of an actuator, and what can be done with it.
 
     Examples
     --------
     >>> from anhyst.support.units import QUANTITIES
     >>> iron = dict(M_s=4e5, a=30.0, k=20.0, c=0.2, c_H=1.0, c_out=1.0)
-    >>> model = ActuatorModel("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
+    >>> model = Model("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
     >>> model.predict([0.0, 100.0, 0.0]).output.round(3)
     array([0.   , 0.32 , 0.079])
     >>> model([0.0, 100.0, 0.0]).round(3)

@@ -16,7 +16,7 @@ from anhyst.laws.registry import laws_with_compensator
 from anhyst.support.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from anhyst.model.actuator import ActuatorModel
+    from anhyst.model.actuator import Model
 
 LEAST_SLOPE = 1e-3
 """Of the slope without iron: nearer to a jump, no measured loop and no 16-bit word distinguishes the one
@@ -26,12 +26,12 @@ GAPS = 65
 """Places over the gap at which a model is looked at, beside its nodes."""
 
 
-def obstacle(model: ActuatorModel) -> str | None:
+def obstacle(model: Model) -> str | None:
     """Say why a model cannot be compiled, and what helps.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Any model; its range of gaps is that of its valid range, or of its nodes.
 
     Returns
@@ -55,12 +55,12 @@ def obstacle(model: ActuatorModel) -> str | None:
     return _jump(model)
 
 
-def least_slope(model: ActuatorModel, at: FloatArray) -> FloatArray:
+def least_slope(model: Model, at: FloatArray) -> FloatArray:
     """Return ``1 + w*S``: the least slope of the drive over the field, of that without iron.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Of a law with a compensator; its iron must not change with the gap.
     at : ndarray, shape (n,)
         Scheduling variable, SI.
@@ -75,7 +75,7 @@ def least_slope(model: ActuatorModel, at: FloatArray) -> FloatArray:
     return least(model.parameters_at(float(at[0])), model.over_schedule("rho", at))
 
 
-def _jump(model: ActuatorModel) -> str | None:
+def _jump(model: Model) -> str | None:
     at = _places(model)
     jumps = least_slope(model, at) < LEAST_SLOPE
     if not jumps.any():
@@ -96,7 +96,7 @@ def _jump(model: ActuatorModel) -> str | None:
     )
 
 
-def _places(model: ActuatorModel) -> FloatArray:
+def _places(model: Model) -> FloatArray:
     """Return where to look: evenly over the range of the gap, and at the nodes inside it."""
     nodes = np.array(model.nodes)
     valid = None if model.valid is None else model.valid.schedule

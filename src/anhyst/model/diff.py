@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.result import Result, columns_of
@@ -110,12 +110,12 @@ class ModelDiff(Result):
         ax.set_ylabel("difference of the outputs, SI")
 
 
-def diff(first: ActuatorModel, second: ActuatorModel) -> ModelDiff:
+def diff(first: Model, second: Model) -> ModelDiff:
     """Compare two models of the same kind.
 
     Parameters
     ----------
-    first, second : ActuatorModel
+    first, second : Model
         Same input, output and scheduling variable.
 
     Returns
@@ -155,9 +155,9 @@ def diff(first: ActuatorModel, second: ActuatorModel) -> ModelDiff:
 
 
 def _settings(
-    first: ActuatorModel, second: ActuatorModel
+    first: Model, second: Model
 ) -> list[tuple[str, Parameter | str | None, Parameter | str | None]]:
-    def of(model: ActuatorModel) -> dict[str, Parameter | str | None]:
+    def of(model: Model) -> dict[str, Parameter | str | None]:
         schedule, valid = model.schedule, model.valid
         return {
             "law": model.law,
@@ -184,7 +184,7 @@ def _common(ranges: list[Range], name: str) -> Range:
     return low, high
 
 
-def _common_schedule(first: ActuatorModel, second: ActuatorModel) -> list[float | None]:
+def _common_schedule(first: Model, second: Model) -> list[float | None]:
     """Nodes of both models and the places between, where both are valid; [None] without any."""
     if first.schedule != second.schedule and (first.needs_schedule or second.needs_schedule):
         raise InputError("the models run over different quantities: no loops compared")
@@ -202,9 +202,7 @@ def _common_schedule(first: ActuatorModel, second: ActuatorModel) -> list[float 
     return sorted([*within.tolist(), *(0.5 * (within[1:] + within[:-1])).tolist()])
 
 
-def _compare(
-    first: ActuatorModel, second: ActuatorModel, drive: Range, gap: float | None
-) -> LoopDifference:
+def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
     half = np.linspace(*drive, DRIVES_A_BRANCH)
     cycle = np.concatenate([half, half[-2::-1]])
     slow = 1e9 * np.arange(cycle.size, dtype=np.float64)  # eddy currents do not count

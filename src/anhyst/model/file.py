@@ -15,11 +15,11 @@ import numpy as np
 from pydantic import ValidationError
 
 from anhyst.data.history import History
-from anhyst.data.loop_set import Source
+from anhyst.data.loops import Source
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law
 from anhyst.laws.registry import LAWS, law_of
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import (
     CandidateFit,
@@ -48,7 +48,7 @@ from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.units import QUANTITIES, Quantity, find_unit
 
 
-def read_model(path: PathLike) -> ActuatorModel:
+def read_model(path: PathLike) -> Model:
     """Read and check a model file.
 
     Parameters
@@ -58,7 +58,7 @@ def read_model(path: PathLike) -> ActuatorModel:
 
     Returns
     -------
-    ActuatorModel
+    Model
         Ready for use: the core has accepted its parameters.
 
     Raises
@@ -79,7 +79,7 @@ class _Reader:
         self.file = file
         self.names: dict[tuple[str, ...], Names] = {}
 
-    def read(self) -> ActuatorModel:
+    def read(self) -> Model:
         content = self.file.content
         self._check_version(content)
         given, answer, schedule = (
@@ -272,14 +272,14 @@ class _Reader:
         answer: Quantity,
         schedule: Quantity | None,
         cells: CellWeights | None,
-    ) -> ActuatorModel:
+    ) -> Model:
         try:
             history = History.parse(table.history)
         except InputError as error:
             self.file.add(("history",), str(error))
         late = self._dynamics(table)
         self._stop_if_wrong()
-        model = ActuatorModel(
+        model = Model(
             name=table.name,
             input=given,
             output=answer,

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from anhyst.data.loop_set import LoopSet, Source
+from anhyst.data.loops import Loops, Source
 from anhyst.data.verdict import largest_output
 from anhyst.support.arrays import FloatArray
 
@@ -146,7 +146,7 @@ class FitFigures:
 
 
 def fit_figures(
-    loopset: LoopSet,
+    loopset: Loops,
     fitted: Sequence[FloatArray],
     left_out: Mapping[str, float] = MappingProxyType({}),
     monotone: bool | None = None,
@@ -157,7 +157,7 @@ def fit_figures(
 
     Parameters
     ----------
-    loopset : LoopSet
+    loopset : Loops
         The measured loops.
     fitted : sequence of ndarray
         Modelled output of each, SI, in the order of the set.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anhyst.data.columns import Texts
 from anhyst.data.files import write_csv
 from anhyst.data.history import SETTLED, History
-from anhyst.data.loop_set import Loop
+from anhyst.data.loops import Loop
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.sequence import IN_ONE_RUN, one_after_another
 from anhyst.data.table import DataTable, read_columns
@@ -25,7 +25,7 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.progress import Progress
 
 if TYPE_CHECKING:
-    from anhyst.model.actuator import ActuatorModel
+    from anhyst.model.actuator import Model
     from anhyst.support.units import Quantity
 Rows = NDArray[np.intp]
 Direction = Literal["predict", "invert"]
@@ -79,7 +79,7 @@ class RunSummary:
 
 
 def run_file(
-    model: ActuatorModel,
+    model: Model,
     direction: Direction,
     path: PathLike,
     out: PathLike,
@@ -98,7 +98,7 @@ def run_file(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
     direction : str
         ``"predict"`` (input to output) or ``"invert"`` (output to input).
@@ -143,7 +143,7 @@ def run_file(
 
 
 def _compute(
-    model: ActuatorModel, direction: Direction, table: DataTable, history: str
+    model: Model, direction: Direction, table: DataTable, history: str
 ) -> tuple[FloatArray, NDArray[np.bool_], int, tuple[str, ...]]:
     """Compute all runs of a table: what was wanted, where it is valid, how many, what to say."""
     forward = direction == "predict"
@@ -188,7 +188,7 @@ def _compute(
 
 
 def _pasts(
-    model: ActuatorModel,
+    model: Model,
     direction: Direction,
     table: DataTable,
     runs: list[Rows],

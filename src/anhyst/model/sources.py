@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from anhyst.data.clean import DEFAULT_STEPS, clean
-from anhyst.data.loop_set import LoopSet
+from anhyst.data.loops import Loops
 from anhyst.data.reading import read_loops
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 
 if TYPE_CHECKING:
-    from anhyst.model.actuator import ActuatorModel
+    from anhyst.model.actuator import Model
     from anhyst.model.fit_record import Setting
 
 
@@ -97,7 +97,7 @@ class ReadOptions:
             settings[PREFIX + item.name] = value
         return settings
 
-    def read(self, paths: Sequence[PathLike], progress: Progress | None = None) -> LoopSet:
+    def read(self, paths: Sequence[PathLike], progress: Progress | None = None) -> Loops:
         """Read and clean loops.
 
         Parameters
@@ -109,7 +109,7 @@ class ReadOptions:
 
         Returns
         -------
-        LoopSet
+        Loops
             With notes and repairs.
 
         Raises
@@ -131,26 +131,26 @@ class ReadOptions:
         return clean(loops, clean_steps)
 
 
-def with_read_options(model: ActuatorModel, options: ReadOptions) -> ActuatorModel:
+def with_read_options(model: Model, options: ReadOptions) -> Model:
     """Return the model with a note in its provenance of how its measurements were read."""
     origin = model.provenance
     settings = dict(origin.settings) | options.as_settings()
     return replace(model, provenance=replace(origin, settings=settings))
 
 
-def read_sources(model: ActuatorModel, folder: PathLike = ".") -> LoopSet:
+def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     """Read the measurements of a model again, exactly as for its identification.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model; its provenance names files, hashes and options.
     folder : path-like
         Where else to look for the files, such as the folder of the model file.
 
     Returns
     -------
-    LoopSet
+    Loops
         The loops.
 
     Raises

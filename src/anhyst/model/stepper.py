@@ -61,9 +61,9 @@ class Stepper:
     Examples
     --------
     >>> from anhyst.support.units import QUANTITIES
-    >>> from anhyst.model.actuator import ActuatorModel
+    >>> from anhyst.model.actuator import Model
     >>> iron = dict(M_s=4e5, a=30.0, k=20.0, c=0.2, c_H=1.0, c_out=1.0)
-    >>> model = ActuatorModel("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
+    >>> model = Model("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
     >>> stepper = model.stepper()
     >>> wanted = stepper.solve(0.3).drive
     >>> round(stepper.commit(min(wanted, 50.0)), 3) < 0.3  # the amplifier gave less

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Coil, Magnet
-from anhyst.data import LoopSet
-from anhyst.data.loop_set import Loop
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data import Loops
+from anhyst.data.loops import Loop
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 
 SLACK = 1.1
@@ -89,12 +89,12 @@ class Distance:
         }
 
 
-def distance(loops: LoopSet, force: Callable[[Loop], FloatArray]) -> Distance:
+def distance(loops: Loops, force: Callable[[Loop], FloatArray]) -> Distance:
     """Return how far forces are from loops.
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
     force : callable
         From a loop to the force at its samples, N.
     """
@@ -103,7 +103,7 @@ def distance(loops: LoopSet, force: Callable[[Loop], FloatArray]) -> Distance:
     return Distance(float(misses.mean()), float(misses.max()), largest)
 
 
-def model_distance(loops: LoopSet, model: ActuatorModel) -> Distance:
+def model_distance(loops: Loops, model: Model) -> Distance:
     """Return how far a model is from loops."""
     return distance(
         loops,
@@ -181,7 +181,7 @@ class PlantCheck:
         }
 
 
-def thinned(loops: LoopSet, samples: int) -> LoopSet:
+def thinned(loops: Loops, samples: int) -> Loops:
     """Leave out samples evenly; where a record turns, that costs less than a step of its drive."""
     every = -(-sum(loop.n for loop in loops.loops) // samples)
     if every == 1:

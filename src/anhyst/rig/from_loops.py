@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from anhyst._core import Magnet
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.rig.distance import along, follower, thinned
 from anhyst.rig.magnet_table import ElectromagnetTable, steel_table
 from anhyst.rig.parts.iron import CellSteel
@@ -95,12 +95,12 @@ class FittedPlant:
         }
 
 
-def fit_magnet(loops: LoopSet, table: ElectromagnetTable) -> FittedPlant:
+def fit_magnet(loops: Loops, table: ElectromagnetTable) -> FittedPlant:
     """Fit what a rig file leaves out of its magnet.
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Force over current at several gaps, with their history.
     table : ElectromagnetTable
         What it says is held.
@@ -134,13 +134,13 @@ class RigWithMagnet(Protocol):
 AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
 
 
-def complete_rig(rig: AnyRig, loops: LoopSet) -> AnyRig:
+def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted.
 
     Parameters
     ----------
     rig : Rig or BearingRig
-    loops : LoopSet
+    loops : Loops
         Those that its file names.
     """
     magnet = rig.settings.magnet
@@ -154,7 +154,7 @@ def complete_rig(rig: AnyRig, loops: LoopSet) -> AnyRig:
 class _Fit:
     """Least squares of the force, with expectations of what the loops leave open."""
 
-    def __init__(self, loops: LoopSet, table: ElectromagnetTable) -> None:
+    def __init__(self, loops: Loops, table: ElectromagnetTable) -> None:
         self.loops = loops
         self._table = table
         self._top = max(float(np.max(loop.output)) for loop in loops.loops)
@@ -246,7 +246,7 @@ class _Fit:
 
 
 def _expected(
-    loops: LoopSet, table: ElectromagnetTable, top: float
+    loops: Loops, table: ElectromagnetTable, top: float
 ) -> dict[str, tuple[float, float]]:
     """Return middle and spread of everything that is sought; logarithms, and odds of shares."""
     area, turns = MU_0 * top / FLUX_DENSITY**2, 0.0
@@ -279,7 +279,7 @@ def _expected(
     return {name: one for name, one in expected.items() if not held.get(name, False)}
 
 
-def _turns_squared_by_area(loops: LoopSet) -> float:
+def _turns_squared_by_area(loops: Loops) -> float:
     """Return turns^2 times the area of a pole, m^2, as if the iron needed nothing."""
     found = []
     for loop in loops.loops:

@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.data.reading import files_read
 from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.options import IdentifyTable
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 from anhyst.support.toml_file import Fault, faults_error
@@ -84,7 +84,7 @@ class Measured:
         except InputError as error:
             raise faults_error(self.rig, [(self.key, str(error))]) from error
 
-    def read(self) -> LoopSet:
+    def read(self) -> Loops:
         """Read and clean them.
 
         Raises
@@ -120,13 +120,13 @@ def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fa
 
 
 def identify_loops(
-    loops: LoopSet, options: IdentifyTable, gap_map: str, progress: Progress | None = None
-) -> ActuatorModel:
+    loops: Loops, options: IdentifyTable, gap_map: str, progress: Progress | None = None
+) -> Model:
     """Identify a model as a rig file wants it.
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Those it names, or some of them.
     options : IdentifyTable
     gap_map : str

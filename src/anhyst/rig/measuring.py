@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from anhyst.data.history import History
-from anhyst.data.loop_set import Loop
+from anhyst.data.loops import Loop
 from anhyst.rig.parts.sensors import Sensor
 from anhyst.rig.tables import MeasurementTable
 from anhyst.support.arrays import FloatArray

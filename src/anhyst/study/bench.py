@@ -14,7 +14,7 @@ from typing import Any
 from anhyst.compensate.block import DemandLimits, Kind, Scales
 from anhyst.compensate.plan import CompileRequest
 from anhyst.link.xcp import XcpMaster
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
@@ -159,7 +159,7 @@ def _manifest(folder: PathLike) -> dict[str, Any]:
     return manifest
 
 
-def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> ActuatorModel:
+def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
     """Find the model file that a folder was compiled from, by its checksum."""
     wanted = manifest["model"]["sha256"]
     for place in (one for folder in folders for one in sorted(folder.glob("*.toml"))):

@@ -11,8 +11,8 @@ from anhyst.compensate.block import Block, DemandLimits, Scales
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compilation.controller import BEYOND
-from anhyst.data import LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data import Loops
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.rig.bearing.controller_check import pair_of
 from anhyst.rig.bearing.setup import Setup
@@ -38,14 +38,14 @@ class PreparedBearing:
     ----------
     setup : Setup
         What runs, in fixed point.
-    model : ActuatorModel
+    model : Model
         What it was compiled from.
     firmware : Path
         For the board ``host``; needed until the bench is open.
     """
 
     setup: Setup
-    model: ActuatorModel
+    model: Model
     firmware: Path
 
     @property
@@ -59,7 +59,7 @@ class PreparedBearing:
         return len(self.setup.rig.magnets) == 1
 
     @property
-    def measured(self) -> LoopSet:
+    def measured(self) -> Loops:
         """The loops that the rig file names."""
         return self.setup.rig.measured.read()
 
@@ -75,11 +75,11 @@ class PreparedBearing:
         """Return the magnet as it is measured, armature held."""
         return bearing_specimen(self.setup.rig)
 
-    def identify(self, loops: LoopSet, progress: Progress | None = None) -> ActuatorModel:
+    def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
         """Identify a model from loops, as the rig file wants it."""
         return identify_loops(loops, self.setup.rig.settings.identify, "circuit", progress)
 
-    def compile(self, model: ActuatorModel) -> Plan:
+    def compile(self, model: Model) -> Plan:
         """Compile another model for the running board.
 
         Raises
@@ -114,14 +114,14 @@ class PreparedForce:
     ----------
     whole : Rig
         Its magnet is whole.
-    loops : LoopSet
+    loops : Loops
         Measured, for the constant ratio.
     program : Program
         Model, block and firmware; this is needed until the bench is open.
     """
 
     whole: Rig
-    loops: LoopSet
+    loops: Loops
     program: Program
 
     alone = True
@@ -132,7 +132,7 @@ class PreparedForce:
         return self.whole.path
 
     @property
-    def model(self) -> ActuatorModel:
+    def model(self) -> Model:
         """What runs was compiled from it."""
         return self.program.model
 
@@ -142,7 +142,7 @@ class PreparedForce:
         return self.program.firmware
 
     @property
-    def measured(self) -> LoopSet:
+    def measured(self) -> Loops:
         """The loops that the rig file names."""
         return self.loops
 
@@ -162,11 +162,11 @@ class PreparedForce:
         """Return the actuator as it is measured, armature held."""
         return force_specimen(self.whole)
 
-    def identify(self, loops: LoopSet, progress: Progress | None = None) -> ActuatorModel:
+    def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
         """Identify a model from loops, as the rig file wants it."""
         return find_model(self.whole, loops, progress)
 
-    def compile(self, model: ActuatorModel) -> Plan:
+    def compile(self, model: Model) -> Plan:
         """Compile another model for the running board.
 
         Raises
@@ -186,9 +186,9 @@ class PreparedBoard:
     ----------
     whole : Rig
         For its limits, and how a model is identified.
-    loops : LoopSet
+    loops : Loops
         Measured, of the rig file.
-    model : ActuatorModel
+    model : Model
         What the controller was compiled from.
     request : CompileRequest
     scales : Scales
@@ -197,8 +197,8 @@ class PreparedBoard:
     """
 
     whole: Rig
-    loops: LoopSet
-    model: ActuatorModel
+    loops: Loops
+    model: Model
     request: CompileRequest
     scales: Scales
     limits: DemandLimits
@@ -211,7 +211,7 @@ class PreparedBoard:
         return self.whole.path
 
     @property
-    def measured(self) -> LoopSet:
+    def measured(self) -> Loops:
         """The loops that the rig file names."""
         return self.loops
 
@@ -219,11 +219,11 @@ class PreparedBoard:
         """Return the actuator as it is measured, armature held."""
         return force_specimen(self.whole)
 
-    def identify(self, loops: LoopSet, progress: Progress | None = None) -> ActuatorModel:
+    def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
         """Identify a model from loops, as the rig file wants it."""
         return find_model(self.whole, loops, progress)
 
-    def compile(self, model: ActuatorModel) -> Plan:
+    def compile(self, model: Model) -> Plan:
         """Compile another model for the running board.
 
         Raises
@@ -253,9 +253,7 @@ def block_of(plan: Plan) -> Block:
     return plan.block
 
 
-def _plan(
-    model: ActuatorModel, request: CompileRequest, scales: Scales, limits: DemandLimits
-) -> Plan:
+def _plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
     """Plan a model of a force for what a board works with."""
     if model.valid is None:
         raise InputError("model: does not say where it holds; identify it from loops")
@@ -271,7 +269,7 @@ def _within(seen: tuple[float, float], board: tuple[float, float]) -> tuple[floa
     return max(seen[0], board[0]), min(seen[1], board[1])
 
 
-def _covering(model: ActuatorModel, scales: Scales) -> tuple[float, float] | None:
+def _covering(model: Model, scales: Scales) -> tuple[float, float] | None:
     """Return the gaps of a board, which the model must have been identified over."""
     if not model.needs_schedule:
         return None if model.valid is None else model.valid.schedule

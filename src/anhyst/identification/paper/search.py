@@ -22,13 +22,13 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification.paper.criterion import Criterion, simplex
 from anhyst.identification.paper.evolution import EvolutionStrategy
 from anhyst.identification.paper.seven import OFFSETS, Values, mean_over_gaps, variables_of
 from anhyst.identification.run import SearchRun
 from anhyst.model.acceptance import GapCheck, check_over_gap
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import MAY_VARY
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -97,7 +97,7 @@ class SearchBench:
     """
 
     run: SearchRun
-    loopset: LoopSet
+    loopset: Loops
     effort: SearchEffort = field(default_factory=SearchEffort)
 
     def __post_init__(self) -> None:
@@ -248,7 +248,7 @@ def search_each_gap(bench: SearchBench) -> Stand:
     return bench.stand(sets, bench.searched, spent)
 
 
-def model_at_nodes(stand: Stand, run: SearchRun, loopset: LoopSet) -> ActuatorModel:
+def model_at_nodes(stand: Stand, run: SearchRun, loopset: Loops) -> Model:
     """Bare model with a number at each gap for what varies.
 
     The gap map is ``scaling`` where that allows what varies, else ``free``.
@@ -261,7 +261,7 @@ def model_at_nodes(stand: Stand, run: SearchRun, loopset: LoopSet) -> ActuatorMo
         for name in stand.sets[0]
     }
     scaling = set(stand.varying) <= MAY_VARY["scaling"]
-    return ActuatorModel(
+    return Model(
         name="model",
         input=loopset.input,
         output=loopset.output,
@@ -273,7 +273,7 @@ def model_at_nodes(stand: Stand, run: SearchRun, loopset: LoopSet) -> ActuatorMo
     )
 
 
-def spline_model_at(model: ActuatorModel, gap: float) -> ActuatorModel:
+def spline_model_at(model: Model, gap: float) -> Model:
     """Model of one gap from ordinary cubic splines through all parameters, as in the paper's II.C.
 
     Kept to show why that fails (Figs. 1 and 2): between nodes a spline overshoots, and parameters
@@ -282,14 +282,14 @@ def spline_model_at(model: ActuatorModel, gap: float) -> ActuatorModel:
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         With at least two nodes.
     gap : float
         Scheduling variable, SI.
 
     Returns
     -------
-    ActuatorModel
+    Model
         Without a gap map: it holds at this gap alone.
 
     Raises
@@ -311,12 +311,12 @@ def spline_model_at(model: ActuatorModel, gap: float) -> ActuatorModel:
     )
 
 
-def check_splines(model: ActuatorModel) -> GapCheck | None:
+def check_splines(model: Model) -> GapCheck | None:
     """Run the acceptance test (II.C) with ordinary splines through the parameters.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Free at each gap, with its valid range.
 
     Returns

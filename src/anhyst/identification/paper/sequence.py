@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification.bare import model_of
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.default import FoundModel
@@ -23,7 +23,7 @@ from anhyst.identification.paper.search import (
 from anhyst.identification.paper.seven import OFFSETS, local_of
 from anhyst.identification.run import SearchRun
 from anhyst.identification.space import CoordinateSpace
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ReductionStep
 from anhyst.support.errors import InputError
 
@@ -54,8 +54,8 @@ class Sequence:
         It was stopped before its end.
     """
 
-    model: ActuatorModel
-    per_gap: ActuatorModel | None
+    model: Model
+    per_gap: Model | None
     steps: tuple[ReductionStep, ...]
     found: FoundModel
     why: str
@@ -63,7 +63,7 @@ class Sequence:
 
 
 def search_paper(
-    run: SearchRun, loopset: LoopSet, wanted: str, effort: SearchEffort | None = None
+    run: SearchRun, loopset: Loops, wanted: str, effort: SearchEffort | None = None
 ) -> Sequence:
     """Search as the paper does.
 
@@ -71,7 +71,7 @@ def search_paper(
     ----------
     run : SearchRun
         Settings and stages.
-    loopset : LoopSet
+    loopset : Loops
         All loops.
     wanted : str
         ``auto``: the order of the reduction is found. ``scaling``: the same, but c_H is the one
@@ -132,7 +132,7 @@ def _kept_to_the_last(bench: SearchBench, wanted: str) -> str | None:
     return last
 
 
-def _model(bench: SearchBench, stand: Stand, wanted: str) -> tuple[ActuatorModel, FoundModel]:
+def _model(bench: SearchBench, stand: Stand, wanted: str) -> tuple[Model, FoundModel]:
     model = model_at_nodes(stand, bench.run, bench.loopset)
     if stand.varying == ("alpha",) and _may_be_reluctance(bench, wanted):
         found = _as_reluctance(bench, stand)
@@ -180,7 +180,7 @@ def _as_reluctance(bench: SearchBench, stand: Stand) -> FoundModel:
     return FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
 
 
-def _why(stand: Stand, model: ActuatorModel, reducing: bool, interrupted: bool) -> str:
+def _why(stand: Stand, model: Model, reducing: bool, interrupted: bool) -> str:
     if interrupted:
         return "the search was interrupted: this is the best so far"
     if not model.nodes or len(model.nodes) < 2:

@@ -24,7 +24,7 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0, Quantity
 
 Values = dict[str, float]
-"""Physical parameters at one gap, SI, named as in :class:`anhyst.model.actuator.ActuatorModel`."""
+"""Physical parameters at one gap, SI, named as in :class:`anhyst.model.actuator.Model`."""
 
 SEVEN = ("M_s", "a", "alpha", "k", "c", "c_H", "c_out")
 POSITIVE = frozenset({"M_s", "a", "k", "c_H", "c_out"})

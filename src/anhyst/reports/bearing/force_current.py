@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.data.loop_set import LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data.loops import Loops
+from anhyst.model.actuator import Model
 from anhyst.reports.bearing.look import INK, PALE, SHADE, legend_below, line_of, ordered
 from anhyst.reports.bearing.over_time import Recordings
 from anhyst.reports.model.curves import smooth_curve
@@ -37,12 +37,12 @@ class LoopCurve:
     force: FloatArray
 
 
-def nearest_loops(loops: LoopSet, gap: float) -> list[LoopCurve]:
+def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
     """Return the measured loops of the nearest gaps, one to either side where there are two.
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Force over current, with a gap.
     gap : float
         m.
@@ -58,12 +58,12 @@ def nearest_loops(loops: LoopSet, gap: float) -> list[LoopCurve]:
     ]
 
 
-def identified_loop(model: ActuatorModel, gap: float, low: float, high: float) -> LoopCurve:
+def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCurve:
     """Return the settled loop of a model between two currents.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Force over current.
     gap : float
         m.

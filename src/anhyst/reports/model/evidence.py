@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 from anhyst.data.clean import DEFAULT_STEPS, clean
 from anhyst.data.inspection import Inspection, inspect
-from anhyst.data.loop_set import LoopSet
+from anhyst.data.loops import Loops
 from anhyst.data.verdict import Verdict, judge, single_valued
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, fit_figures
 from anhyst.model.sources import PREFIX, read_sources
 from anhyst.support.arrays import FloatArray
@@ -25,7 +25,7 @@ class Evidence:
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         As they were fitted.
     fitted : tuple of ndarray or None
         Modelled output of each loop; None where the model cannot be computed.
@@ -39,7 +39,7 @@ class Evidence:
         What a reader has to know.
     """
 
-    loops: LoopSet
+    loops: Loops
     fitted: tuple[FloatArray | None, ...]
     inspection: Inspection | None
     verdict: Verdict
@@ -47,12 +47,12 @@ class Evidence:
     warnings: tuple[str, ...]
 
 
-def gather(model: ActuatorModel, folder: PathLike) -> Evidence:
+def gather(model: Model, folder: PathLike) -> Evidence:
     """Read the measurements of a model again and run the model over them.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model; its provenance names the files.
     folder : path-like
         Where else to look for them: that of the model file.
@@ -93,7 +93,7 @@ def gather(model: ActuatorModel, folder: PathLike) -> Evidence:
     )
 
 
-def _read(model: ActuatorModel, folder: PathLike) -> tuple[LoopSet, LoopSet]:
+def _read(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
     """Read the loops before thinning, which hides noise and skew, and as they were fitted."""
     origin = model.provenance
     written = origin.settings.get(f"{PREFIX}clean", ",".join(DEFAULT_STEPS))
@@ -107,12 +107,12 @@ def _read(model: ActuatorModel, folder: PathLike) -> tuple[LoopSet, LoopSet]:
     return whole, clean(whole, ("thin",))
 
 
-def own_figures(model: ActuatorModel, evidence: Evidence) -> tuple[FitFigures | None, str]:
+def own_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, str]:
     """Return the fit figures that belong to these parameters, and what is wrong with the file's.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model with the figures of its file, if any.
     evidence : Evidence
         Its measurements.

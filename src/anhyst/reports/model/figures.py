@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from anhyst.data.branches import branches
-from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise
 from anhyst.model.fit_record import ReductionStep, Uncertainty
 from anhyst.reports.model.curves import smooth_curve
@@ -76,7 +76,7 @@ class Group:
     places: tuple[int, ...]
 
 
-def groups_of(loopset: LoopSet) -> list[Group]:
+def groups_of(loopset: Loops) -> list[Group]:
     """Group loops by scheduling value, ascending; loops along which it moves come last."""
     if loopset.schedule is None:
         return [Group("", tuple(range(len(loopset))))]
@@ -92,7 +92,7 @@ def groups_of(loopset: LoopSet) -> list[Group]:
     ]
 
 
-def small_loops(loopset: LoopSet) -> list[Group]:
+def small_loops(loopset: Loops) -> list[Group]:
     """Loops that are too small to be seen among the others of their group, each by itself."""
     found = []
     for group in groups_of(loopset):
@@ -118,12 +118,12 @@ def shown(groups: list[Group]) -> list[Group]:
 
 
 @styled
-def figure_loops(loopset: LoopSet, fitted: Fitted) -> Figure:
+def figure_loops(loopset: Loops, fitted: Fitted) -> Figure:
     """Draw measured and modelled loops, one panel for each value of the scheduling variable.
 
     Parameters
     ----------
-    loopset : LoopSet
+    loopset : Loops
         The measured loops.
     fitted : sequence of ndarray or None
         Modelled output of each loop, SI.
@@ -138,7 +138,7 @@ def figure_loops(loopset: LoopSet, fitted: Fitted) -> Figure:
 
 @styled
 def figure_differences(
-    loopset: LoopSet, fitted: Fitted, single_valued: Sequence[FloatArray]
+    loopset: Loops, fitted: Fitted, single_valued: Sequence[FloatArray]
 ) -> Figure:
     """Draw the loops as what is left of them without their best single-valued curve.
 
@@ -197,7 +197,7 @@ def _measured_and_model(figure: Figure) -> None:
 
 
 @styled
-def figure_small_loops(loopset: LoopSet, fitted: Fitted) -> Figure | None:
+def figure_small_loops(loopset: Loops, fitted: Fitted) -> Figure | None:
     """Draw each loop that :func:`figure_loops` shows too small, on its own; None if there is none.
 
     Parameters
@@ -210,7 +210,7 @@ def figure_small_loops(loopset: LoopSet, fitted: Fitted) -> Figure | None:
 
 
 def _loops(
-    loopset: LoopSet, fitted: Fitted, groups: list[Group], *, own_units: bool = False
+    loopset: Loops, fitted: Fitted, groups: list[Group], *, own_units: bool = False
 ) -> Figure:
     groups = shown(groups)
     figure, axes = _panels(len(groups), panel_height=(4.4, 3.1, 2.5))
@@ -232,7 +232,7 @@ def _loops(
 
 
 @styled
-def figure_residuals(loopset: LoopSet, fitted: Fitted) -> Figure:
+def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     """Draw what the model leaves over, one panel for each value of the scheduling variable.
 
     Parameters
@@ -297,7 +297,7 @@ def rising(loop: Loop) -> NDArray[np.bool_]:
 
 def _residuals(
     ax: Axes,
-    loopset: LoopSet,
+    loopset: Loops,
     left_over: Sequence[FloatArray | None],
     group: Group,
     across: Scale,
@@ -448,7 +448,7 @@ def _panels(
 def _label(
     ax: Axes,
     axes: list[Axes],
-    loopset: LoopSet,
+    loopset: Loops,
     across: Scale,
     up: Scale,
     *,
@@ -464,7 +464,7 @@ def _label(
         ax.set_ylabel(up.head(what) if what else label(loopset.output, up))
 
 
-def _scales(loopset: LoopSet, places: Sequence[int]) -> tuple[Scale, Scale]:
+def _scales(loopset: Loops, places: Sequence[int]) -> tuple[Scale, Scale]:
     loops = [loopset.loops[place] for place in places]
     return (
         scale_for(loopset.input, [_largest(loop.input) for loop in loops]),
@@ -472,7 +472,7 @@ def _scales(loopset: LoopSet, places: Sequence[int]) -> tuple[Scale, Scale]:
     )
 
 
-def _largest_output(loopset: LoopSet) -> float:
+def _largest_output(loopset: Loops) -> float:
     return max(_largest(loop.output) for loop in loopset.loops)
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from anhyst.model.acceptance import GapCheck
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.page.numbers import GREEK, Scale, label, name_of, number, scale_for, scale_of
@@ -27,7 +27,7 @@ SHARES = (0.25, 0.5, 0.75, 1.0)
 MOST_LOOPS = 15
 
 
-def parameter_unit(model: ActuatorModel, name: str) -> str:
+def parameter_unit(model: Model, name: str) -> str:
     """SI unit of a parameter, ``"1"`` for a pure number."""
     drive, answer = model.input.unit, model.output.unit
     turns = {"A": "1/m", "A/m": "1"}.get(drive, f"A/(m {drive})")
@@ -41,7 +41,7 @@ def parameter_unit(model: ActuatorModel, name: str) -> str:
     }.get(name, model.specs[name].unit)
 
 
-def running(model: ActuatorModel) -> tuple[str, ...]:
+def running(model: Model) -> tuple[str, ...]:
     """Names of the parameters that run over the scheduling variable by more than rounding."""
     return tuple(
         name
@@ -51,12 +51,12 @@ def running(model: ActuatorModel) -> tuple[str, ...]:
 
 
 @styled
-def figure_parameters(model: ActuatorModel) -> Figure | None:
+def figure_parameters(model: Model) -> Figure | None:
     """Draw every varying parameter over the scheduling variable: nodes and the curve between.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
 
     Returns
@@ -111,7 +111,7 @@ class Sweep:
         return self.drive.size // 2
 
 
-def sweep(model: ActuatorModel, check: GapCheck | None) -> Sweep:
+def sweep(model: Model, check: GapCheck | None) -> Sweep:
     """Run the settled cycle over the scheduling variable, or take it from the acceptance test."""
     if check is not None:
         return Sweep(check.gaps, check.drive, check.output)
@@ -128,7 +128,7 @@ def sweep(model: ActuatorModel, check: GapCheck | None) -> Sweep:
     return Sweep(at, drive, output)
 
 
-def settled_loop(model: ActuatorModel, drive: FloatArray, at: float) -> FloatArray | None:
+def settled_loop(model: Model, drive: FloatArray, at: float) -> FloatArray | None:
     """Output over a settled cycle, slow enough for eddy currents not to count; None if none."""
     slow = 1e9 * np.arange(drive.size, dtype=np.float64)
     try:
@@ -137,7 +137,7 @@ def settled_loop(model: ActuatorModel, drive: FloatArray, at: float) -> FloatArr
         return None
 
 
-def at_and_between(model: ActuatorModel) -> list[tuple[float, bool]]:
+def at_and_between(model: Model) -> list[tuple[float, bool]]:
     """Nodes and the places half-way between, ascending, each with whether it is a node."""
     nodes = np.array(model.nodes)
     if nodes.size > (MOST_LOOPS + 1) // 2:
@@ -147,12 +147,12 @@ def at_and_between(model: ActuatorModel) -> list[tuple[float, bool]]:
 
 
 @styled
-def figure_between(model: ActuatorModel, check: GapCheck | None = None) -> Figure | None:
+def figure_between(model: Model, check: GapCheck | None = None) -> Figure | None:
     """Draw the loops of a model at its nodes and half-way between, and the output over the gap.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model; its valid range says how far to drive.
     check : GapCheck, optional
         Outcome of the acceptance test; where it failed, the place is marked.
@@ -173,7 +173,7 @@ def figure_between(model: ActuatorModel, check: GapCheck | None = None) -> Figur
     return figure
 
 
-def _loops(ax: Axes, model: ActuatorModel, across: Scale, up: Scale) -> None:
+def _loops(ax: Axes, model: Model, across: Scale, up: Scale) -> None:
     assert model.valid is not None
     assert model.schedule is not None
     half = np.linspace(*model.valid.input, POINTS)
@@ -196,7 +196,7 @@ def _loops(ax: Axes, model: ActuatorModel, across: Scale, up: Scale) -> None:
 
 
 def _over_schedule(
-    ax: Axes, model: ActuatorModel, check: GapCheck | None, across: Scale, up: Scale
+    ax: Axes, model: Model, check: GapCheck | None, across: Scale, up: Scale
 ) -> None:
     assert model.schedule is not None
     swept = sweep(model, check)

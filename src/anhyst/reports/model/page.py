@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from anhyst.model.acceptance import check_over_drive
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.reports.model.evidence import gather, own_figures
 from anhyst.reports.model.headline import headline
@@ -67,12 +67,12 @@ def write_report(model_path: PathLike, out: PathLike) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def subject_of(model: ActuatorModel, folder: PathLike) -> ModelSubject:
+def subject_of(model: Model, folder: PathLike) -> ModelSubject:
     """Gather all there is to say about a model.
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
     folder : path-like
         Where else to look for its measurements.

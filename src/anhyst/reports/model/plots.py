@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from anhyst.data.loop_set import LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data.loops import Loops
+from anhyst.model.actuator import Model
 from anhyst.reports.model.figures import (
     figure_between,
     figure_loops,
@@ -20,8 +20,8 @@ from anhyst.support.page.style import write_png
 
 
 def write_plots(
-    model: ActuatorModel,
-    loopset: LoopSet,
+    model: Model,
+    loopset: Loops,
     fitted: Sequence[FloatArray | None],
     folder: PathLike,
 ) -> tuple[Path, ...]:
@@ -29,9 +29,9 @@ def write_plots(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
-    loopset : LoopSet
+    loopset : Loops
         The measured loops.
     fitted : sequence of ndarray or None
         Modelled output of each loop, SI, in the order of the set.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures
 from anhyst.reports.model.evidence import Evidence
 from anhyst.support.page.numbers import Scale, name_of, scale_for
@@ -18,7 +18,7 @@ class ModelSubject:
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         The model.
     fit : FitFigures or None
         Those that belong to its parameters.
@@ -34,7 +34,7 @@ class ModelSubject:
         Outcome of the acceptance test over the drive; None where it does not apply.
     """
 
-    model: ActuatorModel
+    model: Model
     fit: FitFigures | None
     check: GapCheck | None
     evidence: Evidence | None

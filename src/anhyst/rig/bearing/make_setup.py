@@ -13,9 +13,9 @@ from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import MODELS, make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.identification.options import IdentifyTable
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.rig.bearing.controller_check import check_controller, pair_of
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import static_map
@@ -31,22 +31,22 @@ class IdentifiedMagnet:
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Force over current at several gaps.
-    model : ActuatorModel
+    model : Model
         Identified from them.
     """
 
-    loops: LoopSet
-    model: ActuatorModel
+    loops: Loops
+    model: Model
 
 
-def identify_magnet(loops: LoopSet, options: IdentifyTable | None = None) -> IdentifiedMagnet:
+def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
     """Identify the model of a bearing's magnet from its loops; the armature may move under it.
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Force over current at several gaps.
     options : IdentifyTable, optional
         How, as the rig file says; the gap map is ``circuit`` where it says nothing.
@@ -141,7 +141,7 @@ def make_setups(
     return found
 
 
-def operating_point(rig: BearingRig, controller: ControllerTable, loops: LoopSet) -> Operating:
+def operating_point(rig: BearingRig, controller: ControllerTable, loops: Loops) -> Operating:
     """Return where a bearing works: each magnet of a pair around its bias.
 
     Parameters
@@ -150,7 +150,7 @@ def operating_point(rig: BearingRig, controller: ControllerTable, loops: LoopSet
         Operating gap and load, or the bias of a pair.
     controller : ControllerTable
         Rate and limits.
-    loops : LoopSet
+    loops : Loops
         For the gaps that were measured.
 
     Returns

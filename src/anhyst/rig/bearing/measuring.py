@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_magnet
 from anhyst.rig.measuring import Sensors, measure_place
@@ -42,7 +42,7 @@ class HeldBearing:
         )
 
 
-def measure_loops(rig: BearingRig) -> LoopSet:
+def measure_loops(rig: BearingRig) -> Loops:
     """Measure what ``[measurement]`` of the rig file asks for.
 
     Before every record the current goes to its maximum and back, as often as the file says; sensors
@@ -55,10 +55,10 @@ def measure_loops(rig: BearingRig) -> LoopSet:
 
     Returns
     -------
-    LoopSet
+    Loops
         Force over current; the current is the true one behind its sensor.
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))
     loops = [loop for place in places for loop in measure_place(held, campaign, place)]
-    return LoopSet(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
+    return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from anhyst._core import Bearing, Coil, Magnet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.flux_file import check_flux_range, read_flux_table
@@ -36,13 +36,13 @@ ROWS = 129
 """Places over the gap at which a law's gap map is looked at."""
 
 
-def make_magnet(rig: BearingRig, law: ActuatorModel | None = None) -> Magnet:
+def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
     """Return the magnet of a rig.
 
     Parameters
     ----------
     rig : BearingRig
-    law : ActuatorModel, optional
+    law : Model, optional
         What makes the force instead of the rig's own model file; not for cells.
 
     Raises
@@ -63,7 +63,7 @@ def make_magnet(rig: BearingRig, law: ActuatorModel | None = None) -> Magnet:
     return law_magnet(settings.poles, model.iron_at(middle), rows, eddy, table)
 
 
-def law_of(rig: BearingRig) -> ActuatorModel:
+def law_of(rig: BearingRig) -> Model:
     """Return the identified law that makes a rig's force.
 
     Raises

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bearing.plant import law_of, make_magnet
@@ -31,7 +31,7 @@ def check_plant(rig: BearingRig, knowledge: IdentifiedMagnet) -> PlantCheck:
     )
 
 
-def _same(law: ActuatorModel, model: ActuatorModel) -> bool:
+def _same(law: Model, model: Model) -> bool:
     """Whether two models are one, or of the same law and the same measurements."""
     if law.law != model.law:
         return False

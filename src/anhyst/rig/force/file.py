@@ -14,8 +14,8 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, Tag, model_validator
 
-from anhyst.data import LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data import Loops
+from anhyst.model.actuator import Model
 from anhyst.rig.distance import Follow, PlantCheck, along, distance, model_distance
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, PreisachTable, SteelTable
@@ -262,14 +262,14 @@ class Rig:
 
         return follow
 
-    def check(self, loops: LoopSet, model: ActuatorModel) -> PlantCheck:
+    def check(self, loops: Loops, model: Model) -> PlantCheck:
         """Hold its actuator and a model against loops.
 
         Parameters
         ----------
-        loops : LoopSet
+        loops : Loops
             Those that its file names.
-        model : ActuatorModel
+        model : Model
             That a compensator is made of.
         """
         fitted = self.fitted

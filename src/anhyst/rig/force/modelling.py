@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from anhyst.data import LoopSet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.data import Loops
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.rig.force.file import Rig
 from anhyst.rig.loop_files import identify_loops
@@ -23,7 +23,7 @@ PLAUSIBLE = 0.82
 scale for plausible."""
 
 
-def loops_of_rig(rig: Rig) -> LoopSet:
+def loops_of_rig(rig: Rig) -> Loops:
     """Read the loops of a rig.
 
     Raises
@@ -42,7 +42,7 @@ def loops_of_rig(rig: Rig) -> LoopSet:
     return loops
 
 
-def _at(loops: LoopSet, gap: float) -> list[object]:
+def _at(loops: Loops, gap: float) -> list[object]:
     return [loop for loop in loops.loops if _near(loop.schedule_value, gap)]
 
 
@@ -50,12 +50,12 @@ def _near(value: float | None, gap: float) -> bool:
     return value is not None and math.isclose(value, gap, rel_tol=1e-6)
 
 
-def loops_at(loops: LoopSet, gap: float) -> LoopSet:
+def loops_at(loops: Loops, gap: float) -> Loops:
     """Return the loops of one position."""
     return loops.with_loops(loop for loop in loops.loops if _near(loop.schedule_value, gap))
 
 
-def find_model(rig: Rig, loops: LoopSet, progress: Progress | None = None) -> ActuatorModel:
+def find_model(rig: Rig, loops: Loops, progress: Progress | None = None) -> Model:
     """Identify a model of these loops and make it ready for force control.
 
     One position gives a model of this gap alone; several give one of the map ``circuit``, under
@@ -68,14 +68,14 @@ def find_model(rig: Rig, loops: LoopSet, progress: Progress | None = None) -> Ac
     ----------
     rig : Rig
         For the noise and the largest force.
-    loops : LoopSet
+    loops : Loops
         Current to force, with their history.
     progress : callable, optional
         Called with what is done and what there is in all.
 
     Returns
     -------
-    ActuatorModel
+    Model
     """
     several = len(loops.by_schedule()) > 1
     options = rig.settings.identify
@@ -88,7 +88,7 @@ def find_model(rig: Rig, loops: LoopSet, progress: Progress | None = None) -> Ac
     return replace(found, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
 
 
-def _spanning(model: ActuatorModel, least: float) -> ActuatorModel:
+def _spanning(model: Model, least: float) -> Model:
     """Return a model whose dead band, if its law has one, is at least so wide, A/m."""
     wide: dict[str, Parameter] = {}
     for spec in model.operator_law.with_role("dead band"):
@@ -101,7 +101,7 @@ def _spanning(model: ActuatorModel, least: float) -> ActuatorModel:
     return replace(model, parameters={**model.parameters, **wide}) if wide else model
 
 
-def _least_dead_band(model: ActuatorModel, rig: Rig) -> float:
+def _least_dead_band(model: Model, rig: Rig) -> float:
     """Half-width of the dead band, A/m, that the noise of the position sensor stays within."""
     if not model.needs_schedule:
         return 0.0

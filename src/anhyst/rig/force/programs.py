@@ -13,7 +13,7 @@ from anhyst.compensate.block import Block, Kind, Scales
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.link.firmware import build
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.writer import write_model
 from anhyst.support.arrays import FloatArray
 
@@ -30,7 +30,7 @@ class Program:
     ----------
     kind : str
         ``"full"`` or ``"simplified"``.
-    model : ActuatorModel
+    model : Model
         What it was compiled from.
     block : Block
         Its parameters, of the kind that the model's law has.
@@ -41,7 +41,7 @@ class Program:
     """
 
     kind: Kind
-    model: ActuatorModel
+    model: Model
     block: Block
     cycles: int
     firmware: Path
@@ -88,14 +88,14 @@ class Session:
     demagnetised: bool
 
 
-def prepare(kind: Kind, model: ActuatorModel, rate: float, board: str, folder: Path) -> Program:
+def prepare(kind: Kind, model: Model, rate: float, board: str, folder: Path) -> Program:
     """Compile a model and build the firmware around it.
 
     Parameters
     ----------
     kind : str
         ``"full"`` or ``"simplified"``.
-    model : ActuatorModel
+    model : Model
         What is compiled.
     rate : float
         Ticks a second.

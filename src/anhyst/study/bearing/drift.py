@@ -10,7 +10,7 @@ from anhyst._core import Bearing
 from anhyst.compensate.irons import cell_weights
 from anhyst.laws.law import Role
 from anhyst.laws.registry import law_of
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
 from anhyst.rig.bearing.file import BearingRig
@@ -105,7 +105,7 @@ def drifted_rig(rig: BearingRig, drift: Drift) -> BearingRig:
     return changed(rig, changes)
 
 
-def drifted_law(model: ActuatorModel, drift: Drift) -> ActuatorModel:
+def drifted_law(model: Model, drift: Drift) -> Model:
     """Return the law of a magnet that has drifted: its pinning, reversible part and saturation."""
     if model.operator_law.cells is not None:
         return _drifted_cells(model, drift)
@@ -126,7 +126,7 @@ def drifted_law(model: ActuatorModel, drift: Drift) -> ActuatorModel:
     return replace(model, parameters={**model.parameters, **changed})
 
 
-def _drifted_cells(model: ActuatorModel, drift: Drift) -> ActuatorModel:
+def _drifted_cells(model: Model, drift: Drift) -> Model:
     """Return the same of a law of cells, as weights: of cell 0, which nothing pins, and of the rest."""
     cells = cell_weights(model)
     shares = cells.weights.sum(axis=1) / cells.saturation

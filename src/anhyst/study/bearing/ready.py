@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.controller_check import check_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing
@@ -38,16 +38,16 @@ class Ready:
     rig : BearingRig
         Its magnet is whole.
     controller : ControllerFile
-    loops : LoopSet
-    model : ActuatorModel or None
+    loops : Loops
+    model : Model or None
         That the controller file names.
     at : OperatingPoint
     """
 
     rig: BearingRig
     controller: ControllerFile
-    loops: LoopSet
-    model: ActuatorModel | None
+    loops: Loops
+    model: Model | None
     at: OperatingPoint
 
     def knowledge(self) -> IdentifiedMagnet:
@@ -106,7 +106,7 @@ def make_ready(
     return Ready(whole, controller, loops, model, at or find_operating_point(whole))
 
 
-def _controller_model(controller: ControllerFile, rig: BearingRig) -> ActuatorModel | None:
+def _controller_model(controller: ControllerFile, rig: BearingRig) -> Model | None:
     if controller.model is None:
         return None
     model = read_model(controller.model)

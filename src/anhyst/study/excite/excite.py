@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.loops import Loop, Loops
 from anhyst.data.sidecar import is_sidecar
 from anhyst.rig.measuring import Pull, Sensors, straight, take
 from anhyst.study.excite.design import (
@@ -88,7 +88,7 @@ class Excitation:
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
     specimen : Specimen
     places : tuple of Place
         In the order in which they were measured: from the largest gap to the smallest.
@@ -97,7 +97,7 @@ class Excitation:
         What was designed down, and why.
     """
 
-    loops: LoopSet
+    loops: Loops
     specimen: Specimen
     places: tuple[Place, ...]
     played: Played
@@ -217,7 +217,7 @@ def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
     check_operating(specimen, places)
     names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
     return Excitation(
-        LoopSet(tuple(loops), *names),
+        Loops(tuple(loops), *names),
         specimen,
         tuple(places),
         clock.played(),

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.control.states import Command, Fault, State
-from anhyst.data.loop_set import Loop, LoopSet
+from anhyst.data.loops import Loop, Loops
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.measuring import straight
 from anhyst.study.excite.design import Record, coolest_peak, records, step_of
@@ -144,7 +144,7 @@ def measure_on_board(
         drive.end()
     names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
     return Excitation(
-        LoopSet(tuple(loops), *names),
+        Loops(tuple(loops), *names),
         held,
         (place,),
         drive.played(),

@@ -16,7 +16,7 @@ from anhyst.compensate.twin import Io
 from anhyst.compilation.output import compile_model
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.study.fleet.members import Member
 from anhyst.support.atomic import atomic_writer
@@ -164,7 +164,7 @@ def share(task: SharedTask) -> float:
     Not a number where that model cannot be computed on these loops.
     """
     loops = read_loops(task.member.source, history=task.history)
-    model: ActuatorModel = read_model(task.model)
+    model: Model = read_model(task.model)
     try:
         errors = np.concatenate(
             [

@@ -12,12 +12,12 @@ import numpy as np
 from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.compensate.block import Kind
 from anhyst.compensate.interface import Compensator
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.files import write_csv
 from anhyst.data.table import read_columns
 from anhyst.link.firmware import check_compiler
 from anhyst.link.process import find_qemu
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.force.demand import Demand, triangle, with_lead_in
 from anhyst.rig.force.file import Rig, read_rig
@@ -192,11 +192,11 @@ def force_control(
     return ForceControl(rig, Path(out), found, tuple(outcomes), plant)
 
 
-def _model(task: tuple[Rig, LoopSet]) -> ActuatorModel:
+def _model(task: tuple[Rig, Loops]) -> Model:
     return find_model(*task)
 
 
-def _program(task: tuple[Kind, ActuatorModel, float, str, Path]) -> Program:
+def _program(task: tuple[Kind, Model, float, str, Path]) -> Program:
     return prepare(*task)
 
 
@@ -233,7 +233,7 @@ def _check_tools(board: str) -> None:
 
 def _programs(
     rig: Rig,
-    models: Mapping[str, ActuatorModel],
+    models: Mapping[str, Model],
     board: str,
     folder: Path,
     progress: Progress,

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data import LoopSet
-from anhyst.data.loop_set import Loop
+from anhyst.data import Loops
+from anhyst.data.loops import Loop
 from anhyst.identification.fit_records import thinned
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 
 _POINTS = 100
@@ -37,13 +37,13 @@ class Compared:
 
     Parameters
     ----------
-    loops : LoopSet
+    loops : Loops
         Both are held against them.
     old, new : tuple of ndarray
         What each predicts, loop by loop.
     """
 
-    loops: LoopSet
+    loops: Loops
     old: tuple[FloatArray, ...]
     new: tuple[FloatArray, ...]
 
@@ -76,20 +76,20 @@ class Compared:
         }
 
 
-def compare(old: ActuatorModel, new: ActuatorModel, loops: LoopSet) -> Compared:
+def compare(old: Model, new: Model, loops: Loops) -> Compared:
     """Hold two models against the same loops.
 
     Parameters
     ----------
-    old, new : ActuatorModel
+    old, new : Model
         Of the same input and output.
-    loops : LoopSet
+    loops : Loops
         With their histories.
     """
     return Compared(loops, _predicted(old, loops), _predicted(new, loops))
 
 
-def _predicted(model: ActuatorModel, loops: LoopSet) -> tuple[FloatArray, ...]:
+def _predicted(model: Model, loops: Loops) -> tuple[FloatArray, ...]:
     return tuple(
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output
         for loop in loops.loops

@@ -9,7 +9,7 @@ from typing import Any
 
 from anhyst.compensate.budget import measure_budget
 from anhyst.data.reading import read_loops
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.study.excite.excite import Excitation, measure, write_excitation
@@ -132,7 +132,7 @@ def _bounds(specimen: Specimen) -> dict[str, Bound]:
 
 
 def identify_model(
-    progress: Progress, prepared: Improvable, folder: Path, old: ActuatorModel
+    progress: Progress, prepared: Improvable, folder: Path, old: Model
 ) -> dict[str, Any]:
     """Identify a model of the measured loops, as the rig file wants it; write and compare it.
 
@@ -143,7 +143,7 @@ def identify_model(
         The bench.
     folder : Path
         With :data:`LOOPS`; for :data:`MODEL`.
-    old : ActuatorModel
+    old : Model
         In force now.
 
     Returns

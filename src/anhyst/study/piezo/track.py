@@ -19,11 +19,11 @@ import numpy as np
 from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import FixedTwin
-from anhyst.data import Loop, LoopSet
+from anhyst.data import Loop, Loops
 from anhyst.data.files import write_csv
 from anhyst.data.history import History
 from anhyst.identification import identify
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.rig.piezo.file import PiezoRig
 from anhyst.rig.piezo.stack import StageMotion
 from anhyst.support.arrays import FloatArray
@@ -167,7 +167,7 @@ def write_tracking(found: PiezoTracking, out: PathLike) -> None:
     write_csv(out, columns)
 
 
-def measure(rig: PiezoRig) -> LoopSet:
+def measure(rig: PiezoRig) -> Loops:
     """Return loops of the virtual stage, as its sensor reads them, from long rest at 0 V."""
     top = rig.settings.amplifier.high_V
     pace = 2.0 * top / LOOP_SECONDS
@@ -179,7 +179,7 @@ def measure(rig: PiezoRig) -> LoopSet:
     noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
     read = np.round((rig.stage.run(drive, LOOP_STEP) + noise) / sensor.step_m) * sensor.step_m
     loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
-    return LoopSet((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
+    return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
 
 
 def reference(rig: PiezoRig) -> FloatArray:
@@ -196,14 +196,14 @@ def reference(rig: PiezoRig) -> FloatArray:
     return np.asarray(smooth[width : width + ticks])
 
 
-def _constant(loops: LoopSet) -> PiezoInverse:
+def _constant(loops: Loops) -> PiezoInverse:
     drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
                      for name in ("input", "output"))  # fmt: skip
     slope, offset = np.polyfit(answer, drive, 1)
     return lambda wanted: float(slope * wanted + offset)
 
 
-def _single_valued(loops: LoopSet) -> PiezoInverse:
+def _single_valued(loops: Loops) -> PiezoInverse:
     """Return the best voltage over displacement without memory: a polynomial of fifth degree."""
     loop = loops.loops[0]
     curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
@@ -213,7 +213,7 @@ def _single_valued(loops: LoopSet) -> PiezoInverse:
 class _Compiled:
     """The model as it is compiled, signals of 32 bits."""
 
-    def __init__(self, model: ActuatorModel, rig: PiezoRig) -> None:
+    def __init__(self, model: Model, rig: PiezoRig) -> None:
         request = CompileRequest("full", "q15", rig.settings.control.rate_Hz)
         plan = make_plan(replace(model, dynamics=None), request, 0)
         assert isinstance(plan.block, Block)

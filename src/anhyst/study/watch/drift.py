@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from anhyst.data.history import History
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.model.stepper import Stepper
 from anhyst.study.watch.cusum import Chart, Reference
 from anhyst.support.arrays import FloatArray
@@ -149,7 +149,7 @@ class DriftWatch:
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : Model
         Of force over current, and gap.
     gap : float
         Where the armature is at the beginning, m.
@@ -163,7 +163,7 @@ class DriftWatch:
         left out.
     """
 
-    model: ActuatorModel
+    model: Model
     gap: float
     history: History | str | None = None
     run_length: float = RUN_LENGTH

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from anhyst.data import LoopSet
+from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
-from anhyst.model.actuator import ActuatorModel
+from anhyst.model.actuator import Model
 from anhyst.study.watch.drift import DriftWatch, Finding
 from anhyst.support.errors import InputError
 
 
 def watch_recording(
-    model: ActuatorModel, recording: LoopSet, least: float | None, run_length: float
+    model: Model, recording: Loops, least: float | None, run_length: float
 ) -> tuple[Finding, float]:
     """Hold a recording against a model, cycle by cycle.
 
     Parameters
     ----------
-    model : ActuatorModel
-    recording : LoopSet
+    model : Model
+    recording : Loops
         One run of force over current and gap, with its times.
     least : float or None
         Smallest drift worth an alarm, N.

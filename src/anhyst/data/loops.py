@@ -133,7 +133,7 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LoopSet(Result):
+class Loops(Result):
     """Loops of one device, in one input and one output quantity.
 
     ``notes`` say what was found while reading (comments of the file, columns left out, histories
@@ -200,7 +200,7 @@ class LoopSet(Result):
             for value in self.schedule_values
         }
 
-    def at(self, values: float | Iterable[float]) -> LoopSet:
+    def at(self, values: float | Iterable[float]) -> Loops:
         """Loops at the given scheduling values only (found to 1e-9 of the largest).
 
         Raises
@@ -220,7 +220,7 @@ class LoopSet(Result):
         loops = tuple(loop for loop in self.loops if loop.schedule_value in kept)
         return replace(self, loops=loops)
 
-    def without(self, value: float) -> LoopSet:
+    def without(self, value: float) -> Loops:
         """All loops but those at one scheduling value.
 
         Raises
@@ -231,12 +231,12 @@ class LoopSet(Result):
         out = {id(loop) for loop in self.at(value).loops}
         return replace(self, loops=tuple(loop for loop in self.loops if id(loop) not in out))
 
-    def with_loops(self, loops: Iterable[Loop], repair: str | None = None) -> LoopSet:
+    def with_loops(self, loops: Iterable[Loop], repair: str | None = None) -> Loops:
         """Return the same set with other loops, and the repair that made them so."""
         repairs = self.repairs if repair is None else (*self.repairs, repair)
         return replace(self, loops=tuple(loops), repairs=repairs)
 
-    def with_history(self, history: History | str) -> LoopSet:
+    def with_history(self, history: History | str) -> Loops:
         """Return the same set with every loop declaring the given history."""
         past = History.parse(history) if isinstance(history, str) else history
         return self.with_loops(replace(loop, history=past) for loop in self.loops)
