@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +9,8 @@ import pytest
 import typer
 
 from anhyst.cli.app import app
-from tests.docs.blocks import blocks, commands
+from tests.docs.blocks import ROOT, blocks, commands
 
-ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -32,13 +30,3 @@ def test_python_of_the_readme_gives_forces_and_currents(
 def test_the_readme_shows_every_verb() -> None:
     group: Any = typer.main.get_command(app)
     assert {words[0] for words in commands(TEXT)} == set(group.commands)
-
-
-@pytest.mark.parametrize(
-    "page", ["README.md", "ARCHITECTURE.md", *sorted((ROOT / "docs").glob("*.md"))]
-)
-def test_links_between_pages_lead_somewhere(page: Path | str) -> None:
-    path = ROOT / page
-    for target in re.findall(r"\]\(([^)#]+)", path.read_text(encoding="utf-8")):
-        if "://" not in target:
-            assert (path.parent / target).exists(), f"{page}: {target}"
